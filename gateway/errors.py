@@ -1,0 +1,112 @@
+"""Every exception of the gateway, split by what the caller does next.
+
+    GatewayError
+    ├── ConfigError          the configuration is wrong: print all problems, exit 78
+    ├── ProfileError         a shipped family profile is wrong: a bug, exit 1
+    ├── UsageError           a command line asks for what does not exist: exit 2
+    ├── PortError            the port cannot be opened (now): report, wait, try again
+    │   └── PortLostError    an open port is gone: report, reopen
+    ├── CodecError           bytes that are no valid Modbus: `transaction` turns it into an outcome
+    │   ├── BadFrameError    wrong CRC, too short, too long
+    │   ├── BadReplyError    a valid frame that does not answer this request
+    │   └── BadRequestError  a request that no starter could accept; the simulator answers an exception
+    ├── CommandError         a command that cannot be carried out as asked: `rejected`, with a code
+    └── BrokerError          the broker refuses or is away: report, wait, try again
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+class GatewayError(Exception):
+    """Root of all exceptions that this package raises on purpose."""
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One mistake in a file: where it is, what is wrong and how to mend it."""
+
+    key: str  # dotted path, e.g. line[0].starter[2].address
+    what: str
+    mend: str = ""
+    line: int | None = None  # 1-based line in the file
+
+    def __str__(self) -> str:
+        where = f"line {self.line}: " if self.line is not None else ""
+        mend = f" ({self.mend})" if self.mend else ""
+        return f"{where}{self.key}: {self.what}{mend}"
+
+
+class ConfigError(GatewayError):
+    """The configuration is wrong; carries every problem at once."""
+
+    def __init__(self, path: str, problems: list[Problem]) -> None:
+        self.path = path
+        self.problems = problems
+        super().__init__("\n".join(f"{path}: {problem}" for problem in problems))
+
+
+class ProfileError(GatewayError):
+    """A family's profile contradicts itself; carries every problem at once."""
+
+    def __init__(self, family: str, problems: list[str]) -> None:
+        self.family = family
+        self.problems = problems
+        super().__init__("\n".join(f"profile {family}: {problem}" for problem in problems))
+
+
+class UsageError(GatewayError):
+    """A command line asks for something that does not exist."""
+
+
+class PortError(GatewayError):
+    """A port cannot be opened: missing, busy, not permitted, not a tty."""
+
+    def __init__(self, port: str, reason: str, mend: str = "") -> None:
+        self.port = port
+        self.reason = reason
+        self.mend = mend
+        super().__init__(f"port {port}: {reason}" + (f" ({mend})" if mend else ""))
+
+
+class PortLostError(PortError):
+    """An open port has gone: unplugged, hung up, read error."""
+
+
+class CodecError(GatewayError):
+    """Bytes that are no valid Modbus."""
+
+
+class BadFrameError(CodecError):
+    """A frame with a wrong CRC or an impossible length [SERIAL 2.5.1]."""
+
+
+class BadReplyError(CodecError):
+    """A valid frame that is not the reply to this request."""
+
+
+class BadRequestError(CodecError):
+    """A request PDU that no Modbus server could accept; `exception_code` is what a server answers."""
+
+    def __init__(self, reason: str, exception_code: int) -> None:
+        self.exception_code = exception_code
+        super().__init__(reason)
+
+
+class CommandError(GatewayError):
+    """A command that cannot be carried out as asked; `code` is a word of the closed list of result codes."""
+
+    def __init__(self, code: str, text: str) -> None:
+        self.code = code
+        self.text = text
+        super().__init__(f"{code}: {text}")
+
+
+class BrokerError(GatewayError):
+    """The broker refused the connection or cannot be reached."""
+
+    def __init__(self, reason: str, mend: str = "") -> None:
+        self.reason = reason
+        self.mend = mend
+        super().__init__(reason + (f" ({mend})" if mend else ""))
