@@ -1,0 +1,152 @@
+"""`starter-gateway check`: is this configuration right, and what will its lines be like."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from gateway.commands.command import Subparsers
+from gateway.config.load import load
+from gateway.config.prospects import LineProspect, StarterProspect, prospects_of
+from gateway.config.schema import Config
+from gateway.errors import ConfigError
+
+_SAFE_FACTOR = 1.5  # a watchdog below this many longest gaps leaves little room for commands and retries
+_GROUPS = ("status", "values", "slow")
+
+
+def add_parser(subparsers: Subparsers) -> None:
+    """Add the command's parser."""
+    parser = subparsers.add_parser(
+        "check", description="Validate a configuration and print the budget of its lines; nothing is opened."
+    )
+    parser.add_argument("config", metavar="CONFIG", help="the configuration file")
+    parser.add_argument("--json", action="store_true", help="print the same figures as JSON")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the budget and the warnings; the caller prints the problems of a wrong configuration."""
+    try:
+        config = load(args.config)
+    except ConfigError as error:
+        if args.json:
+            _print_json(args.config, is_valid=False, problems=_problems(error))
+        raise
+    prospects = prospects_of(config)
+    warnings = [*_line_warnings(prospects), *_site_warnings(config, Path(args.config).parent)]
+    if args.json:
+        lines = [_as_json(line) for line in prospects]
+        _print_json(args.config, is_valid=True, lines=lines, warnings=warnings)
+        return 0
+    print(f"{args.config}: valid, {_site(config)}")
+    for line in prospects:
+        _print_line(line)
+    for warning in warnings:
+        print(f"warning: {warning}")
+    return 0
+
+
+def _print_json(path: str, **content: Any) -> None:
+    print(json.dumps({"config": path, **content}, indent=2))
+
+
+def _site(config: Config) -> str:
+    starters = _count(sum(len(line.starters) for line in config.lines), "starter")
+    clients = len({operator.client for operator in config.operators})
+    rights = _count(clients, "operator") if clients else "read-only"
+    return f"{starters} on {_count(len(config.lines), 'line')}, {rights}"
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+
+
+def _print_line(line: LineProspect) -> None:
+    table, whole = line.table, line.forecast
+    print(f"\nline {table.name}: {table.port}, {table.baud} {table.framing}")
+    stop = f"a stop waits at most {line.stop_latency_s:.3f} s"
+    print(f"  load {whole.load:.0%}, sweep {whole.sweep_s:.3f} s, {stop}")
+    if not line.starters:
+        return
+    width = max(7, *(len(starter.table.name) for starter in line.starters))
+    print(f"  {'starter':{width}}  addr  family    oldest status   values     slow   watchdog")
+    for starter in line.starters:
+        each = starter.table
+        ages = "  ".join(_age(starter.ages_s.get(group)) for group in _GROUPS)
+        print(f"  {each.name:{width}}  {each.address:4}  {each.family:6}       {ages}   {_watchdog(starter)}")
+
+
+def _age(age_s: float | None) -> str:
+    return "       -" if age_s is None else f"{age_s:6.2f} s"
+
+
+def _watchdog(starter: StarterProspect) -> str:
+    if starter.table.watchdog_s is None:
+        return f"not stated, must be above {starter.gap_s:.2f} s"
+    if starter.margin_s is None:
+        return "off"
+    return f"{starter.table.watchdog_s:g} s, {starter.margin_s:.2f} s to spare"
+
+
+def _line_warnings(prospects: tuple[LineProspect, ...]) -> Iterator[str]:
+    for line in prospects:
+        whole = line.forecast
+        if whole.is_overloaded:
+            slowest_s = max(each.period_s for each in whole.polls if each.period_s > each.poll.every_s)
+            what = f"asked for {whole.load:.0%} of its time, short periods become {slowest_s:.2f} s"
+            yield f"line {line.table.name}: {what} (raise every_s or baud, or use more lines)"
+        for starter in line.starters:
+            limit_s, wanted_s = starter.table.watchdog_s, _SAFE_FACTOR * starter.gap_s
+            if limit_s and limit_s < wanted_s:
+                what = f"its watchdog of {limit_s:g} s has {starter.margin_s:.2f} s to spare"
+                yield f"starter {starter.table.name}: {what} (make it {wanted_s:.1f} s, or every_s shorter)"
+
+
+def _site_warnings(config: Config, folder: Path) -> Iterator[str]:
+    for name in ("password_file", "ca_file", "cert_file", "key_file"):
+        file = getattr(config.mqtt, name)
+        if file is not None and not (folder / file).exists():
+            yield f"mqtt.{name}: {folder / file} is not there (put it there before `run`)"
+    for line in config.lines:
+        if line.port.startswith(("/dev/ttyUSB", "/dev/ttyACM")):
+            yield f"line {line.name}: {line.port} may be another adapter tomorrow (use /dev/serial/by-id/...)"
+    if config.mqtt.allow_plaintext and not config.mqtt.is_tls:
+        yield "mqtt.url: passwords and commands cross the network unencrypted (use mqtts://)"
+
+
+def _problems(error: ConfigError) -> list[dict[str, Any]]:
+    return [{"line": p.line, "key": p.key, "what": p.what, "mend": p.mend} for p in error.problems]
+
+
+def _as_json(line: LineProspect) -> dict[str, Any]:
+    return {
+        "line": line.table.name,
+        "load": round(line.forecast.load, 4),
+        "is_overloaded": line.forecast.is_overloaded,
+        "sweep_s": round(line.forecast.sweep_s, 4),
+        "stop_latency_s": round(line.stop_latency_s, 4),
+        "starters": [
+            {
+                "starter": starter.table.name,
+                "address": starter.table.address,
+                "family": starter.table.family,
+                "age_s": {group: round(age_s, 4) for group, age_s in starter.ages_s.items()},
+                "longest_gap_s": round(starter.gap_s, 4),
+                "watchdog_s": starter.table.watchdog_s,
+                "watchdog_margin_s": None if starter.margin_s is None else round(starter.margin_s, 4),
+            }
+            for starter in line.starters
+        ],
+        "polls": [
+            {
+                "poll": each.poll.key,
+                "every_s": each.poll.every_s,
+                "period_s": round(each.period_s, 4),
+                "cost_s": round(each.cost_s, 4),
+            }
+            for each in line.forecast.polls
+        ],
+    }

@@ -1,0 +1,105 @@
+"""`starter-gateway demo`: simulated starters of all families, a broker and the gateway."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import tempfile
+from pathlib import Path
+
+from gateway.commands.command import Subparsers
+from gateway.commands.demo_broker import DemoBroker
+from gateway.commands.run import log_to_stderr, serve
+from gateway.commands.simulate import simulated_lines
+from gateway.config.load import load
+
+CONFIG = """\
+[gateway]
+name = "demo"
+state_dir = "{folder}/state"
+
+[mqtt]
+url = "mqtt://127.0.0.1:{port}"
+
+[[line]]
+name = "virtual"
+port = "{folder}/ttyDEMO"
+baud = 19200
+framing = "8N2"            # the one byte format that all four families know
+
+[[line.starter]]
+name = "pump"
+address = 1
+family = "ssw07"
+model = "SSW-07 85A"
+
+[[line.starter]]
+name = "fan"
+address = 2
+family = "ssw06"
+model = "SSW-06 820A"
+
+[[line.starter]]
+name = "mill"
+address = 3
+family = "ssw900"
+
+[[line.starter]]
+name = "belt"
+address = 4
+family = "sst"
+
+[[operator]]
+client = "demo"
+may = ["*"]
+starters = ["*"]
+"""
+
+GUIDE = """\
+Starter Gateway demo. Simulated motors only; Ctrl-C ends everything.
+
+  line    four starters on {pty}, 19200 8N2: pump (SSW-07), fan (SSW-06), mill (SSW900), belt (SST330i)
+  broker  {broker} on 127.0.0.1:{port}
+  config  {config}
+
+watch     mosquitto_sub -p {port} -v -t 'starters/demo/#'
+values    mosquitto_sub -p {port} -v -t 'starters/demo/starter/+/value/current'
+start     starter-gateway send {config} pump start --client demo
+stop      mosquitto_pub -p {port} -q 1 -t starters/demo/command/pump/demo/stop -n
+by hand   mosquitto_pub -p {port} -q 1 -t starters/demo/command/fan/demo/start \\
+            -m '{{"id":"1","boot":"<boot of starters/demo/gateway/status>"}}'
+answers   mosquitto_sub -p {port} -v -t 'starters/demo/result/#'
+"""
+
+
+def add_parser(subparsers: Subparsers) -> None:
+    """Add the command's parser."""
+    parser = subparsers.add_parser(
+        "demo", description="Four simulated starters, a broker on loopback and the gateway. Ctrl-C ends it."
+    )
+    parser.add_argument("-v", "--verbose", action="store_true", help="log every frame")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the demo until Ctrl-C; BrokerError when no broker is to be had."""
+    log_to_stderr(is_verbose=args.verbose)
+    with tempfile.TemporaryDirectory(prefix="starter-gateway-demo-") as folder:
+        asyncio.run(_demo(Path(folder)))
+    return 0
+
+
+async def _demo(folder: Path) -> None:
+    broker = DemoBroker(folder)
+    await broker.start()
+    try:
+        path = folder / "demo.toml"
+        path.write_text(CONFIG.format(folder=folder, port=broker.port), "utf-8")
+        config = load(path)
+        async with simulated_lines(config) as lines:
+            guide = GUIDE.format(
+                pty=lines["virtual"].path, broker=broker.title, port=broker.port, config=path
+            )
+            print(guide, flush=True)
+            await serve(path, config, None)
+    finally:
+        await broker.stop()

@@ -1,0 +1,139 @@
+"""What the models refuse, said in words that name the mend."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from gateway.config.locate import Key
+from gateway.config.mistake import Mistake, choose, short
+from gateway.config.schema import NAME_PATTERN, Config
+
+_TYPES = {
+    "string_type": "a text in quotes",
+    "path_type": "a path in quotes",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "bool_type": "true or false",
+}
+_ARRAYS_OF_TABLES = ("line", "starter", "operator")
+
+
+def explain(error: ValidationError) -> list[Mistake]:
+    """Return every mistake that the models found in a document."""
+    mistakes = []
+    for detail in error.errors(include_url=False):
+        if detail["type"] == "too_short" and detail["input"]:
+            continue  # its items are wrong, and named one by one
+        mistakes.append(_mistake(detail))
+    return mistakes
+
+
+def _mistake(detail: ErrorDetails) -> Mistake:
+    key: Key = detail["loc"]
+    kind = detail["type"]
+    ctx = detail.get("ctx", {})
+    if kind in _TYPES:
+        return Mistake(key, f"is {short(detail['input'])}", f"must be {_TYPES[kind]}")
+    explanation = _EXPLANATIONS.get(kind)
+    what, mend = explanation(key, detail["input"], ctx) if explanation else (detail["msg"], "")
+    return Mistake(key, what, mend)
+
+
+def _missing(key: Key, _value: Any, _ctx: Mapping[str, Any]) -> tuple[str, str]:
+    if key[-1] in _ARRAYS_OF_TABLES:
+        return "is missing", f"at least one [[{_header(key)}]] is needed"
+    if len(key) == 1:
+        return "is missing", f"a table [{key[0]}] is needed"
+    return "is missing", ""
+
+
+def _unknown(key: Key, _value: Any, _ctx: Mapping[str, Any]) -> tuple[str, str]:
+    return "unknown key", choose(key[-1], _known_keys(key[:-1]))
+
+
+def _pattern(_key: Key, value: Any, ctx: Mapping[str, Any]) -> tuple[str, str]:
+    also = "" if ctx["pattern"] == NAME_PATTERN else ", and * or ? for any others"
+    return f"is {short(value)}", f"only a-z, 0-9, _ and -{also}"
+
+
+def _choice(_key: Key, value: Any, ctx: Mapping[str, Any]) -> tuple[str, str]:
+    words = re.findall(r"'([^']*)'", ctx["expected"])
+    if words and isinstance(value, str):
+        return f"is {short(value)}", choose(value, words)
+    return f"is {short(value)}", f"must be {ctx['expected']}"
+
+
+def _bound(sign: str) -> Callable[[Key, Any, Mapping[str, Any]], tuple[str, str]]:
+    def explanation(_key: Key, value: Any, ctx: Mapping[str, Any]) -> tuple[str, str]:
+        limit = next(iter(ctx.values()))
+        return f"is {short(value)}", f"must be {sign} {limit:g}"
+
+    return explanation
+
+
+def _empty(key: Key, _value: Any, _ctx: Mapping[str, Any]) -> tuple[str, str]:
+    if key[-1] in _ARRAYS_OF_TABLES:
+        return "is empty", f"at least one [[{_header(key)}]] is needed"
+    return "is empty", "name at least one"
+
+
+def _no_list(key: Key, value: Any, _ctx: Mapping[str, Any]) -> tuple[str, str]:
+    if key[-1] in _ARRAYS_OF_TABLES:
+        return "is not a list of tables", f"write [[{_header(key)}]], with two brackets"
+    return f"is {short(value)}", 'must be a list, e.g. ["start", "stop"]'
+
+
+def _no_table(key: Key, value: Any, _ctx: Mapping[str, Any]) -> tuple[str, str]:
+    return f"is {short(value)}", f"must be a table, [{_header(key)}]"
+
+
+def _length(_key: Key, value: Any, ctx: Mapping[str, Any]) -> tuple[str, str]:
+    if not value:
+        return "is empty", "leave the key out, or give it a value"
+    return f"has {len(value)} characters", f"at most {ctx['max_length']}"
+
+
+def _refused(_key: Key, value: Any, ctx: Mapping[str, Any]) -> tuple[str, str]:
+    return f"is {short(value)}", str(ctx["error"])
+
+
+_EXPLANATIONS: dict[str, Callable[[Key, Any, Mapping[str, Any]], tuple[str, str]]] = {
+    "missing": _missing,
+    "extra_forbidden": _unknown,
+    "string_pattern_mismatch": _pattern,
+    "string_too_short": _length,
+    "string_too_long": _length,
+    "literal_error": _choice,
+    "greater_than": _bound("more than"),
+    "greater_than_equal": _bound("at least"),
+    "less_than_equal": _bound("at most"),
+    "too_short": _empty,
+    "tuple_type": _no_list,
+    "model_type": _no_table,
+    "value_error": _refused,
+}
+
+
+def _header(key: Key) -> str:
+    return ".".join(str(part) for part in key if not isinstance(part, int))
+
+
+def _known_keys(table: Key) -> list[str]:
+    """Return the keys of the model behind a table's path."""
+    model: type[BaseModel] = Config
+    for part in table:
+        if isinstance(part, str):
+            field = next(f for name, f in model.model_fields.items() if (f.alias or name) == part)
+            model = next(t for t in (field.annotation, *get_args(field.annotation)) if _is_model(t))
+    return [field.alias or name for name, field in model.model_fields.items()]
+
+
+def _is_model(annotation: Any) -> bool:
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)

@@ -1,0 +1,89 @@
+"""Reads a configuration file and tells all its mistakes at once, each with its line."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from gateway.config.explain import explain
+from gateway.config.locate import line_of, locate
+from gateway.config.mistake import Mistake, spell
+from gateway.config.prospects import missed_deadlines
+from gateway.config.rules import broken_rules
+from gateway.config.schema import Config
+from gateway.errors import ConfigError, Problem
+
+_SYNTAX_PLACE = re.compile(r" \(at (?:line (\d+), column \d+|end of document)\)$")
+_MAX_BYTES = 1_000_000
+
+
+def load(path: str | Path) -> Config:
+    """Return the configuration in a file; ConfigError with every problem when it cannot be used."""
+    return parse(_read(path), str(path))
+
+
+def parse(text: str, path: str) -> Config:
+    """Return the configuration in a TOML text; `path` is what messages call it."""
+    document = _document(text, path)
+    mistakes: list[Mistake] = []
+    config = None
+    try:
+        config = Config.model_validate(document)
+    except ValidationError as error:
+        mistakes += explain(error)
+    mistakes += broken_rules(document)
+    if config is not None and not mistakes:
+        mistakes = missed_deadlines(config)
+    if config is None or mistakes:
+        raise ConfigError(path, _problems(text, mistakes))
+    return config
+
+
+def _read(path: str | Path) -> str:
+    try:
+        with Path(path).open("rb") as file:
+            content = file.read(_MAX_BYTES + 1)
+    except OSError as error:
+        mend = "is the path right, and may this user read it?"
+        raise _unusable(path, Problem("file", error.strerror or str(error), mend)) from error
+    if len(content) > _MAX_BYTES:
+        raise _unusable(path, Problem("file", f"is larger than {_MAX_BYTES} bytes", "is it the right one?"))
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise _unusable(path, Problem("text", "is not UTF-8", "save the file as UTF-8", line)) from error
+
+
+def _document(text: str, path: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except RecursionError as error:
+        raise _unusable(path, Problem("syntax", "brackets are nested too deeply")) from error
+    except ValueError as error:  # TOMLDecodeError, and numbers of absurd length
+        what = _SYNTAX_PLACE.sub("", str(error))
+        what = what[:1].lower() + what[1:]
+        raise _unusable(
+            path, Problem("syntax", what, "see https://toml.io", _syntax_line(error, text))
+        ) from error
+
+
+def _syntax_line(error: ValueError, text: str) -> int | None:
+    place = _SYNTAX_PLACE.search(str(error))
+    if place is None:
+        return None
+    return int(place[1]) if place[1] else text.rstrip("\n").count("\n") + 1
+
+
+def _unusable(path: str | Path, problem: Problem) -> ConfigError:
+    return ConfigError(str(path), [problem])
+
+
+def _problems(text: str, mistakes: list[Mistake]) -> list[Problem]:
+    lines = locate(text)
+    problems = [Problem(spell(m.key), m.what, m.mend, line_of(lines, m.key)) for m in mistakes]
+    return sorted(problems, key=lambda problem: problem.line or 0)

@@ -1,0 +1,156 @@
+"""The shape of the configuration: frozen models of `[gateway]`, `[mqtt]`, `[[line]]`, `[[operator]]`.
+
+What one value may be stands here; what several values may be together stands in `rules.py`.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+from pathlib import Path
+from typing import Annotated, Literal
+from urllib.parse import SplitResult, urlsplit
+
+from pydantic import BaseModel, ConfigDict, Field
+
+NAME_PATTERN = r"^[a-z0-9_-]+$"
+GLOB_PATTERN = r"^[a-z0-9_*?-]+$"
+SCHEMES = {"mqtt": 1883, "mqtts": 8883}
+
+Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=64)]
+Glob = Annotated[str, Field(pattern=GLOB_PATTERN, max_length=64)]
+Text = Annotated[str, Field(min_length=1, max_length=1024)]
+Family = Literal["ssw06", "ssw07", "ssw900", "sst"]
+Baud = Literal[1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400]  # what a tty can be set to
+FramingText = Literal["8N1", "8N2", "8E1", "8E2", "8O1", "8O2"]
+Verb = Literal[
+    "start",
+    "stop",
+    "reset",
+    "set",
+    "read",
+    "jog",
+    "direction",
+    "local_remote",
+    "general_enable",
+    "output",
+    "configure",
+    "*",
+]
+
+
+class Table(BaseModel):
+    """What all tables share: no unknown key, no silent conversion, nothing changes after loading."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+class GatewayTable(Table):
+    """`[gateway]`: who this gateway is and where it keeps what must outlive it."""
+
+    name: Name  # a level in the topics, and the MQTT client id
+    state_dir: Path = Field(default=Path("/var/lib/starter-gateway"), strict=False)
+
+
+class MqttTable(Table):
+    """`[mqtt]`: the broker and the way to it; file names are relative to the configuration's folder."""
+
+    url: Text  # mqtt://host[:1883] or mqtts://host[:8883]
+    base: Text = "starters/{gateway}"
+    username: Text | None = None
+    password_file: Text | None = None
+    ca_file: Text | None = None
+    cert_file: Text | None = None  # of the client, with key_file
+    key_file: Text | None = None
+    client_id: Text | None = None  # None: the gateway's name
+    keepalive_s: int = Field(default=15, ge=5, le=3600)
+    allow_plaintext: bool = False  # mqtt:// to a broker on another machine
+
+    @property
+    def host(self) -> str:
+        """Return the broker's host name or address, without brackets."""
+        return urlsplit(self.url).hostname or ""
+
+    @property
+    def port(self) -> int:
+        """Return the broker's TCP port: the URL's, else 1883 for mqtt and 8883 for mqtts."""
+        split = urlsplit(self.url)
+        return split.port or SCHEMES[split.scheme]
+
+    @property
+    def is_tls(self) -> bool:
+        """Return whether the connection is encrypted."""
+        return urlsplit(self.url).scheme == "mqtts"
+
+
+class StarterTable(Table):
+    """`[[line.starter]]`: one machine on a line."""
+
+    name: Name
+    address: int = Field(ge=1, le=247)  # [SERIAL 2.2]
+    family: Family
+    every_s: float = Field(default=1.0, ge=0, le=3600)  # 0: as fast as the line allows
+    model: Text | None = None  # e.g. "SSW-06 820A"; None: as the starter says
+    slot: int | None = Field(default=None, ge=1, le=2)  # SSW900: of the RS-485 accessory
+    response_time_s: float | None = Field(default=None, gt=0, le=10)  # None: as the manual says
+    watchdog_s: float | None = Field(default=None, ge=0, le=1000)  # as set in the starter; 0: off
+    enabled: bool = True  # False: never asked, availability "disabled"
+
+
+class LineTable(Table):
+    """`[[line]]`: one RS-485 line and its starters."""
+
+    name: Name
+    port: Text  # an absolute path, or socket://host:port
+    baud: Baud
+    framing: FramingText
+    adapter_allowance_s: float = Field(default=0.02, ge=0, le=1)  # what the adapter adds to a reply's way
+    starters: tuple[StarterTable, ...] = Field(alias="starter", strict=False, min_length=1)
+
+
+class OperatorTable(Table):
+    """`[[operator]]`: what one client may ask of which starters."""
+
+    client: Name  # the level in the command topic
+    may: tuple[Verb, ...] = Field(strict=False, min_length=1)
+    starters: tuple[Glob, ...] = Field(strict=False, min_length=1)  # names, * and ? as in a shell
+
+
+class Config(Table):
+    """A site, whole."""
+
+    gateway: GatewayTable
+    mqtt: MqttTable
+    lines: tuple[LineTable, ...] = Field(alias="line", strict=False, min_length=1)
+    operators: tuple[OperatorTable, ...] = Field(default=(), alias="operator", strict=False)
+
+    @property
+    def base(self) -> str:
+        """Return the topics' base with the gateway's name filled in."""
+        return self.mqtt.base.replace("{gateway}", self.gateway.name)
+
+    @property
+    def client_id(self) -> str:
+        """Return the MQTT client id."""
+        return self.mqtt.client_id or self.gateway.name
+
+
+def split_url(url: str) -> tuple[SplitResult, int] | None:
+    """Return the parts and the port of a broker's URL, or None when it is not one."""
+    try:
+        split = urlsplit(url)
+        port = split.port
+    except ValueError:
+        return None
+    if split.scheme not in SCHEMES or not split.hostname or port == 0:
+        return None
+    return split, port or SCHEMES[split.scheme]
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether a host name or address never leaves this machine."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False

@@ -1,0 +1,38 @@
+"""The configuration in the plain values that the lower floors take."""
+
+from __future__ import annotations
+
+from gateway.config.schema import Config, LineTable, StarterTable
+from gateway.families.load import load_profile
+from gateway.families.schema import Variant
+from gateway.modbus.timing import Framing, LineTiming
+from gateway.starters.rights import Operator, Rights
+from gateway.starters.setup import StarterSetup
+
+
+def timing_of(line: LineTable) -> LineTiming:
+    """Return the times of a line."""
+    return LineTiming(line.baud, Framing.parse(line.framing))
+
+
+def setups_of(line: LineTable) -> tuple[StarterSetup, ...]:
+    """Return the starters of a line, the disabled ones too."""
+    return tuple(_setup(line, starter) for starter in line.starters)
+
+
+def rights_of(config: Config) -> Rights:
+    """Return who may do what."""
+    return Rights(Operator(each.client, each.may, each.starters) for each in config.operators)
+
+
+def _setup(line: LineTable, starter: StarterTable) -> StarterSetup:
+    return StarterSetup(
+        name=starter.name,
+        line=line.name,
+        address=starter.address,
+        profile=load_profile(starter.family),
+        variant=Variant.model_validate({"model": starter.model, "slot": starter.slot}),
+        every_s=starter.every_s,
+        response_time_s=starter.response_time_s,
+        is_enabled=starter.enabled,
+    )

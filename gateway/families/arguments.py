@@ -1,0 +1,34 @@
+"""The arguments of a command: exactly those of its verb, each of its kind, or `bad_arguments`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from gateway.families.refusals import refused
+
+_SWITCH = {"true": True, "on": True, "1": True, "false": False, "off": False, "0": False}
+
+
+def check_names(args: Mapping[str, Any], names: tuple[str, ...]) -> None:
+    """Raise CommandError unless there are exactly the arguments of these names."""
+    missing = [f"{name} is missing" for name in names if name not in args]
+    strange = [f"{name} is unknown" for name in sorted(set(args) - set(names))]
+    if missing or strange:
+        raise refused("bad_arguments", ", ".join(missing + strange))
+
+
+def text(args: Mapping[str, Any], name: str) -> str:
+    """Return an argument that is a text."""
+    value = args[name]
+    if not isinstance(value, str):
+        raise refused("bad_arguments", f"{name} must be a text")
+    return value
+
+
+def switch(args: Mapping[str, Any], name: str) -> bool:
+    """Return an argument that is on or off: true, on, 1 or false, off, 0."""
+    is_on = _SWITCH.get(str(args[name]).casefold())
+    if is_on is None:
+        raise refused("bad_arguments", f"{name} must be true or false")
+    return is_on

@@ -1,0 +1,106 @@
+"""Which requests a family's points need: neighbouring rows in one read, within what the family takes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any
+
+from gateway.families.decode import is_present
+from gateway.families.parameters import read_run
+from gateway.families.schema import Confidence, Limits, Parameter, Profile, Table, Variant
+from gateway.modbus.pdu import Request
+
+GROUPS = ("status", "values", "slow")
+
+_SURE = (Confidence.MANUAL, Confidence.REPAIRED)
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """One read and the rows that are wanted from it; the words between them are not."""
+
+    name: str  # unique in the plan
+    group: str  # one of GROUPS
+    request: Request
+    rows: tuple[Parameter, ...]  # by address
+
+    @property
+    def codes(self) -> tuple[str, ...]:
+        """The codes of the rows."""
+        return tuple(row.code for row in self.rows)
+
+    @property
+    def table(self) -> Table:
+        """The table that is read."""
+        return self.rows[0].table
+
+    @property
+    def address(self) -> int:
+        """The first address that is read."""
+        return self.rows[0].address
+
+
+def plan_blocks(profile: Profile, variant: Variant) -> tuple[Block, ...]:
+    """Return the reads that cover every point of this starter, in the order of `GROUPS`.
+
+    A row is never cut, and never shares a read with one that the manual does not vouch for: where a single
+    unknown register refuses a read, it must not take known ones with it.
+    """
+    planned: list[Block] = []
+    seen: set[str] = set()
+    for group in GROUPS:
+        codes = {
+            point.code
+            for point in profile.points.values()
+            if point.group == group and point.code and is_present(point, variant)
+        }
+        rows = [profile.parameters[code] for code in codes - seen]
+        seen |= codes
+        planned += [_block(group, run) for run in _runs(rows, profile.limits)]
+    return tuple(planned)
+
+
+def split(block: Block) -> tuple[Block, ...]:
+    """Return one block for each row of a block that was refused; a single row stays as it is."""
+    return tuple(_block(block.group, [row]) for row in block.rows)
+
+
+def rows_of(profile: Profile, block: Block, value: Sequence[Any]) -> dict[str, tuple[int, ...]]:
+    """Return the raw words by code from what the block's request decoded, aliases of its rows included."""
+    found: dict[str, tuple[int, ...]] = {}
+    for row in block.rows:
+        offset = row.address - block.address
+        words = tuple(int(word) for word in value[offset : offset + row.words])
+        for same in profile.rows_at[row.table, row.address]:
+            found[same.code] = words
+    return found
+
+
+def _block(group: str, rows: Sequence[Parameter]) -> Block:
+    first, last = rows[0], rows[-1]
+    request = read_run(first.table, first.address, last.address + last.words - first.address)
+    return Block(name=f"{group}:{first.code}", group=group, request=request, rows=tuple(rows))
+
+
+def _runs(rows: Iterable[Parameter], limits: Limits) -> list[list[Parameter]]:
+    def kind(row: Parameter) -> tuple[str, bool]:
+        return row.table, row.confidence not in _SURE
+
+    runs: list[list[Parameter]] = []
+    for (table, _), alike in groupby(sorted(rows, key=lambda row: (*kind(row), row.address)), key=kind):
+        longest = limits.read_bits if table is Table.COIL else limits.read_registers
+        run: list[Parameter] = []
+        for row in alike:
+            if run and not _fits(run, row, longest=longest, max_gap=limits.max_gap):
+                runs.append(run)
+                run = []
+            run.append(row)
+        runs.append(run)
+    return runs
+
+
+def _fits(run: Sequence[Parameter], row: Parameter, *, longest: int, max_gap: int) -> bool:
+    end = run[-1].address + run[-1].words
+    return row.address - end <= max_gap and row.address + row.words - run[0].address <= longest

@@ -1,0 +1,176 @@
+"""Words into values: of one row, of all points, and of any words for the `decode` command."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from gateway.families.numbers import TYPE_LIMITS, from_words
+from gateway.families.parameters import raw_row
+from gateway.families.schema import RESERVED, Parameter, Point, Profile, Table, Type, Variant
+from gateway.families.texts import to_text
+
+Value = bool | int | float | str | None
+
+_DIVIDED_FROM_A = 820.0  # ssw06-es 4.4: models of this current and up send whole amperes
+_CURRENT = re.compile(r"[A-Za-z]+[- ]?[0-9]+[A-Za-z]*[- ]+([0-9]+(?:[.,][0-9]+)?)")
+_VERSION = re.compile(r"([0-9]+)\.([0-9]+)")
+_UNNAMED = {Table.HOLDING: "HR", Table.INPUT: "IR", Table.COIL: "COIL"}
+
+
+@dataclass(frozen=True, slots=True)
+class Decoded:
+    """What words mean; `value` is None when it cannot be told, `raw` is always there."""
+
+    value: Value
+    label: str | None  # of an enum's number
+    unit: str
+    raw: tuple[int, ...]
+
+
+def decode_row(profile: Profile, variant: Variant, parameter: Parameter, words: Sequence[int]) -> Decoded:
+    """Return what a row's words mean, as many as the row has.
+
+    Values with decimals or a unit are floats, counts and enums ints, coils bools, dates and addresses texts.
+    """
+    raw = tuple(words)
+    if parameter.type not in TYPE_LIMITS:
+        return Decoded(to_text(parameter.type, raw), label=None, unit="", raw=raw)
+    number = from_words(parameter, raw)
+    low, high = TYPE_LIMITS[parameter.type]
+    if not low <= number <= high:
+        return Decoded(None, label=None, unit=parameter.unit, raw=raw)
+    label = profile.enums[parameter.enum].get(number) if parameter.enum else None
+    return Decoded(_value(variant, parameter, number), label=label, unit=parameter.unit, raw=raw)
+
+
+def decode_points(
+    profile: Profile, variant: Variant, rows: Mapping[str, tuple[int, ...]]
+) -> dict[str, Decoded]:
+    """Return every point that can be told from these rows (raw words by code), by the point's name."""
+    found = {
+        name: _decode_point(profile, variant, point, rows[point.code])
+        for name, point in profile.points.items()
+        if point.code in rows
+    }
+    for name, point in profile.points.items():
+        if point.none_of and all(part in found for part in point.none_of):
+            found[name] = _none_of([found[part] for part in point.none_of])
+    return found
+
+
+def decode_words(
+    profile: Profile, variant: Variant, table: Table, start: int, words: Sequence[int]
+) -> dict[str, dict[str, Any]]:
+    """Return what a run of words (bits, for coils) means, ready for JSON: by code, with the point's name.
+
+    Words of no row, or of a row that is not there whole, stand raw under HR, IR or COIL and their number.
+    """
+    found: dict[str, dict[str, Any]] = {}
+    end = start + len(words)
+    address = start
+    while address < end:
+        rows = [row for row in _rows_at(profile, table, address) if address + row.words <= end]
+        offset = address - start
+        for row in rows:
+            part = words[offset : offset + row.words]
+            found[row.code] = _as_json(profile, row, decode_row(profile, variant, row, part))
+        if not rows:
+            found[_unnamed(profile, table, address)] = _raw_json(table, words[offset])
+        address += max((row.words for row in rows), default=1)
+    return found
+
+
+def is_present(point: Point, variant: Variant) -> bool:
+    """Return whether a starter of this firmware has the point; it has while the firmware is unknown."""
+    seen, wanted = _version(variant.firmware or ""), _version(point.since_firmware)
+    return seen is None or wanted is None or seen >= wanted
+
+
+def rated_current_a(model: str) -> float | None:
+    """Return the rated current in a model's text ("SSW-06 820.0A", "SSW-07 85A"); None when there is none."""
+    current = _CURRENT.search(model)
+    value = float(current[1].replace(",", ".")) if current is not None else 0.0
+    return value or None
+
+
+def _value(variant: Variant, row: Parameter, number: int) -> Value:
+    if row.type is Type.BIT:
+        return bool(number)
+    decimals = row.decimals or 0
+    if row.is_rated_scaled:
+        rated_a = variant.rated_current_a or rated_current_a(variant.model or "")
+        if rated_a is None:  # a guess could be wrong by a factor of ten
+            return None
+        return float(number) if rated_a >= _DIVIDED_FROM_A else number / 10**decimals
+    return number / 10**decimals if decimals or row.unit else number
+
+
+def _decode_point(profile: Profile, variant: Variant, point: Point, words: tuple[int, ...]) -> Decoded:
+    row = profile.parameters[point.code]
+    if not is_present(point, variant):
+        return Decoded(None, label=None, unit="", raw=words)
+    if point.bit is not None:
+        return Decoded(bool(words[0] >> point.bit & 1), label=None, unit="", raw=words)
+    if point.true_when:
+        return Decoded(from_words(row, words) in point.true_when, label=None, unit="", raw=words)
+    decoded = decode_row(profile, variant, row, words)
+    if point.zero_is_missing and not any(words):
+        return Decoded(None, label=None, unit=decoded.unit, raw=words)
+    return decoded
+
+
+def _none_of(parts: Sequence[Decoded]) -> Decoded:
+    raw = tuple(word for part in parts for word in part.raw)
+    is_open = any(part.value is None for part in parts) and not any(part.value for part in parts)
+    value = None if is_open else not any(part.value for part in parts)
+    return Decoded(value, label=None, unit="", raw=raw)
+
+
+def _rows_at(profile: Profile, table: Table, address: int) -> tuple[Parameter, ...]:
+    rows = profile.rows_at.get((table, address), ())
+    raw = raw_row(profile, address) if not rows and table is Table.HOLDING else None
+    return rows if raw is None else (raw,)
+
+
+def _as_json(profile: Profile, row: Parameter, decoded: Decoded) -> dict[str, Any]:
+    shown: dict[str, Any] = {
+        "point": _point_of(profile, row),
+        "value": decoded.value,
+        "unit": decoded.unit,
+        "label": decoded.label,
+        "raw": list(decoded.raw),
+    }
+    if row.type is Type.BITS:
+        shown["bits"] = [
+            {"bit": bit, "label": label, "point": profile.points_of.get((row.code, bit)), "value": is_on}
+            for bit, label in sorted(profile.bits[row.code].items())
+            if (is_on := bool(decoded.raw[0] >> bit & 1)) or label != RESERVED
+        ]
+    return shown
+
+
+def _point_of(profile: Profile, row: Parameter) -> str | None:
+    """Return the point that is this row; a WEG coil is a bit of a word (VB01.3) and so may its point be."""
+    word, _, bit = row.code.partition(".")
+    if row.type is Type.BIT and bit:
+        return profile.points_of.get((word, int(bit)))
+    return profile.points_of.get((row.code, None))
+
+
+def _unnamed(profile: Profile, table: Table, address: int) -> str:
+    is_from_one = table is Table.COIL and "COIL1" in profile.parameters  # SST coil table
+    return f"{_UNNAMED[table]}{address + is_from_one}"
+
+
+def _raw_json(table: Table, word: int) -> dict[str, Any]:
+    value = bool(word) if table is Table.COIL else word
+    return {"point": None, "value": value, "unit": "", "label": None, "raw": [word]}
+
+
+def _version(text: str) -> tuple[int, int] | None:
+    """Return major and the two digits after the point, so that 1.4 is 1.40."""
+    found = _VERSION.search(text)
+    return None if found is None else (int(found[1]), int(f"{found[2]}0"[:2]))

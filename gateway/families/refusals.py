@@ -1,0 +1,27 @@
+"""The closed list of reasons for which a command cannot be carried out as asked.
+
+A violated rule of `interlock.RULES` is a reason too, and its name is the code then.
+"""
+
+from __future__ import annotations
+
+from gateway.errors import CommandError
+
+REFUSALS: dict[str, str] = {
+    "unknown_verb": "this family has no such verb",
+    "bad_arguments": "the arguments are not those of the verb",
+    "unknown_parameter": "the manual of this family names no such parameter",
+    "not_readable": "the parameter cannot be read over the serial line",
+    "not_writable": "the parameter cannot be set",
+    "out_of_range": "the value is outside the range of the manual",
+    "bad_value": "the value is not of the parameter's kind",
+    "would_cut_connection": "the change would cut the connection to the starter",
+    "timeout_unset": "a communication timeout of 0.0 s must not be made active",
+    "slot_unknown": "it is not known which slot holds the RS-485 accessory",
+    "word_unknown": "neither the command word nor the status word of the starter is known",
+}
+
+
+def refused(code: str, detail: str) -> CommandError:
+    """Return the error for a code of the closed list; `detail` names what this command got wrong."""
+    return CommandError(code, f"{REFUSALS[code]}: {detail}")

@@ -1,0 +1,59 @@
+"""One row of a starter: which value a `set` may give it, whether it holds it, how it is read back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from gateway.families.gather import reads_for
+from gateway.families.parameters import find, read_request, to_words
+from gateway.families.procedure import Expect, Read
+from gateway.families.refusals import refused
+from gateway.families.schema import Access, Parameter, Profile, Table, Type, Variant
+from gateway.families.words import Seen
+
+SET_WITHIN_S = 2.0  # until a written row reads back as written
+
+# Setting one of these cuts the connection to the starter (ssw06-es 2.1, 2.2; ssw07 2.1, 2.2; ssw900 C8.2).
+CONNECTION_ROWS = frozenset({"P308", "P312", "C8.2.1", "C8.2.2", "C8.2.3", "C8.2.4"})
+
+# What is written there lands in another row: in a command word too, if it is mapped so (ssw900 7.2.3).
+MAPPED_WRITES = range(1600, 1620)
+
+
+def settable_words(profile: Profile, variant: Variant, row: Parameter, value: object) -> tuple[int, ...]:
+    """Return the words that set a row to a value; CommandError when no `set` may do so."""
+    if row.code in CONNECTION_ROWS:
+        raise refused(
+            "would_cut_connection", f"change {row.code} at the starter, together with the line's settings"
+        )
+    is_mapped = profile.family == "ssw900" and row.table is Table.HOLDING and row.address in MAPPED_WRITES
+    if row.table is Table.COIL or row.access is Access.COMMAND or is_mapped:
+        raise refused("not_writable", f"{row.code} is not written by set, but by the verbs of the family")
+    return to_words(profile, row, value, variant=variant)
+
+
+def holds(row: Parameter, words: tuple[int, ...], seen: Seen) -> bool:
+    """Return whether the row was seen to hold these words already."""
+    return tuple(word & _mask(row) for word in seen.get(row.code, ())) == words
+
+
+def read_of(profile: Profile, code: str) -> Read:
+    """Return the read of one row; CommandError when there is none, or it cannot be read."""
+    row = find(profile, code)
+    return Read(request=read_request(profile, row), codes=(row.code,))
+
+
+def read_back(profile: Profile, wanted: Iterable[tuple[Parameter, tuple[int, ...]]]) -> Expect:
+    """Return the expectation that all of these rows (at least one) read back as written."""
+    pairs = tuple(wanted)
+    reads = reads_for(profile, (row.code for row, _ in pairs))
+    first, *others = (
+        Expect(reads, row.code, is_one_of=(words,), within_s=SET_WITHIN_S, mask=_mask(row))
+        for row, words in pairs
+    )
+    return replace(first, also=tuple(others))
+
+
+def _mask(row: Parameter) -> int:
+    return 0xFF if row.type in (Type.LOW_U8, Type.LOW_S8, Type.LOW_ENUM) else 0xFFFF

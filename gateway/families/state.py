@@ -1,0 +1,142 @@
+"""What state a starter is in, and which faults and alarms are active, told from its points alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from gateway.families.schema import Alarm, Profile
+
+STATES = ("ready", "starting", "running", "stopping", "fault", "not_ready", "unknown")
+
+# Points any of which says that the motor turns or is about to; a family has some of them.
+MOVING = ("running", "accelerating", "decelerating", "full_voltage", "jog", "braking", "reversing")
+
+ADJUSTING_ROW = "VB06"  # ssw06-es 4.2.4: not 0 while the motor cannot be run
+
+
+def state_of(profile: Profile, points: Mapping[str, Any]) -> str:
+    """Return one of `STATES`; not to know a deciding point makes it `unknown`, never a guess."""
+    for name, state in _ORDER[profile.state_rule]:
+        value = points.get(name)
+        if value is None and is_decisive(profile, name):
+            return "unknown"
+        if value:
+            return state
+    return _standstill(profile, points)
+
+
+def alarms_of(profile: Profile, points: Mapping[str, Any]) -> tuple[Alarm, ...]:
+    """Return the faults and alarms that are active now, faults first, each code once."""
+    if profile.state_rule == "sst":
+        found = _sst_alarms(profile, points)
+    elif profile.family == "ssw900":
+        found = _ssw900_alarms(profile, points)
+    else:
+        found = _ssw06_alarms(profile, points)
+    return tuple({alarm.code: alarm for alarm in found}.values())
+
+
+def is_decisive(profile: Profile, name: str) -> bool:
+    """Return whether not knowing this point leaves the state open: the family has it, whatever its firmware.
+
+    The SSW-07 has jog, braking and reversal from V1.4x on only (ssw07 4.2.1).
+    """
+    return name in profile.points and not profile.points[name].since_firmware
+
+
+def points_on(profile: Profile, code: str) -> tuple[str, ...]:
+    """Return the names of the points that are told from this row."""
+    return tuple(name for name, point in profile.points.items() if point.code == code)
+
+
+# The first point that is true gives the state. VB01 bit 0 drops while the motor still decelerates
+# (ssw06-es 4.2.2), hence the ramps come before `running`.
+_ORDER: dict[str, tuple[tuple[str, str], ...]] = {
+    "weg": (
+        ("fault", "fault"),
+        ("accelerating", "starting"),
+        ("decelerating", "stopping"),
+        ("running", "running"),
+        ("jog", "running"),
+        ("braking", "running"),
+        ("reversing", "running"),
+    ),
+    "sst": (  # coil 9, then register 19
+        ("fault", "fault"),
+        ("accelerating", "starting"),
+        ("full_voltage", "running"),
+        ("decelerating", "stopping"),
+    ),
+}
+
+# What must be true of a motor at rest to be ready for a start.
+_READINESS: dict[str, tuple[str, ...]] = {
+    "weg": ("general_enabled", "power_present"),
+    "sst": ("configured", "ready_to_start"),  # coils 5 and 26
+}
+
+
+def _standstill(profile: Profile, points: Mapping[str, Any]) -> str:
+    for name in _READINESS[profile.state_rule]:
+        value = points.get(name)
+        if value is None and is_decisive(profile, name):
+            return "unknown"
+        if value is False:
+            return "not_ready"
+    is_adjusting = any(points.get(name) for name in points_on(profile, ADJUSTING_ROW))
+    return "not_ready" if is_adjusting else "ready"
+
+
+def _ssw06_alarms(profile: Profile, points: Mapping[str, Any]) -> list[Alarm]:
+    """SSW-06, SSW-07 and SSW-08: bits of VB01, and the fault's number where the family gives one."""
+    found = []
+    if points.get("fault"):
+        number = points.get("fault_code")
+        code = f"e{number:02d}" if number else ""
+        found.append(_alarm(profile, code, "fault", f"Fault {code.upper()}") if code else _fault(profile))
+    if points.get("alarm"):
+        found.append(_generic_alarm(profile))
+    return found
+
+
+def _ssw900_alarms(profile: Profile, points: Mapping[str, Any]) -> list[Alarm]:
+    """Bits 15 and 14 of S5.1.1 say that there is something, D1.1.1 and D2.1.1-D2.1.5 what [ssw900 S5.1]."""
+    found = []
+    number = points.get("fault_code")
+    if points.get("fault") is not False and number:
+        found.append(_alarm(profile, f"f{number:03d}", "fault", f"Fault {number}"))
+    elif points.get("fault"):
+        found.append(_fault(profile))
+    # Five places; whether gaps occur is not stated, so all of them are looked at.
+    numbers = [points.get(f"d2_1_{place}") for place in range(1, 6)]
+    known = [number for number in numbers if number]
+    if points.get("alarm") is not False and known:
+        found += [_alarm(profile, f"a{number:03d}", "alarm", f"Alarm {number}") for number in known]
+    elif points.get("alarm"):
+        found.append(_generic_alarm(profile))
+    return found
+
+
+def _sst_alarms(profile: Profile, points: Mapping[str, Any]) -> list[Alarm]:
+    """Coil 9 says that there is an error, coils 10-21 which one."""
+    found = [
+        _alarm(profile, f"coil{coil}", "fault", f"Error of coil {coil}")
+        for coil in range(10, 22)
+        if any(points.get(name) for name in points_on(profile, f"COIL{coil}"))
+    ]
+    return found or ([_fault(profile)] if points.get("fault") else [])
+
+
+def _fault(profile: Profile) -> Alarm:
+    return _alarm(profile, "fault", "fault", "Fault, its number is not known")
+
+
+def _generic_alarm(profile: Profile) -> Alarm:
+    return _alarm(profile, "alarm", "alarm", "Alarm, its number is not known")
+
+
+def _alarm(profile: Profile, code: str, severity: str, text: str) -> Alarm:
+    """Return the profile's alarm of this code, else one with this text."""
+    named = next((alarm for alarm in profile.alarms if alarm.code == code), None)
+    return named or Alarm.model_validate({"code": code, "severity": severity, "text": text})

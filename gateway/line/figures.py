@@ -1,0 +1,92 @@
+"""What a line has done so far, in numbers."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Iterable
+from math import ceil
+from typing import Any
+
+from gateway.line.job import Lane, Poll
+from gateway.line.outcome import Answered, Outcome
+from gateway.line.plan import Turn
+
+_UTILISATION_WINDOW = 30  # samples, a second apart or more
+_KEPT_RESPONSE_TIMES = 200  # of each unit
+_OUTCOMES = ("answered", "silent", "garbled", "refused")
+
+
+class Figures:
+    """Counters since the start; utilisation of about the last half minute."""
+
+    def __init__(self) -> None:
+        self._turns: Counter[str] = Counter()
+        self._units: dict[int, _UnitFigures] = {}
+        self._took_s: dict[str, float] = {}
+        self._busy_s = 0.0
+        self._samples: deque[tuple[float, float]] = deque(maxlen=_UTILISATION_WINDOW)
+        self._worst_stop_latency_s: float | None = None
+
+    def begin(self, now_s: float) -> None:
+        """Measure utilisation afresh: the port has just been opened."""
+        self._samples.clear()
+        self._samples.append((now_s, self._busy_s))
+
+    def note(self, turn: Turn, outcome: Outcome, *, took_s: float, now_s: float) -> None:
+        """Count one turn that kept the line busy for `took_s`, its silence included."""
+        self._turns["jobs" if turn.poll is None else "polls"] += 1
+        self._turns[type(outcome).__name__.lower()] += 1
+        self._units.setdefault(turn.unit, _UnitFigures()).note(outcome)
+        if turn.poll is not None:
+            self._took_s[turn.poll.key] = took_s
+        self._busy_s += took_s
+        if now_s - self._samples[-1][0] >= 1.0:
+            self._samples.append((now_s, self._busy_s))
+
+    def note_sent(self, turn: Turn, written_s: float) -> None:
+        """Measure how long a stop waited for its first byte."""
+        if turn.job is not None and turn.job.lane is Lane.STOP:
+            self._worst_stop_latency_s = max(self._worst_stop_latency_s or 0.0, written_s - turn.since_s)
+
+    def utilisation(self, now_s: float) -> float:
+        """Return the share of time that the line was busy, 0..1; 0 before the first turn."""
+        if not self._samples or now_s <= self._samples[0][0]:
+            return 0.0
+        since_s, busy_before_s = self._samples[0]
+        return min((self._busy_s - busy_before_s) / (now_s - since_s), 1.0)
+
+    def to_dict(self, polls: Iterable[Poll], *, worst_stop_latency_s: float, now_s: float) -> dict[str, Any]:
+        """Return the figures of `B/gateway/line/{line}`; `sweep_s` is one turn of each of these polls."""
+        return {
+            "utilisation": self.utilisation(now_s),
+            "sweep_s": float(sum(self._took_s.get(poll.key, 0.0) for poll in polls)),
+            **{name: self._turns[name] for name in ("polls", "jobs", *_OUTCOMES)},
+            "stop_latency_s": {"computed": worst_stop_latency_s, "worst": self._worst_stop_latency_s},
+            "units": {unit: figures.to_dict() for unit, figures in self._units.items()},
+        }
+
+
+class _UnitFigures:
+    """One unit's counters and latest response times."""
+
+    def __init__(self) -> None:
+        self._outcomes: Counter[str] = Counter()
+        self._response_times_s: deque[float] = deque(maxlen=_KEPT_RESPONSE_TIMES)
+
+    def note(self, outcome: Outcome) -> None:
+        self._outcomes[type(outcome).__name__.lower()] += 1
+        if isinstance(outcome, Answered):
+            self._response_times_s.append(outcome.response_time_s)
+
+    def to_dict(self) -> dict[str, Any]:
+        ordered_s = sorted(self._response_times_s)
+        return {
+            "asked": self._outcomes.total(),
+            **{name: self._outcomes[name] for name in _OUTCOMES},
+            "response_time_s": {"p50": _quantile(ordered_s, 0.50), "p99": _quantile(ordered_s, 0.99)},
+        }
+
+
+def _quantile(ordered: list[float], share: float) -> float | None:
+    """Return the smallest value that at least this share does not exceed; None of nothing."""
+    return ordered[max(ceil(share * len(ordered)) - 1, 0)] if ordered else None

@@ -1,0 +1,40 @@
+"""What is asked of a line: polls that come again and again, and jobs that are done once."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from gateway.line.outcome import Outcome
+from gateway.modbus.pdu import Request
+
+
+class Lane(enum.IntEnum):
+    """The order in which waiting jobs are served: the lowest first; polls come after all lanes."""
+
+    STOP = 0
+    COMMAND = 1
+    READ_BACK = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Poll:
+    """A request that is repeated for ever."""
+
+    key: str  # unique on the line
+    unit: int  # 1..247
+    request: Request
+    every_s: float  # 0 = as often as the line allows
+    response_time_s: float  # the starter's longest time from the request's end to the reply's first byte
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A request that is sent once; `finish` is called exactly once, on the line's loop."""
+
+    unit: int
+    request: Request
+    response_time_s: float
+    lane: Lane
+    finish: Callable[[Outcome], None]

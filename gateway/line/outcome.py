@@ -1,0 +1,43 @@
+"""What became of one transaction. Silence, garbage and exception replies are values, not errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class Answered:
+    """The unit gave the reply that was asked for."""
+
+    value: Any  # what the request's `decode_reply` returns
+    at_s: float  # when the reply's last byte left the wire, on the line's clock
+    response_time_s: float  # from the request's last byte to the reply's first
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """The unit answered with a Modbus exception [APP 7]."""
+
+    code: int
+    at_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Silent:
+    """Nothing came before the deadline; after a write this says nothing about success."""
+
+    reason: str = "no reply"  # "port lost" and "port closed" too; is_sent tells whether the request went out
+    is_sent: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Garbled:
+    """Something came that is not the reply: bad CRC, another unit, another function, a wrong length."""
+
+    reason: str
+    received: bytes
+    is_sent: bool = True
+
+
+Outcome = Answered | Refused | Silent | Garbled

@@ -1,0 +1,45 @@
+"""The seam between a line and whatever carries its bytes: a tty, a socket, or a simulated line."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+
+class Port(Protocol):
+    """An open, half-duplex byte port. Exactly one task uses it.
+
+    Times are seconds on the clock of the running loop (`loop.time()`).
+    """
+
+    @property
+    def last_byte_s(self) -> float:
+        """When the latest byte received so far had arrived; minus infinity before the first."""
+        ...
+
+    def write(self, frame: bytes) -> None:
+        """Hand one whole frame to the wire, without waiting; raise PortLostError when the port is gone."""
+        ...
+
+    async def read(self, *, until_s: float) -> bytes:
+        """Return what has arrived, waiting for at least one byte until `until_s`; b"" when none came.
+
+        Raises PortLostError when the port is gone.
+        """
+        ...
+
+    def close(self) -> None:
+        """Give the port up at once, unsent bytes included; never waits, may be called twice."""
+        ...
+
+
+class PortOpener(Protocol):
+    """Opens the same port each time it is called."""
+
+    @property
+    def name(self) -> str:
+        """The port as the configuration names it."""
+        ...
+
+    async def __call__(self) -> Port:
+        """Open the port; raise PortError with the reason and the mend when it cannot be had."""
+        ...

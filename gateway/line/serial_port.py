@@ -1,0 +1,289 @@
+"""Real ports: a tty through pyserial-asyncio, or a TCP serial server.
+
+What pyserial-asyncio 0.6 leaves open is closed here: it writes a loop's turn late and spins for ever on a
+full output buffer, so frames go to the descriptor directly; its graceful close may never end, so ports are
+aborted; it reports a port as lost before it is closed, so reopening waits; it reads through select(), so
+descriptors from 1024 on are refused.
+"""
+
+from __future__ import annotations
+
+import abc
+import asyncio
+import contextlib
+import errno
+import fcntl
+import os
+import socket
+import stat
+import termios
+from math import inf
+from typing import cast
+from urllib.parse import urlsplit
+
+import serial
+import serial_asyncio
+
+from gateway.errors import PortError, PortLostError
+from gateway.line.port import Port
+from gateway.modbus.timing import Framing
+
+OPEN_LIMIT_S = 5.0  # for the driver to open a tty, or the other side to accept a connection
+KEPT_BYTES = 4096  # unread; more than the longest frame many times over
+
+_SELECT_LIMIT = 1024  # FD_SETSIZE
+_SOCKET_SCHEME = "socket"
+_PARITIES = {"N": serial.PARITY_NONE, "E": serial.PARITY_EVEN, "O": serial.PARITY_ODD}
+_STOP_BITS = {1: serial.STOPBITS_ONE, 2: serial.STOPBITS_TWO}
+_KEEP_ALIVE = (  # a serial server that was switched off is noticed within about 30 s
+    (socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1),
+    (socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 10),
+    (socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, 5),
+    (socket.IPPROTO_TCP, socket.TCP_KEEPCNT, 4),
+)
+_NO_SUCH_PORT = ("no such port", "plug the adapter in, or correct the name: see /dev/serial/by-id")
+_NOT_PERMITTED = ("not permitted", "add the user to group dialout")
+_BUSY = ("busy", "another program holds it: stop that one")
+_NO_TTY = ("not a serial port", "name a device such as /dev/ttyUSB0, or socket://host:port")
+_MENDS = {
+    errno.ENOENT: _NO_SUCH_PORT,
+    errno.ENODEV: _NO_SUCH_PORT,
+    errno.ENXIO: _NO_SUCH_PORT,
+    errno.EACCES: _NOT_PERMITTED,
+    errno.EPERM: _NOT_PERMITTED,
+    errno.EBUSY: _BUSY,
+    errno.EAGAIN: _BUSY,
+    errno.ENOTTY: _NO_TTY,
+    errno.EIO: ("the device does not work", "unplug the adapter and plug it in again"),
+}
+
+
+class SerialOpener:
+    """Opens one tty path or socket://host:port, again and again."""
+
+    def __init__(self, name: str, baud: int, framing: Framing) -> None:
+        self._name = name
+        self._baud = baud
+        self._framing = framing
+        self._latest: _OpenPort | None = None
+
+    @property
+    def name(self) -> str:
+        """The port as the configuration names it."""
+        return self._name
+
+    async def __call__(self) -> Port:
+        """Open the port, once the one opened before is closed; PortError tells the reason and the mend."""
+        if self._latest is not None:
+            self._latest.close()
+            await self._latest.wait_closed()
+        self._latest = await (self._connect() if "://" in self._name else self._open_tty())
+        return self._latest
+
+    async def _open_tty(self) -> _OpenPort:
+        loop = asyncio.get_running_loop()
+        opening = loop.run_in_executor(None, self._open_device)
+        try:
+            await asyncio.wait([opening], timeout=OPEN_LIMIT_S)
+        finally:
+            if not opening.done():
+                opening.add_done_callback(_close_late)
+        if not opening.done():
+            raise PortError(self._name, f"does not open within {OPEN_LIMIT_S:g} s", "unplug the adapter")
+        device = opening.result()
+        port = _TtyPort(self._name, device)
+        await serial_asyncio.connection_for_serial(loop, lambda: port, device)
+        return port
+
+    def _open_device(self) -> serial.Serial:
+        """Open and set up the tty; may block."""
+        try:
+            if not stat.S_ISCHR(os.stat(self._name).st_mode):
+                raise PortError(self._name, *_NO_TTY)
+            device = serial.Serial(
+                baudrate=self._baud,
+                parity=_PARITIES[self._framing.parity],
+                stopbits=_STOP_BITS[self._framing.stop_bits],
+                exclusive=True,
+            )
+            device.rts = device.dtr = False  # raised lines may switch an adapter's driver on for good
+            device.port = self._name
+            device.open()
+        except (OSError, ValueError, termios.error) as error:
+            raise port_error(self._name, error) from error
+        if max(device.fileno(), device.pipe_abort_read_r or 0) >= _SELECT_LIMIT:
+            device.close()
+            raise PortError(self._name, "too many open files", f"fewer than {_SELECT_LIMIT} can be served")
+        with contextlib.suppress(OSError):  # the lock taken above binds only programs that ask for it
+            fcntl.ioctl(device.fileno(), termios.TIOCEXCL)
+        with contextlib.suppress(OSError, ValueError, AttributeError):  # FTDI holds bytes back for 16 ms else
+            device.set_low_latency_mode(True)
+        return device
+
+    async def _connect(self) -> _OpenPort:
+        host, number = _socket_address(self._name)
+        port = _SocketPort(self._name)
+        loop = asyncio.get_running_loop()
+        try:
+            async with asyncio.timeout(OPEN_LIMIT_S):
+                transport, _ = await loop.create_connection(lambda: port, host, number)
+        except TimeoutError as error:
+            raise PortError(self._name, f"no connection within {OPEN_LIMIT_S:g} s") from error
+        except OSError as error:
+            raise PortError(self._name, error.strerror or str(error), "is the serial server on?") from error
+        connection = transport.get_extra_info("socket")
+        for level, option, number in _KEEP_ALIVE:
+            connection.setsockopt(level, option, number)
+        return port
+
+
+def port_error(name: str, error: BaseException) -> PortError:
+    """Return the error that tells in a user's words why a port did not open, and the mend."""
+    number = _errno_of(error)
+    if number in _MENDS:
+        return PortError(name, *_MENDS[number])
+    return PortError(name, str(error))
+
+
+class _OpenPort(asyncio.Protocol, abc.ABC):
+    """A Port that is fed by an asyncio transport."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._loop = asyncio.get_running_loop()
+        self._transport: asyncio.Transport | None = None
+        self._received = bytearray()
+        self._last_byte_s = -inf
+        self._waiter: asyncio.Future[None] | None = None
+        self._lost: str | None = None  # the reason
+        self._closed = asyncio.Event()
+
+    @property
+    def last_byte_s(self) -> float:
+        """When the latest bytes were handed over by the driver, which is never before they arrived."""
+        return self._last_byte_s
+
+    def write(self, frame: bytes) -> None:
+        """Hand one whole frame to the wire; raise PortLostError when the port is gone or stuck."""
+        if self._lost is not None:
+            raise PortLostError(self._name, self._lost)
+        self._send(frame)
+
+    async def read(self, *, until_s: float) -> bytes:
+        """Return what has arrived, waiting for at least one byte until `until_s`; b"" when none came."""
+        while not self._received:
+            if self._lost is not None:
+                raise PortLostError(self._name, self._lost)
+            if self._loop.time() >= until_s:
+                return b""
+            await self._wait(until_s)
+        chunk = bytes(self._received)
+        self._received.clear()
+        return chunk
+
+    def close(self) -> None:
+        """Give the port up at once, unsent bytes included."""
+        self._lost = self._lost or "closed"
+        if self._transport is not None and not self._transport.is_closing():
+            self._transport.abort()
+
+    async def wait_closed(self) -> None:
+        """Return once the descriptor is closed."""
+        await self._closed.wait()
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Take the transport; asyncio calls this."""
+        self._transport = cast(asyncio.Transport, transport)
+        if self._lost is not None:  # closed before it was quite open
+            self._transport.abort()
+
+    def data_received(self, data: bytes) -> None:
+        """Take bytes; asyncio calls this."""
+        self._last_byte_s = self._loop.time()
+        self._received += data
+        del self._received[:-KEPT_BYTES]
+        self._wake()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Hear that the port is gone; asyncio calls this, right before it closes the descriptor."""
+        self._lost = self._lost or f"lost: {exc or 'closed by the other side'}"
+        self._wake()
+        self._loop.call_soon(self._closed.set)
+
+    @abc.abstractmethod
+    def _send(self, frame: bytes) -> None: ...
+
+    async def _wait(self, until_s: float) -> None:
+        self._waiter = self._loop.create_future()
+        timer = self._loop.call_at(until_s, self._wake)
+        try:
+            await self._waiter
+        finally:
+            timer.cancel()
+            self._waiter = None
+
+    def _wake(self) -> None:
+        if self._waiter is not None and not self._waiter.done():
+            self._waiter.set_result(None)
+
+
+class _TtyPort(_OpenPort):
+    """A tty."""
+
+    def __init__(self, name: str, device: serial.Serial) -> None:
+        super().__init__(name)
+        self._device = device
+
+    def close(self) -> None:
+        """Give the tty up at once; what it has not sent is dropped, or closing would wait for it."""
+        with contextlib.suppress(OSError, termios.error):
+            self._device.reset_output_buffer()
+        super().close()
+
+    def _send(self, frame: bytes) -> None:
+        try:
+            count = os.write(self._device.fileno(), frame)
+        except BlockingIOError:
+            count = 0
+        except OSError as error:
+            raise PortLostError(self._name, f"lost: {error.strerror}") from error
+        if count != len(frame):
+            raise PortLostError(self._name, "stuck: takes no more bytes", "unplug the adapter")
+
+
+class _SocketPort(_OpenPort):
+    """A TCP connection to a serial server."""
+
+    def _send(self, frame: bytes) -> None:
+        transport = cast(asyncio.Transport, self._transport)
+        if transport.get_write_buffer_size() > 0:
+            raise PortLostError(self._name, "stuck: takes no more bytes", "restart the serial server")
+        transport.write(frame)
+
+
+def _close_late(opening: asyncio.Future[serial.Serial]) -> None:
+    """Close a tty that opened when nobody waited for it any more."""
+    if not opening.cancelled() and opening.exception() is None:
+        opening.result().close()
+
+
+def _errno_of(error: BaseException | None) -> int | None:
+    """Return the error number; pyserial hides some in the error that it was caused by."""
+    while error is not None:
+        if isinstance(error, OSError | termios.error) and error.args and isinstance(error.args[0], int):
+            return error.args[0]
+        error = error.__context__
+    return None
+
+
+def _socket_address(name: str) -> tuple[str, int]:
+    """Return host and port of socket://host:port; PortError for anything else."""
+    wrong = PortError(name, "not an address", "write socket://host:port")
+    try:
+        url = urlsplit(name)
+        host, number = url.hostname, url.port
+    except ValueError as error:
+        raise wrong from error
+    if url.scheme != _SOCKET_SCHEME or not host or not number:
+        raise wrong
+    return host, number

@@ -1,0 +1,37 @@
+"""The last frames of a line, for the moment when somebody asks what happened."""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+
+logger = logging.getLogger(__name__)
+
+
+class Trace:
+    """A short ring of frames; each is also logged in hex at DEBUG."""
+
+    def __init__(self, line: str, *, size: int = 16) -> None:
+        self._line = line
+        self._ring: deque[tuple[float, str, bytes]] = deque(maxlen=size)
+
+    def sent(self, at_s: float, frame: bytes) -> None:
+        """Keep a request."""
+        self._keep(at_s, ">>", frame)
+
+    def received(self, at_s: float, frame: bytes) -> None:
+        """Keep what came in answer, right or wrong."""
+        self._keep(at_s, "<<", frame)
+
+    def strayed(self, at_s: float, stray: bytes) -> None:
+        """Keep bytes that nobody waited for."""
+        self._keep(at_s, "??", stray)
+
+    def frames(self) -> tuple[str, ...]:
+        """Return the frames as text, oldest first: seconds on the line's clock, direction, hex."""
+        return tuple(f"{at_s:.6f} {direction} {frame.hex(' ')}" for at_s, direction, frame in self._ring)
+
+    def _keep(self, at_s: float, direction: str, frame: bytes) -> None:
+        self._ring.append((at_s, direction, frame))
+        if logger.isEnabledFor(logging.DEBUG):
+            logger.debug("line=%s %.6f %s %s", self._line, at_s, direction, frame.hex(" "))

@@ -1,0 +1,111 @@
+"""Who a unit is: Read Device Identification (function 0x2B, MEI type 0x0E, [APP 6.21])."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from gateway.modbus.codes import MEI_DEVICE_IDENTIFICATION, Function
+from gateway.modbus.pdu import MAX_PDU_SIZE, mismatch
+
+STREAM_CODES = (1, 2, 3)  # basic, regular, extended: all objects from one on [APP 6.21]
+ONE_OBJECT_CODE = 4
+
+CONFORMITY = 0x81  # basic identification, stream and one object (as in ssw06-es 5.4.7)
+
+_HEAD_SIZE = 7  # function, MEI type, read code, conformity, more follows, next object, number of objects
+_PRINTABLE = range(0x20, 0x7F)  # ASCII
+
+
+@dataclass(frozen=True, slots=True)
+class Identification:
+    """The objects of one reply: 0 maker, 1 product code, 2 revision, and what the maker adds."""
+
+    objects: dict[int, str]
+    more_follows: bool = False
+    next_object: int = 0  # where to go on when more follows
+
+
+@dataclass(frozen=True, slots=True)
+class ReadDeviceIdentification:
+    """Ask for a stream of identification objects from `object_id` on, or for one (read code 4)."""
+
+    read_code: int = 1
+    object_id: int = 0
+
+    function: ClassVar[Function] = Function.ENCAPSULATED
+    is_write: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        if self.read_code not in (*STREAM_CODES, ONE_OBJECT_CODE):
+            raise ValueError(f"read code {self.read_code} is not in 1..4")
+        if not 0 <= self.object_id <= 0xFF:
+            raise ValueError(f"object {self.object_id} is not in 0..255")
+
+    def encode(self) -> bytes:
+        """Return the request PDU."""
+        return bytes((*self._head(), self.object_id))
+
+    def decode_reply(self, pdu: bytes) -> Identification:
+        """Return the objects of a reply to this read code; objects that its frame lacks are left out.
+
+        The conformity level is not checked: the SSW-07's own example has none that exists (ssw07 5.4.7).
+        """
+        if pdu[:3] != self._head() or len(pdu) < _HEAD_SIZE:
+            raise mismatch(self, pdu)
+        more, next_object, number = pdu[4:_HEAD_SIZE]
+        objects, end = _walk(pdu, number)
+        is_foreign = self.read_code == ONE_OBJECT_CODE and objects.keys() - {self.object_id}
+        if end != len(pdu) or is_foreign:
+            raise mismatch(self, pdu)
+        return Identification(objects=objects, more_follows=more != 0, next_object=next_object)
+
+    def encode_reply(self, identification: Identification, *, conformity: int = CONFORMITY) -> bytes:
+        """Return the reply PDU; ValueError when it is longer than a PDU may be."""
+        objects = identification.objects
+        more = 0xFF if identification.more_follows else 0x00
+        head = (*self._head(), conformity, more, identification.next_object, len(objects))
+        pdu = bytes(head) + b"".join(_encode_object(key, text) for key, text in objects.items())
+        if len(pdu) > MAX_PDU_SIZE:
+            raise ValueError(f"{len(pdu)} bytes of identification, a PDU holds {MAX_PDU_SIZE}")
+        return pdu
+
+    def reply_size(self) -> int | None:
+        """Return None: only the reply tells its length."""
+        return None
+
+    def _head(self) -> bytes:
+        return bytes((self.function, MEI_DEVICE_IDENTIFICATION, self.read_code))
+
+
+def _encode_object(object_id: int, text: str) -> bytes:
+    value = text.encode("latin-1")
+    return bytes((object_id, len(value))) + value
+
+
+def _walk(pdu: bytes, number: int) -> tuple[dict[int, str], int]:
+    """Return the objects and where they end.
+
+    A length that runs past the frame's end is taken for wrong (ssw06-es 5.4.7 prints 20 for a text of 12):
+    the object is the printable characters that are there, and the next one begins after them.
+    """
+    objects: dict[int, str] = {}
+    at = _HEAD_SIZE
+    for _ in range(number):
+        if at + 2 > len(pdu):
+            return objects, len(pdu)
+        object_id, size = pdu[at : at + 2]
+        at += 2
+        if at + size > len(pdu):
+            size = _printable_size(pdu, at)
+        objects[object_id] = pdu[at : at + size].decode("latin-1")
+        at += size
+    return objects, at
+
+
+def _printable_size(pdu: bytes, start: int) -> int:
+    """Return how many printable characters stand from `start` on."""
+    end = start
+    while end < len(pdu) and pdu[end] in _PRINTABLE:
+        end += 1
+    return end - start

@@ -1,0 +1,229 @@
+"""Keeps the gateway connected to its broker, however often either goes away."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Protocol
+
+from gateway.errors import BrokerError
+from gateway.mqtt.intake import Incoming
+from gateway.mqtt.outbox import Outgoing
+from gateway.mqtt.payload import Message
+from gateway.mqtt.reasons import UNSUPPORTED_VERSION
+from gateway.mqtt.retry import Backoff, Version, VersionChoice
+from gateway.mqtt.session import Session
+from gateway.mqtt.settings import BrokerSettings
+
+log = logging.getLogger(__name__)
+
+STEADY_S = 5.0  # a connection that held this long makes the next pause short again
+FAREWELL_TICKET = 0  # the outbox counts from 1
+
+
+class Source(Protocol):
+    """Where the messages to publish come from; see `Outbox`."""
+
+    def connected(self, window: int) -> None:
+        """Begin a connection."""
+        ...
+
+    def disconnected(self) -> None:
+        """End a connection."""
+        ...
+
+    def take(self) -> Outgoing | None:
+        """Return the next message to publish now."""
+        ...
+
+    def acked(self, ticket: int, reason_code: int) -> None:
+        """Note the broker's answer."""
+        ...
+
+    @property
+    def is_idle(self) -> bool:
+        """Return whether everything has been acknowledged."""
+        ...
+
+
+class BrokerConnection:
+    """The way to one broker. All calls belong on the loop that runs `run`; no callback may block.
+
+    `will` makes the message that the broker publishes when this gateway vanishes. `on_link` hears of every
+    change: connected or not, and what is wrong (also while connected, when commands cannot arrive).
+    """
+
+    def __init__(
+        self,
+        settings: BrokerSettings,
+        source: Source,
+        *,
+        command_filter: str,
+        will: Callable[[], Message],
+        on_incoming: Callable[[Incoming], None],
+        on_link: Callable[[bool, str], None],
+    ) -> None:
+        self._settings = settings
+        self._source = source
+        self._command_filter = command_filter
+        self._will = will
+        self._on_incoming = on_incoming
+        self._on_link = on_link
+        self._choice = VersionChoice(settings.version)
+        self._backoff = Backoff(
+            first_s=settings.first_retry_s, last_s=settings.last_retry_s, seed=settings.seed
+        )
+        self._session: Session | None = None
+        self._sending: asyncio.Handle | None = None
+        self._link: tuple[bool, str] | None = None
+        self._closing = asyncio.Event()
+        self._acknowledged = asyncio.Event()
+        self._is_source_shut = False
+        self._farewell_code: int | None = None
+
+    @property
+    def is_connected(self) -> bool:
+        """Return whether messages go out now."""
+        return self._session is not None
+
+    @property
+    def version(self) -> Version:
+        """Return the version of MQTT in use, or to be tried next."""
+        return self._choice.version
+
+    async def run(self) -> None:
+        """Stay connected until closed or cancelled; never raises for what a network or a broker does."""
+        try:
+            while not self._closing.is_set():
+                if not await self._serve_once():
+                    await self._pause(self._backoff.next_s())
+        finally:
+            if self._sending is not None:
+                self._sending.cancel()
+
+    def wake(self) -> None:
+        """Send what the source has, soon; costs nothing when called often."""
+        if self._session is not None and self._sending is None:
+            self._sending = asyncio.get_running_loop().call_soon(self._send)
+
+    async def close(self, farewell: Message, *, within_s: float = 2.0) -> None:
+        """Send what still waits, then `farewell`, then disconnect; at the latest after `within_s`.
+
+        An unacknowledged farewell drops the connection, which publishes the will. Cancel `run` afterwards.
+        """
+        self._closing.set()
+        session = self._session
+        if session is None:
+            return
+        await self._wait_until(lambda: self._source.is_idle or session.lost.done(), within_s / 2)
+        self._is_source_shut = True
+        await self._wait_until(lambda: session.has_room or session.lost.done(), within_s / 4)
+        if session.has_room:
+            session.publish(FAREWELL_TICKET, farewell)
+            await self._wait_until(
+                lambda: self._farewell_code is not None or session.lost.done(), within_s / 4
+            )
+        if self._farewell_code is not None:
+            await session.disconnect()
+        session.abort()
+
+    async def _serve_once(self) -> bool:
+        """Connect and serve until the loss; return whether to connect again at once."""
+        answer_s = self._settings.guess_s if self._choice.is_guess else self._settings.answer_s
+        session = Session(
+            replace(self._settings, answer_s=answer_s),
+            self._choice.version,
+            will=self._will(),
+            on_incoming=self._on_incoming,
+            on_ack=self._acked,
+        )
+        try:
+            await session.open(self._command_filter)
+            self._choice.worked()
+            await self._serve(session)
+        except BrokerError as error:
+            if self._is_other_version_worth_trying(session):
+                log.debug("broker=%s %s; trying MQTT %s", self._settings.address, error, self._choice.version)
+                return True
+            self._tell(str(error), is_connected=False)
+        finally:
+            session.abort()
+        return False
+
+    async def _serve(self, session: Session) -> None:
+        loop = asyncio.get_running_loop()
+        since_s = loop.time()
+        self._session = session
+        self._source.connected(session.window)
+        try:
+            self._tell("" if session.is_subscribed else self._deaf(), is_connected=True)
+            self.wake()
+            reason = await session.lost
+        finally:
+            self._session = None
+            self._source.disconnected()
+            self._acknowledged.set()
+        if loop.time() - since_s >= STEADY_S:
+            self._backoff.reset()
+        self._tell(f"broker {self._settings.address}: {reason}", is_connected=False)
+
+    def _send(self) -> None:
+        self._sending = None
+        while self._session is not None and not self._is_source_shut and not self._session.lost.done():
+            outgoing = self._source.take()
+            if outgoing is None:
+                return
+            refusal = self._session.publish(outgoing.ticket, outgoing.message)
+            if refusal is not None:
+                self._acked(outgoing.ticket, refusal)
+
+    def _acked(self, ticket: int, reason_code: int) -> None:
+        if ticket == FAREWELL_TICKET:
+            self._farewell_code = reason_code
+        else:
+            self._source.acked(ticket, reason_code)
+        self._acknowledged.set()
+        self.wake()
+
+    def _is_other_version_worth_trying(self, session: Session) -> bool:
+        if session.connack_code == UNSUPPORTED_VERSION:
+            return self._choice.unsupported()
+        if session.is_reached and session.connack_code is None:
+            return self._choice.unanswered()
+        return False
+
+    def _tell(self, trouble: str, *, is_connected: bool) -> None:
+        if (is_connected, trouble) == self._link or self._closing.is_set():
+            return
+        self._link = (is_connected, trouble)
+        if trouble:
+            log.warning("%s", trouble)
+        else:
+            log.info("broker=%s connected, MQTT %s", self._settings.address, self._choice.version)
+        self._on_link(is_connected, trouble)
+
+    def _deaf(self) -> str:
+        error = BrokerError(
+            f"broker {self._settings.address} refuses commands: no subscription to {self._command_filter}",
+            "let this user read it, in the broker's access list",
+        )
+        return str(error)
+
+    async def _pause(self, pause_s: float) -> None:
+        try:
+            async with asyncio.timeout(pause_s):
+                await self._closing.wait()
+        except TimeoutError:
+            return
+
+    async def _wait_until(self, is_true: Callable[[], bool], within_s: float) -> None:
+        """Wait for something that an acknowledgement or a loss may make true, but not for ever."""
+        try:
+            async with asyncio.timeout(within_s):
+                while not is_true():
+                    self._acknowledged.clear()
+                    await self._acknowledged.wait()
+        except TimeoutError:
+            return

@@ -1,0 +1,264 @@
+"""Judges what comes in on a command topic by its form, its retained flag and its age; starters come later."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from gateway.errors import CommandError
+from gateway.mqtt.json_in import read_object
+from gateway.mqtt.topics import CommandAddress, Topics
+from gateway.starters.records import AuditRecord, Phase, ResultRecord
+from gateway.starters.request import CommandRequest
+
+MAX_PAYLOAD_BYTES = 4096
+DEFAULT_TTL_S = 5.0
+MAX_TTL_S = 60.0
+MAX_AHEAD_S = 2.0  # how far a sender's clock may run before ours
+
+_INSTANT = re.compile(  # RFC 3339 5.6
+    r"\d{4}-\d\d-\d\d[Tt ]\d\d:\d\d:\d\d(\.\d{1,9})?([Zz]|[+-]\d\d:\d\d)", re.ASCII
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Incoming:
+    """A message as the broker delivered it; the last three only with MQTT 5."""
+
+    topic: str
+    payload: bytes
+    is_retained: bool = False
+    is_duplicate: bool = False
+    expiry_s: int | None = None
+    response_topic: str | None = None
+    correlation: bytes | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Rejection:
+    """A command that is not acted on: `code` names the rule, the rest whom to tell."""
+
+    starter: str
+    client: str
+    verb: str
+    id: str | None
+    code: str
+    text: str
+    operator: str | None = None
+    args: Mapping[str, Any] = field(default_factory=dict)
+    correlation: bytes | None = None
+
+    def to_result(self, time_s: float) -> ResultRecord:
+        """Return the one and final result of this command."""
+        return ResultRecord(
+            starter=self.starter,
+            client=self.client,
+            id=self.id,
+            verb=self.verb,
+            phase=Phase.REJECTED,
+            code=self.code,
+            text=self.text,
+            time_s=time_s,
+            correlation=self.correlation,
+        )
+
+    def to_audit(self, time_s: float, seq: int) -> AuditRecord:
+        """Return the decision for the audit trail."""
+        return AuditRecord(
+            starter=self.starter,
+            client=self.client,
+            operator=self.operator,
+            verb=self.verb,
+            args=self.args,
+            decision=Phase.REJECTED,
+            code=self.code,
+            time_s=time_s,
+            seq=seq,
+        )
+
+
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("only printable characters")
+    return text
+
+
+def _instant(text: str) -> str:
+    _utc_s(text)
+    return text
+
+
+_Id = Annotated[str, Field(min_length=1, max_length=64), AfterValidator(_printable)]
+_Instant = Annotated[str, Field(max_length=40), AfterValidator(_instant)]
+_Reason = Annotated[str, Field(max_length=256), AfterValidator(_printable)]
+
+
+class _Body(BaseModel):
+    """The payload of a command; nothing unknown, nothing converted."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, hide_input_in_errors=True)
+
+    id: _Id | None = None
+    issued_at: _Instant | None = None
+    ttl_s: float = Field(default=DEFAULT_TTL_S, gt=0, le=MAX_TTL_S)
+    boot: _Id | None = None
+    operator: _Id | None = None
+    reason: _Reason | None = None
+    args: dict[str, Any] = Field(default_factory=dict)
+
+
+_ID = TypeAdapter(_Id, config=ConfigDict(strict=True))
+_REASON = TypeAdapter(_Reason, config=ConfigDict(strict=True))
+
+
+class Intake:
+    """Judges incoming messages for one base and one run of the gateway."""
+
+    def __init__(self, topics: Topics, boot: str) -> None:
+        self._topics = topics
+        self._boot = boot
+
+    def judge(
+        self,
+        incoming: Incoming,
+        *,
+        utc_s: float,
+        received_s: float,
+        clock_is_synchronised: bool,
+    ) -> CommandRequest | Rejection | None:
+        """Return a well-formed, fresh command, or why it is refused; None when it is no command at all.
+
+        `utc_s` is now by the wall clock, `received_s` the time of arrival on the steady clock.
+        """
+        address = self._topics.parse_command(incoming.topic)
+        if address is None:
+            return None
+        lenient = _read_leniently(incoming.payload)
+        try:
+            body = self._accepted(address, incoming, lenient, now_s=utc_s if clock_is_synchronised else None)
+        except CommandError as error:
+            return Rejection(
+                starter=address.starter,
+                client=address.client,
+                verb=address.verb,
+                id=lenient.id,
+                code=error.code,
+                text=error.text,
+                operator=lenient.operator,
+                args=lenient.args,
+                correlation=incoming.correlation,
+            )
+        return self._request(address, incoming, body=body, received_s=received_s)
+
+    def _accepted(
+        self, address: CommandAddress, incoming: Incoming, lenient: _Body, *, now_s: float | None
+    ) -> _Body:
+        """Return the body of a command to act on; CommandError for all others."""
+        if incoming.is_retained:
+            raise CommandError("retained", "a retained command is never acted on; send it without retain")
+        if address.verb == "stop":
+            return lenient
+        body = _read_strictly(incoming.payload)
+        if incoming.expiry_s == 0:
+            raise CommandError("expired", "the message's own expiry has passed")
+        self._require_fresh(body, now_s)
+        return body
+
+    def _request(
+        self, address: CommandAddress, incoming: Incoming, *, body: _Body, received_s: float
+    ) -> CommandRequest:
+        # Results go to one topic only, so that the broker's ACL decides who reads them.
+        is_ours = incoming.response_topic == self._topics.result(address.starter, address.client)
+        return CommandRequest(
+            starter=address.starter,
+            client=address.client,
+            verb=address.verb,
+            id=body.id,
+            args=body.args if address.verb != "stop" else {},  # nothing in a payload may hold up a stop
+            operator=body.operator,
+            reason=body.reason,
+            received_s=received_s,
+            correlation=incoming.correlation,
+            response_topic=incoming.response_topic if is_ours else None,
+        )
+
+    def _require_fresh(self, body: _Body, now_s: float | None) -> None:
+        """Raise CommandError unless the command is provably fresh; `now_s` is None without a good clock."""
+        if body.boot == self._boot:
+            return
+        if body.issued_at is not None and now_s is not None:
+            age_s = now_s - _utc_s(body.issued_at)
+            if age_s > body.ttl_s:
+                raise CommandError("expired", f"issued {age_s:.1f} s ago, valid for {body.ttl_s:g} s")
+            if age_s < -MAX_AHEAD_S:
+                raise CommandError("not_fresh", f"issued_at is {-age_s:.1f} s in the future; set the clock")
+            return
+        if body.boot is not None:
+            raise CommandError("wrong_boot", "boot is not the one in gateway/status")
+        if body.issued_at is not None:
+            raise CommandError("not_fresh", "this gateway's clock is not synchronised; send boot instead")
+        raise CommandError("not_fresh", "neither issued_at nor boot is given")
+
+
+def _read_strictly(payload: bytes) -> _Body:
+    """Return the payload of a command that must be right in every detail."""
+    if len(payload) > MAX_PAYLOAD_BYTES:
+        raise CommandError("too_big", f"{len(payload)} bytes of payload, at most {MAX_PAYLOAD_BYTES}")
+    try:
+        fields = read_object(payload)
+    except ValueError as error:
+        raise CommandError("bad_json", _short(str(error))) from error
+    try:
+        body = _Body.model_validate(fields)
+    except ValidationError as error:
+        raise CommandError("bad_payload", _short(_explained(error))) from error
+    if body.id is None:
+        raise CommandError("no_id", "every command but stop needs an id")
+    return body
+
+
+def _read_leniently(payload: bytes) -> _Body:
+    """Return what can be understood of a payload: enough for a stop, and to name a refused command."""
+    if len(payload) > MAX_PAYLOAD_BYTES:
+        return _Body()
+    try:
+        fields = read_object(payload)
+    except ValueError:
+        return _Body()
+    args = fields.get("args")
+    return _Body(
+        id=_valid(_ID, fields.get("id")),
+        operator=_valid(_ID, fields.get("operator")),
+        reason=_valid(_REASON, fields.get("reason")),
+        args=args if isinstance(args, dict) else {},
+    )
+
+
+def _valid(adapter: TypeAdapter[str], value: object) -> str | None:
+    try:
+        return adapter.validate_python(value)
+    except ValidationError:
+        return None
+
+
+def _explained(error: ValidationError) -> str:
+    return "; ".join(
+        f"{'.'.join(str(part) for part in mistake['loc'])}: {mistake['msg']}"
+        for mistake in error.errors(include_url=False, include_context=False, include_input=False)
+    )
+
+
+def _short(text: str) -> str:
+    printable = "".join(sign if sign.isprintable() else "?" for sign in text)
+    return printable if len(printable) <= 200 else f"{printable[:199]}…"
+
+
+def _utc_s(text: str) -> float:
+    if _INSTANT.fullmatch(text) is None:
+        raise ValueError("not an RFC 3339 time with an offset, such as 2026-11-21T01:02:03Z")
+    return datetime.fromisoformat(text.upper()).timestamp()

@@ -1,0 +1,280 @@
+"""Records of the starters' floor as messages: topic, payload, quality of service, retained or kept."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple, assert_never
+
+from gateway.mqtt.json_out import join_json, rfc3339, to_json, to_payload
+from gateway.mqtt.topics import Topics, to_level
+from gateway.starters.records import (
+    AlarmRecord,
+    AuditRecord,
+    AvailabilityRecord,
+    EventRecord,
+    InfoRecord,
+    LineRecord,
+    Record,
+    ResultRecord,
+    StateRecord,
+    ValueRecord,
+)
+
+CONTRACT_VERSION = 1
+MAX_HISTORY_ITEMS = 200
+
+
+class HistoryItem(NamedTuple):
+    """A value that may have to be told later: the history topic and the item's JSON."""
+
+    topic: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One publication: kept, in order, until acknowledged, or else only the newest of its topic counts."""
+
+    topic: str
+    payload: bytes
+    qos: int
+    retain: bool
+    is_kept: bool = False
+    is_droppable: bool = False  # goes first when the outbox is full
+    correlation: bytes | None = None  # MQTT 5 only
+    history: HistoryItem | None = None  # told later when a newer one takes its place before it was sent
+
+    @property
+    def packet_size(self) -> int:
+        """Return the size of the PUBLISH packet, at most [MQTT5 3.3]."""
+        return 20 + len(self.topic) + len(self.payload) + len(self.correlation or b"")
+
+
+@dataclass(frozen=True, slots=True)
+class Operator:
+    """What one client may do, as configured."""
+
+    client: str
+    may: tuple[str, ...]
+    starters: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class GatewayInfo:
+    """What `gateway/info` tells."""
+
+    version: str
+    starters: tuple[str, ...]
+    lines: tuple[str, ...]
+    operators: tuple[Operator, ...]
+
+
+class Payloads:
+    """Turns records into messages below one base; `boot` names this run of the gateway."""
+
+    def __init__(self, topics: Topics, boot: str) -> None:
+        self.topics = topics
+        self.boot = boot
+
+    def message(self, record: Record) -> Message:
+        """Return the message of a record; ValueError when a name in it is no topic level."""
+        match record:
+            case ValueRecord():
+                return self._value(record)
+            case StateRecord():
+                return self._state(record)
+            case AvailabilityRecord():
+                return self._availability(record)
+            case AlarmRecord():
+                return self._alarm(record)
+            case InfoRecord():
+                return self._info(record)
+            case EventRecord():
+                return self._event(record)
+            case ResultRecord():
+                return self._result(record)
+            case AuditRecord():
+                return self._audit(record)
+            case LineRecord():
+                return _latest(self.topics.line(record.line), record.figures, qos=0)
+            case _:
+                assert_never(record)
+
+    def status(
+        self, state: str, *, time_s: float | None, since_s: float | None, reason: str | None
+    ) -> Message:
+        """Return the gateway's status; as the will, the times are unknown and so null."""
+        fields = {
+            "state": state,
+            "time": rfc3339(time_s),
+            "boot": self.boot,
+            "since": rfc3339(since_s),
+            "reason": reason,
+        }
+        return _latest(self.topics.gateway_status, fields)
+
+    def gateway_info(self, info: GatewayInfo) -> Message:
+        """Return what this gateway is."""
+        fields = {
+            "product": "starter-gateway",
+            "version": info.version,
+            "contract": CONTRACT_VERSION,
+            "boot": self.boot,
+            "starters": info.starters,
+            "lines": info.lines,
+            "operators": [
+                {"client": operator.client, "may": operator.may, "starters": operator.starters}
+                for operator in info.operators
+            ],
+            "notice": "not a safety function",
+        }
+        return _latest(self.topics.gateway_info, fields)
+
+    def outbox(self, figures: Mapping[str, Any]) -> Message:
+        """Return how the outbox does."""
+        return _latest(self.topics.gateway_outbox, figures, qos=0)
+
+    def history(self, topic: str, items: Sequence[str]) -> Message:
+        """Return one batch of values told late; at most MAX_HISTORY_ITEMS items, each JSON already."""
+        text = f'{{"boot":{to_json(self.boot)},"items":{join_json(items)}}}'
+        return Message(
+            topic, text.encode("utf-8", "replace"), qos=1, retain=False, is_kept=True, is_droppable=True
+        )
+
+    def _value(self, record: ValueRecord) -> Message:
+        point = to_level(record.point)
+        time = rfc3339(record.time_s)
+        fields = {
+            "value": record.value,
+            "unit": record.unit,
+            "quality": record.quality,
+            "time": time,
+            "seq": record.seq,
+        }
+        if record.label is not None:
+            fields["label"] = record.label
+        item = {
+            "point": point,
+            "value": record.value,
+            "quality": record.quality,
+            "time": time,
+            "seq": record.seq,
+        }
+        history = HistoryItem(self.topics.history(record.starter), to_json(item))
+        return _latest(self.topics.value(record.starter, point), fields, history=history)
+
+    def _state(self, record: StateRecord) -> Message:
+        fields = {
+            "state": record.state,
+            "quality": record.quality,
+            "time": rfc3339(record.time_s),
+            "seq": record.seq,
+        }
+        return _latest(self.topics.state(record.starter), _extended(fields, record.flags))
+
+    def _availability(self, record: AvailabilityRecord) -> Message:
+        fields = {"state": record.state, "since": rfc3339(record.since_s), "reason": record.reason}
+        return _latest(self.topics.availability(record.starter), fields)
+
+    def _alarm(self, record: AlarmRecord) -> Message:
+        fields = {
+            "active": record.is_active,
+            "severity": record.severity,
+            "text": record.text,
+            "time": rfc3339(record.time_s),
+            "cleared": rfc3339(record.cleared_s),
+            "count": record.count,
+            "seq": record.seq,
+        }
+        return _latest(self.topics.alarm(record.starter, to_level(record.code)), fields)
+
+    def _info(self, record: InfoRecord) -> Message:
+        fields = {
+            "family": record.family,
+            "model": record.model,
+            "firmware": record.firmware,
+            "serial": record.serial,
+            "line": record.line,
+            "address": record.address,
+            "points": {to_level(name): point for name, point in record.points.items()},
+            "commands": record.commands,
+        }
+        return _latest(self.topics.info(record.starter), fields)
+
+    def _event(self, record: EventRecord) -> Message:
+        fields = {
+            "seq": record.seq,
+            "time": rfc3339(record.time_s),
+            "boot": self.boot,
+            "code": record.code,
+            "severity": record.severity,
+            "text": record.text,
+            "data": record.data,
+        }
+        return _kept(self.topics.event(record.starter), fields, is_droppable=True)
+
+    def _result(self, record: ResultRecord) -> Message:
+        fields = {
+            "id": record.id,
+            "verb": record.verb,
+            "phase": record.phase,
+            "code": record.code,
+            "text": record.text,
+            "time": rfc3339(record.time_s),
+            "duplicate": record.is_duplicate,
+        }
+        # An accepted response topic is this very topic, so `response_topic` need not be looked at again.
+        topic = self.topics.result(record.starter, record.client)
+        return _kept(topic, _extended(fields, record.values), correlation=record.correlation)
+
+    def _audit(self, record: AuditRecord) -> Message:
+        fields = {
+            "seq": record.seq,
+            "time": rfc3339(record.time_s),
+            "boot": self.boot,
+            "starter": record.starter,
+            "client": record.client,
+            "operator": record.operator,
+            "verb": record.verb,
+            "args": record.args,
+            "decision": record.decision,
+            "code": record.code,
+            "before": record.before,
+            "after": record.after,
+        }
+        return _kept(self.topics.audit, fields, is_droppable=True)
+
+
+def cleared(topic: str) -> Message:
+    """Return the message that makes the broker forget a retained topic."""
+    return Message(topic, b"", qos=1, retain=True)
+
+
+def _latest(
+    topic: str, fields: Mapping[str, Any], *, qos: int = 1, history: HistoryItem | None = None
+) -> Message:
+    return Message(topic, to_payload(fields), qos=qos, retain=True, history=history)
+
+
+def _kept(
+    topic: str,
+    fields: Mapping[str, Any],
+    *,
+    is_droppable: bool = False,
+    correlation: bytes | None = None,
+) -> Message:
+    return Message(
+        topic,
+        to_payload(fields),
+        qos=1,
+        retain=False,
+        is_kept=True,
+        is_droppable=is_droppable,
+        correlation=correlation,
+    )
+
+
+def _extended(fields: dict[str, Any], more: Mapping[str, Any]) -> dict[str, Any]:
+    """Return `fields` with what `more` adds; the contract's own keys cannot be overwritten."""
+    return {**fields, **{key: value for key, value in more.items() if key not in fields}}

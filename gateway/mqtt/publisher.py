@@ -1,0 +1,113 @@
+"""The sink of all records: turns each into a message, puts it into the outbox and wakes the sender."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+
+from gateway.clock import Clock
+from gateway.mqtt.outbox import Outbox
+from gateway.mqtt.payload import GatewayInfo, Message, Payloads
+from gateway.starters.records import Record
+
+log = logging.getLogger(__name__)
+
+EVERY_S = 30.0  # gateway/outbox
+LOOK_EVERY_S = 1.0  # whether something was dropped or refused
+
+
+class Publisher:
+    """Implements `gateway.starters.records.Sink`, and speaks for the gateway itself."""
+
+    def __init__(self, payloads: Payloads, outbox: Outbox, clock: Clock) -> None:
+        self._payloads = payloads
+        self._outbox = outbox
+        self._clock = clock
+        self._wake: Callable[[], None] = _nobody
+        self._state = "starting"
+        self._reason: str | None = None
+        self._since_s = clock.utc_s()
+        self._put_status()
+
+    def wake_with(self, wake: Callable[[], None]) -> None:
+        """Name whom to wake when there is something to send."""
+        self._wake = wake
+
+    def put(self, record: Record) -> None:
+        """Take one record, in order; returns at once and never raises."""
+        try:
+            message = self._payloads.message(record)
+        except ValueError:
+            log.exception("record=%s cannot be published", type(record).__name__)
+            return
+        self._put(message)
+
+    def forget(self, starter: str) -> None:
+        """Clear every retained topic of a starter that is configured no more."""
+        self._outbox.forget(self._payloads.topics.starter(starter), self._clock.now_s())
+        self._wake()
+
+    def set_status(self, state: str, reason: str | None = None) -> None:
+        """Publish the gateway's state (starting, online, degraded) when it has changed."""
+        if (state, reason) == (self._state, self._reason):
+            return
+        if state != self._state:
+            self._since_s = self._clock.utc_s()
+        self._state = state
+        self._reason = reason
+        self._put_status()
+
+    def set_info(self, info: GatewayInfo) -> None:
+        """Publish what this gateway is."""
+        self._put(self._payloads.gateway_info(info))
+
+    def will(self) -> Message:
+        """Return what the broker is to say when this gateway vanishes; nobody knows yet when that will be."""
+        return self._payloads.status("offline", time_s=None, since_s=None, reason="connection lost")
+
+    def farewell(self, reason: str) -> Message:
+        """Return the last status of an orderly end."""
+        now_s = self._clock.utc_s()
+        return self._payloads.status("offline", time_s=now_s, since_s=now_s, reason=reason)
+
+    async def run(self) -> None:
+        """Publish how the outbox does: every 30 s, and soon after something was dropped or refused."""
+        told = (0, 0)
+        due_s = self._clock.now_s()
+        while True:
+            losses = self._losses()
+            if losses != told or self._clock.now_s() >= due_s:
+                self._put(self._payloads.outbox(self._outbox.figures(self._clock.now_s())))
+                self._log_losses(told, losses)
+                told = losses
+                due_s = self._clock.now_s() + EVERY_S
+            await asyncio.sleep(LOOK_EVERY_S)
+
+    def _losses(self) -> tuple[int, int]:
+        return self._outbox.dropped, self._outbox.refused
+
+    def _log_losses(self, before: tuple[int, int], after: tuple[int, int]) -> None:
+        """Log the first of each kind; the counts are in `gateway/outbox`."""
+        if after[0] and not before[0]:
+            log.warning("outbox full: the oldest history, events and audit records are dropped")
+        if after[1] and not before[1]:
+            refusal = self._outbox.refusals[-1]
+            log.error(
+                "topic=%s refused by the broker, reason code 0x%02X; check its access list",
+                refusal.topic,
+                refusal.reason_code,
+            )
+
+    def _put_status(self) -> None:
+        now_s = self._clock.utc_s()
+        status = self._payloads.status(self._state, time_s=now_s, since_s=self._since_s, reason=self._reason)
+        self._put(status)
+
+    def _put(self, message: Message) -> None:
+        self._outbox.put(message, self._clock.now_s())
+        self._wake()
+
+
+def _nobody() -> None:
+    """Before there is a connection, nobody needs waking."""

@@ -1,0 +1,41 @@
+"""Why there is no connection, in words and with the mend."""
+
+from __future__ import annotations
+
+import socket
+import ssl
+
+from gateway.errors import BrokerError
+
+UNSUPPORTED_VERSION = 0x84  # CONNACK [MQTT5 3.2.2.2]; paho says the same for code 1 of [MQTT3 3.2.2.3]
+PACKET_TOO_LARGE = 0x95  # [MQTT5 3.4.2.1]
+
+_MENDS = {  # CONNACK reason codes [MQTT5 3.2.2.2]; paho translates the codes of [MQTT3 3.2.2.3] into these
+    UNSUPPORTED_VERSION: "set the version of MQTT that the broker speaks",
+    0x85: "choose another client id",
+    0x86: "check username and password",
+    0x87: "let this user connect, in the broker's access list",
+    0x8A: "the broker has banned this client",
+}
+
+
+def refused(address: str, reason_code: int, name: str) -> BrokerError:
+    """Return the error for a CONNACK that refuses the connection."""
+    return BrokerError(f"broker {address} refuses the connection: {name}", _MENDS.get(reason_code, ""))
+
+
+def unreachable(address: str, error: OSError | ValueError) -> BrokerError:
+    """Return the error for a TCP or TLS connection that could not be made."""
+    match error:
+        case ssl.SSLCertVerificationError():
+            return BrokerError(f"broker {address}: its certificate: {error.verify_message}", "check ca_file")
+        case ssl.SSLError():
+            return BrokerError(f"broker {address}: TLS: {error.reason}", "is this its TLS port?")
+        case socket.gaierror():
+            return BrokerError(f"broker {address}: its name is not known", "check url and the name server")
+        case TimeoutError():
+            return BrokerError(f"broker {address} does not answer", "check url, network and firewall")
+        case ConnectionRefusedError():
+            return BrokerError(f"broker {address}: nothing listens there", "is the broker running?")
+        case _:
+            return BrokerError(f"broker {address}: {error}")

@@ -1,0 +1,160 @@
+"""Sends one command as an operator does, and follows it to its end; no part of the running gateway."""
+
+from __future__ import annotations
+
+import asyncio
+import uuid
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from gateway.errors import BrokerError
+from gateway.mqtt.intake import Incoming
+from gateway.mqtt.json_in import read_object
+from gateway.mqtt.json_out import rfc3339, to_payload
+from gateway.mqtt.payload import Message
+from gateway.mqtt.reasons import UNSUPPORTED_VERSION
+from gateway.mqtt.retry import VersionChoice
+from gateway.mqtt.session import Session
+from gateway.mqtt.settings import BrokerSettings
+from gateway.mqtt.topics import Topics
+from gateway.starters.records import Phase
+
+STATUS_WITHIN_S = 5.0  # the retained status comes with the subscription
+_REFUSED = 0x80  # reason codes from here on [MQTT5 2.4]
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """What is asked of whom, and by whom."""
+
+    starter: str
+    client: str  # the level in the topics
+    verb: str
+    args: Mapping[str, Any] = field(default_factory=dict)
+    operator: str | None = None  # a claim
+
+
+class Sender:
+    """One command, once."""
+
+    def __init__(self, settings: BrokerSettings, topics: Topics) -> None:
+        self._settings = settings
+        self._topics = topics
+        self._news: asyncio.Queue[Incoming | int | None] = asyncio.Queue()  # int: reason code; None: lost
+
+    async def send(
+        self, order: Order, *, now_s: float, within_s: float, on_phase: Callable[[Mapping[str, Any]], None]
+    ) -> Mapping[str, Any] | None:
+        """Return the final result, None when none came in time; every phase goes to `on_phase` before.
+
+        `now_s` is the wall time. BrokerError when the broker or the gateway is away, or writing is forbidden.
+        """
+        session = await self._connected()
+        try:
+            boot = await self._boot(session)
+            if not await session.subscribe(self._topics.result(order.starter, order.client)):
+                raise self._forbidden(f"read the results of {order.client}")
+            message = self._message(order, boot=boot, now_s=now_s)
+            session.publish(1, message)
+            try:
+                async with asyncio.timeout(within_s):
+                    return await self._final(order, message, on_phase)
+            except TimeoutError:
+                return None
+        finally:
+            await session.disconnect()
+
+    async def _connected(self) -> Session:
+        choice = VersionChoice(self._settings.version)
+        while True:
+            session = Session(
+                self._settings,
+                choice.version,
+                will=None,
+                on_incoming=self._news.put_nowait,
+                on_ack=lambda _, code: self._news.put_nowait(code),
+            )
+            try:
+                await session.connect()
+            except BrokerError:
+                session.abort()
+                if not _is_other_version_worth_trying(choice, session):
+                    raise
+            else:
+                session.lost.add_done_callback(lambda _: self._news.put_nowait(None))
+                return session
+
+    async def _boot(self, session: Session) -> str:
+        """Return the token of the gateway's present run, which proves a command fresh."""
+        topic = self._topics.gateway_status
+        if not await session.subscribe(topic, with_retained=True):
+            raise self._forbidden(f"read {topic}")
+        try:
+            async with asyncio.timeout(STATUS_WITHIN_S):
+                while True:
+                    status = await self._next(topic)
+                    if status is not None:
+                        break
+        except TimeoutError:
+            raise BrokerError(f"no gateway has told its state in {topic}", "is it running?") from None
+        if status.get("state") == "offline":
+            raise BrokerError(
+                f"the gateway is offline: {status.get('reason') or 'no reason told'}", "start it"
+            )
+        return str(status.get("boot"))
+
+    async def _final(
+        self, order: Order, message: Message, on_phase: Callable[[Mapping[str, Any]], None]
+    ) -> Mapping[str, Any]:
+        topic = self._topics.result(order.starter, order.client)
+        wanted = read_object(message.payload)["id"]
+        while True:
+            result = await self._next(topic, order)
+            if result is None or result.get("id") != wanted:
+                continue
+            if result.get("phase") in Phase and Phase(result["phase"]).is_final:
+                return result
+            on_phase(result)
+
+    async def _next(self, topic: str, order: Order | None = None) -> dict[str, Any] | None:
+        """Return the next message when it is of this topic and readable, else None."""
+        news = await self._news.get()
+        match news:
+            case None:
+                raise BrokerError(
+                    f"the connection to {self._settings.address} was lost", "look at the starter"
+                )
+            case int() if news >= _REFUSED and order is not None:
+                raise self._forbidden(
+                    f"write {self._topics.command(order.starter, order.client, order.verb)}"
+                )
+            case Incoming() if news.topic == topic:
+                try:
+                    return read_object(news.payload)
+                except ValueError:
+                    return None
+            case _:
+                return None
+
+    def _message(self, order: Order, *, boot: str, now_s: float) -> Message:
+        body = {
+            "id": uuid.uuid4().hex,
+            "issued_at": rfc3339(now_s),
+            "boot": boot,
+            "args": order.args,
+            **({"operator": order.operator} if order.operator else {}),
+        }
+        topic = self._topics.command(order.starter, order.client, order.verb)
+        return Message(topic, to_payload(body), qos=1, retain=False)
+
+    def _forbidden(self, what: str) -> BrokerError:
+        who = f"user {self._settings.username}" if self._settings.username else "a client without login"
+        mend = "log in as the operator with --username, or look at its access list"
+        return BrokerError(f"broker {self._settings.address} does not let {who} {what}", mend)
+
+
+def _is_other_version_worth_trying(choice: VersionChoice, session: Session) -> bool:
+    if session.connack_code == UNSUPPORTED_VERSION:
+        return choice.unsupported()
+    return session.is_reached and session.connack_code is None and choice.unanswered()

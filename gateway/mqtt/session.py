@@ -1,0 +1,314 @@
+"""One connection to the broker, from CONNECT to its loss; the only module that knows paho.
+
+A paho client that connects a second time replays its queue without regard to any window, so every session has
+a client of its own. paho's sockets are served by the running asyncio loop; only `connect`, which blocks, runs
+in a thread, and the loop touches the client only when that thread is done.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import ssl
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+from paho.mqtt import client as paho
+from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
+from paho.mqtt.packettypes import PacketTypes
+from paho.mqtt.properties import Properties
+from paho.mqtt.reasoncodes import ReasonCode
+from paho.mqtt.subscribeoptions import SubscribeOptions
+
+from gateway.errors import BrokerError
+from gateway.mqtt.intake import Incoming
+from gateway.mqtt.payload import Message
+from gateway.mqtt.reasons import PACKET_TOO_LARGE, refused, unreachable
+from gateway.mqtt.retry import Version
+from gateway.mqtt.settings import BrokerSettings
+
+MAX_INCOMING_BYTES = 65_536  # asked of the broker; commands are 4 KB at most
+READS_AT_ONCE = 100  # packets handled before other tasks of the loop have their turn
+
+
+class Session:
+    """One connection; `lost` is done, with the reason, as soon as it is over. Without `will` none is left."""
+
+    def __init__(
+        self,
+        settings: BrokerSettings,
+        version: Version,
+        *,
+        will: Message | None,
+        on_incoming: Callable[[Incoming], None],
+        on_ack: Callable[[int, int], None],
+    ) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._settings = settings
+        self._version = version
+        self._will = will
+        self._on_incoming = on_incoming
+        self._on_ack = on_ack
+        self._connack: asyncio.Future[None] = self._loop.create_future()
+        self._suback: asyncio.Future[int] = self._loop.create_future()
+        self._tickets: dict[int, tuple[int, float]] = {}  # by packet id: ticket, time sent
+        self._sock: Any = None  # paho's socket, while the loop serves it
+        self._misc: asyncio.TimerHandle | None = None
+        self._max_packet: int | None = None
+        self.lost: asyncio.Future[str] = self._loop.create_future()
+        self.connack_code: int | None = None  # None: the broker never answered
+        self.is_reached = False  # the broker's port took the connection
+        self.is_subscribed = False
+        self.window = settings.window
+        self._client = self._make_client()
+
+    async def open(self, command_filter: str) -> None:
+        """Connect and subscribe; BrokerError when the broker is away or refuses the connection."""
+        await self.connect()
+        self.is_subscribed = await self.subscribe(command_filter)
+
+    async def connect(self) -> None:
+        """Connect without subscribing; BrokerError as above."""
+        await self._connect()
+        self._serve()
+        await self._answer(self._connack, "CONNACK")
+
+    async def subscribe(self, topic_filter: str, *, with_retained: bool = False) -> bool:
+        """Subscribe, one filter at a time, and return whether the broker allows it; BrokerError when it is lost.
+
+        Retained messages are asked for only on demand; a broker of MQTT 3.1.1 sends them anyway.
+        """
+        self._suback = self._loop.create_future()
+        if self._version is Version.V5:
+            # Retain As Published: live messages show their retained flag too. Retain Handling 2: no old ones.
+            options = SubscribeOptions(
+                qos=1, retainAsPublished=True, retainHandling=0 if with_retained else 2
+            )
+            self._client.subscribe(topic_filter, options=options)
+        else:
+            self._client.subscribe(topic_filter, qos=1)
+        return bool(await self._answer(self._suback, "SUBACK") < 0x80)
+
+    @property
+    def has_room(self) -> bool:
+        """Return whether the broker takes one more message now."""
+        return len(self._tickets) < self.window
+
+    def publish(self, ticket: int, message: Message) -> int | None:
+        """Send a message; return a reason code when it cannot be sent at all, else `on_ack` tells its end."""
+        if self.lost.done():
+            return None  # the outbox still has it
+        if self._max_packet is not None and message.packet_size > self._max_packet:
+            return PACKET_TOO_LARGE
+        properties = None
+        if self._version is Version.V5 and message.correlation is not None:
+            properties = _properties(PacketTypes.PUBLISH)
+            properties.CorrelationData = message.correlation
+        sent = self._client.publish(
+            message.topic, message.payload, qos=message.qos, retain=message.retain, properties=properties
+        )
+        if message.qos:
+            self._tickets[sent.mid] = (ticket, self._loop.time())
+        return None
+
+    async def disconnect(self) -> None:
+        """Say goodbye, so that the broker does not publish the will."""
+        if not self.lost.done():
+            self._client.disconnect()
+            await asyncio.wait([self.lost], timeout=1.0)
+        self.abort()
+
+    def abort(self) -> None:
+        """Drop the connection at once; the broker then publishes the will. May be called again."""
+        self._release()
+        self._close_socket()
+        self._lose("closed by the gateway")
+        for answer in (self._connack, self._suback):
+            answer.cancel()
+
+    def _make_client(self) -> paho.Client:
+        is_v5 = self._version is Version.V5
+        client = paho.Client(
+            CallbackAPIVersion.VERSION2,
+            client_id=self._settings.client_id,
+            clean_session=None if is_v5 else True,
+            protocol=MQTTProtocolVersion.MQTTv5 if is_v5 else MQTTProtocolVersion.MQTTv311,
+            reconnect_on_failure=False,
+        )
+        client.max_inflight_messages_set(0)  # paho knows no Receive Maximum; the outbox keeps to `window`
+        client.on_connect = self._connected
+        client.on_disconnect = self._disconnected
+        client.on_publish = self._published
+        client.on_subscribe = self._subscribed
+        client.on_message = self._received
+        client.on_socket_open = self._socket_opened
+        client.on_socket_close = self._socket_closed
+        client.on_socket_register_write = self._write_wanted
+        client.on_socket_unregister_write = self._write_done
+        return client
+
+    async def _connect(self) -> None:
+        """Run the blocking connect in a thread; if cancelled meanwhile, the thread closes what it opened."""
+        pool = ThreadPoolExecutor(1, thread_name_prefix="mqtt-connect")
+        connecting = pool.submit(self._connect_blocking)
+        pool.shutdown(wait=False)
+        try:
+            await asyncio.wrap_future(connecting)
+        except asyncio.CancelledError:
+            connecting.add_done_callback(lambda _: self._close_socket())
+            raise
+        except (OSError, ValueError) as error:
+            raise unreachable(self._settings.address, error) from error
+        self.is_reached = True
+
+    def _connect_blocking(self) -> None:
+        settings = self._settings
+        if settings.tls is not None:
+            self._client.tls_set_context(settings.tls.context())
+        self._client.username_pw_set(settings.username, settings.password)
+        if self._will is not None:
+            self._client.will_set(self._will.topic, self._will.payload, qos=1, retain=True)
+        if self._version is Version.V311:
+            self._client.connect(settings.host, settings.port, settings.keepalive_s)
+            return
+        properties = _properties(PacketTypes.CONNECT)
+        properties.SessionExpiryInterval = 0  # the broker must not collect commands for an absent gateway
+        properties.MaximumPacketSize = MAX_INCOMING_BYTES
+        self._client.connect(
+            settings.host, settings.port, settings.keepalive_s, clean_start=True, properties=properties
+        )
+
+    def _close_socket(self) -> None:
+        sock = self._client.socket()
+        if sock is not None:
+            sock.close()
+
+    async def _answer(self, answer: asyncio.Future[Any], name: str) -> Any:
+        await asyncio.wait(
+            [answer, self.lost], timeout=self._settings.answer_s, return_when=asyncio.FIRST_COMPLETED
+        )
+        if answer.done():
+            return answer.result()
+        what = f"sent no {name} within {self._settings.answer_s:g} s"
+        if self.lost.done():
+            what = f"sent no {name}: {self.lost.result()}"
+        raise BrokerError(f"broker {self._settings.address} {what}")
+
+    # The loop's service of the socket.
+
+    def _serve(self) -> None:
+        self._sock = self._client.socket()
+        if self._sock is None:
+            self._lose("connection lost")
+            return
+        self._loop.add_reader(self._sock, self._read)
+        if self._client.want_write():
+            self._loop.add_writer(self._sock, self._client.loop_write)
+        self._tick()
+
+    def _release(self) -> None:
+        if self._misc is not None:
+            self._misc.cancel()
+            self._misc = None
+        if self._sock is not None:
+            self._loop.remove_reader(self._sock)
+            self._loop.remove_writer(self._sock)
+            self._sock = None
+
+    def _read(self) -> None:
+        for _ in range(READS_AT_ONCE):
+            try:
+                self._client.loop_read()
+            except Exception as error:  # noqa: BLE001 - this callback's one guard: nonsense ends the session
+                self._lose(f"the broker sent what cannot be read: {error!r}")
+                return
+            # What the TLS layer has decrypted already no longer makes the socket readable.
+            if not isinstance(self._sock, ssl.SSLSocket) or not self._sock.pending():
+                return
+        self._loop.call_soon(self._read)
+
+    def _tick(self) -> None:
+        """Let paho send its pings and notice a silent broker; notice one that acknowledges nothing."""
+        self._misc = self._loop.call_later(1.0, self._tick)
+        self._client.loop_misc()
+        oldest_s = min((sent_s for _, sent_s in self._tickets.values()), default=self._loop.time())
+        if self._loop.time() - oldest_s > self._settings.ack_s:
+            self._lose(f"the broker has not acknowledged a message for {self._settings.ack_s:g} s")
+
+    def _lose(self, reason: str) -> None:
+        if not self.lost.done():
+            self.lost.set_result(reason)
+
+    # paho's callbacks; up to the end of `connect` those of the socket come from its thread.
+
+    def _socket_opened(self, _client: paho.Client, _userdata: Any, sock: Any) -> None:
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+    def _socket_closed(self, _client: paho.Client, _userdata: Any, _sock: Any) -> None:
+        self._release()
+
+    def _write_wanted(self, _client: paho.Client, _userdata: Any, _sock: Any) -> None:
+        if self._sock is not None:
+            self._loop.add_writer(self._sock, self._client.loop_write)
+
+    def _write_done(self, _client: paho.Client, _userdata: Any, _sock: Any) -> None:
+        if self._sock is not None:
+            self._loop.remove_writer(self._sock)
+
+    def _connected(
+        self, _client: paho.Client, _userdata: Any, _flags: Any, code: ReasonCode, properties: Any
+    ) -> None:
+        self.connack_code = code.value
+        if self._connack.done():
+            return
+        if code.is_failure:
+            self._connack.set_exception(refused(self._settings.address, code.value, str(code)))
+            return
+        self.window = min(self._settings.window, getattr(properties, "ReceiveMaximum", 65_535))
+        self._max_packet = getattr(properties, "MaximumPacketSize", None)
+        self._connack.set_result(None)
+
+    def _subscribed(
+        self, _client: paho.Client, _userdata: Any, _mid: int, codes: list[ReasonCode], _properties: Any
+    ) -> None:
+        if not self._suback.done():
+            self._suback.set_result(max((code.value for code in codes), default=0))
+
+    def _published(
+        self, _client: paho.Client, _userdata: Any, mid: int, code: ReasonCode, _properties: Any
+    ) -> None:
+        ticket, _ = self._tickets.pop(mid, (None, 0.0))
+        if ticket is not None:
+            self._on_ack(ticket, code.value)
+
+    def _received(self, _client: paho.Client, _userdata: Any, message: paho.MQTTMessage) -> None:
+        try:
+            topic = message.topic
+        except UnicodeDecodeError:
+            return
+        incoming = Incoming(
+            topic=topic,
+            payload=bytes(message.payload),
+            is_retained=bool(message.retain),
+            is_duplicate=message.dup,
+            expiry_s=getattr(message.properties, "MessageExpiryInterval", None),
+            response_topic=getattr(message.properties, "ResponseTopic", None),
+            correlation=getattr(message.properties, "CorrelationData", None),
+        )
+        # Not from within paho: whatever goes wrong with a command must not spoil its parser.
+        self._loop.call_soon(self._on_incoming, incoming)
+
+    def _disconnected(
+        self, _client: paho.Client, _userdata: Any, flags: Any, code: ReasonCode, _properties: Any
+    ) -> None:
+        if flags.is_disconnect_packet_from_server:
+            self._lose(f"the broker closed the connection: {code}")
+        elif code.getName() == "Keep alive timeout":
+            self._lose("the broker has stopped answering")
+        else:
+            self._lose("connection lost")
+
+
+def _properties(packet_type: int) -> Properties:
+    return Properties(packet_type)  # type: ignore[no-untyped-call]  # paho leaves it untyped

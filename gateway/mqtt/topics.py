@@ -1,0 +1,105 @@
+"""Every topic of the contract, built and read in one place."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+_LEVEL = re.compile(r"[a-z0-9_-]+", re.ASCII)
+_NOT_IN_LEVEL = re.compile(r"[^a-z0-9_-]", re.ASCII)
+
+
+class CommandAddress(NamedTuple):
+    """What the topic of a command says; the broker's ACL vouches for `client`."""
+
+    starter: str
+    client: str
+    verb: str
+
+
+def is_level(text: str) -> bool:
+    """Return whether `text` may stand as one level of a topic."""
+    return _LEVEL.fullmatch(text) is not None
+
+
+def to_level(name: str) -> str:
+    """Return a manual's code as a level: lower case, anything that a level may not hold as `_`."""
+    return _NOT_IN_LEVEL.sub("_", name.lower()) or "_"
+
+
+class Topics:
+    """The topics below one base; every method raises ValueError for a name that is no level.
+
+    No topic that carries a payload is a prefix of another.
+    """
+
+    def __init__(self, base: str) -> None:
+        for level in base.split("/"):
+            _checked(level)
+        self.base = base
+        self.gateway_status = f"{base}/gateway/status"
+        self.gateway_info = f"{base}/gateway/info"
+        self.gateway_outbox = f"{base}/gateway/outbox"
+        self.gateway_event = f"{base}/gateway/event"
+        self.audit = f"{base}/audit"
+        self.command_filter = f"{base}/command/+/+/+"
+        self._command_prefix = f"{base}/command/"
+
+    def line(self, line: str) -> str:
+        """Return the topic of a line's figures."""
+        return f"{self.base}/gateway/line/{_checked(line)}"
+
+    def starter(self, starter: str) -> str:
+        """Return the branch of one starter, without a slash at its end; nothing is published here."""
+        return f"{self.base}/starter/{_checked(starter)}"
+
+    def info(self, starter: str) -> str:
+        """Return the topic that tells what a starter is."""
+        return f"{self.starter(starter)}/info"
+
+    def availability(self, starter: str) -> str:
+        """Return the topic that tells whether a starter answers."""
+        return f"{self.starter(starter)}/availability"
+
+    def state(self, starter: str) -> str:
+        """Return the topic of a starter's state."""
+        return f"{self.starter(starter)}/state"
+
+    def value(self, starter: str, point: str) -> str:
+        """Return the topic of one point's value."""
+        return f"{self.starter(starter)}/value/{_checked(point)}"
+
+    def alarm(self, starter: str, code: str) -> str:
+        """Return the topic of one fault or alarm."""
+        return f"{self.starter(starter)}/alarm/{_checked(code)}"
+
+    def event(self, starter: str) -> str:
+        """Return the topic of a starter's events; the gateway's own when `starter` is empty."""
+        return f"{self.starter(starter)}/event" if starter else self.gateway_event
+
+    def history(self, starter: str) -> str:
+        """Return the topic of the values that could not be sent when they were new."""
+        return f"{self.starter(starter)}/history"
+
+    def command(self, starter: str, client: str, verb: str) -> str:
+        """Return the topic on which `client` gives a starter a command."""
+        return f"{self._command_prefix}{_checked(starter)}/{_checked(client)}/{_checked(verb)}"
+
+    def result(self, starter: str, client: str) -> str:
+        """Return the topic on which `client` hears about his commands to a starter."""
+        return f"{self.base}/result/{_checked(starter)}/{_checked(client)}"
+
+    def parse_command(self, topic: str) -> CommandAddress | None:
+        """Return what a command's topic says, or None when it is no command's topic."""
+        if not topic.startswith(self._command_prefix):
+            return None
+        levels = topic.removeprefix(self._command_prefix).split("/")
+        if len(levels) != 3 or not all(is_level(level) for level in levels):
+            return None
+        return CommandAddress(*levels)
+
+
+def _checked(level: str) -> str:
+    if not is_level(level):
+        raise ValueError(f"{level!r} is no topic level: only a-z, 0-9, _ and - are")
+    return level

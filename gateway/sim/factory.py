@@ -1,0 +1,40 @@
+"""Simulated starters by family and model, set up so that a start through Modbus works."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+from gateway.sim.sst import Sst
+from gateway.sim.ssw06 import Ssw06
+from gateway.sim.ssw07 import Ssw07
+from gateway.sim.ssw900 import Ssw900
+from gateway.sim.unit import Unit
+
+_CURRENT = re.compile(r"(\d+(?:\.\d+)?)\s*A?$")  # at the end of "SSW-07 85.0A", "SSW-06 820A", "85"
+
+
+def make_unit(family: str, address: int, *, seed: int = 0, model: str | None = None, **options: Any) -> Unit:
+    """Return a starter; `options` are those of the family's class. ValueError for an unknown family."""
+    maker = _MAKERS.get(family)
+    if maker is None:
+        raise ValueError(f"family {family!r} is not one of {', '.join(_MAKERS)}")
+    return maker(address, seed=seed, **_of_model(family, model), **options)
+
+
+_MAKERS: dict[str, Callable[..., Unit]] = {"ssw06": Ssw06, "ssw07": Ssw07, "ssw900": Ssw900, "sst": Sst}
+
+
+def _of_model(family: str, model: str | None) -> dict[str, Any]:
+    if model is None:
+        return {}
+    if family == "sst":
+        return {"model": model}
+    found: dict[str, Any] = {}
+    current = _CURRENT.search(model.strip())
+    if current is not None:
+        found["rated_current_a"] = float(current[1])
+    if family == "ssw07" and "08" in model.split()[0]:
+        found["product"] = "SSW-08"
+    return found

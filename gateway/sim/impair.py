@@ -1,0 +1,113 @@
+"""What can be wrong with replies, on order: an impairment turns one reply into what is sent instead."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+from gateway.modbus.adu import decode, encode
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """A frame on its way from a unit."""
+
+    adu: bytes
+    after_s: float  # from the request's last byte to the first of this
+    deadline_s: float  # the longest time that the unit's manual allows for it
+
+
+class Impairment(Protocol):
+    """Something that happens to replies; pure but for the dice it is given."""
+
+    def apply(self, reply: Reply, dice: random.Random) -> tuple[Reply, ...]:
+        """Return what is sent instead of this reply, in the order of time."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Silent:
+    """Acts, but does not answer."""
+
+    def apply(self, reply: Reply, dice: random.Random) -> tuple[Reply, ...]:  # noqa: ARG002
+        """Return nothing."""
+        return ()
+
+
+@dataclass(frozen=True, slots=True)
+class Late:
+    """Answers so many times later than the manual allows."""
+
+    times: float = 2.0
+
+    def apply(self, reply: Reply, dice: random.Random) -> tuple[Reply, ...]:  # noqa: ARG002
+        """Return the reply after its deadline."""
+        return (replace(reply, after_s=self.times * reply.deadline_s),)
+
+
+@dataclass(frozen=True, slots=True)
+class Noisy:
+    """Bits are flipped at this rate."""
+
+    bit_error_rate: float = 0.001
+
+    def apply(self, reply: Reply, dice: random.Random) -> tuple[Reply, ...]:
+        """Return the reply with some bits wrong."""
+        return (replace(reply, adu=self.flip(reply.adu, dice)),)
+
+    def flip(self, frame: bytes, dice: random.Random) -> bytes:
+        """Return the bytes with some bits wrong."""
+        return bytes(
+            byte ^ sum(1 << bit for bit in range(8) if dice.random() < self.bit_error_rate) for byte in frame
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class WrongUnit:
+    """Answers in the name of another unit, with a right CRC."""
+
+    address: int
+
+    def apply(self, reply: Reply, dice: random.Random) -> tuple[Reply, ...]:  # noqa: ARG002
+        """Return the reply with the other's address."""
+        return (replace(reply, adu=encode(self.address, decode(reply.adu).pdu)),)
+
+
+@dataclass(frozen=True, slots=True)
+class CutShort:
+    """The end of each reply is missing."""
+
+    missing_bytes: int = 2
+
+    def apply(self, reply: Reply, dice: random.Random) -> tuple[Reply, ...]:  # noqa: ARG002
+        """Return the beginning of the reply, if anything is left."""
+        kept = reply.adu[: -self.missing_bytes]
+        return (replace(reply, adu=kept),) if kept else ()
+
+
+@dataclass(frozen=True, slots=True)
+class Doubled:
+    """Sends each reply twice, the second time after a pause."""
+
+    pause_s: float = 0.02
+
+    def apply(self, reply: Reply, dice: random.Random) -> tuple[Reply, ...]:  # noqa: ARG002
+        """Return the reply twice."""
+        return reply, replace(reply, after_s=reply.after_s + self.pause_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Babbling:
+    """Answers rightly, but also sends bytes that nobody asked for, again and again."""
+
+    every_s: float = 0.5  # on average
+    byte_count: int = 6
+
+    def apply(self, reply: Reply, dice: random.Random) -> tuple[Reply, ...]:  # noqa: ARG002
+        """Return the reply as it is."""
+        return (reply,)
+
+    def babble(self, dice: random.Random) -> tuple[float, bytes]:
+        """Return after what time the next burst comes, and its bytes."""
+        return dice.uniform(0.5, 1.5) * self.every_s, dice.randbytes(self.byte_count)

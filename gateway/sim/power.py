@@ -1,0 +1,89 @@
+"""The power section of a soft starter as a table of states and events, and a motor's data."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+
+class MotorState(enum.Enum):
+    """What the power section does with the motor."""
+
+    STOPPED = "stopped"
+    RAMP_UP = "ramp_up"
+    FULL_VOLTAGE = "full_voltage"  # the ramp is over, the bypass not yet closed
+    BYPASS = "bypass"
+    RAMP_DOWN = "ramp_down"
+    COASTING = "coasting"  # no voltage, still turning
+    JOG = "jog"
+
+
+class MotorEvent(enum.Enum):
+    """What can happen to the power section."""
+
+    START = "start"
+    STOP = "stop"  # by ramp
+    CUT = "cut"  # general disable, trip, mains lost: the motor coasts
+    JOG = "jog"
+    ELAPSED = "elapsed"  # the time of the present state is over
+
+
+class MotorTrip(enum.Enum):
+    """Why the motor's own protections switched it off."""
+
+    OVERLOAD = "overload"  # the thermal image is full
+    OVERCURRENT = "overcurrent"
+
+
+_S, _E = MotorState, MotorEvent
+TRANSITIONS: dict[tuple[MotorState, MotorEvent], MotorState] = {
+    (_S.STOPPED, _E.START): _S.RAMP_UP,
+    (_S.STOPPED, _E.STOP): _S.STOPPED,
+    (_S.STOPPED, _E.CUT): _S.STOPPED,
+    (_S.STOPPED, _E.JOG): _S.JOG,
+    (_S.RAMP_UP, _E.START): _S.RAMP_UP,
+    (_S.RAMP_UP, _E.STOP): _S.RAMP_DOWN,
+    (_S.RAMP_UP, _E.CUT): _S.COASTING,
+    (_S.RAMP_UP, _E.ELAPSED): _S.FULL_VOLTAGE,
+    (_S.FULL_VOLTAGE, _E.START): _S.FULL_VOLTAGE,
+    (_S.FULL_VOLTAGE, _E.STOP): _S.RAMP_DOWN,
+    (_S.FULL_VOLTAGE, _E.CUT): _S.COASTING,
+    (_S.FULL_VOLTAGE, _E.ELAPSED): _S.BYPASS,
+    (_S.BYPASS, _E.START): _S.BYPASS,
+    (_S.BYPASS, _E.STOP): _S.RAMP_DOWN,
+    (_S.BYPASS, _E.CUT): _S.COASTING,
+    (_S.RAMP_DOWN, _E.START): _S.RAMP_UP,
+    (_S.RAMP_DOWN, _E.STOP): _S.RAMP_DOWN,
+    (_S.RAMP_DOWN, _E.CUT): _S.COASTING,
+    (_S.RAMP_DOWN, _E.ELAPSED): _S.STOPPED,
+    (_S.COASTING, _E.START): _S.RAMP_UP,
+    (_S.COASTING, _E.STOP): _S.COASTING,
+    (_S.COASTING, _E.CUT): _S.COASTING,
+    (_S.COASTING, _E.ELAPSED): _S.STOPPED,
+    (_S.JOG, _E.STOP): _S.COASTING,
+    (_S.JOG, _E.CUT): _S.COASTING,
+}
+
+TURNED_ON = frozenset({_S.RAMP_UP, _S.FULL_VOLTAGE, _S.BYPASS})
+AT_SPEED = frozenset({_S.FULL_VOLTAGE, _S.BYPASS})
+FED = frozenset({_S.RAMP_UP, _S.FULL_VOLTAGE, _S.BYPASS, _S.RAMP_DOWN, _S.JOG})
+
+
+@dataclass(frozen=True, slots=True)
+class MotorData:
+    """The name plate, and how this motor and its load behave."""
+
+    rated_current_a: float = 85.0
+    rated_voltage_v: float = 400.0
+    frequency_hz: float = 50.0
+    load_pct: float = 70.0
+    start_current_pct: float = 350.0  # of the rated current, held during most of the ramp
+    ramp_up_s: float = 8.0
+    full_voltage_s: float = 0.3  # from the end of the ramp until the bypass closes
+    ramp_down_s: float = 4.0
+    coast_s: float = 6.0
+    heating_s: float = 600.0  # time constant of the thermal image
+    cooling_s: float = 1800.0  # the same at standstill
+    heatsink_s: float = 120.0
+    overcurrent_pct: float = 250.0  # trips at full voltage
+    overcurrent_s: float = 1.0

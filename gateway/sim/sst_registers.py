@@ -1,0 +1,80 @@
+"""The registers of the simulated SSTs: ranges and first values by model (sst-intecma, register table)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+LAST = 42  # registers 0-42 can be read, the unused 21 as well
+NAME = range(22, 30)
+CAPACITOR_VOLTAGE = 20
+OWN_NUMBERS = range(4, 7)  # free for the user; both bytes count
+SETTINGS = range(30, 43)  # only the low byte counts
+DECELERATION, ACCELERATION, AUTO_RESET, TIMEOUT_STOP, TIMEOUT_RESET = 39, 37, 40, 41, 42
+AUTO_RESET_OFF = 97
+
+_COMMON = {
+    32: (5, 30),
+    35: (1, 10),
+    36: (20, 55),
+    37: (1, 4),
+    38: (0, 2),
+    40: (1, 97),
+    41: (0, 255),
+    42: (0, 255),
+}
+_THREE_PHASE = {**_COMMON, 30: (5, 47), 31: (5, 47), 33: (1, 100), 34: (0, 100), 39: (0, 200)}
+_ONE_PHASE = {**_COMMON, 33: (1, 6), 34: (0, 6), 39: (0, 10)}
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """One SST: its number in register 0, its ranges, and since when its name can be read."""
+
+    name: str  # as registers 22-29 give it, but for the variant at its end
+    number: int
+    hardware: str
+    firmware: str  # what it has unless said otherwise
+    name_since: str  # firmware that added registers 22-29
+    ranges: Mapping[int, tuple[int, int]]
+    first_values: Mapping[int, int]
+
+
+_FIRST = {30: 30, 31: 40, 32: 20, 33: 6, 34: 6, 35: 5, 36: 35, 37: 2, 38: 2, 39: 10, 40: AUTO_RESET_OFF}
+_SLOW = {**_FIRST, 39: 20}
+_RANGES_75 = {**_ONE_PHASE, 30: (75, 75), 31: (75, 75)}
+_RANGES_140 = {**_ONE_PHASE, 30: (5, 140), 31: (5, 140)}
+
+MODELS = (
+    Model("SST330i", 330, "6.1", "4.04", "4.04", _THREE_PHASE, _SLOW),
+    Model("SST360i", 360, "6.1", "4.04", "4.04", _THREE_PHASE, _SLOW),
+    Model("SST130i-75", 130, "4.4", "2.04", "2.00", _RANGES_75, {**_FIRST, 30: 75, 31: 75}),
+    Model("SST130i-140", 130, "4.4", "2.04", "2.00", _RANGES_140, _FIRST),
+)
+
+
+def find_model(text: str) -> Model:
+    """Return the model whose name begins this text, e.g. SST330i-M-ES; ValueError for none."""
+    known = [model for model in MODELS if text.upper().startswith(model.name.upper())]
+    if not known:
+        raise ValueError(f"model {text!r} is not one of {', '.join(model.name for model in MODELS)}")
+    return max(known, key=lambda model: len(model.name))
+
+
+def version_words(firmware: str) -> tuple[int, int]:
+    """Return registers 2 and 3: SW 4.21 is 0204h, 0001h (erratum E-14)."""
+    major, _, minor = firmware.partition(".")
+    first, second = divmod(int(f"{minor:0<2}"[:2]), 10)
+    return first << 8 | int(major), second
+
+
+def hardware_word(hardware: str) -> int:
+    """Return register 1: HW 6.1 is 0106h."""
+    major, _, minor = hardware.partition(".")
+    return int(minor) << 8 | int(major)
+
+
+def name_words(name: str) -> tuple[int, ...]:
+    """Return registers 22-29: sixteen characters, two in a register, the first one high."""
+    text = name.encode("ascii")[:16].ljust(16, b"\0")
+    return tuple(int.from_bytes(text[at : at + 2], "big") for at in range(0, 16, 2))

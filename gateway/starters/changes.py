@@ -1,0 +1,66 @@
+"""What happened between one status and the next: a start, a stop, a fault, a switch to local operation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from gateway.starters.records import Severity
+
+UNKNOWN = "unknown"
+STARTED = frozenset({"starting", "running"})
+TURNING = STARTED | {"stopping"}
+AT_REST = frozenset({"ready", "not_ready"})
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """Something that happened to a starter."""
+
+    code: str
+    severity: Severity
+    text: str
+    data: Mapping[str, Any] = field(default_factory=dict)
+
+
+class Watch:
+    """Compares each known status with the last known one; what was there at the first look did not happen."""
+
+    def __init__(self) -> None:
+        self._state: str | None = None
+        self._remote: bool | None = None
+        self._started_s: float | None = None
+
+    def note(self, state: str, *, remote: bool | None, time_s: float) -> tuple[Change, ...]:
+        """Take over a status read at `time_s` (UTC) and return what happened since the last one."""
+        changes = [*self._of_remote(remote), *self._of_state(state, time_s)]
+        self._remote = self._remote if remote is None else remote
+        self._state = self._state if state == UNKNOWN else state
+        return tuple(changes)
+
+    def _of_state(self, state: str, time_s: float) -> list[Change]:
+        before = self._state
+        if before is None or state in (before, UNKNOWN):
+            return []
+        data: dict[str, Any] = {"from": before, "to": state}
+        if state == "fault":
+            return [Change("fault", Severity.ERROR, f"fault, was {before}", data | self._duration(time_s))]
+        if state in STARTED and before not in STARTED:
+            self._started_s = time_s
+            return [Change("started", Severity.INFO, f"the motor was started, was {before}", data)]
+        if state in AT_REST and before in TURNING:
+            return [Change("stopped", Severity.INFO, "the motor has stopped", data | self._duration(time_s))]
+        return []
+
+    def _duration(self, time_s: float) -> dict[str, Any]:
+        """Return how long the motor has been on, once per start that was seen."""
+        started_s, self._started_s = self._started_s, None
+        return {} if started_s is None else {"run_s": round(time_s - started_s, 3)}
+
+    def _of_remote(self, remote: bool | None) -> list[Change]:  # noqa: FBT001 - a reading, not an option
+        if self._remote is None or remote is None or remote is self._remote:
+            return []
+        if remote:
+            return [Change("remote_operation", Severity.INFO, "the starter takes commands from remote again")]
+        return [Change("local_operation", Severity.INFO, "the starter was switched to local operation")]

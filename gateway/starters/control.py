@@ -1,0 +1,71 @@
+"""What a command needs of a starter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+from gateway.families.schema import Profile, Variant
+from gateway.line.client import LineClient
+from gateway.starters.identification import Standing
+from gateway.starters.publisher import Publisher
+from gateway.starters.setup import StarterSetup
+from gateway.starters.snapshot import Snapshot
+
+
+class StarterControlView(Protocol):
+    """One starter, as the commander sees it; `StarterTelemetry` is one."""
+
+    @property
+    def setup(self) -> StarterSetup:
+        """The starter as configured."""
+        ...
+
+    @property
+    def profile(self) -> Profile:
+        """Its family."""
+        ...
+
+    @property
+    def variant(self) -> Variant:
+        """What is known of it by configuration and identification."""
+        ...
+
+    @property
+    def line(self) -> LineClient:
+        """The line it is on."""
+        ...
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """What was read of it last."""
+        ...
+
+    @property
+    def publisher(self) -> Publisher:
+        """Its voice, for events."""
+        ...
+
+    @property
+    def is_answering(self) -> bool:
+        """Whether it is online."""
+        ...
+
+    @property
+    def identity_standing(self) -> Standing:
+        """Whether the one who answers has proved to be the configured family."""
+        ...
+
+    @property
+    def identity_reason(self) -> str:
+        """In words why the identity is not matching."""
+        ...
+
+    @property
+    def status_period_s(self) -> float:
+        """How long two readings of its status are apart at most."""
+        ...
+
+    def take_rows(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
+        """Hand over rows that were just read for a command."""
+        ...

@@ -1,0 +1,60 @@
+"""From rows to points: which points a row feeds, and what freshly read rows say about them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from gateway.families.decode import Decoded, decode_points
+from gateway.families.gather import rows_of_points
+from gateway.families.schema import Profile, Type, Variant
+
+TEXT_TYPES = (Type.DATE, Type.IP_ADDRESS, Type.MAC_ADDRESS, Type.STRING)
+ENUM_TYPES = (Type.ENUM, Type.LOW_ENUM)
+
+
+class Sources:
+    """Which rows each point of a family is told from."""
+
+    def __init__(self, profile: Profile) -> None:
+        self._profile = profile
+        self._codes_of = {name: frozenset(rows_of_points(profile, (name,))) for name in profile.points}
+
+    def fed_by(self, codes: Iterable[str]) -> tuple[str, ...]:
+        """Return the points that depend on one of these rows."""
+        wanted = frozenset(codes)
+        return tuple(name for name, sources in self._codes_of.items() if not wanted.isdisjoint(sources))
+
+    def tell(
+        self, variant: Variant, rows: Mapping[str, tuple[int, ...]], *, known: Mapping[str, tuple[int, ...]]
+    ) -> tuple[dict[str, Decoded], tuple[str, ...]]:
+        """Return the points that freshly read rows tell, beside `known` ones, and those they fail to tell."""
+        fed = self.fed_by(rows)
+        others = {code: known[code] for name in fed for code in self._codes_of[name] if code in known}
+        decoded = decode_points(self._profile, variant, {**others, **rows})
+        told = {name: decoded[name] for name in fed if name in decoded}
+        return told, tuple(name for name in fed if name not in decoded)
+
+
+def is_flag(profile: Profile, name: str) -> bool:
+    """Return whether a point is a boolean."""
+    point = profile.points[name]
+    if point.bit is not None or point.true_when or point.none_of:
+        return True
+    return profile.parameters[point.code].type is Type.BIT
+
+
+def unit_of(profile: Profile, name: str) -> str:
+    """Return the unit of a point's value; empty for booleans and plain numbers."""
+    return "" if is_flag(profile, name) else profile.parameters[profile.points[name].code].unit
+
+
+def type_of(profile: Profile, name: str) -> str:
+    """Return the kind of a point's value: boolean, enum, string, float or integer."""
+    if is_flag(profile, name):
+        return "boolean"
+    row = profile.parameters[profile.points[name].code]
+    if row.type in ENUM_TYPES:
+        return "enum"
+    if row.type in TEXT_TYPES:
+        return "string"
+    return "float" if row.decimals or row.unit else "integer"

@@ -1,0 +1,118 @@
+"""One command from its acceptance to its one final result."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from gateway.clock import Clock
+from gateway.starters.ledger import Ledger
+from gateway.starters.life import Life
+from gateway.starters.records import AuditRecord, Phase, ResultRecord, Sink
+from gateway.starters.request import CommandRequest
+from gateway.starters.sequence import Sequence
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """How a command ends."""
+
+    phase: Phase
+    code: str
+    text: str
+    values: Mapping[str, Any] = field(default_factory=dict)  # of the result
+    after: Mapping[str, Any] = field(default_factory=dict)  # what was read back, for the audit
+
+
+@dataclass(frozen=True, slots=True)
+class Desk:
+    """What every command is reported with."""
+
+    sink: Sink
+    clock: Clock
+    sequence: Sequence
+    ledger: Ledger
+
+
+class Errand:
+    """Reports the phases of one command: each result to its client, each decision to the audit."""
+
+    def __init__(self, request: CommandRequest, desk: Desk, *, is_repeat: bool = False) -> None:
+        self.request = request
+        self.life = Life()
+        self.before: Mapping[str, Any] = {}  # what was read before anything was written
+        self._desk = desk
+        self._is_repeat = is_repeat  # a stop whose id was used before: done again, and marked as a duplicate
+
+    def now_s(self) -> float:
+        """Return the steady clock's time."""
+        return self._desk.clock.now_s()
+
+    def accept(self) -> None:
+        """Say that the command will be carried out."""
+        end = End(Phase.ACCEPTED, "ok", "accepted")
+        self._report(end, is_kept=True)
+        self._audit(end)
+
+    def write(self) -> None:
+        """Say that something went out to the starter; said once, however much is written."""
+        if not self.life.is_written:
+            self._report(End(Phase.WRITTEN, "ok", "written; being read back"), is_kept=True)
+
+    def finish(self, end: End, *, is_kept: bool = True) -> None:
+        """Give the final result; without `is_kept` a repetition of the command is judged anew."""
+        self._report(end, is_kept=is_kept)
+        self._audit(end)
+
+    def _report(self, end: End, *, is_kept: bool) -> None:
+        self.life.advance(end.phase)
+        request, desk = self.request, self._desk
+        result = ResultRecord(
+            starter=request.starter,
+            client=request.client,
+            id=request.id,
+            verb=request.verb,
+            phase=end.phase,
+            code=end.code,
+            text=end.text,
+            time_s=desk.clock.utc_s(),
+            is_duplicate=self._is_repeat,
+            values=end.values,
+            correlation=request.correlation,
+            response_topic=request.response_topic,
+        )
+        if is_kept:
+            desk.ledger.store(result, now_s=desk.clock.now_s())
+        desk.sink.put(result)
+
+    def _audit(self, end: End) -> None:
+        decision, before = end.phase, self.before
+        audit(self.request, self._desk, decision=decision, code=end.code, before=before, after=end.after)
+
+
+def audit(
+    request: CommandRequest,
+    desk: Desk,
+    *,
+    decision: str,
+    code: str,
+    before: Mapping[str, Any] | None = None,
+    after: Mapping[str, Any] | None = None,
+) -> None:
+    """Record one decision about a command."""
+    desk.sink.put(
+        AuditRecord(
+            starter=request.starter,
+            client=request.client,
+            operator=request.operator,
+            verb=request.verb,
+            args=request.args,
+            decision=decision,
+            code=code,
+            time_s=desk.clock.utc_s(),
+            seq=desk.sequence.take(),
+            before=before or {},
+            after=after or {},
+        )
+    )

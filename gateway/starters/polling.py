@@ -1,0 +1,178 @@
+"""Which rows of one starter are asked for again and again, how often, and which of them are overdue."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from gateway.families.blocks import Block, plan_blocks, split
+from gateway.families.schema import Variant
+from gateway.line.client import LineClient
+from gateway.line.job import Poll
+from gateway.starters.setup import StarterSetup
+
+FAST_S = 0.25  # period while the motor starts, stops or is in fault
+SLOWEST_FACTOR = 10  # slow rows are asked for ten times less often,
+SLOW_AT_LEAST_S = 10.0  # and never more often than this
+OVERDUE_PERIODS = 3  # a value that was not read for so many periods is stale,
+OVERDUE_GRACE_S = 1.0  # with this much patience for a loaded line
+
+
+def polls_of(setup: StarterSetup) -> tuple[Poll, ...]:
+    """Return the polls with which a starter's line begins, status first; none for a disabled starter."""
+    if not setup.is_enabled:
+        return ()
+    return tuple(_poll(setup, block) for block in _planned(setup, setup.variant))
+
+
+@dataclass(slots=True)
+class _Polled:
+    """One block under way; times on the steady clock."""
+
+    block: Block
+    every_s: float
+    last_s: float | None = None  # of the last answer; None since the starter was lost
+    gap_s: float = 0.0  # between the last two answers
+
+    def overdue_s(self) -> float:
+        """Return when the values of this block are stale unless it is answered before."""
+        if self.last_s is None:
+            return math.inf
+        return self.last_s + OVERDUE_PERIODS * max(self.every_s, self.gap_s) + OVERDUE_GRACE_S
+
+
+class Polling:
+    """The polls of one starter; begins with those of `polls_of`, which the line has already."""
+
+    def __init__(self, setup: StarterSetup, line: LineClient) -> None:
+        self._setup = setup
+        self._line = line
+        self._is_fast = False
+        self._plan = _planned(setup, setup.variant) if setup.is_enabled else ()
+        self._polled = {_key(setup, block): self._begin(block) for block in self._plan}
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Return the keys of the present polls."""
+        return tuple(self._polled)
+
+    def block(self, key: str) -> Block | None:
+        """Return what a poll asks for; None when it is no longer ours."""
+        polled = self._polled.get(key)
+        return None if polled is None else polled.block
+
+    def note_answer(self, key: str, *, at_s: float) -> None:
+        """Take over that a poll was answered."""
+        polled = self._polled[key]
+        if polled.last_s is not None:
+            polled.gap_s = at_s - polled.last_s
+        polled.last_s = at_s
+
+    def note_refusal(self, key: str) -> tuple[str, ...]:
+        """Ask row by row for a block that was refused; return what is given up: a single row."""
+        block = self._polled.pop(key).block
+        self._line.remove_poll(key)
+        if len(block.codes) == 1:
+            return block.codes
+        for single in split(block):
+            self._add(single)
+        return ()
+
+    def note_silence(self) -> None:
+        """Take over that the starter is lost: nothing is overdue until it answers again."""
+        for polled in self._polled.values():
+            polled.last_s, polled.gap_s = None, 0.0
+
+    def restore(self) -> None:
+        """Ask for everything again that had been given up."""
+        self._replace(self._plan)
+
+    def replan(self, variant: Variant) -> None:
+        """Ask for what a starter of this variant has."""
+        plan = _planned(self._setup, variant)
+        if plan != self._plan:
+            self._plan = plan
+            self._replace(plan)
+
+    def hurry(self, *, is_fast: bool) -> None:
+        """Read status and values faster while something happens, and as configured otherwise."""
+        if is_fast is self._is_fast:
+            return
+        self._is_fast = is_fast
+        for key, polled in self._polled.items():
+            every_s = self._every_s(polled.block)
+            if every_s != polled.every_s:
+                polled.every_s = every_s
+                self._line.set_every(key, every_s)
+
+    def hasten(self) -> None:
+        """Have everything read now."""
+        for key in self._polled:
+            self._line.hasten(key)
+
+    def take_overdue(self, now_s: float) -> tuple[str, ...]:
+        """Return the codes that have become overdue, once."""
+        codes: list[str] = []
+        for polled in self._polled.values():
+            if polled.overdue_s() <= now_s:
+                polled.last_s, polled.gap_s = None, 0.0
+                codes += polled.block.codes
+        return tuple(codes)
+
+    def next_overdue_s(self) -> float:
+        """Return when the next block becomes overdue; infinite when none can."""
+        return min((polled.overdue_s() for polled in self._polled.values()), default=math.inf)
+
+    @property
+    def status_period_s(self) -> float:
+        """Return the longest time that passes between two readings of the status, as far as it is known."""
+        periods = [max(p.every_s, p.gap_s) for p in self._polled.values() if p.block.group == "status"]
+        return max(periods, default=self._setup.every_s)
+
+    @property
+    def patience_s(self) -> float:
+        """Return the age up to which a row of the status is still current."""
+        return OVERDUE_PERIODS * self.status_period_s + OVERDUE_GRACE_S
+
+    def _begin(self, block: Block) -> _Polled:
+        return _Polled(block, self._every_s(block))
+
+    def _add(self, block: Block) -> None:
+        key = _key(self._setup, block)
+        if key not in self._polled:
+            self._polled[key] = self._begin(block)
+            self._line.add_poll(_poll(self._setup, block, every_s=self._polled[key].every_s))
+
+    def _replace(self, plan: tuple[Block, ...]) -> None:
+        wanted = {_key(self._setup, block): block for block in plan}
+        for key in [key for key, polled in self._polled.items() if wanted.get(key) != polled.block]:
+            del self._polled[key]
+            self._line.remove_poll(key)
+        for block in plan:
+            self._add(block)
+
+    def _every_s(self, block: Block) -> float:
+        every_s = _every_s(self._setup, block)
+        return min(every_s, FAST_S) if self._is_fast and block.group != "slow" else every_s
+
+
+def _planned(setup: StarterSetup, variant: Variant) -> tuple[Block, ...]:
+    return plan_blocks(setup.profile, variant)  # status first
+
+
+def _key(setup: StarterSetup, block: Block) -> str:
+    return f"{setup.name}/{block.name}"
+
+
+def _every_s(setup: StarterSetup, block: Block) -> float:
+    return max(SLOW_AT_LEAST_S, SLOWEST_FACTOR * setup.every_s) if block.group == "slow" else setup.every_s
+
+
+def _poll(setup: StarterSetup, block: Block, *, every_s: float | None = None) -> Poll:
+    return Poll(
+        key=_key(setup, block),
+        unit=setup.address,
+        request=block.request,
+        every_s=_every_s(setup, block) if every_s is None else every_s,
+        response_time_s=setup.response_time_of(block.request),
+    )

@@ -1,0 +1,72 @@
+"""Report by exception: which readings are due to be published, and when the next one will be.
+
+A reading goes out when it differs from the one sent last by more than the point's deadband, or in quality; at
+the soonest 0.25 s after that one and at the latest 30 s after it. What is sent is always the newest reading.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from gateway.starters.snapshot import Reading
+
+SOONEST_S = 0.25
+LATEST_S = 30.0
+
+
+@dataclass(slots=True)
+class _Entry:
+    reading: Reading
+    sent: Reading | None
+    due_s: float
+    sent_s: float = -math.inf
+
+
+class Report:
+    """The readings of one starter on their way out."""
+
+    def __init__(
+        self, deadbands: Mapping[str, float], *, soonest_s: float = SOONEST_S, latest_s: float = LATEST_S
+    ) -> None:
+        self._deadbands = deadbands  # in the point's unit; a missing one is 0
+        self._soonest_s = soonest_s
+        self._latest_s = latest_s
+        self._entries: dict[str, _Entry] = {}
+
+    def offer(self, readings: Mapping[str, Reading], *, now_s: float) -> None:
+        """Take over the newest readings; a point that is new here is due at once."""
+        for name, reading in readings.items():
+            entry = self._entries.get(name)
+            if entry is None:
+                self._entries[name] = _Entry(reading, None, now_s)
+                continue
+            if entry.reading is reading:
+                continue
+            entry.reading = reading
+            if entry.sent is not None and is_news(entry.sent, reading, self._deadbands.get(name, 0.0)):
+                entry.due_s = min(entry.due_s, max(now_s, entry.sent_s + self._soonest_s))
+
+    def take_due(self, now_s: float) -> dict[str, Reading]:
+        """Return what is to be published now, and count it as sent."""
+        due = {}
+        for name, entry in self._entries.items():
+            if entry.due_s <= now_s:
+                due[name] = entry.sent = entry.reading
+                entry.sent_s = now_s
+                entry.due_s = now_s + self._latest_s
+        return due
+
+    def next_due_s(self) -> float:
+        """Return when the next reading is due; infinite when there is none."""
+        return min((entry.due_s for entry in self._entries.values()), default=math.inf)
+
+
+def is_news(sent: Reading, now: Reading, deadband: float) -> bool:
+    """Return whether a reading differs enough from the one sent last to be published before its time."""
+    if (sent.quality, sent.label) != (now.quality, now.label) or type(sent.value) is not type(now.value):
+        return True
+    if isinstance(sent.value, (str, bool)) or sent.value is None or now.value is None:
+        return sent.value != now.value
+    return abs(float(now.value) - float(sent.value)) > deadband

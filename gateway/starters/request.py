@@ -1,0 +1,23 @@
+"""A command as it came in: well-formed and fresh, but not yet judged by its starter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class CommandRequest:
+    """One operator's wish."""
+
+    starter: str
+    client: str  # the level in the command topic, tied to a login by the broker
+    verb: str
+    id: str | None = None  # None only for a stop
+    args: Mapping[str, Any] = field(default_factory=dict)
+    operator: str | None = None  # a claim
+    reason: str | None = None
+    received_s: float = 0.0  # on the steady clock
+    correlation: bytes | None = None  # MQTT 5 correlation data, to be echoed
+    response_topic: str | None = None  # MQTT 5 response topic, already checked

@@ -1,0 +1,34 @@
+"""Who may do what to which starter; without operators the gateway is read-only."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+ANY_VERB = "*"
+
+
+@dataclass(frozen=True, slots=True)
+class Operator:
+    """What one client may ask of the starters that match."""
+
+    client: str
+    may: tuple[str, ...]  # verbs, or "*" for all
+    starters: tuple[str, ...]  # names, with * and ? as in a shell
+
+
+class Rights:
+    """The rights of all operators; what nobody has been given is refused."""
+
+    def __init__(self, operators: Iterable[Operator] = ()) -> None:
+        self._operators = tuple(operators)
+
+    def is_allowed(self, client: str, *, verb: str, starter: str) -> bool:
+        """Return whether one of the client's entries names this verb and this starter."""
+        return any(
+            operator.client == client
+            and (ANY_VERB in operator.may or verb in operator.may)
+            and any(fnmatch.fnmatchcase(starter, pattern) for pattern in operator.starters)
+            for operator in self._operators
+        )

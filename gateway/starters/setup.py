@@ -1,0 +1,46 @@
+"""What a starter is by configuration, and what its identification adds to that."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gateway.families.identify import Identity
+from gateway.families.schema import Profile, Variant
+from gateway.modbus.pdu import Request
+from gateway.modbus.writes import WriteRegisters
+
+
+@dataclass(frozen=True, slots=True)
+class StarterSetup:
+    """One starter as configured, in plain values."""
+
+    name: str
+    line: str
+    address: int  # 1..247
+    profile: Profile
+    variant: Variant  # what the configuration says of it; it wins over what the starter says
+    every_s: float = 1.0  # status and electrical values; 0 = as often as the line allows
+    response_time_s: float | None = None  # None: as the manual says
+    is_enabled: bool = True
+
+    def response_time_of(self, request: Request) -> float:
+        """Return the longest time from a request's end to its reply's first byte."""
+        timing = self.profile.timing
+        if not request.is_write:
+            return self.response_time_s or timing.read_s
+        allowed_s = self.response_time_s or timing.write_s
+        if isinstance(
+            request, WriteRegisters
+        ):  # FC16 takes its time per register (ssw07 5.3.1, ssw06-es 5.3.1)
+            return max(allowed_s, timing.write_per_register_s * len(request.words))
+        return allowed_s
+
+
+def merged(configured: Variant, identity: Identity) -> Variant:
+    """Return what is known of a starter, where the configuration is silent from its own identification."""
+    return Variant(
+        model=configured.model or identity.model,
+        firmware=configured.firmware or identity.firmware,
+        rated_current_a=configured.rated_current_a or identity.rated_current_a,
+        slot=configured.slot or identity.slot,
+    )

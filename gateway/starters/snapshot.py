@@ -1,0 +1,89 @@
+"""What is known of one starter, point by point and row by row, and how far it can be trusted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+from gateway.families.decode import Decoded
+from gateway.starters.records import Quality
+
+Value = bool | int | float | str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One point's value with where and when it comes from."""
+
+    value: Value
+    unit: str
+    quality: Quality
+    label: str | None = None  # of an enum
+    at_s: float | None = None  # steady clock; None when never read
+    time_s: float | None = None  # the same moment, UTC
+
+
+class Snapshot:
+    """The readings of one starter; every point is there from the beginning, bad until it is read."""
+
+    def __init__(self, units: Mapping[str, str]) -> None:
+        self._readings = {name: Reading(None, unit, Quality.BAD) for name, unit in units.items()}
+        self._rows: dict[str, tuple[int, ...]] = {}
+        self._rows_at_s: dict[str, float] = {}
+
+    @property
+    def readings(self) -> Mapping[str, Reading]:
+        """Return all points' readings by name."""
+        return self._readings
+
+    @property
+    def rows(self) -> Mapping[str, tuple[int, ...]]:
+        """Return the raw words read last, by the manual's code, however old."""
+        return self._rows
+
+    def apply(self, decoded: Mapping[str, Decoded], *, at_s: float, time_s: float) -> None:
+        """Take over points just read; a value that cannot be told is bad, an older one is ignored."""
+        for name, new in decoded.items():
+            old = self._readings[name]
+            if old.at_s is not None and old.at_s > at_s:
+                continue
+            quality = Quality.BAD if new.value is None else Quality.GOOD
+            self._readings[name] = Reading(new.value, new.unit, quality, new.label, at_s, time_s)
+
+    def keep_rows(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
+        """Take over raw words that have just been read; older ones than those known are ignored."""
+        for code, words in rows.items():
+            if self._rows_at_s.get(code, -math.inf) <= at_s:
+                self._rows[code] = words
+                self._rows_at_s[code] = at_s
+
+    def refuse(self, points: Iterable[str]) -> None:
+        """Mark points that the starter will not give as bad, without a value."""
+        for name in points:
+            self._readings[name] = replace(self._readings[name], value=None, label=None, quality=Quality.BAD)
+
+    def mark_stale(self, points: Iterable[str] | None = None) -> None:
+        """Mark good readings (all, or of these points) as no longer current; value and time stay."""
+        for name in list(self._readings) if points is None else points:
+            reading = self._readings[name]
+            if reading.quality is Quality.GOOD:
+                self._readings[name] = replace(reading, quality=Quality.STALE)
+
+    def good_values(self) -> dict[str, Value]:
+        """Return the values that were just read, by point."""
+        return {name: known.value for name, known in self._readings.items() if known.quality is Quality.GOOD}
+
+    def age_s(self, point: str, *, now_s: float) -> float:
+        """Return how long ago a point was read; infinite when it never was."""
+        at_s = self._readings[point].at_s
+        return math.inf if at_s is None else now_s - at_s
+
+    def rows_since(self, since_s: float) -> dict[str, tuple[int, ...]]:
+        """Return the raw words of all rows that were read at `since_s` or later."""
+        return {code: words for code, words in self._rows.items() if self._rows_at_s[code] >= since_s}
+
+
+def as_flag(value: Value) -> bool | None:
+    """Return a boolean value; None for one that is not known."""
+    return value if isinstance(value, bool) else None

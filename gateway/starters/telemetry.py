@@ -1,0 +1,236 @@
+"""One starter as it is read: from the line's outcomes to records."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Mapping
+from typing import assert_never
+
+from gateway.clock import Clock
+from gateway.families.gather import rows_in, rows_of_points
+from gateway.families.identify import Identity, why_not
+from gateway.families.procedure import Read
+from gateway.families.schema import Profile, Variant
+from gateway.line.client import LineClient
+from gateway.line.job import Poll
+from gateway.line.outcome import Answered, Garbled, Outcome, Refused, Silent
+from gateway.modbus.codes import ExceptionCode, exception_name
+from gateway.starters.changes import UNKNOWN
+from gateway.starters.decoding import Sources, unit_of
+from gateway.starters.identification import Identification, Standing, standing_of
+from gateway.starters.info import info_of
+from gateway.starters.polling import Polling, polls_of
+from gateway.starters.publisher import Publisher
+from gateway.starters.records import InfoRecord, Severity, Sink
+from gateway.starters.report import Report
+from gateway.starters.sequence import Sequence
+from gateway.starters.setup import StarterSetup, merged
+from gateway.starters.snapshot import Snapshot
+from gateway.starters.status import SUMMARY_FLAGS, Status
+
+logger = logging.getLogger(__name__)
+
+BUSY_STATES = frozenset({"starting", "stopping", "fault"})  # read faster while in one of these
+LASTING_REFUSALS = frozenset(  # the starter will say the same next time [APP 7]
+    {
+        ExceptionCode.ILLEGAL_FUNCTION,
+        ExceptionCode.ILLEGAL_DATA_ADDRESS,
+        ExceptionCode.ILLEGAL_DATA_VALUE,
+        ExceptionCode.SERVER_DEVICE_FAILURE,
+    }
+)
+
+
+class StarterTelemetry:
+    """Reads one starter and tells what it reads; everything happens on the app's loop."""
+
+    def __init__(
+        self, setup: StarterSetup, *, line: LineClient, sink: Sink, clock: Clock, sequence: Sequence
+    ) -> None:
+        profile = setup.profile
+        self.setup = setup
+        self.line = line
+        self.variant = setup.variant
+        self.snapshot = Snapshot({name: unit_of(profile, name) for name in profile.points})
+        self.publisher = Publisher(setup.name, sink=sink, clock=clock, sequence=sequence)
+        self._clock = clock
+        self._sources = Sources(profile)
+        self._polling = Polling(setup, line)
+        summary = (name for name in SUMMARY_FLAGS if name in profile.points)
+        self._status_codes = frozenset(rows_of_points(profile, summary))
+        self._status = Status(profile, self.publisher)
+        self._report = Report({name: point.deadband for name, point in profile.points.items()})
+        self._identification = Identification(setup, line, self._take_identity)
+        self._identity = Identity(reason="not yet asked")
+        self._info: InfoRecord | None = None
+        self._is_answering = False
+        self._was_lost = False
+        self._state = UNKNOWN
+        self._timer: asyncio.TimerHandle | None = None
+        self._where = f"line={setup.line} unit={setup.address} starter={setup.name}"
+
+    @property
+    def profile(self) -> Profile:
+        """Return the starter's family."""
+        return self.setup.profile
+
+    @property
+    def is_answering(self) -> bool:
+        """Return whether the starter is online."""
+        return self._is_answering
+
+    @property
+    def identity_standing(self) -> Standing:
+        """Return whether the one who answers has proved to be the configured family."""
+        return standing_of(self.setup, self._identity)
+
+    @property
+    def identity_reason(self) -> str:
+        """Return in words why the identity is not matching; empty when it is."""
+        return why_not(self.profile, self._identity) or ""
+
+    @property
+    def status_period_s(self) -> float:
+        """Return how long two readings of the status are apart at most."""
+        return self._polling.status_period_s
+
+    def polls(self) -> tuple[Poll, ...]:
+        """Return the polls with which the line must begin."""
+        return polls_of(self.setup)
+
+    def start(self) -> None:
+        """Publish what is known before the first answer; call once, on the app's loop."""
+        self._publish_info()
+        if self.setup.is_enabled:
+            self.publisher.availability("offline", reason="not yet read")
+        else:
+            self.publisher.availability("disabled", reason="disabled in the configuration")
+        self._publish()
+
+    async def close(self) -> None:
+        """Do nothing more on its own."""
+        await self._identification.close()
+        if self._timer is not None:
+            self._timer.cancel()
+
+    def on_poll(self, key: str, outcome: Outcome) -> None:
+        """Take over what became of a poll; one that is not ours any more is ignored."""
+        block = self._polling.block(key)
+        if block is None:
+            return
+        match outcome:
+            case Answered():
+                self._come_online()
+                self._polling.note_answer(key, at_s=outcome.at_s)
+                rows = rows_in(self.profile, Read(block.request, block.codes), outcome.value)
+                self.take_rows(rows, at_s=outcome.at_s)
+            case Refused():
+                self._come_online()
+                self._take_refusal(key, outcome)
+            case Silent() | Garbled():
+                self._publish()  # time has passed: something may be overdue
+            case _:
+                assert_never(outcome)
+
+    def on_unit(self, *, is_answering: bool, reason: str, frames: tuple[str, ...] = ()) -> None:
+        """Take over that the starter began to answer or went silent."""
+        if is_answering:
+            self._come_online()
+        elif self._is_answering:
+            self._go_offline(reason, frames)
+
+    def take_rows(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
+        """Take over rows that were just read, by a poll or for a command, and publish what they say."""
+        known = self.snapshot.rows_since(at_s - self._polling.patience_s)
+        told, untold = self._sources.tell(self.variant, rows, known=known)
+        if not self._status_codes.isdisjoint(rows):
+            self._status.remember(self.snapshot, now_s=at_s)
+        self.snapshot.keep_rows(rows, at_s=at_s)
+        self.snapshot.apply(told, at_s=at_s, time_s=self._clock.utc_s(at_s))
+        self.snapshot.refuse(untold)
+        self._publish(at_s)
+
+    def _take_refusal(self, key: str, refusal: Refused) -> None:
+        """Give up what will never be answered; after a passing refusal the values may become overdue."""
+        if refusal.code in LASTING_REFUSALS:
+            given_up = self._polling.note_refusal(key)
+            self.snapshot.refuse(self._sources.fed_by(given_up))
+            if given_up:
+                logger.info("%s refuses %s (%s)", self._where, *given_up, exception_name(refusal.code))
+        self._publish()
+
+    def _come_online(self) -> None:
+        if self._is_answering:
+            return
+        self._is_answering = True
+        self.publisher.availability("online", reason=None)
+        if self._was_lost:
+            logger.info("%s answers again", self._where)
+            self.publisher.event("answers_again", Severity.INFO, "the starter answers again")
+            self._polling.restore()
+        self._identification.begin()
+
+    def _go_offline(self, reason: str, frames: tuple[str, ...]) -> None:
+        self._is_answering, self._was_lost = False, True
+        self._identification.cancel()
+        self._identity = Identity(reason="it has not been asked since it went silent")
+        logger.warning("%s went silent: %s; last frames: %s", self._where, reason, " | ".join(frames))
+        self.publisher.availability("offline", reason=reason)
+        data = {"reason": reason, "frames": list(frames)}
+        self.publisher.event("went_silent", Severity.WARNING, f"the starter went silent: {reason}", data)
+        self.snapshot.mark_stale()
+        self._polling.note_silence()
+        self._publish()
+
+    def _take_identity(self, identity: Identity) -> None:
+        before = self._identity
+        self._identity = identity
+        if self.identity_standing is Standing.MATCHING:
+            self._take_variant(merged(self.setup.variant, identity))
+            self._publish_info()
+        elif self.identity_reason != why_not(self.profile, before):
+            self._tell_held()
+
+    def _take_variant(self, variant: Variant) -> None:
+        if variant != self.variant:
+            self.variant = variant
+            self._polling.replan(variant)
+
+    def _tell_held(self) -> None:
+        """Say that commands are held, because someone else answers or because it is not known who does."""
+        text = f"commands are held: {self.identity_reason}"
+        logger.warning("%s %s", self._where, text)
+        if self.identity_standing is Standing.MISMATCHED:
+            seen = self._identity
+            data = {"expected": self.profile.family, "seen": seen.family_seen, "model": seen.model}
+            self.publisher.event("identity_mismatch", Severity.ERROR, text, data)
+        else:
+            self.publisher.event("identity_unknown", Severity.WARNING, text)
+
+    def _publish_info(self) -> None:
+        info = info_of(self.setup, self.variant, serial=self._identity.serial)
+        if info != self._info:
+            self._info = info
+            self.publisher.sink.put(info)
+
+    def _publish(self, at_s: float | None = None) -> None:
+        """Publish what is due now; `at_s` is when the newest reading was taken."""
+        now_s = self._clock.now_s()
+        self.snapshot.mark_stale(self._sources.fed_by(self._polling.take_overdue(now_s)))
+        state = self._status.tell(self.snapshot, now_s=now_s, utc_s=self._clock.utc_s(at_s))
+        self._polling.hurry(is_fast=state in BUSY_STATES)
+        if state == "fault" and self._state != state:
+            self._polling.hasten()  # the fault's number and the values around it, as soon as the line allows
+        self._state = state
+        self._report.offer(self.snapshot.readings, now_s=now_s)
+        for point, reading in self._report.take_due(now_s).items():
+            self.publisher.value(point, reading)
+        self._wake_at(min(self._report.next_due_s(), self._status.next_due_s, self._polling.next_overdue_s()))
+
+    def _wake_at(self, due_s: float) -> None:
+        """Publish again at `due_s`, by the one timer of this starter."""
+        if self._timer is not None:
+            self._timer.cancel()
+        pause_s = max(due_s - self._clock.now_s(), 0.0)
+        self._timer = asyncio.get_running_loop().call_later(pause_s, self._publish)

@@ -1,0 +1,35 @@
+"""Fixtures that several floors' tests share."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.mosquitto import MosquittoBroker, missing_programs
+
+StartMosquitto = Callable[..., MosquittoBroker]
+
+
+@pytest.fixture
+def start_mosquitto(tmp_path: Path) -> Iterator[StartMosquitto]:
+    """Give a function that starts a MosquittoBroker (same arguments); every broker ends with the test."""
+    missing = missing_programs()
+    if missing:
+        text = f"not installed: {', '.join(missing)} (apt-get install mosquitto mosquitto-clients)"
+        if os.environ.get("CI") == "true":
+            pytest.fail(text)
+        pytest.skip(text)
+    brokers: list[MosquittoBroker] = []
+
+    def start(**options: object) -> MosquittoBroker:
+        broker = MosquittoBroker(tmp_path / f"mosquitto-{len(brokers)}", **options)  # type: ignore[arg-type]
+        brokers.append(broker)
+        broker.start()
+        return broker
+
+    yield start
+    for broker in brokers:
+        broker.kill()

@@ -1,0 +1,228 @@
+"""What holds of every command in whatever situation a starter is in."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gateway.errors import CommandError
+from gateway.families.command import build, prepare, verbs
+from gateway.families.gather import rows_in
+from gateway.families.interlock import RULES
+from gateway.families.load import FAMILIES, load_profile
+from gateway.families.procedure import Preparation, Procedure
+from gateway.families.refusals import REFUSALS
+from gateway.families.schema import Profile, Variant
+
+SEEDED = settings(derandomize=True, deadline=None)
+
+RUN_COIL = {"ssw06": 100, "ssw07": 100, "sst": 0}
+WORDS = st.integers(0, 0xFFFF)
+SLOTS = st.sampled_from([Variant(), Variant(slot=1), Variant(slot=2)])
+PROFILES = st.sampled_from([load_profile(family) for family in FAMILIES])
+VALUES = st.one_of(
+    st.integers(-10, 70000),
+    st.floats(0, 1000, allow_nan=False),
+    st.booleans(),
+    st.text(max_size=4),
+    st.none(),
+)
+
+
+@st.composite
+def situations(draw: st.DrawFn) -> tuple[Profile, Variant, str, dict[str, Any], dict[str, tuple[int, ...]]]:
+    """Draw a family, a verb other than start, arguments that may make sense, and rows as they may be seen."""
+    profile = draw(PROFILES)
+    codes = st.sampled_from([*profile.parameters, "P500", "nothing"])
+    verb = draw(st.sampled_from([name for name in verbs(profile) if name != "start"]))
+    args: dict[str, Any] = {}
+    if verb == "general_enable":
+        args = {"value": draw(st.booleans())}
+    elif verb == "read":
+        args = {"parameter": draw(codes)}
+    elif verb == "set":
+        args = {"parameter": draw(codes), "value": draw(VALUES)}
+    elif verb == "configure":
+        args = draw(st.dictionaries(st.sampled_from([f"R{number}" for number in range(30, 43)]), VALUES))
+    seen = draw(st.dictionaries(st.sampled_from(shown(profile)), WORDS.map(lambda word: (word,))))
+    return profile, draw(SLOTS), verb, args, seen
+
+
+def shown(profile: Profile) -> list[str]:
+    """Return the rows of one word that a command may have seen."""
+    first = [
+        profile.status_word,
+        *profile.command_word,
+        "COIL1",
+        "R19",
+        "R41",
+        "C8.2.5.1",
+        "C8.2.5.3",
+        "P314",
+    ]
+    return [code for code in first if code in profile.parameters]
+
+
+def attempt(
+    profile: Profile, variant: Variant, verb: str, args: dict[str, Any], seen: dict[str, tuple[int, ...]]
+) -> Procedure | None:
+    """Build a command, None when it is refused."""
+    try:
+        return build(profile, variant, verb, args, seen=seen)
+    except CommandError:
+        return None
+
+
+def writes(procedure: Procedure) -> list[tuple[int, int, int]]:
+    """Return function, address and word of each write, the ones that follow a failure included."""
+    requests = [*(step.request for step in procedure.steps), *procedure.abandon]
+    pdus = [request.encode() for request in requests]
+    return [(pdu[0], int.from_bytes(pdu[1:3], "big"), int.from_bytes(pdu[3:5], "big")) for pdu in pdus]
+
+
+def sets_run(profile: Profile, write: tuple[int, int, int], seen: dict[str, tuple[int, ...]]) -> bool:
+    function, address, word = write
+    if function == 5:
+        return address == RUN_COIL.get(profile.family) and word == 0xFF00
+    for code in profile.command_word:
+        if address == profile.parameters[code].address and function == 6:
+            if profile.family == "ssw900":
+                return bool(word & 1) and not seen.get(code, (0,))[0] & 1
+            return profile.family == "ssw07" or word & 0x0101 == 0x0101
+    return False
+
+
+@SEEDED
+@given(situations())
+def test_no_verb_but_start_ever_sets_a_run_bit(situation: Any) -> None:
+    profile, _, _, _, seen = situation
+
+    procedure = attempt(*situation)
+
+    assert procedure is None or not any(sets_run(profile, write, seen) for write in writes(procedure))
+
+
+@SEEDED
+@given(situations())
+def test_an_ssw900_never_gets_a_word_with_reserved_bits(situation: Any) -> None:
+    procedure = attempt(*situation)
+
+    if procedure is not None and situation[0].family == "ssw900":
+        assert all(word & ~0x9F == 0 for _, address, word in writes(procedure) if address in (685, 686))
+
+
+@SEEDED
+@given(situations())
+def test_an_sst_register_is_written_only_between_entering_and_leaving_the_configuration_mode(
+    situation: Any,
+) -> None:
+    procedure = attempt(*situation)
+
+    if procedure is None or situation[0].family != "sst":
+        return
+    is_in_mode = False
+    for step in procedure.steps:
+        pdu = step.request.encode()
+        if pdu[:3] == b"\x05\x00\x01":
+            is_in_mode = pdu[3] == 0xFF
+            assert step.then is not None
+        assert pdu[0] == 5 or is_in_mode
+    assert not is_in_mode
+    assert bool(procedure.abandon) == any(
+        step.request.encode()[:3] == b"\x05\x00\x01" for step in procedure.steps
+    )
+
+
+@SEEDED
+@given(situations())
+def test_a_command_row_is_never_written_by_set(situation: Any) -> None:
+    profile, variant, _, args, seen = situation
+
+    procedure = attempt(profile, variant, "set", args, seen)
+
+    if procedure is not None and profile.family != "sst":
+        forbidden = {
+            100,
+            101,
+            102,
+            103,
+            104,
+            105,
+            106,
+            107,
+            5003,
+            5007,
+            308,
+            312,
+            *range(681, 687),
+            *range(730, 734),
+        }
+        assert not {address for _, address, _ in writes(procedure)} & forbidden
+
+
+@SEEDED
+@given(situations())
+def test_whatever_can_be_built_can_be_prepared_with_requests_within_the_limits(situation: Any) -> None:
+    profile, variant, verb, args, _ = situation
+    try:
+        preparation = prepare(profile, variant, verb, args)
+    except CommandError:
+        return
+
+    assert set(preparation.requires) <= set(RULES)
+    for read in preparation.reads:
+        count = int.from_bytes(read.request.encode()[3:5], "big")
+        assert count <= profile.limits.read_registers or read.request.function == 1
+        assert set(rows_in(profile, read, (0,) * count)) == set(read.codes)
+
+
+@SEEDED
+@given(situations())
+def test_a_refusal_is_one_of_the_closed_list(situation: Any) -> None:
+    profile, variant, verb, args, seen = situation
+    codes = []
+    for refuse in (
+        lambda: prepare(profile, variant, verb, args),
+        lambda: build(profile, variant, verb, args, seen=seen),
+    ):
+        try:
+            refuse()
+        except CommandError as error:
+            codes.append(error.code)
+
+    assert set(codes) <= set(REFUSALS)
+
+
+@SEEDED
+@given(PROFILES, SLOTS, st.dictionaries(st.text(max_size=8), VALUES), st.data())
+def test_a_stop_is_never_refused(profile: Profile, variant: Variant, args: dict[str, Any], data: Any) -> None:
+    seen = data.draw(st.dictionaries(st.sampled_from(shown(profile)), WORDS.map(lambda word: (word,))))
+
+    assert prepare(profile, variant, "stop", args) == Preparation("stop", reads=(), requires=())
+    assert build(profile, variant, "stop", args, seen=seen).steps
+
+
+@SEEDED
+@given(WORDS, st.sampled_from([1, 2, None]))
+def test_a_stop_never_leaves_the_run_bit_of_an_ssw900_set(last: int, slot: Any) -> None:
+    seen = {"S5.2.5": (last,), "S5.2.6": (last,)}
+
+    procedure = build(load_profile("ssw900"), Variant(slot=slot), "stop", {}, seen=seen)
+
+    assert all(not word & 0x05 for _, _, word in writes(procedure))
+
+
+@SEEDED
+@given(WORDS, WORDS)
+def test_a_reset_of_an_ssw900_changes_nothing_that_is_in_force(status: int, last: int) -> None:
+    seen = {"S5.1.1": (status,), "S5.2.5": (last,)}
+
+    procedure = build(load_profile("ssw900"), Variant(slot=1), "reset", {}, seen=seen)
+
+    for _, _, word in writes(procedure):
+        assert bool(word & 0x02) == bool(status & 1 << 1)  # general enable
+        assert bool(word & 0x10) == bool(status & 1 << 8)  # remote
+        assert bool(word & 0x08) == bool(status & 1 << 11)  # direction
+        assert bool(word & 0x01) == bool(last & 0x01 and status & (1 << 0 | 1 << 4))  # run

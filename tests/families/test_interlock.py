@@ -1,0 +1,107 @@
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from gateway.families.interlock import RULES, check, points_needed
+from gateway.families.load import FAMILIES, load_profile
+from tests.families.test_state import SST_AT_REST, WEG_AT_REST
+
+
+def broken(family: str, rules: tuple[str, ...], points: dict[str, Any]) -> list[str]:
+    return [violation.rule for violation in check(load_profile(family), rules, points)]
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_rule_that_a_profile_demands_exists(family: str) -> None:
+    commands = load_profile(family).commands.values()
+
+    assert {rule for command in commands for rule in command.requires} <= set(RULES)
+
+
+@pytest.mark.parametrize(
+    "rule", ["remote", "general_enabled", "no_fault", "has_fault", "is_ready", "is_stopped"]
+)
+def test_an_unknown_reading_breaks_a_rule(rule: str) -> None:
+    assert broken("ssw07", (rule,), {}) == [rule]
+
+
+@pytest.mark.parametrize("rule", ["serial_controls", "configured", "is_ready", "is_stopped"])
+def test_an_unknown_reading_breaks_a_rule_of_the_sst(rule: str) -> None:
+    assert broken("sst", (rule,), {}) == [rule]
+
+
+@pytest.mark.parametrize(
+    ("rule", "good", "bad"),
+    [
+        ("remote", {"remote": True}, {"remote": False}),
+        ("general_enabled", {"general_enabled": True}, {"general_enabled": False}),
+        ("no_fault", {"fault": False}, {"fault": True}),
+        ("has_fault", {"fault": True}, {"fault": False}),
+        ("power_present", {"power_present": True}, {"power_present": False}),
+        ("not_adjusting", {"vb06": 0}, {"vb06": 2}),
+        ("is_ready", WEG_AT_REST, {**WEG_AT_REST, "running": True}),
+        ("is_stopped", WEG_AT_REST, {**WEG_AT_REST, "braking": True}),
+    ],
+)
+def test_a_rule_holds_on_what_it_demands_and_on_nothing_else(
+    rule: str, good: dict[str, Any], bad: dict[str, Any]
+) -> None:
+    at_rest = {"current_limit": False, "full_voltage": False}
+
+    assert broken("ssw06", (rule,), {**at_rest, **good}) == []
+    assert broken("ssw06", (rule,), {**at_rest, **bad}) == [rule]
+
+
+@pytest.mark.parametrize(
+    ("rule", "bad"),
+    [
+        ("serial_controls", {"coil7": True}),
+        ("serial_controls", {"coil8": True}),
+        ("serial_controls", {"coil8": None}),
+        ("configured", {"configured": False}),
+        ("is_ready", {"ready_to_start": False}),
+        ("is_stopped", {"full_voltage": True}),
+    ],
+)
+def test_the_rules_of_the_sst_are_told_from_its_coils_and_register_19(rule: str, bad: dict[str, Any]) -> None:
+    good = {**SST_AT_REST, "coil7": False, "coil8": False}
+
+    assert broken("sst", (rule,), good) == []
+    assert broken("sst", (rule,), {**good, **bad}) == [rule]
+
+
+def test_a_bit_that_an_old_ssw07_does_not_have_does_not_keep_it_from_being_stopped() -> None:
+    points = {**WEG_AT_REST, "full_voltage": False, "jog": None, "braking": None, "reversing": None}
+
+    assert broken("ssw07", ("is_stopped",), points) == []
+
+
+def test_an_unknown_adjusting_mode_counts_only_where_there_is_one() -> None:
+    assert broken("ssw06", ("not_adjusting",), {}) == ["not_adjusting"]
+    assert broken("ssw07", ("not_adjusting",), {}) == []
+
+
+def test_a_violation_tells_what_was_read_and_what_to_do() -> None:
+    (violation,) = check(load_profile("ssw07"), ("remote",), {"remote": False})
+
+    assert violation.reading == "remote is false"
+    assert violation.text == (
+        "the starter takes commands in remote mode: required, but remote is false; "
+        "switch the starter to remote"
+    )
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("rule", sorted(RULES))
+def test_the_points_of_a_rule_are_points_of_the_family(family: str, rule: str) -> None:
+    profile = load_profile(family)
+
+    assert set(points_needed(profile, (rule,))) <= set(profile.points)
+
+
+def test_the_points_that_decide_readiness_include_the_adjusting_mode_of_the_ssw06() -> None:
+    assert {"vb06", "general_enabled", "power_present", "running"} <= set(
+        points_needed(load_profile("ssw06"), ("is_ready",))
+    )

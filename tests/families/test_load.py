@@ -1,0 +1,213 @@
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import gateway.families
+from gateway.errors import ProfileError, UsageError
+from gateway.families.load import FAMILIES, load_profile, read_profile
+
+PROFILES = Path(gateway.families.__file__).parent / "profiles"
+
+
+@pytest.fixture
+def ssw06(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(PROFILES / "ssw06", tmp_path / "ssw06"))
+
+
+@pytest.fixture
+def sst(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(PROFILES / "sst", tmp_path / "sst"))
+
+
+def edit(path: Path, change: Callable[[str], str]) -> None:
+    before = path.read_text(encoding="utf-8")
+    after = change(before)
+    assert after != before
+    path.write_text(after, encoding="utf-8")
+
+
+def replace(path: Path, pattern: str, by: str) -> None:
+    edit(path, lambda text: re.sub(pattern, by, text, count=1, flags=re.MULTILINE))
+
+
+def append(path: Path, line: str) -> None:
+    edit(path, lambda text: f"{text}{line}\n")
+
+
+def problems_of(directory: Path) -> list[str]:
+    with pytest.raises(ProfileError) as caught:
+        read_profile(directory)
+    return caught.value.problems
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_shipped_profile_loads_once(family: str) -> None:
+    profile = load_profile(family)
+
+    assert profile.family == family
+    assert load_profile(family) is profile
+
+
+@pytest.mark.parametrize("family", ["ssw08", "", "../ssw07"])
+def test_a_family_that_is_not_shipped_is_refused_with_the_list(family: str) -> None:
+    with pytest.raises(UsageError, match="ssw06, ssw07, ssw900, sst"):
+        load_profile(family)
+
+
+def test_every_mistake_is_told_at_once_with_its_place(ssw06: Path) -> None:
+    replace(ssw06 / "parameters.csv", "^P002,(.*),holding,2,", r"P002,\1,drum,2,")
+    replace(ssw06 / "enums.csv", "^P229,4,", "P229,four,")
+    append(ssw06 / "bits.csv", "VB01,15,Error again")
+    append(ssw06 / "alarms.csv", "e31,disaster,Something")
+    replace(ssw06 / "family.toml", "^title = .*", "tittle = 'x'")
+
+    text = "\n".join(problems_of(ssw06))
+
+    assert "parameters.csv:4: table" in text
+    assert re.search(r"enums\.csv:\d+: value: Input should be a valid integer", text)
+    assert "bits.csv:82: VB01 has 15 twice" in text
+    assert "alarms.csv:5: severity" in text
+    assert "family.toml: title: Field required" in text
+    assert "family.toml: tittle: Extra inputs" in text
+
+
+@pytest.mark.parametrize("damage", ["family = [", ""])
+def test_an_unreadable_family_file_is_a_problem_among_others(ssw06: Path, damage: str) -> None:
+    (ssw06 / "family.toml").write_text(damage, encoding="utf-8")
+    append(ssw06 / "enums.csv", "P230,none,x")
+
+    text = "\n".join(problems_of(ssw06))
+
+    assert "family.toml" in text
+    assert "enums.csv:38" in text
+
+
+def test_a_missing_family_file_is_a_problem(tmp_path: Path) -> None:
+    assert any(problem.startswith("family.toml: ") for problem in problems_of(tmp_path))
+
+
+def test_a_line_with_too_many_cells_is_a_problem(ssw06: Path) -> None:
+    append(ssw06 / "alarms.csv", "e31,fault,Something,else")
+
+    assert problems_of(ssw06) == ["alarms.csv:5: more: Extra inputs are not permitted"]
+
+
+def test_a_code_that_stands_twice_is_a_problem(ssw06: Path) -> None:
+    edit(ssw06 / "parameters.csv", lambda text: text + text.splitlines()[-1] + "\n")
+
+    assert problems_of(ssw06) == ["parameters.csv:76: VB03.7 stands twice"]
+
+
+def test_ranges_of_a_row_that_does_not_exist_are_a_problem(sst: Path) -> None:
+    append(sst / "ranges.csv", "R99,SST330i,0,1")
+    append(sst / "ranges.csv", "R39,SST330i,zero,1")
+
+    problems = problems_of(sst)
+
+    assert problems[0].startswith("ranges.csv:21: raw_min")
+    assert "ranges.csv: R99 is no parameter" in problems
+
+
+# One contradiction each: file, pattern, replacement, and the complaint.
+CONTRADICTIONS = [
+    ("parameters.csv", "^VB10,", "vb10,", "vb10: codes are written in upper case"),
+    ("parameters.csv", "^(VB09,.*),u16,", r"\1,u32,", "VB09: u32 takes 2 words, not 1"),
+    ("parameters.csv", "^(VB09,.*),u16,", r"\1,bit,", "VB09: a coil is a bit, and nothing else is"),
+    ("parameters.csv", "^(P220,.*),rw,P220,", r"\1,rw,P221,", "P220: enum 'P221' does not exist"),
+    ("parameters.csv", "^(P220,.*),rw,P220,", r"\1,rw,,", "P220: enum '' does not exist"),
+    ("parameters.csv", "^(P314,.*),0,999,", r"\1,0,70000,", "P314: limits 0..70000 do not fit u16"),
+    ("parameters.csv", "^(P314,.*),0,999,", r"\1,1000,999,", "P314: limits 1000..999 do not fit u16"),
+    ("parameters.csv", "^(P314,.*),0,999,", r"\1,,999,", "P314: limits None..999 do not fit u16"),
+    ("parameters.csv", "^(P314,.*),u16,", r"\1,string,", "P314: limits 0..999 do not fit string"),
+    ("parameters.csv", "^(P003,.*),holding,3,", r"\1,holding,2,", "P003: overlaps P002"),
+    ("parameters.csv", "^(VB00,.*),u16,", r"\1,bits,", "VB00: its bits are not named"),
+    ("enums.csv", r"\Z", "P999,0,Nothing\n", "enums.csv: no parameter uses P999"),
+    ("bits.csv", r"\Z", "VB11,0,Nothing\n", "bits.csv: VB11 is no row of bits"),
+    ("bits.csv", r"\Z", "VB01,16,Nothing\n", "bits.csv: VB01 has no bit 16"),
+    ("alarms.csv", r"\Z", "e28,fault,Again\n", "alarms.csv: e28 stands twice"),
+    ("family.toml", '"VB01"$', '"VB11"', "family.toml: VB11 is no parameter"),
+    (
+        "family.toml",
+        '^model_register = "VB00"',
+        'model_register = "VB05"',
+        "family.toml: VB05 is no parameter",
+    ),
+    ("family.toml", '^current = { code = "P003"', 'current = { code = "P004"', "points.current: P004 is no"),
+    ("family.toml", '^current = { code = "P003"', 'current = { code = "P200"', "points.current: P200 is no"),
+    ("family.toml", '^current = { code = "P003", ', "current = { ", "points.current: needs either a code"),
+    ("family.toml", "^p030 = .*", 'p030 = { none_of = ["p031", "p033"] }', "points.p030: p033 is no point"),
+    ("family.toml", "bit = 15", "bit = 16", "family.toml: points.fault.bit"),
+    ("family.toml", '"VB06", group', '"P003", bit = 3, group', "points.vb06: P003 has no bit 3"),
+    ("family.toml", 'point = "fault"', 'point = "error"', "commands.reset: error is no point"),
+    (
+        "family.toml",
+        "word = .VB03., set_bits = 0x01",
+        "set_bits = 0x01",
+        "commands.start: a write needs either",
+    ),
+    (
+        "family.toml",
+        "word = .VB03., set_bits",
+        'word = "VB08", set_bits',
+        "commands.start: VB08 is not there",
+    ),
+    (
+        "family.toml",
+        "word = .VB03., set_bits",
+        'word = "VB11", set_bits',
+        "commands.start: VB11 is not there",
+    ),
+    (
+        "family.toml",
+        "word = .VB03., set_bits = 0x01, mask_shift = 8",
+        "coil = 1",
+        "start: coil 1 is not there",
+    ),
+    ("family.toml", "word = .VB03., set_bits = 0x01, mask_shift = 8", "coil = 99", "coil 99 is not there"),
+    (
+        "family.toml",
+        "set_bits = 0x01, mask_shift = 8",
+        "set_bits = 0x01, mask_shift = 16",
+        "do not fit one word",
+    ),
+    ("family.toml", "set_bits = 0x01, ", "set_bits = 0x01, clear_bits = 1, ", "do not fit one word"),
+    ("family.toml", r"functions = \[1, 3", "functions = [3", "the coil table cannot be read without 1"),
+    ("family.toml", "frame_bytes = 256", "frame_bytes = 254", "read_registers: 125 do not fit a frame"),
+    ("family.toml", "frame_bytes = 256", "frame_bytes = 254", "write_registers: 123 do not fit a frame"),
+]
+
+
+@pytest.mark.parametrize(("file", "pattern", "by", "complaint"), CONTRADICTIONS)
+def test_parts_that_contradict_each_other_are_told(
+    ssw06: Path, file: str, pattern: str, by: str, complaint: str
+) -> None:
+    replace(ssw06 / file, pattern, by)
+
+    assert any(complaint in problem for problem in problems_of(ssw06))
+
+
+def test_a_model_range_must_fit_the_type_too(sst: Path) -> None:
+    replace(sst / "ranges.csv", "R30,SST330i,5,47", "R30,SST330i,5,470")
+
+    assert problems_of(sst) == ["R30: limits 5..470 do not fit low_u8"]
+
+
+@pytest.mark.parametrize("alias", ["S5.1.2", "S5.2.5"])
+def test_an_alias_must_be_on_the_same_register(tmp_path: Path, alias: str) -> None:
+    directory = Path(shutil.copytree(PROFILES / "ssw900", tmp_path / "ssw900"))
+    replace(directory / "parameters.csv", "^(S3.1.3.1,.*),S5.1.1,", rf"\1,{alias},")
+
+    assert f"S3.1.3.1: {alias} is not on the same register" in problems_of(directory)
+
+
+@pytest.mark.parametrize("test", ["true_when = [1]", "zero_is_missing = true"])
+def test_a_test_of_a_value_needs_a_number(tmp_path: Path, test: str) -> None:
+    directory = Path(shutil.copytree(PROFILES / "ssw900", tmp_path / "ssw900"))
+    replace(directory / "family.toml", "^s3_1_2 = .*", f's3_1_2 = {{ code = "C6.3.1", {test} }}')
+
+    assert problems_of(directory) == ["points.s3_1_2: C6.3.1 is no number"]

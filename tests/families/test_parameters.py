@@ -1,0 +1,273 @@
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gateway.errors import CommandError
+from gateway.families.decode import decode_row
+from gateway.families.load import FAMILIES, load_profile
+from gateway.families.parameters import find, raw_limits, read_request, to_words, write_request
+from gateway.families.schema import RESERVED, Access, Confidence, Parameter, Profile, Variant
+from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
+from gateway.modbus.writes import WriteCoil, WriteRegister, WriteRegisters
+
+WRITABLE = [
+    (family, row)
+    for family in FAMILIES
+    for row in load_profile(family).parameters.values()
+    if row.is_writable
+]
+
+
+def words(family: str, code: str, value: Any, *, model: str | None = None) -> tuple[int, ...]:
+    profile = load_profile(family)
+    return to_words(profile, find(profile, code), value, variant=Variant(model=model))
+
+
+def refusal(family: str, code: str, value: Any, *, model: str | None = None) -> str:
+    with pytest.raises(CommandError) as caught:
+        words(family, code, value, model=model)
+    return caught.value.code
+
+
+@pytest.mark.parametrize(
+    ("family", "code", "found"),
+    [
+        ("ssw07", "p003", "P003"),
+        ("ssw07", "P3", "P003"),
+        ("ssw07", " vb08 ", "VB08"),
+        ("ssw07", "vb01.0", "VB01.0"),
+        ("ssw900", "c11.3.1", "C11.3.1"),
+        ("sst", "coil26", "COIL26"),
+        ("sst", "r41", "R41"),
+    ],
+)
+def test_a_row_is_found_by_its_code_in_any_case(family: str, code: str, found: str) -> None:
+    assert find(load_profile(family), code).code == found
+
+
+@pytest.mark.parametrize(
+    ("family", "code"),
+    [
+        ("ssw07", "P1000"),
+        ("ssw07", "S1.1.4"),
+        ("ssw07", ""),
+        ("ssw900", "P003"),
+        ("sst", "R43"),
+        ("sst", "P1"),
+    ],
+)
+def test_a_code_that_the_manual_does_not_name_is_unknown(family: str, code: str) -> None:
+    with pytest.raises(CommandError) as caught:
+        find(load_profile(family), code)
+    assert caught.value.code == "unknown_parameter"
+
+
+def test_any_other_parameter_number_of_the_ssw07_reads_as_a_raw_word_and_is_never_writable() -> None:
+    profile = load_profile("ssw07")
+
+    row = find(profile, "P102")
+
+    assert row.code == "P102"
+    assert row.confidence is Confidence.INFERRED
+    assert read_request(profile, row) == ReadHoldingRegisters(102, 1)
+    assert decode_row(profile, Variant(), row, (1234,)).value == 1234
+    assert refusal("ssw07", "P102", 1) == "not_writable"
+
+
+@pytest.mark.parametrize("family", ["ssw06", "ssw07"])
+@pytest.mark.parametrize("code", ["P200", "P215"])
+def test_p200_and_p215_cannot_be_read(family: str, code: str) -> None:
+    profile = load_profile(family)
+
+    with pytest.raises(CommandError) as caught:
+        read_request(profile, find(profile, code))
+    assert caught.value.code == "not_readable"
+
+
+@pytest.mark.parametrize(
+    ("family", "code", "request_"),
+    [
+        ("ssw07", "P003", ReadHoldingRegisters(3, 1)),
+        ("ssw07", "VB01", ReadHoldingRegisters(5001, 1)),
+        ("ssw07", "VB01.8", ReadCoils(8, 1)),
+        ("ssw900", "S1.1.4", ReadHoldingRegisters(24, 2)),
+        ("ssw900", "C8.6.3", ReadHoldingRegisters(808, 8)),
+        ("sst", "R19", ReadInputRegisters(19, 1)),
+        ("sst", "COIL26", ReadCoils(25, 1)),
+    ],
+)
+def test_a_row_is_read_whole_from_its_table(family: str, code: str, request_: object) -> None:
+    profile = load_profile(family)
+
+    assert read_request(profile, find(profile, code)) == request_
+
+
+@pytest.mark.parametrize(
+    ("family", "code", "sent", "request_"),
+    [
+        ("ssw07", "P314", (30,), WriteRegister(314, 30)),
+        ("ssw07", "VB03.0", (1,), WriteCoil(100, is_on=True)),
+        ("ssw900", "C11.3.1", (0xFFFF, 0xFFFF), WriteRegisters(1110, (0xFFFF, 0xFFFF))),
+        ("ssw900", "S5.2.5", (3,), WriteRegister(685, 3)),
+        ("sst", "R41", (5,), WriteRegister(41, 5)),
+        ("sst", "COIL1", (0,), WriteCoil(0, is_on=False)),
+    ],
+)
+def test_a_row_is_written_whole(family: str, code: str, sent: tuple[int, ...], request_: object) -> None:
+    profile = load_profile(family)
+
+    assert write_request(profile, find(profile, code), sent) == request_
+
+
+@pytest.mark.parametrize(("family", "code"), [("ssw07", "P003"), ("ssw07", "P200"), ("sst", "COIL5")])
+def test_no_request_writes_a_row_that_is_read_only(family: str, code: str) -> None:
+    profile = load_profile(family)
+
+    with pytest.raises(CommandError) as caught:
+        write_request(profile, find(profile, code), (1,))
+    assert caught.value.code == "not_writable"
+
+
+@pytest.mark.parametrize(
+    ("family", "code", "value", "sent"),
+    [
+        ("ssw07", "P314", 30, (30,)),
+        ("ssw07", "P314", 30.0, (30,)),
+        ("ssw07", "P314", "30", (30,)),
+        ("ssw07", "P230", 2, (2,)),
+        ("ssw07", "P230", "serial", (2,)),
+        ("ssw07", "VB08", 3, (3,)),
+        ("ssw06", "P313", "Fatal error", (5,)),
+        ("ssw06", "VB09", 8191, (8191,)),
+        ("ssw900", "C2.2", 12.3, (123,)),
+        ("ssw900", "C8.2.5.3", "0.5", (5,)),
+        ("ssw900", "C11.3.1", -2, (0xFFFE, 0xFFFF)),
+        ("ssw900", "C11.3.1", 10000, (10000, 0)),
+        ("ssw900", "S5.3.2.1", 1023, (0x3FF,)),
+        ("sst", "R33", 0.6, (6,)),
+        ("sst", "R37", "50 %", (2,)),
+        ("sst", "R38", "Both", (2,)),
+    ],
+)
+def test_values_become_the_words_that_are_sent(
+    family: str, code: str, value: Any, sent: tuple[int, ...]
+) -> None:
+    assert words(family, code, value) == sent
+
+
+@pytest.mark.parametrize(
+    ("family", "code", "value", "why"),
+    [
+        ("ssw07", "P314", 1000, "out_of_range"),
+        ("ssw07", "P314", -1, "out_of_range"),
+        ("ssw07", "P314", 0.5, "bad_value"),
+        ("ssw07", "P314", True, "bad_value"),
+        ("ssw07", "P314", None, "bad_value"),
+        ("ssw07", "P314", [1], "bad_value"),
+        ("ssw07", "P314", "soon", "bad_value"),
+        ("ssw07", "P314", float("nan"), "bad_value"),
+        ("ssw07", "P314", float("inf"), "bad_value"),
+        ("ssw07", "P314", "1e999999", "bad_value"),
+        ("ssw07", "P230", 4, "out_of_range"),
+        ("ssw07", "P230", "Radio", "bad_value"),
+        ("ssw07", "VB08", 4, "out_of_range"),
+        ("ssw07", "VB03", 3, "not_writable"),
+        ("ssw07", "P000", 5, "not_writable"),
+        ("ssw07", "P003", 5, "not_writable"),
+        ("ssw06", "P204", 5, "not_writable"),
+        ("ssw06", "VB07", 1, "not_writable"),
+        ("ssw06", "P313", "No action", "bad_value"),  # 0 and 4
+        ("ssw900", "C2.2", 12.34, "bad_value"),
+        ("ssw900", "C4.1.2", 13, "out_of_range"),  # a reserved member
+        ("ssw900", "C8.4.3", "Reserved", "out_of_range"),
+        ("ssw900", "C1.2", 50, "not_writable"),
+        ("sst", "R41", 0x130, "out_of_range"),  # only 30h would arrive, so the whole number is judged
+        ("sst", "R40", 0, "out_of_range"),
+        ("sst", "R40", 98, "out_of_range"),
+        ("sst", "COIL1", True, "not_writable"),
+    ],
+)
+def test_values_that_the_manual_does_not_allow_are_refused(
+    family: str, code: str, value: Any, why: str
+) -> None:
+    assert refusal(family, code, value) == why
+
+
+def test_a_number_between_the_members_of_a_list_is_out_of_range() -> None:
+    profile = load_profile("ssw07")
+    gap = {code: {0: "None", 3: "All"} for code in ("P230",)}
+
+    with pytest.raises(CommandError) as caught:
+        to_words(profile.model_copy(update={"enums": gap}), profile.parameters["P230"], 1)
+    assert caught.value.code == "out_of_range"
+
+
+def test_a_refusal_names_the_range_in_the_rows_unit() -> None:
+    with pytest.raises(CommandError, match=r"C2\.2 takes 0\.1\.\.2424\.0 A"):
+        words("ssw900", "C2.2", 0)
+
+
+@pytest.mark.parametrize(
+    ("model", "limits"),
+    [
+        (None, (5, 140)),
+        ("SST330i-M-ES", (5, 47)),
+        ("SST130i-75-M", (75, 75)),
+        ("sst130i-140-m", (5, 140)),
+        ("SST130i", (5, 140)),  # which of the two is not known: the widest of both
+        ("SST360i", (5, 47)),  # has no column in the table
+    ],
+)
+def test_limits_are_those_of_the_model_or_the_widest_while_it_is_unknown(
+    model: str | None, limits: tuple[int, int]
+) -> None:
+    assert raw_limits(load_profile("sst").parameters["R30"], Variant(model=model)) == limits
+
+
+def test_a_register_that_a_model_does_not_use_cannot_be_set_there() -> None:
+    assert refusal("sst", "R38", 0, model="SST130i-75-M") == "not_writable"
+    assert words("sst", "R38", 0, model="SST330i-M") == (0,)
+
+
+def test_rows_without_model_limits_take_their_own() -> None:
+    assert raw_limits(load_profile("sst").parameters["R40"], Variant(model="SST130i-75-M")) == (1, 97)
+    assert raw_limits(load_profile("sst").parameters["R40"]) == (1, 97)
+    assert raw_limits(load_profile("sst").parameters["R12"]) is None
+
+
+def accepted(profile: Profile, row: Parameter) -> st.SearchStrategy[int]:
+    limits = raw_limits(row)
+    assert limits is not None
+    members = [raw for raw, label in profile.enums.get(row.enum, {}).items() if label != RESERVED]
+    return st.sampled_from(members) if members else st.integers(*limits)
+
+
+@given(st.data())
+def test_what_is_set_is_what_is_read_back(data: st.DataObject) -> None:
+    family, row = data.draw(st.sampled_from(WRITABLE), label="row")
+    profile = load_profile(family)
+    raw = data.draw(accepted(profile, row), label="raw")
+    value = raw / 10**row.decimals if row.decimals else raw
+
+    sent = to_words(profile, row, value)
+
+    assert len(sent) == row.words
+    assert decode_row(profile, Variant(), row, sent).value == value
+    assert to_words(profile, row, decode_row(profile, Variant(), row, sent).value) == sent
+
+
+def test_a_label_sets_the_number_it_stands_for_on_every_list_without_doubles() -> None:
+    for family, row in WRITABLE:
+        members = load_profile(family).enums.get(row.enum, {})
+        labels = [label.casefold() for label in members.values()]
+        for raw, label in members.items():
+            if labels.count(label.casefold()) == 1 and label != RESERVED:
+                assert words(family, row.code, label)[0] == raw
+
+
+def test_access_none_and_command_rows_are_the_only_ones_beside_ro_and_rw() -> None:
+    assert {access.value for access in Access} == {"ro", "rw", "command", "none"}

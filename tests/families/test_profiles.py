@@ -1,0 +1,175 @@
+"""What the shipped profiles say, checked against figures of the manuals that stand here in their own form."""
+
+from __future__ import annotations
+
+import pytest
+
+from gateway.errors import CommandError
+from gateway.families.interlock import RULES
+from gateway.families.load import FAMILIES, load_profile
+from gateway.families.parameters import to_words
+from gateway.families.schema import Access, Confidence, Table
+
+COMMON_POINTS = """
+    running general_enabled fault alarm remote accelerating decelerating full_voltage current_limit
+    bypass_closed jog braking reversing reverse power_present current current_pct line_voltage output_voltage
+    line_frequency power_factor active_power apparent_power reactive_power torque_pct heatsink_temperature
+    fault_code starts_total ready_to_start configured
+"""
+
+
+def test_the_ssw900_has_every_row_member_bit_and_message_of_its_manual() -> None:
+    profile = load_profile("ssw900")
+
+    assert len(profile.parameters) == 501
+    assert sum(len(members) for members in profile.enums.values()) == 673
+    assert sum(len(bits) for bits in profile.bits.values()) == 240
+    assert len(profile.alarms) == 77
+
+
+@pytest.mark.parametrize(
+    ("family", "named", "members", "bits"), [("ssw06", 39, 36, 80), ("ssw07", 18, 30, 48)]
+)
+def test_the_ssw06_and_ssw07_have_what_their_serial_manuals_name(
+    family: str, named: int, members: int, bits: int
+) -> None:
+    profile = load_profile(family)
+    sure = {row.code for row in profile.parameters.values() if row.confidence is Confidence.MANUAL}
+
+    # P001 and P101 are only addresses in the SSW-07's manual; their meaning comes from another document
+    from_elsewhere = {"P001", "P101"} if family == "ssw07" else set()
+    assert len({code for code in sure if code.startswith("P")} | from_elsewhere) == named
+    assert sum(len(profile.enums[code]) for code in sure & set(profile.enums)) == members
+    assert sum(len(labels) for labels in profile.bits.values()) == bits
+
+
+def test_the_sst_has_43_registers_and_26_coils_with_addresses_one_below_their_numbers() -> None:
+    profile = load_profile("sst")
+
+    registers = [row for row in profile.parameters.values() if row.table is Table.INPUT]
+    coils = [row for row in profile.parameters.values() if row.table is Table.COIL]
+    assert [row.address for row in registers] == list(range(43))
+    assert [row.code for row in coils] == [f"COIL{row.address + 1}" for row in coils]
+    assert len(coils) == 26
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_points_have_the_common_names_or_the_manuals_code(family: str) -> None:
+    profile = load_profile(family)
+
+    for name, point in profile.points.items():
+        assert name in COMMON_POINTS.split() or name == point.code.lower().replace(".", "_")
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_stop_requires_nothing_and_every_rule_that_is_required_exists(family: str) -> None:
+    commands = load_profile(family).commands
+
+    assert commands["stop"].requires == ()
+    assert {rule for command in commands.values() for rule in command.requires} <= set(RULES)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_only_rows_that_are_printed_intact_allowed_and_bounded_are_writable(family: str) -> None:
+    profile = load_profile(family)
+
+    for row in profile.parameters.values():
+        if row.is_writable:
+            assert row.access is Access.RW
+            assert row.confidence is Confidence.MANUAL
+            assert row.raw_min is not None
+        else:
+            with pytest.raises(CommandError) as refusal:
+                to_words(profile, row, row.raw_min or 0)
+            assert refusal.value.code == "not_writable"
+
+
+@pytest.mark.parametrize("code", ["S3.1.1", "C1.4", "C4.3.3", "C7.3.2", "C8.3.10.2", "C8.4.1"])
+def test_the_six_inferred_rows_of_the_ssw900_are_never_writable(code: str) -> None:
+    row = load_profile("ssw900").parameters[code]
+
+    assert row.confidence is Confidence.INFERRED
+    assert not row.is_writable
+
+
+@pytest.mark.parametrize("code", ["S5.6.2", "A1.1", "C1.2", "S5.2.5", "S5.2.6", "C6.3.1", "C8.3.5", "C8.6.3"])
+def test_rows_of_the_ssw900_that_a_set_may_not_name(code: str) -> None:
+    assert not load_profile("ssw900").parameters[code].is_writable
+
+
+@pytest.mark.parametrize(
+    ("family", "writable"),
+    [
+        ("ssw07", {"P220", "P229", "P230", "P308", "P312", "P313", "P314", "VB08"}),
+        ("ssw06", {"P220", "P229", "P230", "P308", "P312", "P313", "P314", "VB08", "VB09", "VB10"}),
+        ("sst", {f"R{number}" for number in (4, 5, 6, *range(30, 43))}),
+    ],
+)
+def test_the_writable_rows_are_those_whose_range_is_printed(family: str, writable: set[str]) -> None:
+    rows = load_profile(family).parameters.values()
+
+    assert {row.code for row in rows if row.is_writable} == writable
+
+
+def test_sst_rows_that_need_configuration_mode_are_all_its_writable_ones() -> None:
+    for row in load_profile("sst").parameters.values():
+        assert row.is_configuration is row.is_writable
+
+
+@pytest.mark.parametrize(
+    ("family", "codes"),
+    [
+        ("ssw06", {"VB03", "VB07", *(f"VB03.{bit}" for bit in range(8))}),
+        ("ssw07", {"VB03", *(f"VB03.{bit}" for bit in range(8))}),
+        ("ssw900", {"S5.2.5", "S5.2.6"}),
+        ("sst", {"COIL1", "COIL2", "COIL3", "COIL4"}),
+    ],
+)
+def test_what_moves_or_stops_the_motor_is_there_for_commands_only(family: str, codes: set[str]) -> None:
+    rows = load_profile(family).parameters.values()
+
+    assert {row.code for row in rows if row.access is Access.COMMAND} == codes
+
+
+def test_the_ssw07_has_no_alarm_bit_and_some_bits_only_from_newer_firmware() -> None:
+    points = load_profile("ssw07").points
+
+    assert "alarm" not in points
+    late = {name for name, point in points.items() if point.since_firmware}
+    assert late == {"jog", "braking", "reversing", "reverse"}
+
+
+def test_the_rated_scaled_rows_of_the_ssw06_are_the_fifteen_of_its_manual() -> None:
+    rows = load_profile("ssw06").parameters.values()
+
+    numbers = [3, 10, 11, 30, 31, 32, 47, 48, 53, 60, 63, 66, 69, 72, 75]
+    assert [row.address for row in rows if row.is_rated_scaled] == numbers
+
+
+@pytest.mark.parametrize(
+    ("family", "figures"),
+    [
+        ("ssw06", (0.010, 0.010, 0.010, 10.0, True)),
+        ("ssw07", (0.020, 0.020, 0.020, 0.0, True)),
+        ("ssw900", (0.100, 0.100, 0.0, 0.0, False)),
+        ("sst", (0.100, 0.100, 0.0, 10.0, False)),
+    ],
+)
+def test_response_times_are_the_manuals_or_said_to_be_ours(
+    family: str, figures: tuple[float, float, float, float, bool]
+) -> None:
+    timing = load_profile(family).timing
+
+    assert figures == (
+        timing.read_s,
+        timing.write_s,
+        timing.write_per_register_s,
+        timing.restart_s,
+        timing.is_stated,
+    )
+
+
+def test_the_sst_takes_frames_of_54_bytes() -> None:
+    limits = load_profile("sst").limits
+
+    assert (limits.frame_bytes, limits.read_registers, limits.write_registers) == (54, 24, 22)

@@ -1,0 +1,247 @@
+"""A line in virtual time: every byte has its place on the wire, and too early a request fails the test."""
+
+from __future__ import annotations
+
+import asyncio
+import heapq
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from math import inf
+
+from gateway.errors import PortError, PortLostError
+from gateway.line.client import LocalLineClient
+from gateway.line.job import Lane, Poll
+from gateway.line.outcome import Outcome
+from gateway.line.scheduler import Scheduler
+from gateway.line.trace import Trace
+from gateway.line.transaction import Transactor
+from gateway.modbus import adu
+from gateway.modbus.codes import Function
+from gateway.modbus.pdu import Request, encode_exception
+from gateway.modbus.reads import ReadHoldingRegisters
+from gateway.modbus.server import decode_request
+from gateway.modbus.timing import Framing, LineTiming
+
+TIMING = LineTiming(19200, Framing.parse("8E1"))
+RESPONSE_TIME_S = 0.010
+DELAY_S = 0.005  # of the fake units
+
+
+@dataclass(frozen=True)
+class Said:
+    """Bytes that somebody puts on the line so long after the request's last byte."""
+
+    data: bytes
+    delay_s: float = DELAY_S
+    in_chunks_of: int | None = None  # None: handed over at once, when the last has arrived
+    gap_s: float = 0.0  # between chunks
+
+
+Answer = Callable[[bytes], Iterable[Said]]
+
+
+class FakePort:
+    """A Port on a line where a request that starts before 3.5 characters of silence is an error."""
+
+    def __init__(self, answer: Answer, timing: LineTiming = TIMING, *, has_echo: bool = False) -> None:
+        self.answer = answer
+        self.timing = timing
+        self.has_echo = has_echo
+        self.sent: list[tuple[float, bytes]] = []
+        self.shortest_silence_s = inf
+        self.is_closed = False
+        self.closed_s = inf
+        self._loop = asyncio.get_running_loop()
+        self._wire_end_s = -inf  # of the last byte on the line so far, ours included
+        self._arrivals: list[tuple[float, int, bytes]] = []
+        self._serial = 0
+        self._last_byte_s = -inf
+        self._lost = False
+        self._waiter: asyncio.Future[None] | None = None
+
+    @property
+    def last_byte_s(self) -> float:
+        return self._last_byte_s if not self._has_arrived() else max(self._last_byte_s, self._newest_s())
+
+    def write(self, frame: bytes) -> None:
+        if self._lost:
+            raise PortLostError("fake", "lost")
+        now_s = self._loop.time()
+        heard_s = max((at_s for at_s, _, _ in self._arrivals if at_s <= now_s), default=-inf)
+        silence_s = now_s - max(self._wire_end_s, self._last_byte_s, heard_s)
+        self.shortest_silence_s = min(self.shortest_silence_s, silence_s)
+        assert silence_s > self.timing.silence_s - 1e-9, f"sent after {silence_s} s of silence"
+        self.sent.append((now_s, frame))
+        end_s = now_s + self.timing.wire_s(len(frame))
+        self._wire_end_s = end_s
+        if self.has_echo:
+            self._deliver(end_s, frame)
+        for said in self.answer(frame):
+            self.say(said, end_s)
+
+    async def read(self, *, until_s: float) -> bytes:
+        while not self._has_arrived():
+            if self._lost:
+                raise PortLostError("fake", "lost")
+            if self._loop.time() >= until_s:
+                return b""
+            next_s = min([until_s, *(at_s for at_s, _, _ in self._arrivals[:1])])
+            self._waiter = self._loop.create_future()
+            timer = self._loop.call_at(next_s, self._wake)
+            try:
+                await self._waiter
+            finally:
+                timer.cancel()
+        taken = b""
+        while self._has_arrived():
+            at_s, _, data = heapq.heappop(self._arrivals)
+            self._last_byte_s = at_s
+            taken += data
+        return taken
+
+    def close(self) -> None:
+        if not self.is_closed:
+            self.closed_s = self._loop.time()
+        self.is_closed = self._lost = True
+
+    def say(self, said: Said, from_s: float | None = None) -> None:
+        """Put bytes on the line, counted from then or from now."""
+        start_s = (self._loop.time() if from_s is None else from_s) + said.delay_s
+        size = said.in_chunks_of or len(said.data)
+        for at in range(0, len(said.data), size):
+            chunk = said.data[at : at + size]
+            start_s += self.timing.wire_s(len(chunk))
+            self._deliver(start_s, chunk)
+            start_s += said.gap_s
+
+    def hang_up(self) -> None:
+        self._lost = True
+        self._wake()
+
+    def _deliver(self, at_s: float, data: bytes) -> None:
+        self._serial += 1
+        heapq.heappush(self._arrivals, (at_s, self._serial, data))
+        self._wake()
+
+    def _has_arrived(self) -> bool:
+        return bool(self._arrivals) and self._arrivals[0][0] <= self._loop.time()
+
+    def _newest_s(self) -> float:
+        return max(at_s for at_s, _, _ in self._arrivals if at_s <= self._loop.time())
+
+    def _wake(self) -> None:
+        if self._waiter is not None and not self._waiter.done():
+            self._waiter.set_result(None)
+
+
+@dataclass
+class Units:
+    """Starters that answer every read with `address + i`, every write with its acknowledgement."""
+
+    alive: set[int]
+    delay_s: float = DELAY_S
+    in_chunks_of: int | None = None
+    refused: dict[int, int] = field(default_factory=dict)  # unit: exception code
+
+    def __call__(self, frame: bytes) -> Iterable[Said]:
+        unit, pdu = adu.decode(frame)
+        if unit not in self.alive:
+            return ()
+        code = self.refused.get(unit)
+        answer = reply_pdu(pdu) if code is None else encode_exception(pdu[0], code)
+        return (Said(adu.encode(unit, answer), self.delay_s, self.in_chunks_of),)
+
+
+def reply_pdu(pdu: bytes) -> bytes:
+    request = decode_request(pdu)
+    if request.function in (Function.READ_HOLDING_REGISTERS, Function.READ_INPUT_REGISTERS):
+        return request.encode_reply(words_of(request))
+    return request.encode_reply()
+
+
+def words_of(request: ReadHoldingRegisters) -> tuple[int, ...]:
+    return tuple((request.address + i) & 0xFFFF for i in range(request.count))
+
+
+def transactor(port: FakePort) -> Transactor:
+    return Transactor(port, port.timing, trace=Trace("line"))
+
+
+async def ask(port: FakePort, request: Request, unit: int = 1) -> Outcome:
+    """Do one transaction on a line of its own."""
+    return await transactor(port).transact(unit, request, response_time_s=RESPONSE_TIME_S)
+
+
+class FakeOpener:
+    """Opens a new fake port each time, unless `failure` is set."""
+
+    name = "fake"
+
+    def __init__(self, make_port: Callable[[], FakePort]) -> None:
+        self.make_port = make_port
+        self.failure: str | None = None
+        self.tried_s: list[float] = []
+        self.ports: list[FakePort] = []
+
+    async def __call__(self) -> FakePort:
+        self.tried_s.append(asyncio.get_running_loop().time())
+        if self.failure is not None:
+            raise PortError(self.name, self.failure)
+        self.ports.append(self.make_port())
+        return self.ports[-1]
+
+
+class Listener:
+    """Keeps everything that it is told."""
+
+    def __init__(self) -> None:
+        self.polls: list[tuple[float, str, int, Outcome]] = []
+        self.units: list[tuple[float, int, bool, str, tuple[str, ...]]] = []
+        self.ports: list[tuple[float, bool, str]] = []
+
+    def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
+        self.polls.append((asyncio.get_running_loop().time(), key, unit, outcome))
+
+    def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:
+        self.units.append((asyncio.get_running_loop().time(), unit, is_answering, reason, frames))
+
+    def on_port(self, line: str, is_open: bool, reason: str) -> None:
+        self.ports.append((asyncio.get_running_loop().time(), is_open, reason))
+
+    def outcomes(self, key: str) -> list[Outcome]:
+        return [outcome for _, told_key, _, outcome in self.polls if told_key == key]
+
+
+class Rig:
+    """A running scheduler on a fake line: `async with Rig(units, polls) as rig`."""
+
+    def __init__(self, answer: Answer, polls: Iterable[Poll], timing: LineTiming = TIMING) -> None:
+        self.listener = Listener()
+        self.opener = FakeOpener(lambda: FakePort(answer, timing))
+        self.scheduler = Scheduler(
+            name="pumps", opener=self.opener, timing=timing, polls=tuple(polls), listener=self.listener
+        )
+        self.client = LocalLineClient(self.scheduler)
+
+    @property
+    def port(self) -> FakePort:
+        return self.opener.ports[-1]
+
+    async def __aenter__(self) -> Rig:
+        self.task = asyncio.create_task(self.scheduler.run())
+        await asyncio.sleep(0)
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        if not self.task.done():
+            self.task.cancel()
+        await asyncio.wait([self.task])
+        if not self.task.cancelled():
+            self.task.result()
+
+    async def transact(self, unit: int, request: Request, lane: Lane = Lane.COMMAND) -> Outcome:
+        return await self.client.transact(unit, request, response_time_s=RESPONSE_TIME_S, lane=lane)
+
+
+def poll(key: str, unit: int = 1, every_s: float = 1.0, address: int = 0, count: int = 10) -> Poll:
+    return Poll(key, unit, ReadHoldingRegisters(address, count), every_s, RESPONSE_TIME_S)

@@ -1,0 +1,412 @@
+from __future__ import annotations
+
+import asyncio
+import random
+from collections.abc import Iterable
+
+import pytest
+
+from gateway.errors import PortLostError
+from gateway.line.outcome import Answered, Garbled, Outcome, Refused, Silent
+from gateway.line.transaction import BABBLE_LIMIT_S
+from gateway.modbus import adu
+from gateway.modbus.identify import Identification, ReadDeviceIdentification
+from gateway.modbus.pdu import Request
+from gateway.modbus.reads import ReadHoldingRegisters
+from gateway.modbus.timing import BROADCAST_TURNAROUND_S, Framing, LineTiming
+from gateway.modbus.writes import WriteRegister, WriteRegisters
+from tests.line.fakes import (
+    DELAY_S,
+    RESPONSE_TIME_S,
+    TIMING,
+    FakePort,
+    Said,
+    Units,
+    ask,
+    reply_pdu,
+    transactor,
+    words_of,
+)
+from tests.virtual_time import run_virtually
+
+READ = ReadHoldingRegisters(0x0100, 4)
+READ_ADU = adu.encode(1, READ.encode())
+REPLY = adu.encode(1, READ.encode_reply((1, 2, 3, 4)))
+LAST_REPLY_S = DELAY_S + TIMING.wire_s(len(REPLY))
+
+
+def nobody(frame: bytes) -> Iterable[Said]:
+    return ()
+
+
+def told(*said: Said) -> Outcome:
+    """Return what becomes of READ when this is said after it."""
+
+    async def scenario() -> Outcome:
+        return await ask(FakePort(lambda frame: said), READ)
+
+    return run_virtually(scenario())
+
+
+def test_a_reply_is_answered_with_its_value_and_times() -> None:
+    async def scenario() -> tuple[Outcome, float]:
+        port = FakePort(lambda frame: [Said(REPLY)])
+        outcome = await ask(port, READ)
+        return outcome, port.sent[0][0] + TIMING.wire_s(len(READ_ADU))
+
+    outcome, sent_end_s = run_virtually(scenario())
+
+    assert isinstance(outcome, Answered)
+    assert outcome.value == (1, 2, 3, 4)
+    assert outcome.response_time_s == pytest.approx(DELAY_S)
+    assert outcome.at_s == pytest.approx(sent_end_s + LAST_REPLY_S)
+
+
+@pytest.mark.parametrize("size", range(1, len(REPLY) + 1))
+def test_any_chunking_gives_the_same_answer(size: int) -> None:
+    outcome = told(Said(REPLY, in_chunks_of=size))
+
+    assert isinstance(outcome, Answered)
+    assert outcome.value == (1, 2, 3, 4)
+    assert outcome.response_time_s == pytest.approx(DELAY_S)
+
+
+def test_an_exception_reply_is_refused_with_its_code() -> None:
+    assert told(Said(adu.encode(1, b"\x83\x02"))) == Refused(2, at_s=pytest.approx(0.0143, abs=1e-3))
+
+
+def test_no_reply_is_silent_after_the_response_time_the_reply_and_the_allowance() -> None:
+    async def scenario() -> tuple[Outcome, float]:
+        port = FakePort(nobody)
+        outcome = await ask(port, READ)
+        return outcome, asyncio.get_running_loop().time() - port.sent[0][0]
+
+    outcome, waited_s = run_virtually(scenario())
+
+    assert outcome == Silent()
+    wire_s = TIMING.wire_s(len(READ_ADU) + len(REPLY))
+    assert waited_s == pytest.approx(wire_s + RESPONSE_TIME_S + 0.02)
+
+
+@pytest.mark.parametrize(
+    ("frame", "reason"),
+    [
+        (REPLY[:-1] + bytes((REPLY[-1] ^ 1,)), "CRC"),
+        (REPLY[:-3], "CRC"),
+        (b"\x01", "1 bytes"),
+        (adu.encode(2, READ.encode_reply((1, 2, 3, 4))), "unit 2"),
+        (adu.encode(1, b"\x04" + READ.encode_reply((1, 2, 3, 4))[1:]), "function 4"),
+        (adu.encode(1, b"\x84\x02"), "function 132"),
+        (adu.encode(1, ReadHoldingRegisters(0, 3).encode_reply((1, 2, 3))), "not the reply"),
+        (adu.encode(1, b"\x03\x09" + bytes(8)), "not the reply"),  # says 9 bytes, has 8
+        (b"\x00\x03" + REPLY[2:], "CRC"),
+    ],
+)
+def test_what_does_not_answer_is_garbled_and_named(frame: bytes, reason: str) -> None:
+    outcome = told(Said(frame))
+
+    assert isinstance(outcome, Garbled)
+    assert reason in outcome.reason
+    assert outcome.is_sent
+
+
+def test_every_single_wrong_bit_is_noticed() -> None:
+    for bit in range(8 * len(REPLY)):
+        wrong = bytearray(REPLY)
+        wrong[bit // 8] ^= 1 << bit % 8
+        assert isinstance(told(Said(bytes(wrong))), Garbled)
+
+
+def test_bytes_behind_a_whole_reply_are_counted_and_dropped_in_any_chunking() -> None:
+    async def scenario(size: int | None) -> tuple[Outcome, int]:
+        line = transactor(port := FakePort(lambda frame: [Said(REPLY + b"\xff\xff", in_chunks_of=size)]))
+        outcome = await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
+        await asyncio.sleep(0.01)
+        await line.settle()
+        assert port.last_byte_s > 0
+        return outcome, line.stray_bytes
+
+    for size in (None, 1, 2):
+        outcome, stray_bytes = run_virtually(scenario(size))
+        assert isinstance(outcome, Answered)
+        assert stray_bytes == 2
+
+
+@pytest.mark.parametrize("baud", [9600, 19200, 38400, 57600])
+@pytest.mark.parametrize("size", [None, 1])
+def test_no_request_starts_before_the_silence_is_over(baud: int, size: int | None) -> None:
+    timing = LineTiming(baud, Framing.parse("8E1"))
+    chance = random.Random(baud)
+
+    async def scenario() -> FakePort:
+        port = FakePort(Units({1, 2, 3}, in_chunks_of=size), timing)
+        line = transactor(port)
+        for _ in range(2000 if size is None else 200):
+            units = Units({1, 2, 3}, chance.uniform(0.0, 0.03), size)  # some too late
+            port.answer = units
+            if chance.random() < 0.1:
+                port.say(Said(chance.randbytes(5), chance.uniform(0.0, 0.02), in_chunks_of=1))
+            request = ReadHoldingRegisters(chance.randrange(1000), chance.randrange(1, 20))
+            await line.transact(chance.randrange(1, 5), request, response_time_s=RESPONSE_TIME_S)
+        return port
+
+    port = run_virtually(scenario())
+
+    assert port.shortest_silence_s >= timing.silence_s - 1e-9
+    assert port.shortest_silence_s < timing.silence_s + 1e-6
+
+
+def test_the_first_request_waits_out_a_silence_too() -> None:
+    async def scenario() -> float:
+        port = FakePort(nobody)
+        await ask(port, READ)
+        return port.sent[0][0]
+
+    assert run_virtually(scenario()) == pytest.approx(TIMING.silence_s)
+
+
+def test_stray_bytes_put_the_request_off_and_are_not_taken_for_its_reply() -> None:
+    async def scenario() -> tuple[float, Outcome]:
+        port = FakePort(nobody)
+        port.say(Said(REPLY, 0.001, in_chunks_of=1))
+        outcome = await ask(port, READ)
+        return port.sent[0][0], outcome
+
+    sent_s, outcome = run_virtually(scenario())
+
+    assert sent_s == pytest.approx(0.001 + TIMING.wire_s(len(REPLY)) + TIMING.silence_s)
+    assert outcome == Silent()
+
+
+def test_a_line_that_never_becomes_quiet_is_given_up_unsent() -> None:
+    async def scenario() -> tuple[list[Outcome], FakePort, float]:
+        port = FakePort(nobody)
+        port.say(Said(b"\x55" * 2000, 0.0, in_chunks_of=1, gap_s=0.001))
+        line = transactor(port)
+        outcomes: list[Outcome] = [await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)]
+        given_up_s = asyncio.get_running_loop().time()
+        await asyncio.sleep(3.0)
+        outcomes.append(await line.transact(1, READ, response_time_s=RESPONSE_TIME_S))
+        return outcomes, port, given_up_s
+
+    (first, second), port, given_up_s = run_virtually(scenario())
+
+    assert isinstance(first, Garbled)
+    assert not first.is_sent
+    assert first.received == b"\x55" * 256
+    assert given_up_s == pytest.approx(BABBLE_LIMIT_S, abs=0.01)
+    assert second == Silent()
+    assert len(port.sent) == 1
+
+
+def test_a_broadcast_is_sent_and_the_line_left_alone_for_the_turnaround() -> None:
+    async def scenario() -> tuple[Outcome, FakePort, Outcome]:
+        port = FakePort(lambda frame: [Said(b"\xff")] if frame[0] == 0 else [Said(REPLY)])
+        line = transactor(port)
+        broadcast = await line.transact(0, WriteRegister(1, 2), response_time_s=RESPONSE_TIME_S)
+        return broadcast, port, await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
+
+    broadcast, port, after = run_virtually(scenario())
+
+    assert broadcast == Silent("broadcast")
+    assert port.sent[1][0] - port.sent[0][0] >= BROADCAST_TURNAROUND_S
+    assert isinstance(after, Answered)
+
+
+def test_an_identification_is_read_to_its_end_though_its_length_is_unknown() -> None:
+    request = ReadDeviceIdentification()
+    pdu = request.encode_reply(
+        Identification({0: "WEG", 1: "SSW-07 30A", 2: "V1.40"}, more_follows=False, next_object=0)
+    )
+
+    async def scenario(size: int | None) -> Outcome:
+        return await ask(FakePort(lambda frame: [Said(adu.encode(1, pdu), in_chunks_of=size)]), request)
+
+    for size in (None, 1, 7):
+        outcome = run_virtually(scenario(size))
+        assert isinstance(outcome, Answered)
+        assert outcome.value.objects[1] == "SSW-07 30A"
+
+
+def test_an_identification_that_breaks_off_is_not_waited_for_to_the_longest_length() -> None:
+    async def scenario() -> tuple[Outcome, float]:
+        port = FakePort(
+            lambda frame: [Said(b"\x01\x2b\x0e\x01\x81\x00\x00\x03\x00\x7f" + b"W" * 100, in_chunks_of=1)]
+        )
+        outcome = await ask(port, ReadDeviceIdentification())
+        return outcome, asyncio.get_running_loop().time() - port.last_byte_s
+
+    outcome, waited_s = run_virtually(scenario())
+
+    assert isinstance(outcome, Garbled)
+    assert waited_s == pytest.approx(TIMING.silence_s + 0.02)
+
+
+@pytest.mark.parametrize("size", [None, 1, 3])
+def test_an_echoing_adapter_is_seen_through(size: int | None) -> None:
+    async def scenario() -> list[Outcome]:
+        port = FakePort(Units({1}, in_chunks_of=size), has_echo=True)
+        line = transactor(port)
+        write = WriteRegister(7, 8)
+        requests: list[tuple[int, Request]] = [(1, READ), (1, write), (2, write), (2, READ), (1, READ)]
+        return [await line.transact(unit, it, response_time_s=RESPONSE_TIME_S) for unit, it in requests]
+
+    read, write, unheard_write, unheard_read, read_again = run_virtually(scenario())
+
+    assert isinstance(read, Answered)
+    assert read.response_time_s == pytest.approx(DELAY_S)
+    assert isinstance(write, Answered)
+    assert unheard_write == unheard_read == Silent()  # the echo is no acknowledgement
+    assert isinstance(read_again, Answered)
+
+
+def test_an_echo_in_one_chunk_with_the_reply_is_set_aside() -> None:
+    assert isinstance(told(Said(READ_ADU + REPLY)), Answered)
+    assert told(Said(READ_ADU)) == Silent()
+    assert isinstance(told(Said(READ_ADU[:5])), Garbled)
+
+
+def test_two_copies_of_a_write_teach_that_the_line_echoes() -> None:
+    write = WriteRegister(7, 8)
+
+    async def scenario() -> list[Outcome]:
+        port = FakePort(lambda frame: [Said(frame + frame, 0.0)])
+        line = transactor(port)
+        first = await line.transact(1, write, response_time_s=RESPONSE_TIME_S)
+        port.answer = lambda frame: [Said(frame, 0.0)]
+        return [first, await line.transact(1, write, response_time_s=RESPONSE_TIME_S)]
+
+    first, second = run_virtually(scenario())
+
+    assert isinstance(first, Answered)
+    assert second == Silent()
+
+
+def test_a_line_that_echoes_no_more_acknowledges_writes_again() -> None:
+    async def scenario() -> Outcome:
+        port = FakePort(Units({1}), has_echo=True)
+        line = transactor(port)
+        await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
+        port.has_echo = False
+        await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
+        return await line.transact(1, WriteRegister(7, 8), response_time_s=RESPONSE_TIME_S)
+
+    assert isinstance(run_virtually(scenario()), Answered)
+
+
+def test_after_silence_the_next_request_waits_for_a_late_reply_to_be_over() -> None:
+    async def scenario(late_s: float | None) -> float:
+        port = FakePort(nobody if late_s is None else lambda frame: [Said(REPLY, late_s)])
+        line = transactor(port)
+        await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
+        silent_s = asyncio.get_running_loop().time()
+        port.answer = nobody
+        await line.transact(2, READ, response_time_s=RESPONSE_TIME_S)
+        return port.sent[1][0] - silent_s
+
+    assert run_virtually(scenario(None)) == pytest.approx(RESPONSE_TIME_S)
+    waited_s = run_virtually(scenario(RESPONSE_TIME_S + 0.021))  # it ends 1 ms after the deadline
+    assert waited_s == pytest.approx(0.001 + TIMING.silence_s)
+
+
+def test_noise_does_not_end_the_wait_for_a_late_reply() -> None:
+    async def scenario() -> float:
+        port = FakePort(nobody)
+        line = transactor(port)
+        await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
+        silent_s = asyncio.get_running_loop().time()
+        port.say(Said(b"\x00\x00", 0.001))
+        await line.transact(2, READ, response_time_s=RESPONSE_TIME_S)
+        return port.sent[1][0] - silent_s
+
+    assert run_virtually(scenario()) == pytest.approx(RESPONSE_TIME_S)
+
+
+def test_the_same_unit_is_read_again_only_when_three_deadlines_have_passed() -> None:
+    async def scenario(request: Request) -> float:
+        port = FakePort(nobody)
+        line = transactor(port)
+        await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
+        await line.transact(1, request, response_time_s=RESPONSE_TIME_S)
+        return port.sent[1][0] - port.sent[0][0] - TIMING.wire_s(len(READ_ADU))
+
+    deadline_s = RESPONSE_TIME_S + TIMING.wire_s(len(REPLY)) + 0.02
+
+    assert run_virtually(scenario(READ)) == pytest.approx(3 * deadline_s)
+    assert run_virtually(scenario(WriteRegister(3, 0))) == pytest.approx(deadline_s + RESPONSE_TIME_S)
+
+
+def test_a_late_reply_to_another_unit_is_garbled_and_the_true_one_not_taken_for_the_next() -> None:
+    async def scenario() -> list[Outcome]:
+        port = FakePort(Units({1}))
+        line = transactor(port)
+        port.answer = lambda frame: [
+            Said(adu.encode(2, READ.encode_reply((9, 9, 9, 9))), 0.0),
+            Said(REPLY, 0.015),
+        ]
+        first = await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
+        port.answer = Units({1})
+        return [first, await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)]
+
+    first, second = run_virtually(scenario())
+
+    assert isinstance(first, Garbled)
+    assert isinstance(second, Answered)
+    assert second.value == words_of(READ)
+
+
+def test_late_replies_of_the_same_shape_are_never_taken_for_an_answer() -> None:
+    chance = random.Random(19)
+
+    async def scenario() -> tuple[int, int, int]:
+        answered = late = wrong = 0
+
+        def answer(frame: bytes) -> Iterable[Said]:
+            nonlocal late
+            unit, pdu = adu.decode(frame)
+            is_late = chance.random() < 0.05
+            late += is_late
+            deadline_s = RESPONSE_TIME_S + 0.02 + TIMING.wire_s(13)
+            delay_s = (
+                chance.uniform(0.9, 2.8) * deadline_s if is_late else chance.uniform(0.0, RESPONSE_TIME_S)
+            )
+            return [Said(adu.encode(unit, reply_pdu(pdu)), delay_s)]
+
+        line = transactor(FakePort(answer))
+        for _ in range(20_000):
+            request = ReadHoldingRegisters(chance.randrange(1000), 4)
+            outcome = await line.transact(chance.randrange(1, 4), request, response_time_s=RESPONSE_TIME_S)
+            if isinstance(outcome, Answered):
+                answered += 1
+                wrong += outcome.value != words_of(request)
+        return answered, late, wrong
+
+    answered, late, wrong = run_virtually(scenario())
+
+    assert wrong == 0
+    assert late > 900
+    assert answered > 18_000
+
+
+def test_a_write_of_many_registers_also_waits_for_its_units_late_reply() -> None:
+    async def scenario() -> Outcome:
+        port = FakePort(lambda frame: [Said(adu.encode(1, reply_pdu(adu.decode(frame).pdu)), 0.070)])
+        line = transactor(port)
+        await line.transact(1, WriteRegisters(5, (1, 2)), response_time_s=RESPONSE_TIME_S)
+        port.answer = nobody
+        return await line.transact(1, WriteRegisters(5, (3, 4)), response_time_s=RESPONSE_TIME_S)
+
+    assert run_virtually(scenario()) == Silent()
+
+
+def test_a_port_that_is_lost_tells_whether_the_request_was_sent() -> None:
+    async def scenario(delay_s: float) -> bool:
+        port = FakePort(nobody)
+        line = transactor(port)
+        asyncio.get_running_loop().call_later(delay_s, port.hang_up)
+        with pytest.raises(PortLostError):
+            await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
+        return line.is_on_wire
+
+    assert not run_virtually(scenario(0.001))
+    assert run_virtually(scenario(0.010))

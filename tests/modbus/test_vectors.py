@@ -1,0 +1,140 @@
+"""The telegrams that the manuals print, byte for byte (tests/vectors/manuals.toml)."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.errors import BadFrameError
+from gateway.modbus import adu
+from gateway.modbus.identify import Identification, ReadDeviceIdentification
+from gateway.modbus.pdu import encode_exception, exception_code
+from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters
+from gateway.modbus.server import KnownRequest, decode_request
+from gateway.modbus.writes import WriteCoil, WriteCoils, WriteRegister, WriteRegisters
+
+_FILE = Path(__file__).parent.parent / "vectors" / "manuals.toml"
+VECTORS: list[dict[str, Any]] = tomllib.loads(_FILE.read_text(encoding="utf-8"))["vector"]
+
+every_vector = pytest.mark.parametrize("vector", VECTORS, ids=lambda vector: vector["id"])
+every_misprint = pytest.mark.parametrize(
+    "vector", [vector for vector in VECTORS if "reply_printed" in vector], ids=lambda vector: vector["id"]
+)
+
+
+def request_of(says: dict[str, Any]) -> KnownRequest:
+    match says["kind"]:
+        case "ReadCoils":
+            return ReadCoils(says["address"], says["count"])
+        case "ReadHoldingRegisters":
+            return ReadHoldingRegisters(says["address"], says["count"])
+        case "WriteCoil":
+            return WriteCoil(says["address"], says["is_on"])
+        case "WriteRegister":
+            return WriteRegister(says["address"], says["word"])
+        case "WriteCoils":
+            return WriteCoils(says["address"], tuple(says["bits"]))
+        case "WriteRegisters":
+            return WriteRegisters(says["address"], tuple(says["words"]))
+        case "ReadDeviceIdentification":
+            return ReadDeviceIdentification(says["read_code"], says["object_id"])
+    raise AssertionError(says["kind"])
+
+
+def value_of(says: dict[str, Any]) -> Any:
+    """What `decode_reply` is to return: words or bits, an identification, None for a write."""
+    if "objects" in says:
+        return Identification(objects={int(key): text for key, text in says["objects"].items()})
+    return tuple(says["value"]) if "value" in says else None
+
+
+def reply_of(says: dict[str, Any]) -> bytes:
+    request = request_of(says)
+    if "exception" in says:
+        return encode_exception(request.function, says["exception"])
+    match request:
+        case ReadCoils() | ReadHoldingRegisters():
+            return request.encode_reply(value_of(says))
+        case ReadDeviceIdentification():
+            return request.encode_reply(value_of(says), conformity=says["conformity"])
+        case WriteCoil() | WriteRegister() | WriteCoils() | WriteRegisters():
+            return request.encode_reply()
+    raise AssertionError(request)
+
+
+def test_all_sixteen_telegrams_of_the_two_manuals_are_here() -> None:
+    ids = [vector["id"] for vector in VECTORS]
+
+    assert ids == [f"S7-{n}" for n in range(1, 9)] + [f"S6-{n}" for n in range(1, 9)]
+
+
+@every_vector
+def test_a_request_is_encoded_as_the_manual_prints_it(vector: dict[str, Any]) -> None:
+    printed = bytes.fromhex(vector["request"])
+
+    frame = adu.encode(printed[0], request_of(vector["says"]).encode())
+
+    assert frame == printed
+
+
+@every_vector
+def test_a_printed_request_is_understood(vector: dict[str, Any]) -> None:
+    printed = bytes.fromhex(vector["request"])
+
+    request = decode_request(adu.decode(printed).pdu)
+
+    assert request == request_of(vector["says"])
+    assert adu.request_adu_size(printed) == len(printed)
+
+
+@every_vector
+def test_a_printed_reply_says_what_the_manual_means(vector: dict[str, Any]) -> None:
+    says = vector["says"]
+    request = request_of(says)
+
+    unit, pdu = adu.decode(bytes.fromhex(vector["reply"]))
+
+    assert unit == bytes.fromhex(vector["request"])[0]
+    assert exception_code(request, pdu) == says.get("exception")
+    if "exception" not in says:
+        assert request.decode_reply(pdu) == value_of(says)
+
+
+@every_vector
+def test_a_reply_is_encoded_as_the_manual_prints_it(vector: dict[str, Any]) -> None:
+    printed = bytes.fromhex(vector["reply"])
+
+    frame = adu.encode(printed[0], reply_of(vector["says"]))
+
+    assert frame == printed
+
+
+@every_vector
+def test_the_end_of_a_printed_reply_is_told_from_its_beginning(vector: dict[str, Any]) -> None:
+    printed = bytes.fromhex(vector["reply"])
+
+    sizes = [adu.reply_adu_size(printed[:length]) for length in range(len(printed) + 1)]
+
+    assert sizes[-1] == len(printed)
+    assert set(sizes) <= {None, len(printed)}
+
+
+@every_misprint
+def test_a_misprinted_crc_is_refused(vector: dict[str, Any]) -> None:
+    printed = bytes.fromhex(vector["reply_printed"])
+
+    with pytest.raises(BadFrameError):
+        adu.decode(printed)
+
+
+@every_misprint
+def test_a_misprinted_reply_with_the_crc_mended_still_says_what_is_meant(vector: dict[str, Any]) -> None:
+    says = vector["says"]
+    printed = bytes.fromhex(vector["reply_printed"])
+
+    _, pdu = adu.decode(adu.encode(printed[0], printed[1:-2]))
+
+    assert request_of(says).decode_reply(pdu) == value_of(says)

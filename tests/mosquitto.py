@@ -1,0 +1,240 @@
+"""A real Mosquitto on loopback, and its clients, for tests; the broker that most plants run."""
+
+from __future__ import annotations
+
+import asyncio
+import getpass
+import shutil
+import signal
+import socket
+import subprocess
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+
+PATIENCE_S = 10.0
+READY = "test/ready"  # a retained message that tells a watcher that its subscription works
+
+
+def missing_programs() -> list[str]:
+    """Return which of the programs that these tests need are not installed."""
+    return [name for name in ("mosquitto", "mosquitto_sub", "mosquitto_pub") if _find(name) is None]
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """A certificate for localhost that is its own authority."""
+
+    cert: Path
+    key: Path
+
+    @classmethod
+    def make(cls, folder: Path) -> Certificate:
+        cert, key = folder / "broker.pem", folder / "broker.key"
+        subprocess.run(
+            [
+                *("openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1"),
+                *("-nodes", "-days", "2", "-subj", "/CN=localhost"),
+                *("-addext", "subjectAltName=DNS:localhost,IP:127.0.0.1"),
+                *("-keyout", str(key), "-out", str(cert)),
+            ],
+            check=True,
+            capture_output=True,
+        )
+        return cls(cert, key)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A message as mosquitto_sub saw it."""
+
+    topic: str
+    qos: int
+    retain: bool
+    payload: str
+
+
+class MosquittoBroker:
+    """One broker with a configuration of its own; it keeps its port over restarts.
+
+    `users` maps names to passwords (without any, everybody may connect), `acl` is the text of an ACL file,
+    `options` are further lines of mosquitto.conf. With `is_persistent` sessions and retained messages
+    outlive a stop, though not a kill.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        users: Mapping[str, str] | None = None,
+        acl: str | None = None,
+        tls: Certificate | None = None,
+        is_persistent: bool = False,
+        options: Sequence[str] = (),
+    ) -> None:
+        self.host = "127.0.0.1"
+        self.port = free_port()
+        self.tls = tls
+        self._folder = folder
+        self._process: subprocess.Popen[bytes] | None = None
+        folder.mkdir(parents=True, exist_ok=True)
+        # As root Mosquitto would become another user, who may not read this folder.
+        lines = [f"listener {self.port} {self.host}", f"user {getpass.getuser()}"]
+        if tls is not None:
+            lines += [f"certfile {tls.cert}", f"keyfile {tls.key}"]
+        if users:
+            lines += ["allow_anonymous false", f"password_file {self._write_passwords(users)}"]
+        else:
+            lines += ["allow_anonymous true"]
+        if acl is not None:
+            (folder / "acl").write_text(acl, "utf-8")
+            lines += [f"acl_file {folder / 'acl'}"]
+        if is_persistent:
+            lines += ["persistence true", f"persistence_location {folder}/"]
+        self._config = folder / "mosquitto.conf"
+        self._config.write_text("\n".join([*lines, *options, ""]), "utf-8")
+
+    @property
+    def url(self) -> str:
+        scheme = "mqtt" if self.tls is None else "mqtts"
+        return f"{scheme}://{self.host}:{self.port}"
+
+    def start(self) -> None:
+        log = (self._folder / "mosquitto.log").open("ab")
+        with log:
+            self._process = subprocess.Popen(
+                [str(_find("mosquitto")), "-v", "-c", str(self._config)], stdout=log, stderr=subprocess.STDOUT
+            )
+        deadline_s = time.monotonic() + PATIENCE_S
+        while not self._is_listening():
+            if self._process.poll() is not None or time.monotonic() > deadline_s:
+                raise RuntimeError(f"mosquitto does not start:\n{self.log()}")
+            time.sleep(0.01)
+
+    def stop(self) -> None:
+        """End in order: persistent things are written to disk."""
+        self._end(signal.SIGTERM)
+
+    def kill(self) -> None:
+        """End as a power failure would."""
+        self._end(signal.SIGKILL)
+
+    def restart(self) -> None:
+        self.stop()
+        self.start()
+
+    def log(self) -> str:
+        path = self._folder / "mosquitto.log"
+        return path.read_text("utf-8", "replace") if path.exists() else ""
+
+    def publish(self, topic: str, payload: str, *options: str, user: tuple[str, str] | None = None) -> None:
+        """Publish with mosquitto_pub, QoS 1; `options` are further arguments, such as -r."""
+        command = [str(_find("mosquitto_pub")), *self._client_arguments(user), "-q", "1", "-t", topic]
+        what = ["-m", payload] if payload else ["-n"]
+        subprocess.run([*command, *what, *options], check=True, capture_output=True, timeout=PATIENCE_S)
+
+    def watch(
+        self, *filters: str, options: Sequence[str] = (), user: tuple[str, str] | None = None
+    ) -> Watcher:
+        """Return a subscriber, to be used with `async with`."""
+        arguments = [*self._client_arguments(user), "-q", "1", "-F", r"%t\t%q\t%r\t%p", *options]
+        topics = [part for topic in (*filters, READY) for part in ("-t", topic)]
+        return Watcher(self, [str(_find("mosquitto_sub")), *arguments, *topics], user)
+
+    def _client_arguments(self, user: tuple[str, str] | None) -> list[str]:
+        arguments = ["-h", self.host, "-p", str(self.port), "-V", "mqttv5"]
+        if self.tls is not None:
+            arguments += ["--cafile", str(self.tls.cert)]
+        if user is not None:
+            arguments += ["-u", user[0], "-P", user[1]]
+        return arguments
+
+    def _write_passwords(self, users: Mapping[str, str]) -> Path:
+        path = self._folder / "passwords"
+        path.touch(mode=0o600)
+        for name, password in users.items():
+            subprocess.run(
+                [str(_find("mosquitto_passwd")), "-b", str(path), name, password],
+                check=True,
+                capture_output=True,
+            )
+        return path
+
+    def _is_listening(self) -> bool:
+        try:
+            with socket.create_connection((self.host, self.port), timeout=1.0):
+                return True
+        except OSError:
+            return False
+
+    def _end(self, how: signal.Signals) -> None:
+        if self._process is not None:
+            self._process.send_signal(how)
+            self._process.wait(PATIENCE_S)
+            self._process = None
+
+
+class Watcher:
+    """A running mosquitto_sub."""
+
+    def __init__(self, broker: MosquittoBroker, command: Sequence[str], user: tuple[str, str] | None) -> None:
+        self._broker = broker
+        self._command = command
+        self._user = user
+        self._process: asyncio.subprocess.Process | None = None
+        self._early: list[Seen] = []  # what was retained already
+
+    async def __aenter__(self) -> Watcher:
+        self._broker.publish(READY, "yes", "-r", user=self._user)
+        self._process = await asyncio.create_subprocess_exec(*self._command, stdout=asyncio.subprocess.PIPE)
+        async with asyncio.timeout(PATIENCE_S):
+            while (seen := await self._read()).topic != READY:
+                self._early.append(seen)
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        assert self._process is not None
+        if self._process.returncode is None:
+            self._process.kill()
+        await self._process.communicate()
+
+    async def next(self, *, within_s: float = PATIENCE_S) -> Seen:
+        """Return the next message; TimeoutError when none comes."""
+        if self._early:
+            return self._early.pop(0)
+        async with asyncio.timeout(within_s):
+            while (seen := await self._read()).topic == READY:
+                pass
+        return seen
+
+    async def until(self, is_wanted: Callable[[Seen], bool], *, within_s: float = PATIENCE_S) -> list[Seen]:
+        """Return the messages up to the first that `is_wanted` (a function of Seen) accepts."""
+        messages: list[Seen] = []
+        async with asyncio.timeout(within_s):
+            while not messages or not is_wanted(messages[-1]):
+                messages.append(await self.next(within_s=within_s))
+        return messages
+
+    async def _read(self) -> Seen:
+        assert self._process is not None
+        assert self._process.stdout is not None
+        line = await self._process.stdout.readline()
+        if not line:
+            raise EOFError("mosquitto_sub has ended")
+        topic, qos, retain, payload = line.decode().rstrip("\n").split("\t", 3)
+        return Seen(topic, int(qos), retain == "1", payload)
+
+
+def free_port() -> int:
+    """Return a TCP port that nobody listened on a moment ago."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def _find(program: str) -> str | None:
+    return shutil.which(program, path="/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin")

@@ -1,0 +1,271 @@
+"""The connection against brokers that misbehave, on loopback and in real time."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from pathlib import Path
+
+import pytest
+
+from gateway.mqtt.retry import Version
+from gateway.mqtt.settings import TlsSettings
+from tests.mqtt.fake_broker import (
+    ACCEPT_311,
+    DISCONNECT,
+    HANG_UP,
+    LEVEL_5,
+    LEVEL_311,
+    PUBLISH,
+    REFUSE_VERSION,
+    FakeBroker,
+)
+from tests.mqtt.rig import Rig, event, settings, value
+
+
+@pytest.mark.parametrize("answer", [REFUSE_VERSION, HANG_UP, None])
+async def test_a_broker_that_does_not_take_mqtt_5_is_spoken_to_in_3_1_1(answer: bytes | None) -> None:
+    async with (
+        FakeBroker(answers={LEVEL_5: answer, LEVEL_311: ACCEPT_311}) as broker,
+        Rig(settings(broker.port, guess_s=0.2)) as rig,
+    ):
+        assert await rig.link() == (True, "")
+        assert rig.connection.version is Version.V311
+        assert rig.connection.is_connected
+        assert broker.levels == [LEVEL_5, LEVEL_311]
+
+
+async def test_the_version_that_worked_is_used_again_at_once() -> None:
+    async with (
+        FakeBroker(answers={LEVEL_5: REFUSE_VERSION, LEVEL_311: ACCEPT_311}) as broker,
+        Rig(settings(broker.port)) as rig,
+    ):
+        await rig.until_connected()
+        broker._writers[-1].close()
+        await rig.until_connected()
+
+    assert broker.levels == [LEVEL_5, LEVEL_311, LEVEL_311]
+
+
+async def test_a_configured_version_is_not_given_up() -> None:
+    async with (
+        FakeBroker(answers={LEVEL_5: REFUSE_VERSION}) as broker,
+        Rig(settings(broker.port, version=Version.V5)) as rig,
+    ):
+        is_connected, trouble = await rig.link()
+
+    assert not is_connected
+    assert trouble == (
+        f"broker 127.0.0.1:{broker.port} refuses the connection: Unsupported protocol version "
+        "(set the version of MQTT that the broker speaks)"
+    )
+
+
+async def test_no_more_messages_are_unacknowledged_than_the_broker_receives() -> None:
+    receive_maximum_1 = bytes.fromhex("20 06 00 00 03 21 00 01")
+    async with FakeBroker(answers={LEVEL_5: receive_maximum_1}, acknowledges=False) as broker:
+        rig = Rig(settings(broker.port))
+        for seq in range(1, 4):
+            rig.publisher.put(event(seq))
+        async with rig:
+            first = await broker.publication()
+            assert first.topic == "b/gateway/status"
+            for _ in range(3):
+                assert broker.received.empty()
+                broker.acknowledge(first)
+                first = await broker.publication()
+            assert first.body.endswith(b'"text":"event 3","data":{}}')
+
+
+async def test_a_message_larger_than_the_broker_takes_is_set_aside_and_the_next_one_sent() -> None:
+    packets_up_to_400 = bytes.fromhex("20 08 00 00 05 27 00 00 01 90")
+    async with FakeBroker(answers={LEVEL_5: packets_up_to_400}) as broker:
+        rig = Rig(settings(broker.port))
+        rig.publisher.put(value(1, 1.0))
+        rig.publisher.put(event(1))
+        rig.outbox.put(rig.payloads.history("b/starter/pump-1/history", ["0" * 500]), 0.0)
+        rig.publisher.put(event(2))
+        async with rig:
+            topics = [(await broker.publication()).topic for _ in range(4)]
+            await rig.until_idle()
+
+    assert topics == [
+        "b/starter/pump-1/value/current",
+        "b/gateway/status",
+        "b/starter/pump-1/event",
+        "b/starter/pump-1/event",
+    ]
+    assert list(rig.outbox.refusals) == [("b/starter/pump-1/history", 0x95)]
+
+
+async def test_a_broker_that_acknowledges_nothing_is_left_and_hears_everything_again() -> None:
+    async with FakeBroker(acknowledges=False) as broker, Rig(settings(broker.port, ack_s=0.1)) as rig:
+        rig.publisher.put(event(1))
+        await rig.until_connected()
+        is_connected, trouble = await rig.link()
+        broker.acknowledges = True
+        await rig.until_connected()
+        await rig.until_idle()
+
+    assert not is_connected
+    assert trouble.endswith("the broker has not acknowledged a message for 0.1 s")
+    assert rig.outbox.figures(0.0)["reconnects"] == 1
+
+
+@pytest.mark.parametrize(
+    ("nonsense", "reason"),
+    [
+        ("E0 02 8E 00", "the broker closed the connection: Session taken over"),
+        ("00 00", "connection lost"),
+        ("90 FF FF FF FF FF FF", "connection lost"),
+    ],
+)
+async def test_what_no_client_can_live_with_ends_the_connection_and_the_next_one_works(
+    nonsense: str, reason: str
+) -> None:
+    async with (
+        FakeBroker(after_suback=bytes.fromhex(nonsense)) as broker,
+        Rig(settings(broker.port)) as rig,
+    ):
+        await rig.until_connected()
+        is_connected, trouble = await rig.link()
+        broker.after_suback = b""
+        await rig.until_connected()
+
+    assert not is_connected
+    assert trouble == f"broker 127.0.0.1:{broker.port}: {reason}"
+
+
+async def test_a_command_on_a_topic_that_is_not_utf_8_is_ignored() -> None:
+    bad = bytes.fromhex("30 05 00 02 FF FE 00")
+    good = bytes.fromhex("30 06 00 01 61 00 68 69")
+    async with FakeBroker(after_suback=bad + good) as broker, Rig(settings(broker.port)) as rig:
+        incoming = await rig.command()
+
+    assert (incoming.topic, incoming.payload) == ("a", b"hi")
+
+
+async def test_a_callback_that_fails_does_not_end_the_connection() -> None:
+    failures: asyncio.Queue[dict[str, object]] = asyncio.Queue()
+    asyncio.get_running_loop().set_exception_handler(lambda _, context: failures.put_nowait(context))
+    two = bytes.fromhex("30 06 00 01 61 00 68 69") * 2
+    async with FakeBroker(after_suback=two) as broker:
+        rig = Rig(settings(broker.port))
+        rig.connection._on_incoming = lambda incoming: [][0]  # an IndexError
+        async with rig:
+            await rig.until_connected()
+            for _ in range(2):
+                async with asyncio.timeout(5.0):
+                    assert isinstance((await failures.get())["exception"], IndexError)
+            await rig.until_idle()
+            assert rig.connection.is_connected
+
+
+async def test_a_bug_in_an_acknowledgement_ends_the_session_with_its_reason() -> None:
+    async with FakeBroker() as broker:
+        rig = Rig(settings(broker.port))
+        acked = rig.outbox.acked
+
+        def fail_once(ticket: int, code: int) -> None:
+            rig.outbox.acked = acked  # type: ignore[method-assign]  # the fault lasts for one call
+            raise KeyError("lost ticket")
+
+        rig.outbox.acked = fail_once  # type: ignore[method-assign]  # the fault
+        async with rig:
+            await rig.until_connected()
+            is_connected, trouble = await rig.link()
+            await rig.until_connected()
+            await rig.until_idle()
+
+    assert not is_connected
+    assert trouble.endswith("cannot be read: KeyError('lost ticket')")
+
+
+async def test_a_refused_subscription_is_reported_and_telemetry_goes_out() -> None:
+    async with FakeBroker(suback_code=0x87) as broker, Rig(settings(broker.port)) as rig:
+        is_connected, trouble = await rig.link()
+        await broker.publication()
+
+    assert is_connected
+    assert trouble == (
+        f"broker 127.0.0.1:{broker.port} refuses commands: no subscription to b/command/+/+/+ "
+        "(let this user read it, in the broker's access list)"
+    )
+
+
+async def test_a_missing_broker_is_reported_once_and_found_when_it_comes() -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        async with Rig(settings(probe.getsockname()[1])) as rig:
+            is_connected, trouble = await rig.link()
+
+    assert not is_connected
+    assert trouble.endswith("nothing listens there (is the broker running?)")
+
+
+async def test_an_unusable_certificate_file_is_reported_and_not_fatal(tmp_path: Path) -> None:
+    how = settings(1, tls=TlsSettings(ca_file=str(tmp_path / "missing.pem")))
+    async with Rig(how) as rig:
+        is_connected, trouble = await rig.link()
+        assert rig.task is not None
+        assert not rig.task.done()
+
+    assert not is_connected
+    assert trouble.startswith("ca_file ")
+
+
+async def test_an_end_that_is_not_acknowledged_takes_no_longer_than_allowed_and_keeps_the_will() -> None:
+    async with FakeBroker(acknowledges=False) as broker, Rig(settings(broker.port)) as rig:
+        await rig.until_connected()
+        async with asyncio.timeout(5.0):
+            await rig.connection.close(rig.publisher.farewell("stopped"), within_s=0.2)
+            assert rig.task is not None
+            await rig.task
+
+        kinds = [broker.received.get_nowait().kind for _ in range(broker.received.qsize())]
+        assert PUBLISH in kinds
+        assert DISCONNECT not in kinds
+
+
+async def test_an_end_with_a_full_window_and_no_acknowledgement_leaves_the_last_word_to_the_will() -> None:
+    async with FakeBroker(acknowledges=False) as broker, Rig(settings(broker.port, window=1)) as rig:
+        await rig.until_connected()
+        await broker.publication()
+        async with asyncio.timeout(5.0):
+            await rig.connection.close(rig.publisher.farewell("stopped"), within_s=0.2)
+
+        assert broker.received.empty()
+
+
+async def test_an_end_before_any_connection_is_at_once_and_stops_the_retries() -> None:
+    async with (
+        FakeBroker(answers={LEVEL_5: HANG_UP, LEVEL_311: HANG_UP}) as broker,
+        Rig(settings(broker.port, first_retry_s=30.0, last_retry_s=30.0)) as rig,
+    ):
+        await rig.link()
+        async with asyncio.timeout(5.0):
+            await rig.connection.close(rig.publisher.farewell("stopped"))
+            assert rig.task is not None
+            await rig.task
+
+
+async def test_a_connection_attempt_can_be_cancelled_while_it_blocks() -> None:
+    async with FakeBroker() as broker:  # it speaks no TLS, so the handshake hangs
+        rig = Rig(settings(broker.port, tls=TlsSettings()))
+        async with rig:
+            async with asyncio.timeout(5.0):
+                await broker.is_reached.wait()
+            async with asyncio.timeout(1.0):
+                await rig.vanish()
+
+
+async def test_nothing_is_published_after_the_loss_of_the_connection() -> None:
+    async with FakeBroker() as broker, Rig(settings(broker.port)) as rig:
+        await rig.until_connected()
+        session = rig.connection._session
+        assert session is not None
+        broker._writers[-1].close()
+        await session.lost
+
+        assert session.publish(99, rig.publisher.will()) is None
+        assert session.has_room

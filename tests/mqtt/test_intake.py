@@ -1,0 +1,359 @@
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gateway.mqtt.intake import Incoming, Intake, Rejection
+from gateway.mqtt.json_out import rfc3339
+from gateway.mqtt.topics import Topics
+from gateway.starters.records import Phase
+from gateway.starters.request import CommandRequest
+
+NOW_S = 1_795_222_923.0
+NOW = "2026-11-21T01:02:03Z"
+START = "b/command/pump-1/alice/start"
+STOP = "b/command/pump-1/alice/stop"
+
+
+def judge(
+    incoming: Incoming, *, clock_is_synchronised: bool = True, utc_s: float = NOW_S
+) -> CommandRequest | Rejection | None:
+    return Intake(Topics("b"), "boot-1").judge(
+        incoming, utc_s=utc_s, received_s=7.0, clock_is_synchronised=clock_is_synchronised
+    )
+
+
+def command(fields: object, *, topic: str = START, **flags: Any) -> Incoming:
+    return Incoming(topic, json.dumps(fields).encode(), **flags)
+
+
+def fresh(**fields: object) -> dict[str, object]:
+    return {"id": "c1", "boot": "boot-1", **fields}
+
+
+def refusal(incoming: Incoming, *, clock_is_synchronised: bool = True) -> Rejection:
+    judged = judge(incoming, clock_is_synchronised=clock_is_synchronised)
+    assert isinstance(judged, Rejection)
+    return judged
+
+
+def test_a_complete_command_is_passed_on_with_everything_it_says() -> None:
+    incoming = command(
+        {
+            "id": "c1",
+            "issued_at": NOW,
+            "ttl_s": 5,
+            "boot": "boot-1",
+            "operator": "Ana Pérez",
+            "reason": "morning",
+            "args": {"parameter": "P314", "value": 30},
+        },
+        topic="b/command/pump-1/alice/set",
+        correlation=b"42",
+        response_topic="b/result/pump-1/alice",
+    )
+
+    assert judge(incoming) == CommandRequest(
+        starter="pump-1",
+        client="alice",
+        verb="set",
+        id="c1",
+        args={"parameter": "P314", "value": 30},
+        operator="Ana Pérez",
+        reason="morning",
+        received_s=7.0,
+        correlation=b"42",
+        response_topic="b/result/pump-1/alice",
+    )
+
+
+def test_what_is_no_command_topic_is_no_command() -> None:
+    assert judge(command(fresh(), topic="b/command/pump-1/alice")) is None
+    assert judge(command(fresh(), topic="b/command/pump-1/Alice/start")) is None
+
+
+def test_a_response_topic_elsewhere_is_ignored() -> None:
+    judged = judge(command(fresh(), response_topic="b/result/pump-1/bob"))
+
+    assert isinstance(judged, CommandRequest)
+    assert judged.response_topic is None
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        b"",
+        b"stop please",
+        b"\xff\xfe",
+        b"{",
+        b"[]",
+        b'{"id": 7, "args": 3, "operator": "", "reason": "\\n", "surprise": 1}',
+        b'{"id": "' + b"x" * 65 + b'"}',
+        b"x" * 5000,
+        b'{"issued_at": "1999-01-01T00:00:00Z", "boot": "another"}',
+    ],
+)
+def test_a_stop_needs_nothing_but_its_topic(payload: bytes) -> None:
+    assert judge(Incoming(STOP, payload), clock_is_synchronised=False) == CommandRequest(
+        "pump-1", "alice", "stop", received_s=7.0
+    )
+
+
+def test_a_stop_keeps_its_id_and_who_wanted_it_but_no_arguments() -> None:
+    incoming = command(
+        {"id": "s1", "operator": "Ana", "reason": "smoke", "args": {"a": 1}, "b": 2}, topic=STOP
+    )
+
+    assert judge(incoming) == CommandRequest(
+        "pump-1", "alice", "stop", id="s1", operator="Ana", reason="smoke", received_s=7.0
+    )
+
+
+def test_an_old_message_may_still_be_a_stop() -> None:
+    assert isinstance(judge(Incoming(STOP, b"", expiry_s=0)), CommandRequest)
+
+
+@pytest.mark.parametrize("verb", ["start", "stop", "reset", "set", "read", "anything"])
+def test_a_retained_command_is_never_acted_on(verb: str) -> None:
+    incoming = command(fresh(), topic=f"b/command/pump-1/alice/{verb}", is_retained=True)
+
+    assert refusal(incoming).code == "retained"
+
+
+def test_a_refusal_names_the_command_so_that_its_sender_can_be_told() -> None:
+    incoming = command(
+        {"id": "c1", "operator": "Ana", "args": {"value": 3}, "surprise": 1}, correlation=b"42"
+    )
+
+    rejection = refusal(incoming)
+
+    assert rejection == Rejection(
+        starter="pump-1",
+        client="alice",
+        verb="start",
+        id="c1",
+        code="bad_payload",
+        text="surprise: Extra inputs are not permitted",
+        operator="Ana",
+        args={"value": 3},
+        correlation=b"42",
+    )
+    result = rejection.to_result(NOW_S)
+    assert (result.phase, result.code, result.id, result.correlation) == (
+        Phase.REJECTED,
+        "bad_payload",
+        "c1",
+        b"42",
+    )
+    audit = rejection.to_audit(NOW_S, 12)
+    assert (audit.decision, audit.code, audit.seq, audit.operator, audit.args) == (
+        "rejected",
+        "bad_payload",
+        12,
+        "Ana",
+        {"value": 3},
+    )
+
+
+@pytest.mark.parametrize(
+    ("payload", "code", "text"),
+    [
+        (b"", "bad_json", "empty payload"),
+        (b"start", "bad_json", "Expecting value"),
+        (b'{"id":"a","id":"b"}', "bad_json", "a key stands twice"),
+        (b'{"ttl_s":NaN}', "bad_json", "NaN is not JSON"),
+        (b"x" * 4097, "too_big", "4097 bytes of payload, at most 4096"),
+        (b'{"' + b"k" * 300 + b'":1}', "bad_payload", "kkkk"),
+        (b'{"a\\u0007":1}', "bad_payload", "a?: Extra"),
+    ],
+)
+def test_a_payload_that_cannot_be_read_is_refused_with_its_reason(
+    payload: bytes, code: str, text: str
+) -> None:
+    rejection = refusal(Incoming(START, payload))
+
+    assert rejection.code == code
+    assert text in rejection.text
+    assert len(rejection.text) <= 200
+    assert rejection.text.isprintable()
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"id": 7},
+        {"id": ""},
+        {"id": "x" * 65},
+        {"id": "a\n"},
+        {"id": "a\ud800"},
+        {"ttl_s": "5"},
+        {"ttl_s": True},
+        {"ttl_s": 0},
+        {"ttl_s": -1},
+        {"ttl_s": 60.1},
+        {"issued_at": 1_795_222_923},
+        {"issued_at": "2026-11-21T01:02:03"},
+        {"issued_at": "2026-11-21"},
+        {"issued_at": "2026-13-21T01:02:03Z"},
+        {"issued_at": "2026-11-21T01:02:60Z"},
+        {"issued_at": "٢026-11-21T01:02:03Z"},
+        {"issued_at": f"{NOW}\n"},
+        {"issued_at": "now"},
+        {"boot": 1},
+        {"operator": ["Ana"]},
+        {"operator": "x" * 65},
+        {"reason": "x" * 257},
+        {"reason": "a\x1b[31m"},
+        {"args": []},
+        {"args": None},
+        {"Id": "c1"},
+    ],
+)
+def test_a_field_of_the_wrong_form_is_refused(fields: dict[str, object]) -> None:
+    assert refusal(command(fresh(**fields))).code == "bad_payload"
+
+
+@pytest.mark.parametrize("fields", [{}, {"id": None}])
+def test_every_command_but_stop_needs_an_id(fields: dict[str, object]) -> None:
+    assert refusal(command({"boot": "boot-1", **fields})).code == "no_id"
+
+
+@pytest.mark.parametrize(
+    "issued_at",
+    [
+        NOW,
+        "2026-11-21T01:02:03.000000001z",
+        "2026-11-21t02:02:03+01:00",
+        "2026-11-20 21:02:03-04:00",
+        "2026-11-21T01:01:58Z",
+        "2026-11-21T01:02:05Z",
+    ],
+)
+def test_a_command_issued_within_its_time_to_live_is_fresh(issued_at: str) -> None:
+    assert isinstance(judge(command({"id": "c1", "issued_at": issued_at})), CommandRequest)
+
+
+@pytest.mark.parametrize(("ttl_s", "code"), [(60, None), (29.5, "expired"), (None, "expired")])
+def test_the_sender_chooses_the_time_to_live(ttl_s: float | None, code: str | None) -> None:
+    fields: dict[str, object] = {"id": "c1", "issued_at": rfc3339(NOW_S - 30.0)}
+    if ttl_s is not None:
+        fields["ttl_s"] = ttl_s
+
+    judged = judge(command(fields))
+
+    assert getattr(judged, "code", None) == code
+
+
+@pytest.mark.parametrize(
+    ("fields", "is_synchronised", "code", "text"),
+    [
+        ({}, True, "not_fresh", "neither issued_at nor boot is given"),
+        (
+            {"issued_at": NOW},
+            False,
+            "not_fresh",
+            "this gateway's clock is not synchronised; send boot instead",
+        ),
+        ({"boot": "boot-0"}, True, "wrong_boot", "boot is not the one in gateway/status"),
+        ({"boot": "boot-0", "issued_at": NOW}, False, "wrong_boot", "boot is not the one in gateway/status"),
+        ({"issued_at": "2026-11-21T01:01:57Z"}, True, "expired", "issued 6.0 s ago, valid for 5 s"),
+        (
+            {"issued_at": "2026-11-21T01:01:57Z", "boot": "boot-0"},
+            True,
+            "expired",
+            "issued 6.0 s ago, valid for 5 s",
+        ),
+        (
+            {"issued_at": "2026-11-21T01:02:05.1Z"},
+            True,
+            "not_fresh",
+            "issued_at is 2.1 s in the future; set the clock",
+        ),
+        (
+            {"issued_at": "0001-01-01T00:00:00+14:00"},
+            True,
+            "expired",
+            "issued 63930870123.0 s ago, valid for 5 s",
+        ),
+    ],
+)
+def test_a_command_that_is_not_provably_fresh_is_refused(
+    fields: dict[str, object], is_synchronised: bool, code: str, text: str
+) -> None:
+    rejection = refusal(command({"id": "c1", **fields}), clock_is_synchronised=is_synchronised)
+
+    assert (rejection.code, rejection.text) == (code, text)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"boot": "boot-1", "issued_at": "2026-11-21T00:00:00Z"},
+        {"boot": "boot-0", "issued_at": NOW},
+    ],
+)
+def test_one_proof_of_freshness_is_enough(fields: dict[str, object]) -> None:
+    assert isinstance(judge(command({"id": "c1", **fields})), CommandRequest)
+
+
+def test_a_message_whose_own_expiry_has_run_out_is_expired() -> None:
+    assert refusal(command(fresh(), expiry_s=0)).code == "expired"
+    assert isinstance(judge(command(fresh(), expiry_s=1)), CommandRequest)
+
+
+@given(
+    topic=st.sampled_from([START, STOP, "b/command/pump-1/alice/set", "b/audit"]) | st.text(max_size=30),
+    payload=st.binary(max_size=300),
+    is_retained=st.booleans(),
+    is_synchronised=st.booleans(),
+    expiry_s=st.none() | st.integers(0, 9),
+)
+def test_random_messages_never_raise_and_only_a_live_stop_gets_through(
+    *, topic: str, payload: bytes, is_retained: bool, is_synchronised: bool, expiry_s: int | None
+) -> None:
+    judged = judge(
+        Incoming(topic, payload, is_retained=is_retained, expiry_s=expiry_s),
+        clock_is_synchronised=is_synchronised,
+    )
+
+    if isinstance(judged, CommandRequest):
+        assert judged.verb == "stop"
+        assert not is_retained
+
+
+@given(
+    fields=st.dictionaries(
+        st.sampled_from(["id", "issued_at", "ttl_s", "boot", "operator", "reason", "args", "x"]),
+        st.none()
+        | st.booleans()
+        | st.integers()
+        | st.floats()
+        | st.text(max_size=70)
+        | st.dictionaries(st.text(), st.text(), max_size=2),
+    ),
+    age_s=st.floats(60.001, 1e9) | st.floats(-1e9, -2.001),
+    is_retained=st.booleans(),
+)
+def test_no_stale_or_retained_start_is_ever_accepted(
+    *, fields: dict[str, object], age_s: float, is_retained: bool
+) -> None:
+    if fields.get("boot") == "boot-1":
+        fields.pop("boot")
+    fields["issued_at"] = rfc3339(NOW_S - age_s)
+
+    judged = judge(command(fields, is_retained=is_retained))
+
+    assert isinstance(judged, Rejection)
+
+
+@given(age_s=st.floats(-1.999, 59.999), is_retained=st.booleans())
+def test_a_fresh_start_is_accepted_unless_it_is_retained(age_s: float, *, is_retained: bool) -> None:
+    fields = {"id": "c1", "ttl_s": 60, "issued_at": rfc3339(NOW_S - age_s)}
+
+    judged = judge(command(fields, is_retained=is_retained))
+
+    assert isinstance(judged, Rejection if is_retained else CommandRequest)

@@ -1,0 +1,273 @@
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import pytest
+
+from gateway.mqtt.payload import GatewayInfo, Message, Operator, Payloads, cleared
+from gateway.mqtt.topics import Topics
+from gateway.starters.records import (
+    AlarmRecord,
+    AuditRecord,
+    AvailabilityRecord,
+    EventRecord,
+    InfoRecord,
+    LineRecord,
+    Phase,
+    Quality,
+    Record,
+    ResultRecord,
+    Severity,
+    StateRecord,
+    ValueRecord,
+)
+
+T = 1_795_222_923.456
+AT = '"2026-11-21T01:02:03.456Z"'
+
+VALUE = ValueRecord("pump-1", "current", 12.0, "A", Quality.GOOD, T, 4711)
+RESULT = ResultRecord("pump-1", "alice", "c1", "start", Phase.CONFIRMED, "ok", "it runs", T)
+
+
+def payloads() -> Payloads:
+    return Payloads(Topics("b"), "boot-1")
+
+
+def text(message: Message) -> str:
+    return message.payload.decode("utf-8")
+
+
+LATEST = {"qos": 1, "retain": True, "is_kept": False}
+KEPT = {"qos": 1, "retain": False, "is_kept": True}
+FIGURES = {"qos": 0, "retain": True, "is_kept": False}
+
+
+@pytest.mark.parametrize(
+    ("record", "topic", "delivery", "payload"),
+    [
+        (
+            VALUE,
+            "b/starter/pump-1/value/current",
+            LATEST,
+            f'{{"value":12.0,"unit":"A","quality":"good","time":{AT},"seq":4711}}',
+        ),
+        (
+            ValueRecord("pump-1", "S1.2.1", 3, "", Quality.STALE, T, 2, label="Remote"),
+            "b/starter/pump-1/value/s1_2_1",
+            LATEST,
+            f'{{"value":3,"unit":"","quality":"stale","time":{AT},"seq":2,"label":"Remote"}}',
+        ),
+        (
+            ValueRecord("pump-1", "p003", math.nan, "A", Quality.BAD, None, 3),
+            "b/starter/pump-1/value/p003",
+            LATEST,
+            '{"value":null,"unit":"A","quality":"bad","time":null,"seq":3}',
+        ),
+        (
+            StateRecord(
+                "pump-1", "running", Quality.GOOD, T, 5, {"running": True, "fault": None, "seq": True}
+            ),
+            "b/starter/pump-1/state",
+            LATEST,
+            f'{{"state":"running","quality":"good","time":{AT},"seq":5,"running":true,"fault":null}}',
+        ),
+        (
+            AvailabilityRecord("pump-1", "offline", T, "silent"),
+            "b/starter/pump-1/availability",
+            LATEST,
+            f'{{"state":"offline","since":{AT},"reason":"silent"}}',
+        ),
+        (
+            AlarmRecord(
+                "pump-1",
+                "F072",
+                is_active=True,
+                severity="fault",
+                text="Überlast",
+                time_s=T,
+                cleared_s=None,
+                count=3,
+                seq=9,
+            ),
+            "b/starter/pump-1/alarm/f072",
+            LATEST,
+            f'{{"active":true,"severity":"fault","text":"Überlast","time":{AT},"cleared":null,"count":3,"seq":9}}',
+        ),
+        (
+            InfoRecord(
+                *(
+                    "pump-1",
+                    "ssw07",
+                    None,
+                    "1.3",
+                    None,
+                    "pumps",
+                    1,
+                    {"P.002": {"unit": "A", "deadband": 0.5}},
+                ),
+                commands=("start", "stop"),
+            ),
+            "b/starter/pump-1/info",
+            LATEST,
+            '{"family":"ssw07","model":null,"firmware":"1.3","serial":null,"line":"pumps","address":1,'
+            '"points":{"p_002":{"unit":"A","deadband":0.5}},"commands":["start","stop"]}',
+        ),
+        (
+            EventRecord("pump-1", "started", Severity.INFO, "started", T, 7, {"peak": 1.0}),
+            "b/starter/pump-1/event",
+            KEPT,
+            f'{{"seq":7,"time":{AT},"boot":"boot-1","code":"started","severity":"info","text":"started",'
+            '"data":{"peak":1.0}}',
+        ),
+        (
+            EventRecord("", "port_lost", Severity.ERROR, "unplugged", T, 8),
+            "b/gateway/event",
+            KEPT,
+            f'{{"seq":8,"time":{AT},"boot":"boot-1","code":"port_lost","severity":"error","text":"unplugged",'
+            '"data":{}}',
+        ),
+        (
+            RESULT,
+            "b/result/pump-1/alice",
+            KEPT,
+            f'{{"id":"c1","verb":"start","phase":"confirmed","code":"ok","text":"it runs","time":{AT},'
+            '"duplicate":false}',
+        ),
+        (
+            AuditRecord(
+                *("pump-1", "alice", "Al", "set", {"value": 30.0}, "confirmed", "ok", T, 10),
+                before={"P314": 20},
+                after={"P314": 30},
+            ),
+            "b/audit",
+            KEPT,
+            f'{{"seq":10,"time":{AT},"boot":"boot-1","starter":"pump-1","client":"alice","operator":"Al",'
+            '"verb":"set","args":{"value":30.0},"decision":"confirmed","code":"ok","before":{"P314":20},'
+            '"after":{"P314":30}}',
+        ),
+        (LineRecord("pumps", {"polls": 3}), "b/gateway/line/pumps", FIGURES, '{"polls":3}'),
+    ],
+)
+def test_a_record_becomes_the_contracts_message(
+    record: Record, topic: str, delivery: dict[str, Any], payload: str
+) -> None:
+    message = payloads().message(record)
+
+    assert message.topic == topic
+    assert {name: getattr(message, name) for name in delivery} == delivery
+    assert text(message) == payload
+
+
+def test_what_a_result_reports_stands_beside_its_own_keys_and_cannot_replace_them() -> None:
+    record = ResultRecord(
+        *("pump-1", "alice", "c1", "read", Phase.CONFIRMED, "ok", "", T),
+        is_duplicate=True,
+        values={"parameter": "P003", "value": 81.5, "unit": "A", "label": None, "raw": (815,), "phase": "x"},
+        correlation=b"42",
+        response_topic="elsewhere",
+    )
+
+    message = payloads().message(record)
+
+    assert json.loads(message.payload) == {
+        "id": "c1",
+        "verb": "read",
+        "phase": "confirmed",
+        "code": "ok",
+        "text": "",
+        "time": "2026-11-21T01:02:03.456Z",
+        "duplicate": True,
+        "parameter": "P003",
+        "value": 81.5,
+        "unit": "A",
+        "label": None,
+        "raw": [815],
+    }
+    assert message.topic == "b/result/pump-1/alice"
+    assert message.correlation == b"42"
+
+
+def test_results_are_the_last_to_be_dropped() -> None:
+    event = EventRecord("", "x", Severity.INFO, "", T, 1)
+
+    assert payloads().message(event).is_droppable
+    assert not payloads().message(RESULT).is_droppable
+
+
+def test_a_value_brings_its_history_item_along() -> None:
+    message = payloads().message(VALUE)
+
+    assert message.history is not None
+    assert message.history.topic == "b/starter/pump-1/history"
+    assert message.history.text == (
+        f'{{"point":"current","value":12.0,"quality":"good","time":{AT},"seq":4711}}'
+    )
+
+
+def test_history_is_a_batch_of_items() -> None:
+    message = payloads().history("b/starter/pump-1/history", ['{"seq":1}', '{"seq":2}'])
+
+    assert text(message) == '{"boot":"boot-1","items":[{"seq":1},{"seq":2}]}'
+    assert (message.qos, message.retain, message.is_kept, message.is_droppable) == (1, False, True, True)
+
+
+def test_a_record_with_an_impossible_name_is_a_value_error() -> None:
+    with pytest.raises(ValueError, match="is no topic level"):
+        payloads().message(LineRecord("Pump Hall", {}))
+
+
+def test_what_is_no_record_at_all_is_a_bug() -> None:
+    with pytest.raises(AssertionError):
+        payloads().message(object())  # type: ignore[arg-type]  # on purpose
+
+
+def test_the_status_tells_which_run_of_the_gateway_speaks() -> None:
+    message = payloads().status("online", time_s=T, since_s=T - 1, reason=None)
+
+    assert message.topic == "b/gateway/status"
+    assert (message.qos, message.retain) == (1, True)
+    assert text(message) == (
+        f'{{"state":"online","time":{AT},"boot":"boot-1","since":"2026-11-21T01:02:02.456Z","reason":null}}'
+    )
+
+
+def test_the_info_says_who_may_do_what_and_that_this_is_no_safety_function() -> None:
+    info = GatewayInfo(
+        version="0.1.0",
+        starters=("pump-1",),
+        lines=("pumps",),
+        operators=(Operator("alice", ("start", "stop"), ("pump-*",)),),
+    )
+
+    message = payloads().gateway_info(info)
+
+    assert (message.topic, message.qos, message.retain) == ("b/gateway/info", 1, True)
+    assert json.loads(message.payload) == {
+        "product": "starter-gateway",
+        "version": "0.1.0",
+        "contract": 1,
+        "boot": "boot-1",
+        "starters": ["pump-1"],
+        "lines": ["pumps"],
+        "operators": [{"client": "alice", "may": ["start", "stop"], "starters": ["pump-*"]}],
+        "notice": "not a safety function",
+    }
+
+
+def test_the_outbox_figures_are_only_the_latest() -> None:
+    message = payloads().outbox({"depth": 1, "oldest_s": 2.0})
+
+    assert (message.topic, message.qos, message.retain) == ("b/gateway/outbox", 0, True)
+    assert text(message) == '{"depth":1,"oldest_s":2.0}'
+
+
+def test_an_empty_retained_payload_clears_a_topic() -> None:
+    assert cleared("b/x") == Message("b/x", b"", qos=1, retain=True)
+
+
+def test_the_packet_size_counts_everything_that_grows() -> None:
+    message = Message("b/x", b"1234", qos=1, retain=False, correlation=b"56")
+
+    assert message.packet_size == 20 + 3 + 4 + 2

@@ -1,0 +1,113 @@
+from __future__ import annotations
+
+import pytest
+
+from gateway.mqtt.topics import CommandAddress, Topics, is_level, to_level
+
+
+def all_payload_topics(topics: Topics) -> list[str]:
+    return [
+        topics.gateway_status,
+        topics.gateway_info,
+        topics.line("pumps"),
+        topics.gateway_outbox,
+        topics.gateway_event,
+        topics.info("pump-1"),
+        topics.availability("pump-1"),
+        topics.state("pump-1"),
+        topics.value("pump-1", "current"),
+        topics.alarm("pump-1", "f072"),
+        topics.event("pump-1"),
+        topics.history("pump-1"),
+        topics.command("pump-1", "alice", "start"),
+        topics.result("pump-1", "alice"),
+        topics.audit,
+    ]
+
+
+def test_the_topics_are_those_of_the_contract() -> None:
+    assert all_payload_topics(Topics("starters/mcc1")) == [
+        "starters/mcc1/gateway/status",
+        "starters/mcc1/gateway/info",
+        "starters/mcc1/gateway/line/pumps",
+        "starters/mcc1/gateway/outbox",
+        "starters/mcc1/gateway/event",
+        "starters/mcc1/starter/pump-1/info",
+        "starters/mcc1/starter/pump-1/availability",
+        "starters/mcc1/starter/pump-1/state",
+        "starters/mcc1/starter/pump-1/value/current",
+        "starters/mcc1/starter/pump-1/alarm/f072",
+        "starters/mcc1/starter/pump-1/event",
+        "starters/mcc1/starter/pump-1/history",
+        "starters/mcc1/command/pump-1/alice/start",
+        "starters/mcc1/result/pump-1/alice",
+        "starters/mcc1/audit",
+    ]
+
+
+def test_the_base_may_be_a_path_of_a_unified_namespace() -> None:
+    assert Topics("acme/north/pumping/gw1").audit == "acme/north/pumping/gw1/audit"
+
+
+@pytest.mark.parametrize("base", ["", "/", "a//b", "a/", "/a", "A", "a/+", "a/#", "a b", "ä", "a\n"])
+def test_a_base_of_anything_but_levels_is_refused(base: str) -> None:
+    with pytest.raises(ValueError, match="is no topic level"):
+        Topics(base)
+
+
+def test_no_topic_that_carries_a_payload_is_a_prefix_of_another() -> None:
+    topics = [f"{topic}/" for topic in all_payload_topics(Topics("b"))]
+
+    assert not [(one, other) for one in topics for other in topics if one != other and other.startswith(one)]
+
+
+def test_the_events_without_a_starter_are_the_gateways_own() -> None:
+    topics = Topics("b")
+
+    assert topics.event("") == topics.gateway_event
+
+
+@pytest.mark.parametrize("name", ["", "Pump", "pump 1", "pump/1", "+", "#", "pumpe-ü", "pump\n"])
+def test_a_name_that_is_no_level_makes_no_topic(name: str) -> None:
+    with pytest.raises(ValueError, match="is no topic level"):
+        Topics("b").state(name)
+
+
+def test_every_command_topic_matches_the_filter_and_is_read_back() -> None:
+    topics = Topics("acme/gw1")
+    topic = topics.command("pump-1", "alice", "local_remote")
+
+    assert topics.command_filter == "acme/gw1/command/+/+/+"
+    assert topic.count("/") == topics.command_filter.count("/")
+    assert topics.parse_command(topic) == CommandAddress("pump-1", "alice", "local_remote")
+
+
+@pytest.mark.parametrize(
+    "topic",
+    [
+        "",
+        "other/command/pump-1/alice/start",
+        "b/command",
+        "b/command/pump-1/alice",
+        "b/command/pump-1/alice/start/now",
+        "b/command/pump-1//start",
+        "b/command/Pump-1/alice/start",
+        "b/command/pump-1/alice/st art",
+        "b/command/pump-1/alice/start\n",
+        "b/command/+/alice/start",
+        "b/command/pump-1/alice/\x00",
+        "b/command/pump-1/aliceï/start",
+        "b/result/pump-1/alice/start",
+    ],
+)
+def test_anything_else_is_no_command(topic: str) -> None:
+    assert Topics("b").parse_command(topic) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "level"),
+    [("S1.2.1", "s1_2_1"), ("P002", "p002"), ("line_voltage", "line_voltage"), ("", "_"), ("É", "_")],
+)
+def test_a_manuals_code_becomes_a_level(name: str, level: str) -> None:
+    assert to_level(name) == level
+    assert is_level(level)

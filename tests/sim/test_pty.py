@@ -1,0 +1,102 @@
+"""The virtual line on a real pseudo terminal."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from pathlib import Path
+
+import pytest
+
+from gateway.errors import PortError
+from gateway.modbus.adu import encode
+from gateway.modbus.reads import ReadHoldingRegisters
+from gateway.sim.factory import make_unit
+from gateway.sim.line import SimulatedLine
+from gateway.sim.pty import PtyLine
+from tests.sim.wire import TIMING
+
+READ = ReadHoldingRegisters(220, 1)
+
+
+def make_pty(link: Path | None = None) -> PtyLine:
+    line = SimulatedLine(TIMING, [make_unit("ssw07", 1)], chunk_bytes=None, tolerance_s=0.0002)
+    return PtyLine(line, link=link)
+
+
+async def ask(path: str, frame: bytes, size: int) -> bytes:
+    """Write a frame to a serial port and return the first `size` bytes of the answer."""
+    end = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    received = bytearray()
+    is_whole = asyncio.Event()
+
+    def take() -> None:
+        received.extend(os.read(end, 256))
+        if len(received) >= size:
+            is_whole.set()
+
+    loop = asyncio.get_running_loop()
+    loop.add_reader(end, take)
+    try:
+        os.write(end, frame)
+        await asyncio.wait_for(is_whole.wait(), 10.0)
+    finally:
+        loop.remove_reader(end)
+        os.close(end)
+    return bytes(received)
+
+
+async def test_a_master_gets_its_answer_through_the_terminal() -> None:
+    served = make_pty()
+    await served.start()
+
+    reply = await ask(served.path, encode(1, READ.encode()), 7)
+
+    assert reply == encode(1, READ.encode_reply((6,)))
+    assert served.line.violations == []
+    await served.stop()
+    await served.stop()
+
+
+async def test_a_link_leads_to_the_terminal_until_it_is_stopped(tmp_path: Path) -> None:
+    link = tmp_path / "pumps"
+    link.symlink_to("/nowhere")
+    served = make_pty(link)
+    await served.start()
+
+    assert link.readlink() == Path(served.path)
+    assert len(await ask(str(link), encode(1, READ.encode()), 7)) == 7
+
+    await served.stop()
+    assert not link.is_symlink()
+
+
+async def test_a_link_never_replaces_a_file(tmp_path: Path) -> None:
+    link = tmp_path / "pumps"
+    link.write_text("precious")
+
+    with pytest.raises(PortError, match="choose another path"):
+        await make_pty(link).start()
+
+    assert link.read_text() == "precious"
+
+
+async def test_a_link_never_replaces_a_link_to_something_else(tmp_path: Path) -> None:
+    link = tmp_path / "pumps"
+    link.symlink_to(tmp_path)
+
+    with pytest.raises(PortError):
+        await make_pty(link).start()
+
+    assert link.readlink() == tmp_path
+
+
+async def test_bytes_that_nobody_reads_are_lost_without_harm() -> None:
+    served = make_pty()
+    await served.start()
+
+    for _ in range(100):
+        served._write(bytes(1000), 0.0)
+
+    assert served.lost_bytes > 0
+    await served.stop()

@@ -1,0 +1,142 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from gateway.starters.records import Quality
+from gateway.starters.report import Report, is_news
+from gateway.starters.snapshot import Reading, Value
+
+
+def reading(value: Value, quality: Quality = Quality.GOOD, *, label: str | None = None) -> Reading:
+    return Reading(value, "A", quality, label, 0.0, 0.0)
+
+
+def sent(report: Report, value: Value, now_s: float, quality: Quality = Quality.GOOD) -> list[Value]:
+    report.offer({"current": reading(value, quality)}, now_s=now_s)
+    return [due.value for due in report.take_due(now_s).values()]
+
+
+def test_a_point_is_published_at_once_the_first_time() -> None:
+    report = Report({})
+
+    assert sent(report, 1.0, 0.0) == [1.0]
+
+
+def test_a_change_within_the_deadband_is_not_published() -> None:
+    report = Report({"current": 0.5})
+    sent(report, 10.0, 0.0)
+
+    assert sent(report, 10.5, 1.0) == []
+
+
+def test_a_change_beyond_the_deadband_is_published() -> None:
+    report = Report({"current": 0.5})
+    sent(report, 10.0, 0.0)
+
+    assert sent(report, 10.6, 1.0) == [10.6]
+
+
+def test_small_steps_are_published_once_they_add_up() -> None:
+    report = Report({"current": 0.5})
+    sent(report, 10.0, 0.0)
+
+    published = [value for step in range(1, 8) for value in sent(report, 10.0 + 0.2 * step, float(step))]
+
+    assert published == [pytest.approx(10.6), pytest.approx(11.2)]
+
+
+def test_a_change_soon_after_the_last_publication_waits_until_its_time() -> None:
+    report = Report({})
+    sent(report, 1.0, 10.0)
+
+    assert sent(report, 2.0, 10.1) == []
+    assert report.next_due_s() == 10.25
+    assert report.take_due(10.25) == {"current": reading(2.0)}
+
+
+def test_what_waits_goes_out_with_the_newest_value() -> None:
+    report = Report({})
+    sent(report, 1.0, 10.0)
+    sent(report, 2.0, 10.1)
+    sent(report, 3.0, 10.2)
+
+    assert report.take_due(10.25) == {"current": reading(3.0)}
+
+
+def test_a_value_that_went_and_came_back_within_the_pause_is_published_again() -> None:
+    report = Report({})
+    sent(report, 1.0, 10.0)
+    sent(report, 2.0, 10.1)
+    sent(report, 1.0, 10.2)
+
+    assert report.take_due(10.25) == {"current": reading(1.0)}
+
+
+def test_an_unchanged_value_is_published_after_thirty_seconds() -> None:
+    report = Report({})
+    sent(report, 1.0, 0.0)
+
+    assert report.take_due(29.9) == {}
+    assert report.next_due_s() == 30.0
+    assert report.take_due(30.0) == {"current": reading(1.0)}
+
+
+def test_a_value_that_went_stale_while_it_waited_goes_out_as_stale() -> None:
+    report = Report({})
+    sent(report, 1.0, 10.0)
+    sent(report, 2.0, 10.1)
+    sent(report, 2.0, 10.2, Quality.STALE)
+
+    assert report.take_due(10.25) == {"current": reading(2.0, Quality.STALE)}
+
+
+def test_a_report_without_points_is_never_due() -> None:
+    report = Report({})
+
+    assert report.next_due_s() == math.inf
+    assert report.take_due(1e9) == {}
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "deadband", "expected"),
+    [
+        (reading(1.0), reading(1.0), 0.0, False),
+        (reading(1.0), reading(1.1), 0.0, True),
+        (reading(1.0), reading(1.0, Quality.STALE), 5.0, True),
+        (reading(1, label="on"), reading(1, label="off"), 5.0, True),
+        (reading(None), reading(1.0), 5.0, True),
+        (reading(1.0), reading(None), 5.0, True),
+        (reading(None), reading(None), 0.0, False),
+        (reading(False), reading(True), 5.0, True),
+        (reading(True), reading(True), 0.0, False),
+        (reading("a"), reading("b"), 5.0, True),
+        (reading("a"), reading("a"), 0.0, False),
+        (reading(7), reading(12), 5.0, False),
+        (reading(7), reading(13), 5.0, True),
+    ],
+)
+def test_news_is_a_change_of_quality_or_beyond_the_deadband(
+    before: Reading, now: Reading, deadband: float, expected: bool
+) -> None:
+    assert is_news(before, now, deadband) is expected
+
+
+def test_the_same_reading_offered_again_changes_nothing() -> None:
+    report = Report({})
+    same = {"current": reading(1.0)}
+    report.offer(same, now_s=0.0)
+    report.take_due(0.0)
+
+    report.offer(same, now_s=1.0)
+
+    assert report.next_due_s() == 30.0
+
+
+def test_a_reading_offered_before_the_first_was_taken_replaces_it() -> None:
+    report = Report({})
+    report.offer({"current": reading(1.0)}, now_s=0.0)
+    report.offer({"current": reading(2.0)}, now_s=0.1)
+
+    assert report.take_due(0.1) == {"current": reading(2.0)}

@@ -1,0 +1,101 @@
+"""Whatever the readings and their times: no change is lost, none comes too soon, none too late."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gateway.starters.records import Quality
+from gateway.starters.report import LATEST_S, SOONEST_S, Report
+from gateway.starters.snapshot import Reading
+
+DEADBAND = 1.0
+EPSILON_S = 1e-9
+
+
+@dataclass(frozen=True)
+class Step:
+    after_s: float
+    value: float
+    quality: Quality
+
+
+steps = st.lists(
+    st.builds(
+        Step,
+        after_s=st.sampled_from([0.0, 0.01, 0.1, 0.2, 0.25, 0.3, 1.0, 29.0, 31.0, 100.0]),
+        value=st.floats(-5, 5, allow_nan=False),
+        quality=st.sampled_from([Quality.GOOD, Quality.GOOD, Quality.STALE]),
+    ),
+    min_size=1,
+    max_size=40,
+)
+
+
+@dataclass(frozen=True)
+class Sent:
+    at_s: float
+    reading: Reading
+
+
+def play(story: list[Step]) -> tuple[list[Sent], list[tuple[float, Reading]]]:
+    """Offer the readings in their time and publish exactly when the report says so."""
+    report = Report({"p": DEADBAND})
+    published: list[Sent] = []
+    offered: list[tuple[float, Reading]] = []
+    now_s = 0.0
+    for step in story:
+        target_s = now_s + step.after_s
+        while report.next_due_s() <= target_s:
+            now_s = report.next_due_s()
+            published += [Sent(now_s, reading) for reading in report.take_due(now_s).values()]
+        now_s = target_s
+        reading = Reading(step.value, "A", step.quality, None, now_s, now_s)
+        offered.append((now_s, reading))
+        report.offer({"p": reading}, now_s=now_s)
+        published += [Sent(now_s, due) for due in report.take_due(now_s).values()]
+    end_s = report.next_due_s()
+    published += [Sent(end_s, due) for due in report.take_due(end_s).values()]
+    return published, offered
+
+
+@given(steps)
+def test_no_point_is_published_twice_within_a_quarter_of_a_second(story: list[Step]) -> None:
+    published, _ = play(story)
+
+    gaps_s = [later.at_s - earlier.at_s for earlier, later in itertools.pairwise(published)]
+    assert all(gap_s >= SOONEST_S - EPSILON_S for gap_s in gaps_s)
+
+
+@given(steps)
+def test_no_point_is_silent_for_more_than_thirty_seconds(story: list[Step]) -> None:
+    published, _ = play(story)
+
+    gaps_s = [later.at_s - earlier.at_s for earlier, later in itertools.pairwise(published)]
+    assert all(gap_s <= LATEST_S + EPSILON_S for gap_s in gaps_s)
+
+
+@given(steps)
+def test_what_is_published_is_always_the_newest_reading(story: list[Step]) -> None:
+    published, offered = play(story)
+
+    for sent in published:
+        newest = [reading for at_s, reading in offered if at_s <= sent.at_s]
+        assert any(sent.reading is reading for reading in newest)
+        later = [at_s for at_s, _ in offered if (sent.reading.at_s or 0.0) < at_s < sent.at_s]
+        assert later == []
+
+
+@given(steps)
+def test_no_change_is_ever_lost(story: list[Step]) -> None:
+    published, offered = play(story)
+
+    _, last = offered[-1]
+    final = published[-1].reading
+    assert final.quality is last.quality
+    assert isinstance(final.value, float)
+    assert isinstance(last.value, float)
+    assert abs(final.value - last.value) <= DEADBAND
