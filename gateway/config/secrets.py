@@ -20,13 +20,17 @@ def mqtt_password(config: Config, folder: str | Path, environ: Mapping[str, str]
     credential `mqtt.password`, the environment. ConfigError when a file cannot be used.
     """
     if config.mqtt.password_file is not None:
-        path = Path(folder) / config.mqtt.password_file
-        _refuse_readable_by_others(path)
-        return _first_line(path)
+        return password_in(Path(folder) / config.mqtt.password_file)
     credentials = environ.get("CREDENTIALS_DIRECTORY")
     if credentials and (Path(credentials) / CREDENTIAL).exists():
         return _first_line(Path(credentials) / CREDENTIAL)
     return environ.get(VARIABLE) or None
+
+
+def password_in(path: Path) -> str:
+    """Return a file's first line; ConfigError when it cannot be used, or others may use it too."""
+    _refuse_readable_by_others(path)
+    return _first_line(path)
 
 
 def _refuse_readable_by_others(path: Path) -> None:
@@ -51,4 +55,4 @@ def _first_line(path: Path) -> str:
 
 
 def _unusable(path: Path, what: str, mend: str) -> ConfigError:
-    return ConfigError(str(path), [Problem("mqtt.password_file", what, mend)])
+    return ConfigError(str(path), [Problem("password_file", what, mend)])

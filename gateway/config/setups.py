@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from gateway.config.schema import Config, LineTable, StarterTable
 from gateway.families.load import load_profile
 from gateway.families.schema import Variant
@@ -23,6 +25,15 @@ def setups_of(line: LineTable) -> tuple[StarterSetup, ...]:
 def rights_of(config: Config) -> Rights:
     """Return who may do what."""
     return Rights(Operator(each.client, each.may, each.starters) for each in config.operators)
+
+
+def tls_files_of(config: Config, folder: Path) -> tuple[str | None, str | None, str | None]:
+    """Return the paths of `ca_file`, `cert_file` and `key_file`; `folder` is the configuration's."""
+    mqtt = config.mqtt
+    ca, cert, key = (
+        None if name is None else str(folder / name) for name in (mqtt.ca_file, mqtt.cert_file, mqtt.key_file)
+    )
+    return ca, cert, key
 
 
 def _setup(line: LineTable, starter: StarterTable) -> StarterSetup:

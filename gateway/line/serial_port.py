@@ -31,6 +31,7 @@ from gateway.modbus.timing import Framing
 OPEN_LIMIT_S = 5.0  # for the driver to open a tty, or the other side to accept a connection
 KEPT_BYTES = 4096  # unread; more than the longest frame many times over
 
+_PSEUDO_TERMINALS = range(136, 144)  # majors of /dev/pts/* [Linux devices.txt]
 _SELECT_LIMIT = 1024  # FD_SETSIZE
 _SOCKET_SCHEME = "socket"
 _PARITIES = {"N": serial.PARITY_NONE, "E": serial.PARITY_EVEN, "O": serial.PARITY_ODD}
@@ -98,11 +99,14 @@ class SerialOpener:
     def _open_device(self) -> serial.Serial:
         """Open and set up the tty; may block."""
         try:
-            if not stat.S_ISCHR(os.stat(self._name).st_mode):
+            status = os.stat(self._name)
+            if not stat.S_ISCHR(status.st_mode):
                 raise PortError(self._name, *_NO_TTY)
+            # A pseudo terminal has no parity; asked for it once more, tcsetattr fails with EINVAL.
+            is_pseudo = os.major(status.st_rdev) in _PSEUDO_TERMINALS
             device = serial.Serial(
                 baudrate=self._baud,
-                parity=_PARITIES[self._framing.parity],
+                parity=serial.PARITY_NONE if is_pseudo else _PARITIES[self._framing.parity],
                 stopbits=_STOP_BITS[self._framing.stop_bits],
                 exclusive=True,
             )

@@ -12,14 +12,12 @@ from gateway.errors import BrokerError
 from gateway.mqtt.intake import Incoming
 from gateway.mqtt.outbox import Outgoing
 from gateway.mqtt.payload import Message
-from gateway.mqtt.reasons import UNSUPPORTED_VERSION
 from gateway.mqtt.retry import Backoff, Version, VersionChoice
 from gateway.mqtt.session import Session
 from gateway.mqtt.settings import BrokerSettings
 
 log = logging.getLogger(__name__)
 
-STEADY_S = 5.0  # a connection that held this long makes the next pause short again
 FAREWELL_TICKET = 0  # the outbox counts from 1
 
 
@@ -140,11 +138,12 @@ class BrokerConnection:
             on_ack=self._acked,
         )
         try:
-            await session.open(self._command_filter)
+            await session.connect()
+            is_subscribed = await session.subscribe(self._command_filter)
             self._choice.worked()
-            await self._serve(session)
+            await self._serve(session, is_deaf=not is_subscribed)
         except BrokerError as error:
-            if self._is_other_version_worth_trying(session):
+            if self._choice.failed(session.connack_code, is_reached=session.is_reached):
                 log.debug("broker=%s %s; trying MQTT %s", self._settings.address, error, self._choice.version)
                 return True
             self._tell(str(error), is_connected=False)
@@ -152,20 +151,20 @@ class BrokerConnection:
             session.abort()
         return False
 
-    async def _serve(self, session: Session) -> None:
+    async def _serve(self, session: Session, *, is_deaf: bool) -> None:
         loop = asyncio.get_running_loop()
         since_s = loop.time()
         self._session = session
         self._source.connected(session.window)
         try:
-            self._tell("" if session.is_subscribed else self._deaf(), is_connected=True)
+            self._tell(self._deaf() if is_deaf else "", is_connected=True)
             self.wake()
             reason = await session.lost
         finally:
             self._session = None
             self._source.disconnected()
             self._acknowledged.set()
-        if loop.time() - since_s >= STEADY_S:
+        if loop.time() - since_s >= self._settings.steady_s:
             self._backoff.reset()
         self._tell(f"broker {self._settings.address}: {reason}", is_connected=False)
 
@@ -186,13 +185,6 @@ class BrokerConnection:
             self._source.acked(ticket, reason_code)
         self._acknowledged.set()
         self.wake()
-
-    def _is_other_version_worth_trying(self, session: Session) -> bool:
-        if session.connack_code == UNSUPPORTED_VERSION:
-            return self._choice.unsupported()
-        if session.is_reached and session.connack_code is None:
-            return self._choice.unanswered()
-        return False
 
     def _tell(self, trouble: str, *, is_connected: bool) -> None:
         if (is_connected, trouble) == self._link or self._closing.is_set():

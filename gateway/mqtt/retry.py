@@ -5,6 +5,8 @@ from __future__ import annotations
 import enum
 import random
 
+from gateway.mqtt.reasons import UNSUPPORTED_VERSION
+
 
 class Version(enum.StrEnum):
     """A version of MQTT that the gateway speaks."""
@@ -53,6 +55,15 @@ class VersionChoice:
         """Note that the broker accepted this version."""
         self._is_known = True
         self._strikes = 0
+
+    def failed(self, connack_code: int | None, *, is_reached: bool) -> bool:
+        """Note that a connection could not be had; return whether to try the other version at once.
+
+        `connack_code` is None when the broker, if it was reached at all, did not answer.
+        """
+        if connack_code == UNSUPPORTED_VERSION:
+            return self.unsupported()
+        return is_reached and connack_code is None and self.unanswered()
 
     def unsupported(self) -> bool:
         """Note that the broker does not speak this version; return whether to try the other at once."""

@@ -13,7 +13,6 @@ from gateway.mqtt.intake import Incoming
 from gateway.mqtt.json_in import read_object
 from gateway.mqtt.json_out import rfc3339, to_payload
 from gateway.mqtt.payload import Message
-from gateway.mqtt.reasons import UNSUPPORTED_VERSION
 from gateway.mqtt.retry import VersionChoice
 from gateway.mqtt.session import Session
 from gateway.mqtt.settings import BrokerSettings
@@ -21,6 +20,7 @@ from gateway.mqtt.topics import Topics
 from gateway.starters.records import Phase
 
 STATUS_WITHIN_S = 5.0  # the retained status comes with the subscription
+_FINAL = frozenset(phase.value for phase in Phase if phase.is_final)
 _REFUSED = 0x80  # reason codes from here on [MQTT5 2.4]
 
 
@@ -79,7 +79,7 @@ class Sender:
                 await session.connect()
             except BrokerError:
                 session.abort()
-                if not _is_other_version_worth_trying(choice, session):
+                if not choice.failed(session.connack_code, is_reached=session.is_reached):
                     raise
             else:
                 session.lost.add_done_callback(lambda _: self._news.put_nowait(None))
@@ -113,7 +113,7 @@ class Sender:
             result = await self._next(topic, order)
             if result is None or result.get("id") != wanted:
                 continue
-            if result.get("phase") in Phase and Phase(result["phase"]).is_final:
+            if result.get("phase") in _FINAL:
                 return result
             on_phase(result)
 
@@ -152,9 +152,3 @@ class Sender:
         who = f"user {self._settings.username}" if self._settings.username else "a client without login"
         mend = "log in as the operator with --username, or look at its access list"
         return BrokerError(f"broker {self._settings.address} does not let {who} {what}", mend)
-
-
-def _is_other_version_worth_trying(choice: VersionChoice, session: Session) -> bool:
-    if session.connack_code == UNSUPPORTED_VERSION:
-        return choice.unsupported()
-    return session.is_reached and session.connack_code is None and choice.unanswered()

@@ -33,7 +33,7 @@ READS_AT_ONCE = 100  # packets handled before other tasks of the loop have their
 
 
 class Session:
-    """One connection; `lost` is done, with the reason, as soon as it is over. Without `will` none is left."""
+    """One connection; `lost` is done, with the reason, as soon as it is over. A will is optional."""
 
     def __init__(
         self,
@@ -59,32 +59,32 @@ class Session:
         self.lost: asyncio.Future[str] = self._loop.create_future()
         self.connack_code: int | None = None  # None: the broker never answered
         self.is_reached = False  # the broker's port took the connection
-        self.is_subscribed = False
         self.window = settings.window
         self._client = self._make_client()
 
-    async def open(self, command_filter: str) -> None:
-        """Connect and subscribe; BrokerError when the broker is away or refuses the connection."""
-        await self.connect()
-        self.is_subscribed = await self.subscribe(command_filter)
-
     async def connect(self) -> None:
-        """Connect without subscribing; BrokerError as above."""
-        await self._connect()
+        """Connect; BrokerError when the broker is away or refuses. If cancelled, the thread cleans up."""
+        pool = ThreadPoolExecutor(1, thread_name_prefix="mqtt-connect")
+        connecting = pool.submit(self._connect_blocking)
+        pool.shutdown(wait=False)
+        try:
+            await asyncio.wrap_future(connecting)
+        except asyncio.CancelledError:
+            connecting.add_done_callback(lambda _: self._close_socket())
+            raise
+        except (OSError, ValueError) as error:
+            raise unreachable(self._settings.address, error) from error
+        self.is_reached = True
         self._serve()
         await self._answer(self._connack, "CONNACK")
 
     async def subscribe(self, topic_filter: str, *, with_retained: bool = False) -> bool:
-        """Subscribe, one filter at a time, and return whether the broker allows it; BrokerError when it is lost.
-
-        Retained messages are asked for only on demand; a broker of MQTT 3.1.1 sends them anyway.
-        """
+        """Subscribe and return whether the broker lets us; MQTT 3.1.1 sends retained messages anyway."""
         self._suback = self._loop.create_future()
         if self._version is Version.V5:
             # Retain As Published: live messages show their retained flag too. Retain Handling 2: no old ones.
-            options = SubscribeOptions(
-                qos=1, retainAsPublished=True, retainHandling=0 if with_retained else 2
-            )
+            handling = 0 if with_retained else 2
+            options = SubscribeOptions(qos=1, retainAsPublished=True, retainHandling=handling)
             self._client.subscribe(topic_filter, options=options)
         else:
             self._client.subscribe(topic_filter, qos=1)
@@ -114,9 +114,8 @@ class Session:
 
     async def disconnect(self) -> None:
         """Say goodbye, so that the broker does not publish the will."""
-        if not self.lost.done():
-            self._client.disconnect()
-            await asyncio.wait([self.lost], timeout=1.0)
+        self._client.disconnect()
+        await asyncio.wait([self.lost], timeout=1.0)
         self.abort()
 
     def abort(self) -> None:
@@ -147,20 +146,6 @@ class Session:
         client.on_socket_register_write = self._write_wanted
         client.on_socket_unregister_write = self._write_done
         return client
-
-    async def _connect(self) -> None:
-        """Run the blocking connect in a thread; if cancelled meanwhile, the thread closes what it opened."""
-        pool = ThreadPoolExecutor(1, thread_name_prefix="mqtt-connect")
-        connecting = pool.submit(self._connect_blocking)
-        pool.shutdown(wait=False)
-        try:
-            await asyncio.wrap_future(connecting)
-        except asyncio.CancelledError:
-            connecting.add_done_callback(lambda _: self._close_socket())
-            raise
-        except (OSError, ValueError) as error:
-            raise unreachable(self._settings.address, error) from error
-        self.is_reached = True
 
     def _connect_blocking(self) -> None:
         settings = self._settings
@@ -199,12 +184,8 @@ class Session:
 
     def _serve(self) -> None:
         self._sock = self._client.socket()
-        if self._sock is None:
-            self._lose("connection lost")
-            return
         self._loop.add_reader(self._sock, self._read)
-        if self._client.want_write():
-            self._loop.add_writer(self._sock, self._client.loop_write)
+        self._loop.add_writer(self._sock, self._client.loop_write)  # CONNECT is waiting already
         self._tick()
 
     def _release(self) -> None:
@@ -260,8 +241,6 @@ class Session:
         self, _client: paho.Client, _userdata: Any, _flags: Any, code: ReasonCode, properties: Any
     ) -> None:
         self.connack_code = code.value
-        if self._connack.done():
-            return
         if code.is_failure:
             self._connack.set_exception(refused(self._settings.address, code.value, str(code)))
             return
@@ -272,8 +251,7 @@ class Session:
     def _subscribed(
         self, _client: paho.Client, _userdata: Any, _mid: int, codes: list[ReasonCode], _properties: Any
     ) -> None:
-        if not self._suback.done():
-            self._suback.set_result(max((code.value for code in codes), default=0))
+        self._suback.set_result(max((code.value for code in codes), default=0))
 
     def _published(
         self, _client: paho.Client, _userdata: Any, mid: int, code: ReasonCode, _properties: Any

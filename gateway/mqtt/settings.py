@@ -65,6 +65,7 @@ class BrokerSettings:
     ack_s: float = 30.0  # how long for a PUBACK
     first_retry_s: float = 0.5
     last_retry_s: float = 30.0
+    steady_s: float = 5.0  # a connection that held this long makes the next pause short again
     seed: int = 0  # of the retries' jitter
 
     @property

@@ -56,7 +56,6 @@ class Ssw06(BasicVariables):
         address: int,
         *,
         answers_before_restart: bool | None = None,
-        settings: Any = None,
         **options: Any,
     ) -> None:
         self.answers_before_restart = answers_before_restart

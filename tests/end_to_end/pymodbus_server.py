@@ -11,7 +11,9 @@ from pymodbus.simulator import DataType, SimData, SimDevice
 
 
 async def serve(port: str, baud: int, unit: int, words: dict[int, int]) -> None:
-    cells = [SimData(address, values=word, datatype=DataType.REGISTERS) for address, word in sorted(words.items())]
+    cells = [
+        SimData(address, values=word, datatype=DataType.REGISTERS) for address, word in sorted(words.items())
+    ]
     server = ModbusSerialServer(SimDevice(unit, cells), framer=FramerType.RTU, port=port, baudrate=baud)
     await server.serve_forever(background=True)
     print("serving", flush=True)

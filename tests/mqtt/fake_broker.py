@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import ssl
 from dataclasses import dataclass, field
 from types import TracebackType
+
+from tests.mosquitto import Certificate
 
 CONNECT, PUBLISH, SUBSCRIBE, PINGREQ, DISCONNECT = 1, 3, 8, 12, 14
 LEVEL_5, LEVEL_311 = 5, 4
@@ -43,6 +46,8 @@ class FakeBroker:
     )
     suback_code: int = 1
     acknowledges: bool = True
+    answers_pings: bool = True
+    tls: Certificate | None = None
     after_suback: bytes = b""
     port: int = 0
     levels: list[int] = field(default_factory=list)  # of the CONNECTs seen
@@ -50,7 +55,11 @@ class FakeBroker:
     received: asyncio.Queue[Packet] = field(default_factory=asyncio.Queue)  # without CONNECT and SUBSCRIBE
 
     async def __aenter__(self) -> FakeBroker:
-        self._server = await asyncio.start_server(self._serve, "127.0.0.1", 0)
+        context = None
+        if self.tls is not None:
+            context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+            context.load_cert_chain(self.tls.cert, self.tls.key)
+        self._server = await asyncio.start_server(self._serve, "127.0.0.1", 0, ssl=context)
         self._writers: list[asyncio.StreamWriter] = []
         self.port = self._server.sockets[0].getsockname()[1]
         return self
@@ -96,7 +105,7 @@ class FakeBroker:
             body = packet.packet_id + properties + bytes([self.suback_code])
             writer.write(bytes([0x90, len(body)]) + body + self.after_suback)
             return True
-        if packet.kind == PINGREQ:
+        if packet.kind == PINGREQ and self.answers_pings:
             writer.write(b"\xd0\x00")
         if packet.kind == PUBLISH and self.acknowledges:
             self.acknowledge(packet)

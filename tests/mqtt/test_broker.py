@@ -10,6 +10,8 @@ import pytest
 
 from gateway.mqtt.retry import Version
 from gateway.mqtt.settings import TlsSettings
+from gateway.starters.records import LineRecord, Phase, ResultRecord
+from tests.mosquitto import Certificate
 from tests.mqtt.fake_broker import (
     ACCEPT_311,
     DISCONNECT,
@@ -170,7 +172,7 @@ async def test_a_bug_in_an_acknowledgement_ends_the_session_with_its_reason() ->
             rig.outbox.acked = acked  # type: ignore[method-assign]  # the fault lasts for one call
             raise KeyError("lost ticket")
 
-        rig.outbox.acked = fail_once  # type: ignore[method-assign]  # the fault
+        rig.outbox.acked = fail_once  # type: ignore[method-assign, assignment]  # the fault
         async with rig:
             await rig.until_connected()
             is_connected, trouble = await rig.link()
@@ -257,6 +259,64 @@ async def test_a_connection_attempt_can_be_cancelled_while_it_blocks() -> None:
                 await broker.is_reached.wait()
             async with asyncio.timeout(1.0):
                 await rig.vanish()
+
+
+async def test_many_commands_in_one_tls_record_all_arrive(tmp_path: Path) -> None:
+    certificate = Certificate.make(tmp_path)
+    many = bytes.fromhex("30 06 00 01 61 00 68 69") * 250
+    how = {"host": "localhost", "tls": TlsSettings(ca_file=str(certificate.cert))}
+    async with (
+        FakeBroker(tls=certificate, after_suback=many) as broker,
+        Rig(settings(broker.port, **how)) as rig,
+    ):
+        for _ in range(250):
+            await rig.command()
+
+
+async def test_the_correlation_data_of_a_command_comes_back_with_its_result() -> None:
+    async with FakeBroker() as broker, Rig(settings(broker.port)) as rig:
+        rig.publisher.put(
+            ResultRecord(
+                *("pump-1", "alice", "c1", "read", Phase.CONFIRMED, "ok", "", 0.0), correlation=b"42"
+            )
+        )
+        while (packet := await broker.publication()).topic != "b/result/pump-1/alice":
+            pass
+
+    assert b"\x05\x09\x00\x0242{" in packet.body
+
+
+async def test_a_broker_that_falls_silent_is_noticed_and_left() -> None:
+    async with (
+        FakeBroker(answers_pings=False) as broker,
+        Rig(settings(broker.port, keepalive_s=1)) as rig,
+    ):
+        await rig.until_connected()
+        is_connected, trouble = await rig.link()
+
+    assert not is_connected
+    assert trouble.endswith("the broker has stopped answering")
+
+
+async def test_after_connections_that_held_the_next_one_comes_soon() -> None:
+    async with (
+        FakeBroker() as broker,
+        Rig(settings(broker.port, steady_s=0.0, last_retry_s=100.0)) as rig,
+    ):
+        for _ in range(12):
+            await rig.until_connected()
+            broker._writers[-1].close()
+
+
+async def test_figures_go_out_without_waiting_for_an_acknowledgement() -> None:
+    async with FakeBroker(acknowledges=False) as broker, Rig(settings(broker.port)) as rig:
+        rig.publisher.put(LineRecord("pumps", {"polls": 1}))
+        while (await broker.publication()).topic != "b/gateway/line/pumps":
+            pass
+        await rig.until_connected()
+        session = rig.connection._session
+        assert session is not None
+        assert len(session._tickets) == 1  # the status
 
 
 async def test_nothing_is_published_after_the_loss_of_the_connection() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -19,8 +20,8 @@ BOTH = pytest.mark.parametrize("version", list(Version))
 STATUS = "b/gateway/status"
 
 
-def is_status(state: str) -> object:
-    return lambda seen: seen.topic == STATUS and json.loads(seen.payload)["state"] == state
+def is_status(state: str) -> Callable[[Seen], bool]:
+    return lambda seen: seen.topic == STATUS and bool(json.loads(seen.payload)["state"] == state)
 
 
 def seqs(messages: list[Seen]) -> list[int]:

@@ -34,11 +34,11 @@ def test_a_connection_that_held_makes_the_next_pause_short() -> None:
 
 def test_mqtt_5_is_tried_first_and_3_1_1_at_once_when_the_broker_does_not_take_it() -> None:
     choice = VersionChoice()
-    assert choice.version is Version.V5
-    assert choice.is_guess
+    first = choice.version
 
+    assert choice.is_guess
     assert choice.unsupported()
-    assert choice.version is Version.V311
+    assert (first, choice.version) == (Version.V5, Version.V311)
 
 
 def test_when_neither_version_is_answered_there_is_a_pause_between_the_pairs() -> None:
@@ -56,7 +56,7 @@ def test_a_version_that_worked_is_kept_over_a_few_bad_attempts() -> None:
 
     assert not choice.is_guess
     assert [choice.unanswered() for _ in range(2)] == [False, False]
-    assert choice.version is Version.V311
+    assert choice.version.value == "3.1.1"
     choice.worked()
     assert [choice.unanswered() for _ in range(3)] == [False, False, False]
     assert choice.version is Version.V5
@@ -68,6 +68,19 @@ def test_a_version_that_worked_is_left_when_the_broker_says_it_does_not_speak_it
 
     assert choice.unsupported()
     assert choice.version is Version.V311
+
+
+def test_a_broker_that_is_away_or_refuses_says_nothing_about_the_version() -> None:
+    choice = VersionChoice()
+
+    assert not choice.failed(None, is_reached=False)
+    assert not choice.failed(0x86, is_reached=True)
+    assert choice.version is Version.V5
+
+
+def test_a_failed_connection_tells_whether_the_other_version_is_worth_trying() -> None:
+    assert VersionChoice().failed(0x84, is_reached=True)
+    assert VersionChoice().failed(None, is_reached=True)
 
 
 def test_a_configured_version_is_never_left() -> None:

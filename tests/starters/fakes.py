@@ -18,7 +18,10 @@ from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil, WriteCoils, WriteRegister, WriteRegisters
+from gateway.starters.commander import Commander
 from gateway.starters.records import EventRecord, Record, ResultRecord, StateRecord, ValueRecord
+from gateway.starters.request import CommandRequest
+from gateway.starters.rights import Operator, Rights
 from gateway.starters.sequence import Sequence
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry import StarterTelemetry
@@ -31,7 +34,8 @@ TRANSACTION_S = 0.02
 RUNNING, ENABLED, ACCELERATING, FULL_VOLTAGE = 0x0001, 0x0002, 0x0008, 0x0020  # VB01 (ssw07 4.2.1)
 DECELERATING, REMOTE, POWER, FAULT = 0x0080, 0x0100, 0x4000, 0x8000
 READY = ENABLED | REMOTE | POWER
-VB01, P003, P014 = 5001, 3, 14
+AT_SPEED = READY | RUNNING | FULL_VOLTAGE
+VB01, VB03, P003, P014 = 5001, 5003, 3, 14
 RUN_COIL = 100
 
 
@@ -264,6 +268,8 @@ def make_unit(family: str) -> FakeUnit:
         unit.coils = dict.fromkeys(range(26), False) | {4: True, 25: True}
     elif family == "ssw900":
         unit.holding = dict.fromkeys(range(2000), 0) | {680: 0x0102, 685: 0x0012, 299: 0, 298: 77, 287: 0}
+        rows = load_profile(family).parameters
+        unit.holding[rows["S3.5.1"].address] = 2  # the RS-485 accessory is in slot 1
         unit.objects = {0: "WEG", 1: "SSW900", 2: "V1.20"}
     else:
         unit.holding = dict.fromkeys(range(1000), 0) | {VB01: READY, 5003: 0, 5006: 0}
@@ -276,3 +282,46 @@ def make_unit(family: str) -> FakeUnit:
 
 def _run(request: ReadHoldingRegisters | ReadInputRegisters | ReadCoils) -> range:
     return range(request.address, request.address + request.count)
+
+
+@dataclass
+class CommandRig(Rig):
+    """The same with a commander; alice may do everything, victor only stop."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        rights = Rights([Operator("alice", ("*",), ("*",)), Operator("victor", ("stop",), ("*",))])
+        self.commander = Commander(
+            {self.setup.name: self.telemetry},
+            rights=rights,
+            sink=self.sink,
+            clock=self.clock,
+            sequence=self.sequence,
+        )
+        if self.family in ("ssw06", "ssw07"):
+            self.unit.on_write = self._obey
+
+    def submit(self, verb: str, id_: str | None = "1", **more: Any) -> None:
+        fields = {"starter": "pump-1", "client": "alice", "args": {}, **more}
+        self.commander.submit(CommandRequest(verb=verb, id=id_, received_s=self.clock.now_s(), **fields))
+
+    def starts(self) -> int:
+        """Return how many start frames went out."""
+        return sum(isinstance(w, WriteCoil) and w.address == RUN_COIL and w.is_on for w in self.line.writes)
+
+    def stops(self) -> list[Sent]:
+        """Return the stop frames that went out."""
+        return [
+            sent
+            for sent in self.line.sent
+            if isinstance(sent.request, WriteCoil)
+            and sent.request.address == RUN_COIL
+            and not sent.request.is_on
+        ]
+
+    def _obey(self, request: Request) -> None:
+        """Run at once and stop at once, as the coil says, or the masked word of the SSW-06."""
+        if isinstance(request, WriteCoil) and request.address == RUN_COIL:
+            self.unit.holding[VB01] = AT_SPEED if request.is_on else READY
+        if isinstance(request, WriteRegister) and request.address == VB03 and request.word & 0x0100:
+            self.unit.holding[VB01] = AT_SPEED if request.word & 0x0001 else READY

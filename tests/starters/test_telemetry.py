@@ -21,8 +21,8 @@ from gateway.starters.records import (
 )
 from tests.starters.fakes import (
     ACCELERATING,
+    AT_SPEED,
     FAULT,
-    FULL_VOLTAGE,
     P003,
     P014,
     READY,
@@ -35,7 +35,6 @@ from tests.starters.fakes import (
 
 STATUS, VALUES = "pump-1/status:VB01", "pump-1/values:P002"
 STALE = Quality.STALE
-AT_SPEED = READY | RUNNING | FULL_VOLTAGE
 
 
 @virtually

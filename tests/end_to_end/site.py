@@ -1,0 +1,187 @@
+"""A site under test: a configuration, its simulated or foreign starters, a broker, and the gateway as a process."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import signal
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from tests.mosquitto import MosquittoBroker, Seen, Watcher
+
+PATIENCE_S = 20.0
+
+FOUR_FAMILIES = """
+[[line.starter]]
+name = "pump"
+address = 1
+family = "ssw07"
+every_s = 0.2
+
+[[line.starter]]
+name = "fan"
+address = 2
+family = "ssw06"
+every_s = 0.2
+
+[[line.starter]]
+name = "mill"
+address = 3
+family = "ssw900"
+every_s = 0.2
+
+[[line.starter]]
+name = "belt"
+address = 4
+family = "sst"
+every_s = 0.2
+
+[[operator]]
+client = "alice"
+may = ["*"]
+starters = ["*"]
+"""
+
+
+def site_config(*, broker_port: int, port: str, starters: str = FOUR_FAMILIES, framing: str = "8N2") -> str:
+    """Return the TOML text of a site with one line."""
+    return (
+        f'[gateway]\nname = "plant"\nstate_dir = "/tmp"\n\n[mqtt]\nurl = "mqtt://127.0.0.1:{broker_port}"\n\n'
+        f'[[line]]\nname = "hall"\nport = "{port}"\nbaud = 19200\nframing = "{framing}"\n{starters}'
+    )
+
+
+class Program:
+    """A command of the gateway (or a server's script) as a process of its own, its output kept."""
+
+    def __init__(self, *arguments: str, environ: Mapping[str, str] | None = None) -> None:
+        self._arguments = arguments
+        self._environ = {**os.environ, **(environ or {})}
+        self._process: asyncio.subprocess.Process | None = None
+        self._reading: asyncio.Task[None] | None = None
+        self._spoke = asyncio.Event()
+        self.output = ""
+
+    async def __aenter__(self) -> Program:
+        self._process = await asyncio.create_subprocess_exec(
+            sys.executable,
+            "-m",
+            *self._arguments,
+            env=self._environ,
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.STDOUT,
+        )
+        self._reading = asyncio.create_task(self._read())
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
+    ) -> None:
+        assert self._process is not None
+        assert self._reading is not None
+        if self._process.returncode is None:
+            self._process.kill()
+        await self._process.wait()
+        await self._reading
+
+    async def says(self, text: str, *, within_s: float = PATIENCE_S) -> None:
+        """Wait until the program has printed `text`."""
+        try:
+            async with asyncio.timeout(within_s):
+                while text not in self.output:
+                    self._spoke.clear()
+                    await self._spoke.wait()
+        except TimeoutError:
+            raise AssertionError(f"never said {text!r}:\n{self.output}") from None
+
+    def signal(self, number: signal.Signals) -> None:
+        assert self._process is not None
+        self._process.send_signal(number)
+
+    async def exit_code(self, *, within_s: float = PATIENCE_S) -> int:
+        """Wait for the end and return the exit code."""
+        assert self._process is not None
+        assert self._reading is not None
+        async with asyncio.timeout(within_s):
+            code = await self._process.wait()
+            await self._reading
+        return code
+
+    async def _read(self) -> None:
+        assert self._process is not None
+        assert self._process.stdout is not None
+        while line := await self._process.stdout.readline():
+            self.output += line.decode(errors="replace")
+            self._spoke.set()
+
+
+@dataclass
+class Scada:
+    """What an operator sees and does: the latest message of each topic, and commands."""
+
+    broker: MosquittoBroker
+    watcher: Watcher
+    base: str = "starters/plant"
+    latest: dict[str, Any] = field(default_factory=dict)
+    results: list[dict[str, Any]] = field(default_factory=list)
+    events: list[dict[str, Any]] = field(default_factory=list)
+
+    async def until(self, topic: str, *, within_s: float = PATIENCE_S, **wanted: Any) -> dict[str, Any]:
+        """Wait until the latest message of a topic (below the base) has all these fields; return it."""
+
+        def fits(seen: Mapping[str, Any] | None) -> bool:
+            return seen is not None and all(seen.get(key) == value for key, value in wanted.items())
+
+        try:
+            async with asyncio.timeout(within_s):
+                while not fits(self.latest.get(topic)):
+                    self._take(await self.watcher.next(within_s=within_s))
+        except TimeoutError:
+            raise AssertionError(f"{topic} never had {wanted}: {self.latest.get(topic)}") from None
+        found: dict[str, Any] = self.latest[topic]
+        return found
+
+    async def boot(self) -> str:
+        """Return the token that proves freshness."""
+        status = await self.until("gateway/status", state="online")
+        return str(status["boot"])
+
+    async def command(self, starter: str, verb: str, id_: str, *options: str, **args: Any) -> None:
+        """Publish a fresh command."""
+        payload = json.dumps({"id": id_, "boot": await self.boot(), "args": args})
+        await self.publish(f"command/{starter}/alice/{verb}", payload, *options)
+
+    async def publish(self, topic: str, payload: str, *options: str) -> None:
+        await asyncio.to_thread(self.broker.publish, f"{self.base}/{topic}", payload, *options)
+
+    async def result(self, starter: str, **wanted: Any) -> dict[str, Any]:
+        """Wait for a result with all these fields and return it."""
+        return await self.until(f"result/{starter}/alice", **wanted)
+
+    def phases(self, id_: str) -> list[str]:
+        """Return the phases that a command has had so far."""
+        return [result["phase"] for result in self.results if result["id"] == id_]
+
+    def _take(self, seen: Seen) -> None:
+        topic = seen.topic.removeprefix(f"{self.base}/")
+        if topic.startswith("command/"):
+            return  # our own
+        message = json.loads(seen.payload) if seen.payload else {}
+        self.latest[topic] = message
+        if topic.startswith("result/"):
+            self.results.append(message)
+        if topic.endswith("/event"):
+            self.events.append(message)
+
+
+def write_config(folder: Path, text: str) -> Path:
+    path = folder / "site.toml"
+    path.write_text(text, "utf-8")
+    return path
