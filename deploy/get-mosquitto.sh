@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Sees to it that Mosquitto and its clients are there: from the distribution, when we may. Never fails, except in CI.
+# Sees to it that Mosquitto, its clients and libmodbus are there: from the distribution, when we may. Never fails, except in CI.
 set -euo pipefail
 
 PATH="$PATH:/usr/local/sbin:/usr/sbin:/sbin"
@@ -9,6 +9,7 @@ missing() {
     for program in mosquitto mosquitto_sub mosquitto_pub; do
         command -v "$program" > /dev/null || echo "$program"
     done
+    ldconfig -p | grep -q 'libmodbus\.so' || echo libmodbus5 # a Modbus server for the tests that is not ours
 }
 
 if [ -z "$(missing)" ]; then
@@ -17,13 +18,12 @@ fi
 if [ "$(id -u)" = 0 ] && command -v apt-get > /dev/null; then
     echo "Installing Mosquitto from the distribution ..."
     export DEBIAN_FRONTEND=noninteractive
-    # The service of the package is not wanted here, only its programs.
-    { apt-get update -qq && apt-get install -y -qq --no-install-recommends mosquitto mosquitto-clients; } || true
+    { apt-get update -qq && apt-get install -y -qq --no-install-recommends mosquitto mosquitto-clients libmodbus5; } || true
 fi
 if [ -n "$(missing)" ]; then
-    echo "Not installed: $(missing | paste -sd ' ') (apt-get install mosquitto mosquitto-clients)." >&2
+    echo "Not installed: $(missing | paste -sd ' ') (apt-get install mosquitto mosquitto-clients libmodbus5)." >&2
     if [ "${CI:-}" = true ]; then
         exit 1
     fi
-    echo "Going on without: the demo has a broker of its own, tests that need Mosquitto are skipped." >&2
+    echo "Going on without: the demo has a broker of its own, tests that need them are skipped." >&2
 fi

@@ -61,7 +61,7 @@ def _broker(document: Document) -> Iterator[Mistake]:
 
 
 def _without_login(url: str) -> str:
-    return re.sub(r"//[^/]*@", "//...@", url)
+    return re.sub(r"[^/]*@", "...@", url)
 
 
 def _tls(document: Document) -> Iterator[Mistake]:

@@ -91,7 +91,9 @@ class Plan:
             self.add_poll(poll, -inf)
 
     def begin(self, now_s: float) -> None:
-        """Forget what was missed while nothing could be asked: overdue polls are due now, once."""
+        """Begin on a port just opened: overdue polls are due now, once, and each unit's state is news again."""
+        for unit in self._units.values():
+            unit.told = None
         for entry in self._entries.values():
             entry.order = (max(entry.due_s, now_s), entry.order[1])
 

@@ -188,16 +188,17 @@ class Intake:
         )
 
     def _require_fresh(self, body: _Body, now_s: float | None) -> None:
-        """Raise CommandError unless the command is provably fresh; `now_s` is None without a good clock."""
-        if body.boot == self._boot:
+        """Raise CommandError unless the command is provably fresh; `now_s` is None without a good clock.
+
+        Either proof is enough, but a command whose own time has run out is not saved by the right boot.
+        """
+        age_s = None if body.issued_at is None or now_s is None else now_s - _utc_s(body.issued_at)
+        if age_s is not None and age_s > body.ttl_s:
+            raise CommandError("expired", f"issued {age_s:.1f} s ago, valid for {body.ttl_s:g} s")
+        if body.boot == self._boot or (age_s is not None and age_s >= -MAX_AHEAD_S):
             return
-        if body.issued_at is not None and now_s is not None:
-            age_s = now_s - _utc_s(body.issued_at)
-            if age_s > body.ttl_s:
-                raise CommandError("expired", f"issued {age_s:.1f} s ago, valid for {body.ttl_s:g} s")
-            if age_s < -MAX_AHEAD_S:
-                raise CommandError("not_fresh", f"issued_at is {-age_s:.1f} s in the future; set the clock")
-            return
+        if age_s is not None:
+            raise CommandError("not_fresh", f"issued_at is {-age_s:.1f} s in the future; set the clock")
         if body.boot is not None:
             raise CommandError("wrong_boot", "boot is not the one in gateway/status")
         if body.issued_at is not None:

@@ -138,6 +138,7 @@ class Commanded(Unit):
 
     def _obey(self, values: int, mask: int) -> None:
         """Carry out the bits of `values` that `mask` names, as far as their source is set to serial."""
+        was_in_control = self.is_in_control
         if mask & REMOTE and self._may_switch_mode():
             self._set_remote(is_remote=bool(values & REMOTE))
         if mask & RESET:
@@ -147,9 +148,11 @@ class Commanded(Unit):
         if not mask & _MOTION or not self.is_listening:  # a reset may have begun a restart
             return
         if not self.is_in_control:
-            self.command &= ~(RUN | JOG)
-            if self.is_command_refused:
+            if was_in_control:
+                self._stop_as_commanded(values, mask)
+            elif self.is_command_refused:
                 raise refuse_value("commands are not set to serial")
+            self.command &= ~(RUN | JOG)
             return
         if mask & ENABLE:
             self._obey_enable(is_on=bool(values & ENABLE))
@@ -159,6 +162,13 @@ class Commanded(Unit):
             self._obey_run(is_on=bool(values & RUN))
         if mask & JOG:
             self._obey_jog(is_on=bool(values & JOG))
+
+    def _stop_as_commanded(self, values: int, mask: int) -> None:
+        """Stop for a word that takes the control away from the line and stops in one."""
+        if mask & ~values & ENABLE:
+            self._disable()
+        elif mask & ~values & RUN:
+            self._stop_motor()
 
     def _obey_reset(self, *, is_on: bool) -> None:
         """Reset on the change from 0 to 1, and only in error."""

@@ -84,6 +84,7 @@ class Sources(Commanded):
     def command_slot(self, slot: int, value: int) -> None:
         """Take a word for S5.2.5 or S5.2.6; there is no mask (S5.2)."""
         bits = value & ALL_COMMANDS
+        was_active = slot == self.active_slot
         if self._deciding_slot() == slot:
             self._set_remote(is_remote=bool(bits & REMOTE))
         if slot == self.active_slot:
@@ -95,6 +96,8 @@ class Sources(Commanded):
         is_rising = bits & RESET and not self.command_words[slot] & RESET
         self._store(slot, bits, ALL_COMMANDS)
         self._drop_inactive()
+        if was_active:
+            self._stop_as_commanded(bits, ALL_COMMANDS)
         if is_rising and self.is_fault:
             self._clear_fault()
 

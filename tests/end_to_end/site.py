@@ -1,4 +1,4 @@
-"""A site under test: a configuration, its simulated or foreign starters, a broker, and the gateway as a process."""
+"""A site under test: configuration, starters, broker, and the gateway as a process."""
 
 from __future__ import annotations
 

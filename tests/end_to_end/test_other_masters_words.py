@@ -22,7 +22,7 @@ family = "ssw07"
 every_s = 0.2
 """
 # ready, general enabled, remote, supplied; P001-P003; P014; all other registers of the family
-WORDS = {address: 0 for address in (5, 6, 7, 11, 14, 30, 31, 32, 50, 81)} | {
+WORDS = dict.fromkeys((5, 6, 7, 11, 14, 30, 31, 32, 50, 81), 0) | {
     1: 300,
     2: 500,
     3: 400,

@@ -182,12 +182,14 @@ class FakeOpener:
         self.failure: str | None = None
         self.tried_s: list[float] = []
         self.ports: list[FakePort] = []
+        self.opened = asyncio.Event()
 
     async def __call__(self) -> FakePort:
         self.tried_s.append(asyncio.get_running_loop().time())
         if self.failure is not None:
             raise PortError(self.name, self.failure)
         self.ports.append(self.make_port())
+        self.opened.set()
         return self.ports[-1]
 
 
@@ -229,7 +231,7 @@ class Rig:
 
     async def __aenter__(self) -> Rig:
         self.task = asyncio.create_task(self.scheduler.run())
-        await asyncio.sleep(0)
+        await asyncio.sleep(0.0001)  # the port has been opened, or not; nothing is sent yet
         return self
 
     async def __aexit__(self, *_: object) -> None:

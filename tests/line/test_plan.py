@@ -107,6 +107,17 @@ def test_after_an_outage_every_poll_is_asked_once() -> None:
     assert [key_of(take(plan, 100.0)) for _ in range(3)] == ["a", "b", None]
 
 
+def test_after_an_outage_each_units_state_is_told_anew() -> None:
+    plan = begun(poll("a"))
+    take(plan, 0.0)
+
+    plan.begin(100.0)
+
+    turn = plan.pick(100.0)
+    assert turn is not None
+    assert plan.record(turn, ANSWERED, 100.0).is_answering is True
+
+
 def test_jobs_come_before_polls_and_lanes_in_their_order() -> None:
     plan = begun(poll("a"))
     jobs = {lane: job(lane) for lane in (Lane.READ_BACK, Lane.STOP, Lane.COMMAND)}

@@ -292,12 +292,19 @@ def test_a_command_that_is_not_provably_fresh_is_refused(
 @pytest.mark.parametrize(
     "fields",
     [
-        {"boot": "boot-1", "issued_at": "2026-11-21T00:00:00Z"},
+        {"boot": "boot-1"},
+        {"boot": "boot-1", "issued_at": "2026-11-22T00:00:00Z"},  # the sender's clock is ahead
         {"boot": "boot-0", "issued_at": NOW},
     ],
 )
 def test_one_proof_of_freshness_is_enough(fields: dict[str, object]) -> None:
     assert isinstance(judge(command({"id": "c1", **fields})), CommandRequest)
+
+
+def test_the_right_boot_does_not_save_a_command_whose_time_has_run_out() -> None:
+    fields = {"id": "c1", "boot": "boot-1", "issued_at": "2026-11-21T00:00:00Z"}
+
+    assert refusal(command(fields)).code == "expired"
 
 
 def test_a_message_whose_own_expiry_has_run_out_is_expired() -> None:

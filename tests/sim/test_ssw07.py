@@ -72,14 +72,30 @@ def test_with_the_option_running_stays_on_during_the_ramp_down() -> None:
 
 
 def test_s7_01_a_bare_reset_word_also_stops_disables_and_goes_local() -> None:
-    talk, unit = running(settings={229: 2})
+    for local_source in (0, 2):
+        talk, unit = running(settings={229: local_source})
 
-    talk.ask(WriteRegister(5003, 0x0080))
+        talk.ask(WriteRegister(5003, 0x0080))
 
-    assert not unit.is_remote
-    assert unit.motor.state is MotorState.BYPASS or unit.motor.state is MotorState.COASTING
-    assert not unit.is_enabled
-    assert not unit.motor.is_turned_on
+        assert not unit.is_remote
+        assert unit.motor.state is MotorState.COASTING
+
+
+def test_s7_01_a_word_that_goes_local_and_only_stops_ramps_down() -> None:
+    talk, unit = running()
+
+    talk.ask(WriteRegister(5003, 0x0002))
+
+    assert unit.motor.state is MotorState.RAMP_DOWN
+
+
+def test_s7_01_a_word_that_goes_local_and_runs_leaves_the_motor_running() -> None:
+    talk, unit = running()
+
+    talk.ask(WriteRegister(5003, 0x0003))
+
+    assert unit.motor.state is MotorState.BYPASS
+    assert not unit.is_in_control
 
 
 def test_s7_01_the_word_starts_when_it_also_keeps_remote_and_enable() -> None:

@@ -1,0 +1,82 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from gateway.config.load import parse
+from gateway.config.prospects import prospects_of
+from gateway.config.setups import rights_of, setups_of, timing_of, tls_files_of
+from gateway.errors import ConfigError
+from tests.config.sites import changed, site
+
+
+def test_values_are_at_most_a_period_and_a_sweep_old() -> None:
+    (line,) = prospects_of(site())
+
+    first, second = line.starters
+
+    assert line.forecast.sweep_s < first.ages_s["status"] - 1.0 < 2 * line.forecast.sweep_s
+    assert first.ages_s["status"] == first.ages_s["values"] == first.gap_s
+    assert second.gap_s == pytest.approx(first.gap_s + 1.0)
+
+
+def test_an_identification_counts_for_the_stop_latency() -> None:
+    (line,) = prospects_of(site())
+
+    assert line.stop_latency_s > line.forecast.stop_latency_s
+
+
+def test_a_disabled_starter_costs_nothing() -> None:
+    (line,) = prospects_of(site(("every_s = 2.0", "enabled = false")))
+
+    assert [starter.table.name for starter in line.starters] == ["pump-1"]
+    assert {each.poll.unit for each in line.forecast.polls} == {1}
+
+
+def test_a_line_of_disabled_starters_has_no_load() -> None:
+    (line,) = prospects_of(
+        site(("every_s = 2.0", "enabled = false"), ("address = 1", "address = 1\nenabled = false"))
+    )
+
+    assert (line.forecast.load, line.starters, line.forecast.is_overloaded) == (0.0, (), False)
+
+
+@pytest.mark.parametrize(("watchdog_s", "has_margin"), [("10", True), ("0", False)])
+def test_the_margin_of_a_watchdog_is_what_it_has_beyond_the_longest_gap(
+    watchdog_s: str, *, has_margin: bool
+) -> None:
+    (line,) = prospects_of(site(("every_s = 2.0", f"watchdog_s = {watchdog_s}")))
+
+    starter = line.starters[1]
+
+    assert starter.margin_s == (pytest.approx(10 - starter.gap_s) if has_margin else None)
+
+
+def test_a_watchdog_that_the_line_cannot_keep_is_a_wrong_configuration() -> None:
+    with pytest.raises(ConfigError) as caught:
+        parse(changed(("every_s = 2.0", "every_s = 20.0\nwatchdog_s = 5.0")), "site.toml")
+
+    (problem,) = caught.value.problems
+    assert (problem.line, problem.key) == (23, "line[0].starter[1].watchdog_s")
+    assert "up to 21." in problem.what
+
+
+def test_the_lower_floors_get_plain_values() -> None:
+    config = site(("every_s = 2.0", 'every_s = 0\nslot = 2\nmodel = "SSW900"\nresponse_time_s = 0.2'))
+    line = config.lines[0]
+
+    second = setups_of(line)[1]
+
+    assert (timing_of(line).baud, str(timing_of(line).framing)) == (19200, "8E1")
+    assert (second.line, second.name, second.address, second.every_s) == ("pumps", "pump-2", 2, 0.0)
+    assert (second.variant.slot, second.variant.model, second.response_time_s) == (2, "SSW900", 0.2)
+    assert rights_of(config).is_allowed("alice", verb="stop", starter="pump-2")
+    assert not rights_of(config).is_allowed("bob", verb="stop", starter="pump-2")
+
+
+def test_files_are_looked_for_beside_the_configuration() -> None:
+    config = site(("[mqtt]", '[mqtt]\nca_file = "ca.pem"\ncert_file = "/etc/c.pem"\nkey_file = "k.pem"'))
+
+    assert tls_files_of(config, Path("/etc/gw")) == ("/etc/gw/ca.pem", "/etc/c.pem", "/etc/gw/k.pem")
+    assert tls_files_of(site(), Path("/etc/gw")) == (None, None, None)

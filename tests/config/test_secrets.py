@@ -1,0 +1,67 @@
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from gateway.config.secrets import VARIABLE, mqtt_password
+from gateway.errors import ConfigError
+from tests.config.sites import site
+
+WITH_FILE = ("[mqtt]", '[mqtt]\nusername = "mcc1"\npassword_file = "mqtt.password"')
+
+
+def write(path: Path, content: bytes, mode: int = 0o600) -> None:
+    path.write_bytes(content)
+    path.chmod(mode)
+
+
+def test_the_password_is_the_first_line_of_the_file_beside_the_configuration(tmp_path: Path) -> None:
+    write(tmp_path / "mqtt.password", "pässword \nsecond line\n".encode())
+
+    assert mqtt_password(site(WITH_FILE), tmp_path, {VARIABLE: "other"}) == "pässword "
+
+
+@pytest.mark.parametrize("mode", [0o640, 0o604, 0o660, 0o644])
+def test_a_file_that_others_may_use_is_refused(tmp_path: Path, mode: int) -> None:
+    write(tmp_path / "mqtt.password", b"x", mode)
+
+    with pytest.raises(ConfigError, match=r"others than its owner may use it \(chmod 600 .*mqtt.password\)"):
+        mqtt_password(site(WITH_FILE), tmp_path, {})
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"), [(b"", "is empty"), (b"\nx", "is empty"), (b"\xff", "is not UTF-8")]
+)
+def test_a_file_without_a_password_is_refused(tmp_path: Path, content: bytes, reason: str) -> None:
+    write(tmp_path / "mqtt.password", content)
+
+    with pytest.raises(ConfigError, match=reason):
+        mqtt_password(site(WITH_FILE), tmp_path, {})
+
+
+def test_a_missing_file_is_refused_even_if_the_environment_has_a_password(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"No such file or directory \(create it, mode 0600\)"):
+        mqtt_password(site(WITH_FILE), tmp_path, {VARIABLE: "x"})
+
+
+def test_a_directory_in_the_files_place_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "mqtt.password").mkdir(mode=0o700)
+
+    with pytest.raises(ConfigError, match="Is a directory"):
+        mqtt_password(site(WITH_FILE), tmp_path, {})
+
+
+def test_a_credential_of_systemd_comes_before_the_environment(tmp_path: Path) -> None:
+    write(tmp_path / "mqtt.password", b"credential\n", 0o440)
+    environ = {"CREDENTIALS_DIRECTORY": os.fspath(tmp_path), VARIABLE: "environment"}
+
+    assert mqtt_password(site(), "/nowhere", environ) == "credential"
+
+
+@pytest.mark.parametrize(
+    ("environ", "password"), [({VARIABLE: "x"}, "x"), ({VARIABLE: ""}, None), ({}, None)]
+)
+def test_without_a_file_the_environment_counts(environ: dict[str, str], password: str | None) -> None:
+    assert mqtt_password(site(), "/nowhere", {"CREDENTIALS_DIRECTORY": "/nowhere", **environ}) == password

@@ -1,0 +1,69 @@
+"""What systemd hears of the service: READY once the lines poll, WATCHDOG only while they do."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import socket
+from pathlib import Path
+
+import pytest
+
+from tests.end_to_end.site import Program, site_config, write_config
+
+pytestmark = [pytest.mark.end_to_end]
+
+NOBODY = 9  # a TCP port that nobody listens on: no broker
+
+
+class ServiceManager:
+    """Listens on a notification socket [sd_notify(3)]."""
+
+    def __init__(self, path: Path) -> None:
+        self.address = str(path)
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._socket.bind(self.address)
+        self._socket.setblocking(False)
+
+    async def hears(self, word: str, *, within_s: float = 20.0) -> None:
+        loop = asyncio.get_running_loop()
+        async with asyncio.timeout(within_s):
+            while word not in (await loop.sock_recv(self._socket, 4096)).decode().splitlines():
+                pass
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+async def test_ready_and_watchdog_come_from_the_lines_work_even_without_a_broker(tmp_path: Path) -> None:
+    config = write_config(tmp_path, site_config(broker_port=NOBODY, port=str(tmp_path / "ttyHALL")))
+    manager = ServiceManager(tmp_path / "notify")
+    environ = {"NOTIFY_SOCKET": manager.address, "WATCHDOG_USEC": "1000000"}
+    async with (
+        Program("gateway", "simulate", str(config)) as simulator,
+    ):
+        await simulator.says("line hall")
+        async with Program("gateway", "run", str(config), environ=environ) as gateway:
+            await manager.hears("READY=1")
+            await manager.hears("WATCHDOG=1")
+            await manager.hears("WATCHDOG=1")
+
+            gateway.signal(signal.SIGTERM)
+            await manager.hears("STOPPING=1")
+            code = await gateway.exit_code(within_s=10.0)
+    manager.close()
+
+    assert code == 0
+
+
+async def test_a_wrong_configuration_ends_with_78_and_names_every_mistake(tmp_path: Path) -> None:
+    text = site_config(broker_port=NOBODY, port="/dev/ttyX").replace("address = 2", "address = 1")
+    config = write_config(tmp_path, text.replace('family = "sst"', 'family = "sts"'))
+
+    async with Program("gateway", "run", str(config)) as gateway:
+        code = await gateway.exit_code()
+
+    assert code == 78
+    assert "address" in gateway.output
+    assert "sst" in gateway.output
+    assert "Traceback" not in gateway.output

@@ -1,0 +1,482 @@
+from __future__ import annotations
+
+import asyncio
+import itertools
+import logging
+import random
+from collections import Counter
+from collections.abc import Iterable
+
+import pytest
+
+from gateway.line.job import Lane, Poll
+from gateway.line.outcome import Answered, Garbled, Outcome, Refused, Silent
+from gateway.line.scheduler import REOPEN_CEILING_S, REOPEN_FLOOR_S
+from gateway.modbus import adu
+from gateway.modbus.reads import ReadHoldingRegisters
+from gateway.modbus.timing import Framing, LineTiming
+from gateway.modbus.writes import WriteRegister
+from tests.line.fakes import RESPONSE_TIME_S, TIMING, Answer, Rig, Said, Units, poll
+from tests.virtual_time import run_virtually
+
+READ = ReadHoldingRegisters(100, 2)
+WRITE = WriteRegister(5003, 1)
+NO_PORT = Silent("port closed", is_sent=False)
+
+
+def nobody(frame: bytes) -> Iterable[Said]:
+    return ()
+
+
+def run_for(seconds: float, answer: Answer, polls: Iterable[Poll], timing: LineTiming = TIMING) -> Rig:
+    """Serve a line for so long and return the rig with everything that was told."""
+    rig = Rig(answer, polls, timing)
+
+    async def scenario() -> None:
+        async with rig:
+            await asyncio.sleep(seconds)
+
+    run_virtually(scenario())
+    return rig
+
+
+def asked(rig: Rig) -> Counter[int]:
+    return Counter(frame[0] for _, frame in rig.port.sent)
+
+
+def test_polls_are_asked_in_their_rhythm_and_their_answers_told() -> None:
+    rig = run_for(9.5, Units({1}), [poll("a", every_s=1.0), poll("b", every_s=5.0, address=50)])
+
+    assert len(rig.listener.outcomes("a")) == 10
+    assert len(rig.listener.outcomes("b")) == 2
+    first = rig.listener.outcomes("b")[0]
+    assert isinstance(first, Answered)
+    assert first.value == tuple(range(50, 60))
+    assert [event[1:] for event in rig.listener.ports] == [(True, "open")]
+    assert [event[1:4] for event in rig.listener.units] == [(1, True, "answers")]
+
+
+def test_a_refused_poll_is_told_and_its_unit_answers() -> None:
+    rig = run_for(0.5, Units({1}, refused={1: 2}), [poll("a")])
+
+    assert isinstance(rig.listener.outcomes("a")[0], Refused)
+    assert rig.listener.units[0][1:3] == (1, True)
+
+
+def test_polls_without_a_period_use_the_whole_line() -> None:
+    rig = run_for(30.0, Units({1, 2}), [poll("a", 1, 0.0), poll("b", 2, 0.0)])
+
+    a, b = len(rig.listener.outcomes("a")), len(rig.listener.outcomes("b"))
+    one_s = TIMING.silence_s + TIMING.wire_s(8 + 25) + 0.005
+    assert abs(a - b) <= 1
+    assert a + b == pytest.approx(30.0 / one_s, rel=0.01)
+
+
+@pytest.mark.parametrize("baud", [9600, 19200, 38400, 57600])
+def test_one_dead_unit_of_eight_costs_the_others_less_than_a_tenth(baud: int) -> None:
+    timing = LineTiming(baud, Framing.parse("8E1"))
+    polls = [poll(str(unit), unit, 0.0) for unit in range(1, 9)]
+
+    healthy = asked(run_for(60.0, Units(set(range(1, 8))), polls[:7], timing))
+    rig = run_for(60.0, Units(set(range(1, 8))), polls, timing)
+
+    assert asked(rig)[8] <= 8
+    for unit in range(1, 8):
+        assert asked(rig)[unit] > 0.9 * healthy[unit]
+    assert rig.port.shortest_silence_s >= timing.silence_s - 1e-9
+
+
+def test_a_dead_unit_goes_silent_after_two_misses_and_is_back_with_its_first_answer(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    units = Units({1})
+    rig = Rig(units, [poll("one", 1), poll("status", 2), poll("current", 2)])
+    caplog.set_level(logging.INFO, "gateway.line")
+
+    async def scenario() -> None:
+        async with rig:
+            await asyncio.sleep(20.0)
+            units.alive.add(2)
+            await asyncio.sleep(20.0)
+
+    run_virtually(scenario())
+
+    silent, back = [event for event in rig.listener.units if event[1] == 2]
+    assert silent[0] < 0.5
+    assert silent[2:4] == (False, "no reply")
+    assert silent[4][-1].split()[1:4] == [">>", "02", "03"]
+    assert back[2:4] == (True, "answers")
+    assert len([outcome for outcome in rig.listener.outcomes("current") if isinstance(outcome, Answered)]) > 5
+    messages = [record.getMessage() for record in caplog.records]
+    assert sum("unit=2 went silent: no reply; last frames:" in message for message in messages) == 1
+    assert sum("unit=2 answers" in message for message in messages) == 1
+
+
+def test_a_garbled_poll_is_told_only_when_its_repetition_is_no_better() -> None:
+    replies = iter([b"\x01\x03\x00", None, b"\x01\x03\x00", b"\x01\x03\x00"])
+
+    def answer(frame: bytes) -> Iterable[Said]:
+        spoilt = next(replies, None)
+        return Units({1})(frame) if spoilt is None else [Said(spoilt)]
+
+    rig = run_for(1.9, answer, [poll("a")])
+
+    first, second = rig.listener.outcomes("a")
+    assert isinstance(first, Answered)
+    assert isinstance(second, Garbled)
+    assert rig.scheduler.figures()["garbled"] == 3
+
+
+def test_a_stop_waits_for_one_transaction_at_the_most_and_goes_before_every_other_job() -> None:
+    chance = random.Random(3)
+    units = Units({1, 2})
+    polls = [poll(str(unit), unit, 0.0, count=30) for unit in (1, 2, 3, 4)]
+    rig = Rig(units, polls)
+
+    async def scenario() -> list[float]:
+        waits_s = []
+        loop = asyncio.get_running_loop()
+        async with rig:
+            for _ in range(300):
+                await asyncio.sleep(chance.uniform(0.0, 0.3))
+                others = [asyncio.create_task(rig.transact(2, WRITE)) for _ in range(3)]
+                await asyncio.sleep(0)
+                submitted_s = loop.time()
+                stop = asyncio.create_task(rig.transact(1, WriteRegister(5003, 0), Lane.STOP))
+                await asyncio.gather(stop, *others)
+                waits_s.append(
+                    next(
+                        at
+                        for at, it in rig.port.sent
+                        if at >= submitted_s and it[4:6] == b"\0\0" and it[1] == 6
+                    )
+                    - submitted_s
+                )
+            return waits_s
+
+    waits_s = run_virtually(scenario())
+
+    latency_s = rig.scheduler.figures()["stop_latency_s"]
+    assert latency_s["worst"] == pytest.approx(max(waits_s))
+    assert latency_s["worst"] <= latency_s["computed"]
+
+
+def test_jobs_come_before_polls_but_polls_go_on_under_a_flood_of_jobs() -> None:
+    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+
+    async def scenario() -> None:
+        async with rig:
+            await asyncio.gather(*(rig.transact(1, WRITE) for _ in range(40)))
+
+    run_virtually(scenario())
+
+    functions = [frame[1] for _, frame in rig.port.sent]
+    assert functions[:5] == [6, 6, 6, 6, 3]
+    assert functions.count(3) in (9, 10)
+
+
+def test_a_port_that_cannot_be_opened_is_told_once_per_reason_and_tried_ever_less_often() -> None:
+    rig = Rig(Units({1}), [poll("a")])
+    rig.opener.failure = "no such port"
+
+    async def scenario() -> Outcome:
+        async with rig:
+            outcome = await rig.transact(1, WRITE, Lane.STOP)
+            await asyncio.sleep(30.0)
+            rig.opener.failure = "busy"
+            await asyncio.sleep(20.0)
+            rig.opener.failure = None
+            await asyncio.sleep(20.0)
+            return outcome
+
+    assert run_virtually(scenario()) == NO_PORT
+    assert [event[1:] for event in rig.listener.ports] == [
+        (False, "port fake: no such port"),
+        (False, "port fake: busy"),
+        (True, "open"),
+    ]
+    tried_s = rig.opener.tried_s
+    gaps_s = [later - earlier for earlier, later in itertools.pairwise(tried_s[:7])]
+    assert gaps_s == pytest.approx([0.5, 1.0, 2.0, 4.0, 8.0, 10.0])
+    assert REOPEN_FLOOR_S == 0.5
+    assert REOPEN_CEILING_S == 10.0
+    assert isinstance(rig.listener.outcomes("a")[0], Answered)
+
+
+def test_a_lost_port_ends_all_jobs_and_is_opened_again() -> None:
+    def answer(frame: bytes) -> Iterable[Said]:
+        return nobody(frame) if frame[1] == 6 else Units({1})(frame)
+
+    rig = Rig(answer, [])
+
+    async def scenario() -> list[Outcome]:
+        async with rig:
+            jobs = [asyncio.create_task(rig.transact(1, WRITE)) for _ in range(2)]
+            await asyncio.sleep(0.010)  # the first is on the wire
+            rig.port.hang_up()
+            outcomes = await asyncio.gather(*jobs)
+            outcomes.append(await rig.transact(1, WRITE))
+            await asyncio.sleep(1.0)
+            outcomes.append(await rig.transact(1, READ))
+            return outcomes
+
+    outcomes = run_virtually(scenario())
+
+    assert outcomes[:3] == [Silent("port lost", is_sent=True), NO_PORT, NO_PORT]
+    assert isinstance(outcomes[3], Answered)
+    assert [event[1:] for event in rig.listener.ports] == [
+        (True, "open"),
+        (False, "port fake: lost"),
+        (True, "open"),
+    ]
+    assert rig.opener.ports[0].is_closed
+    assert rig.opener.tried_s[1] - rig.listener.ports[1][0] == pytest.approx(REOPEN_FLOOR_S)
+    assert [event[2] for event in rig.listener.units] == [True]  # a lost port is no unit's fault
+
+
+def test_a_job_whose_port_is_lost_before_it_is_sent_says_so() -> None:
+    rig = Rig(nobody, [])
+
+    async def scenario() -> Outcome:
+        async with rig:
+            await asyncio.sleep(1.0)
+            rig.port.say(Said(b"\x55" * 20, 0.0, in_chunks_of=1))
+            await asyncio.sleep(0.001)
+            job = asyncio.create_task(rig.transact(1, WRITE))
+            await asyncio.sleep(0.001)
+            rig.port.hang_up()
+            return await job
+
+    outcome = run_virtually(scenario())
+
+    assert isinstance(outcome, Silent)
+    assert not outcome.is_sent
+
+
+def test_a_flapping_port_is_tried_ever_less_often_and_one_that_lasted_at_once() -> None:
+    rig = Rig(Units({1}), [poll("a", every_s=0.1)])
+
+    async def scenario() -> None:
+        async with rig:
+            for lasts_s in (1.0, 1.0, 1.0, 60.0):
+                await asyncio.sleep(lasts_s)
+                rig.opener.opened.clear()
+                rig.port.hang_up()
+                await rig.opener.opened.wait()
+
+    run_virtually(scenario())
+
+    lost_s = [at_s for at_s, is_open, _ in rig.listener.ports if not is_open]
+    gaps_s = [tried - lost for lost, tried in zip(lost_s, rig.opener.tried_s[1:], strict=True)]
+    assert gaps_s == pytest.approx([0.5, 1.0, 2.0, 0.5])
+
+
+def test_cancellation_lets_the_transaction_under_way_end_and_sends_no_more() -> None:
+    chance = random.Random(5)
+    for _ in range(200):
+        rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+
+        async def scenario(rig: Rig = rig) -> tuple[float, float]:
+            async with rig:
+                await asyncio.sleep(chance.uniform(0.0, 0.1))
+                rig.task.cancel()
+                cancelled_s = asyncio.get_running_loop().time()
+                await asyncio.wait([rig.task])
+                assert rig.task.cancelled()
+                return cancelled_s, asyncio.get_running_loop().time()
+
+        cancelled_s, ended_s = run_virtually(scenario())
+
+        assert rig.port.is_closed
+        assert rig.port.closed_s == ended_s
+        assert all(at_s <= cancelled_s for at_s, _ in rig.port.sent)
+        if rig.port.sent:
+            last_s, last = rig.port.sent[-1]
+            reply_s = last_s + TIMING.wire_s(len(last) + 25) + 0.005
+            assert ended_s == pytest.approx(max(cancelled_s, reply_s))
+            assert len(rig.listener.polls) == len(rig.port.sent)
+
+
+def test_cancellation_ends_the_waiting_jobs() -> None:
+    rig = Rig(nobody, [])
+
+    async def scenario() -> list[Outcome]:
+        async with rig:
+            jobs = [asyncio.create_task(rig.transact(1, WRITE)) for _ in range(2)]
+            await asyncio.sleep(0.01)
+            rig.task.cancel()
+            return await asyncio.gather(*jobs)
+
+    assert run_virtually(scenario()) == [Silent(), NO_PORT]
+
+
+def test_a_transaction_that_its_caller_gave_up_is_never_sent_unless_it_is_on_the_wire() -> None:
+    rig = Rig(Units({1}), [])
+
+    async def scenario() -> None:
+        async with rig:
+            first, second = (asyncio.create_task(rig.transact(1, WRITE)) for _ in range(2))
+            await asyncio.sleep(0.004)
+            first.cancel()
+            second.cancel()
+            await asyncio.sleep(1.0)
+            assert await rig.transact(1, READ)
+
+    run_virtually(scenario())
+
+    assert [frame[1] for _, frame in rig.port.sent] == [6, 3]
+
+
+def test_a_bug_of_the_listener_ends_the_loop_with_the_port_closed_and_it_can_be_started_again() -> None:
+    rig = Rig(Units({1}), [poll("a")])
+    told: list[str] = []
+
+    def on_poll(line: str, key: str, unit: int, outcome: Outcome) -> None:
+        told.append(key)
+        if len(told) == 1:
+            raise RuntimeError("bug")
+
+    rig.listener.on_poll = on_poll  # type: ignore[method-assign] # the bug
+
+    async def scenario() -> None:
+        async with rig:
+            await asyncio.wait([rig.task])
+            assert isinstance(rig.task.exception(), RuntimeError)
+            assert rig.port.is_closed
+            rig.task = asyncio.create_task(rig.scheduler.run())
+            await asyncio.sleep(3.0)
+
+    run_virtually(scenario())
+
+    assert len(told) == 4
+
+
+def test_a_line_that_is_never_quiet_tells_what_was_not_sent() -> None:
+    rig = Rig(Units({1}), [poll("a", every_s=10.0)])
+
+    async def scenario() -> Outcome:
+        async with rig:
+            await asyncio.sleep(0.5)
+            rig.port.say(Said(b"\x55" * 4000, 0.0, in_chunks_of=1))
+            await asyncio.sleep(0.001)
+            return await rig.transact(1, WRITE)
+
+    outcome = run_virtually(scenario())
+
+    assert isinstance(outcome, Garbled)
+    assert not outcome.is_sent
+    assert rig.scheduler.figures()["stray_bytes"] > 1000
+
+
+def test_polls_can_be_added_removed_hastened_and_changed_while_the_line_idles() -> None:
+    rig = Rig(Units({1}), [])
+
+    async def scenario() -> None:
+        async with rig:
+            await asyncio.sleep(1.25)
+            rig.client.add_poll(poll("a", every_s=100.0))
+            await asyncio.sleep(1.0)
+            rig.client.hasten("a")
+            await asyncio.sleep(1.0)
+            rig.client.set_every("a", 0.5)
+            await asyncio.sleep(0.9)
+            rig.client.remove_poll("a")
+            await asyncio.sleep(10.0)
+
+    run_virtually(scenario())
+
+    sent_s = [at_s for at_s, _ in rig.port.sent]
+    assert sent_s == pytest.approx([1.25, 2.25, 3.75])
+
+
+def test_an_expected_silence_is_not_told() -> None:
+    units = Units({1})
+    rig = Rig(units, [poll("a", every_s=0.5)])
+
+    async def scenario() -> None:
+        async with rig:
+            await asyncio.sleep(2.0)
+            rig.client.expect_silence(1, 8.0)
+            units.alive.clear()
+            await asyncio.sleep(6.0)
+            units.alive.add(1)
+            await asyncio.sleep(5.0)
+
+    run_virtually(scenario())
+
+    assert [event[2] for event in rig.listener.units] == [True]
+
+
+def test_progress_grows_while_the_line_idles_and_while_its_port_is_away() -> None:
+    rig = Rig(Units({1}), [])
+
+    async def scenario() -> list[int]:
+        seen = []
+        async with rig:
+            for _ in range(3):
+                seen.append(rig.scheduler.progress)
+                await asyncio.sleep(2.5)
+            rig.opener.failure = "no such port"
+            rig.port.hang_up()
+            for _ in range(3):
+                seen.append(rig.scheduler.progress)
+                await asyncio.sleep(10.5)
+        return seen
+
+    seen = run_virtually(scenario())
+
+    assert all(earlier < later for earlier, later in itertools.pairwise(seen))
+
+
+def test_figures_count_outcomes_by_unit_and_tell_how_busy_the_line_is() -> None:
+    rig = Rig(Units({1, 2}, refused={2: 1}), [poll("a", 1, 0.1), poll("b", 2, 1.0), poll("c", 3, 1.0)])
+
+    async def scenario() -> None:
+        assert rig.client.figures()["utilisation"] == 0.0
+        async with rig:
+            await rig.transact(1, READ)
+            await asyncio.sleep(60.0)
+            figures = rig.client.figures()
+            assert figures["is_open"]
+            one_s = TIMING.silence_s + TIMING.wire_s(8 + 25) + 0.005
+            assert figures["utilisation"] == pytest.approx(10 * one_s, rel=0.1)
+            assert figures["sweep_s"] == pytest.approx(2.7 * one_s, rel=0.3)
+            assert figures["jobs"] == 1
+            assert figures["polls"] == pytest.approx(670, abs=5)
+            assert figures["answered"] == figures["units"][1]["answered"] == pytest.approx(602, abs=3)
+            assert figures["refused"] == figures["units"][2]["refused"] == 61
+            assert figures["silent"] == figures["units"][3]["silent"] == figures["units"][3]["asked"]
+            assert [figures["units"][unit]["state"] for unit in (1, 2, 3)] == [
+                "answering",
+                "answering",
+                "silent",
+            ]
+            assert figures["units"][1]["response_time_s"] == pytest.approx({"p50": 0.005, "p99": 0.005})
+            assert figures["units"][3]["response_time_s"] == {"p50": None, "p99": None}
+            assert figures["stop_latency_s"]["worst"] is None
+            assert figures["progress"] > 600
+        assert not rig.client.figures()["is_open"]
+
+    run_virtually(scenario())
+
+
+def test_the_computed_stop_latency_is_the_longest_poll_unanswered() -> None:
+    rig = Rig(Units({1}), [poll("a", count=1), poll("b", count=100)])
+
+    latency_s = rig.client.figures()["stop_latency_s"]["computed"]
+
+    wire_s = TIMING.wire_s(8 + 205)
+    assert latency_s == pytest.approx(wire_s + 2 * RESPONSE_TIME_S + 0.02 + TIMING.silence_s)
+    assert rig.client.name == "pumps"
+    assert rig.client.timing is TIMING
+
+
+def test_frames_are_logged_in_hex_at_debug_only(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.DEBUG, "gateway.line")
+
+    rig = run_for(0.5, Units({1}), [poll("a")])
+
+    shown = [record.getMessage() for record in caplog.records if " >> " in record.getMessage()]
+    assert len(shown) == 1
+    assert shown[0].endswith(rig.port.sent[0][1].hex(" "))
+    assert adu.decode(rig.port.sent[0][1]).unit == 1

@@ -1,0 +1,229 @@
+"""The registers of the simulated SSW900: sections 7.2 and 7.3 of its manual (rules S9-xx)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegisters, ReadInputRegisters
+from gateway.modbus.writes import (
+    ReadWriteRegisters,
+    WriteCoil,
+    WriteCoils,
+    WriteRegister,
+    WriteRegisters,
+)
+from gateway.sim.factory import make_unit
+from gateway.sim.ssw900 import Ssw900
+from tests.sim.wire import Talk
+
+START = WriteRegister(685, 0x0013)
+USER_1 = 1110  # C11.3.1, signed, 32 bits
+
+
+def make(**options: Any) -> tuple[Talk, Ssw900]:
+    unit = make_unit("ssw900", 1, **options)
+    assert isinstance(unit, Ssw900)
+    return Talk(unit), unit
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [ReadCoils(0, 1), ReadDiscreteInputs(0, 1), WriteCoil(0, is_on=True), WriteCoils(0, (True,))],
+)
+def test_s9_01_coils_are_for_softplc_markers_only(request_: Any) -> None:
+    talk, _ = make()
+
+    assert talk.code(request_) == 2
+
+
+def test_s9_01_there_are_no_input_registers() -> None:
+    talk, _ = make()
+
+    assert talk.code(ReadInputRegisters(680, 1)) == 1
+
+
+def test_s9_02_in_a_long_read_registers_that_are_no_parameter_read_0() -> None:
+    talk, unit = make()
+    unit.fixed[9] = 700
+
+    assert talk.ask(ReadHoldingRegisters(18, 4)) == (1, 0, 0, talk.ask(ReadHoldingRegisters(21, 1))[0])
+    assert talk.ask(ReadHoldingRegisters(2000, 3)) == (0, 0, 0)
+
+
+@pytest.mark.parametrize("request_", [ReadHoldingRegisters(19, 1), ReadHoldingRegisters(18, 2)])
+def test_s9_02_in_a_short_read_they_get_exception_2(request_: Any) -> None:
+    talk, _ = make()
+
+    assert talk.code(request_) == 2
+
+
+def test_s9_03_in_a_long_write_what_cannot_be_written_is_passed_over() -> None:
+    talk, _ = make()
+
+    assert talk.code(WriteRegisters(229, (4, 3, 1, 77))) is None  # 232 is read-only
+
+    assert talk.ask(ReadHoldingRegisters(229, 3)) == (4, 3, 1)
+
+
+@pytest.mark.parametrize(
+    "request_", [WriteRegister(680, 1), WriteRegister(19, 1), WriteRegisters(231, (0, 0))]
+)
+def test_s9_03_in_a_short_write_it_gets_exception_2(request_: Any) -> None:
+    talk, _ = make()
+
+    assert talk.code(request_) == 2
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        ReadHoldingRegisters(24, 1),
+        ReadHoldingRegisters(25, 2),
+        ReadHoldingRegisters(22, 3),
+        WriteRegister(USER_1, 0),
+        WriteRegisters(USER_1 + 1, (0, 0, 0)),
+    ],
+)
+def test_s9_04_a_part_of_a_longer_type_gets_exception_2(request_: Any) -> None:
+    talk, _ = make()
+
+    assert talk.code(request_) == 2
+
+
+def test_s9_05_the_low_word_comes_first() -> None:
+    talk, unit = make(serial_number=0x00123456)
+
+    assert talk.ask(ReadHoldingRegisters(298, 2)) == (0x3456, 0x0012)
+    unit.fixed.clear()
+    talk.ask(WriteRegisters(USER_1, (0xFFFF, 0xFFFF)))  # -1
+    assert talk.ask(ReadHoldingRegisters(USER_1, 2)) == (0xFFFF, 0xFFFF)
+
+
+def test_s9_09_stopped_parameters_do_not_change_while_the_motor_turns() -> None:
+    talk, _ = make()
+    talk.ask(START)
+    talk.wait(5.0)
+
+    assert talk.code(WriteRegister(1300, 680)) is None
+    assert talk.ask(ReadHoldingRegisters(1300, 1)) == (0,)
+    talk.ask(WriteRegister(899, 5))
+    assert talk.ask(ReadHoldingRegisters(899, 1)) == (5,)
+
+
+def test_s9_11_and_s9_12_registers_1500_ff_show_what_is_mapped() -> None:
+    talk, unit = make()
+    unit.fixed.update({680: 99, 4: 2186, 24: 23, 25: 0, 8: 14})
+    for place, net_id in enumerate((680, 4, 24, 24, 8), 1325):
+        talk.ask(WriteRegister(place, net_id))
+
+    assert talk.ask(ReadHoldingRegisters(1525, 5)) == (0x0063, 0x088A, 0x0017, 0x0000, 0x000E)
+
+
+def test_s9_11_registers_1600_ff_write_what_is_mapped() -> None:
+    talk, unit = make(settings={275: 12, 276: 12, 277: 12, 251: 9})
+    for place, net_id in enumerate((685, 695, 696), 1400):
+        talk.ask(WriteRegister(place, net_id))
+
+    talk.ask(WriteRegisters(1600, (0x0013, 0x0007, 0x03FF)))
+
+    assert unit.starts == [0.0]
+    assert talk.ask(ReadHoldingRegisters(678, 1)) == (7,)
+    assert talk.ask(ReadHoldingRegisters(673, 1)) == (10000,)
+    assert talk.ask(ReadHoldingRegisters(1600, 1)) == (0x0013,)
+
+
+def test_s9_13_a_mapped_parameter_changes_with_its_last_word() -> None:
+    talk, _ = make()
+    talk.ask(WriteRegisters(1400, (USER_1, USER_1)))
+
+    talk.ask(WriteRegister(1600, 5))
+    assert talk.ask(ReadHoldingRegisters(USER_1, 2)) == (0, 0)
+    talk.ask(WriteRegister(1601, 0))
+    assert talk.ask(ReadHoldingRegisters(USER_1, 2)) == (5, 0)
+
+
+def test_s9_14_a_mapped_word_that_leads_nowhere_reads_0_and_writes_nothing() -> None:
+    talk, _ = make()
+    talk.ask(WriteRegister(1300, 19))
+    talk.ask(WriteRegisters(1400, (19, 680, USER_1)))
+
+    assert talk.ask(ReadHoldingRegisters(1500, 1)) == (0,)
+    assert talk.code(WriteRegisters(1600, (1, 1, 1))) is None
+    assert talk.ask(ReadHoldingRegisters(USER_1, 2)) == (0, 0)
+
+
+def test_s9_14_a_mapped_value_out_of_range_is_not_taken() -> None:
+    talk, _ = make()
+    talk.ask(WriteRegister(1400, 229))
+
+    talk.ask(WriteRegister(1600, 99))
+
+    assert talk.ask(ReadHoldingRegisters(229, 1)) == (0,)
+
+
+def test_s9_15_what_was_written_through_1600_ff_is_lost_without_supply() -> None:
+    talk, unit = make()
+    talk.ask(WriteRegister(1400, 229))
+    talk.ask(WriteRegister(1600, 4))
+    assert talk.ask(ReadHoldingRegisters(229, 1)) == (4,)
+
+    unit.power_off()
+    unit.power_on()
+    talk.wait(10.0)
+
+    assert talk.ask(ReadHoldingRegisters(229, 1)) == (0,)
+
+
+def test_s9_16_after_a_pause_cyclic_words_are_ignored_for_the_update_delay() -> None:
+    talk, _ = make()
+    talk.ask(WriteRegister(899, 20))
+    talk.ask(WriteRegister(1400, 229))
+
+    talk.ask(WriteRegister(1600, 4))
+    talk.wait(1.0)
+    talk.ask(WriteRegister(1600, 4))
+    assert talk.ask(ReadHoldingRegisters(229, 1)) == (0,)
+    talk.wait(1.1)
+    talk.ask(WriteRegister(1600, 4))
+    assert talk.ask(ReadHoldingRegisters(229, 1)) == (4,)
+
+
+@pytest.mark.parametrize(
+    "request_", [WriteRegister(229, 6), WriteRegister(931, 4), WriteRegisters(229, (9, 0, 0))]
+)
+def test_s9_23_a_value_out_of_range_gets_exception_3(request_: Any) -> None:
+    talk, _ = make()
+
+    assert talk.code(request_) == 3
+    assert talk.ask(ReadHoldingRegisters(229, 1)) == (0,)
+
+
+def test_a_negative_value_out_of_range_gets_exception_3() -> None:
+    talk, _ = make()
+
+    assert talk.code(WriteRegisters(USER_1, (0x8000, 0xFFFF))) == 3  # -32768, allowed from -10000
+
+
+def test_the_combined_request_writes_before_it_reads() -> None:
+    talk, _ = make()
+
+    assert talk.ask(ReadWriteRegisters(229, 1, 229, (4,))) == (4,)
+
+
+def test_measured_values_are_those_of_the_motor() -> None:
+    talk, unit = make()
+    talk.ask(START)
+    talk.wait(20.0)
+
+    low, high = talk.ask(ReadHoldingRegisters(24, 2))
+    assert low + (high << 16) == pytest.approx(unit.motor.current_a * 10, rel=0.02)
+    assert talk.ask(ReadHoldingRegisters(59, 1)) == (1,)
+    assert talk.ask(ReadHoldingRegisters(8, 1))[0] == pytest.approx(unit.motor.power_factor * 100, abs=1)
+
+
+def test_every_parameter_of_the_table_can_be_read() -> None:
+    talk, unit = make()
+    for owner in {each.start: each for each in unit._map.owners.values()}.values():
+        assert talk.code(ReadHoldingRegisters(owner.start, owner.words)) is None, owner
