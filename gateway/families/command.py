@@ -8,21 +8,27 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from gateway.families.arguments import check_names, switch
+from gateway.families.adjusting import build_leaving, prepare_leaving
+from gateway.families.arguments import check_names, choice, switch
 from gateway.families.configuration import build_configure, prepare_configure
+from gateway.families.decode import is_known
 from gateway.families.gather import reads_for, rows_of_points
 from gateway.families.interlock import points_needed
-from gateway.families.procedure import Expect, Preparation, Procedure, WriteStep
+from gateway.families.outputs import build_output, prepare_output
+from gateway.families.procedure import Preparation, Procedure, WriteStep
 from gateway.families.refusals import refused
 from gateway.families.schema import Command, Profile, Variant
 from gateway.families.settings import build_read, build_set, prepare_read, prepare_set
+from gateway.families.verification import verification
 from gateway.families.words import (
     Seen,
     command_requests,
     has_plain_word,
+    is_jogging,
     run_row,
     stop_requests,
     take_back_run,
+    word_codes,
 )
 from gateway.modbus.pdu import Request
 
@@ -31,7 +37,7 @@ GENERIC_VERBS = ("read", "set")  # of every family, by the code of a row
 
 def verbs(profile: Profile) -> tuple[str, ...]:
     """Return the verbs of this family."""
-    return (*(name for name in profile.commands if not name.endswith(_OFF)), *GENERIC_VERBS)
+    return (*(name for name in profile.commands if not name.endswith(_PARTS)), *GENERIC_VERBS)
 
 
 def prepare(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> Preparation:
@@ -47,6 +53,10 @@ def prepare(profile: Profile, variant: Variant, verb: str, args: Mapping[str, An
             return prepare_read(profile, args)
         case "set":
             return prepare_set(profile, variant, args)
+        case "output":
+            return prepare_output(profile, args)
+        case "configure" if _is_leaving(profile):
+            return prepare_leaving(profile, variant, args)
         case "configure":
             return prepare_configure(profile, variant, args)
         case _:
@@ -58,25 +68,31 @@ def build(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]
     _check_verb(profile, verb)
     match verb:
         case "stop":
-            command = profile.commands[verb]
-            return _procedure(
-                profile, verb, command, stop_requests(profile, variant, command.writes, seen=seen)
-            )
+            return _build_command(profile, variant, verb, verb, seen=seen)
         case "read":
             return build_read(profile, args)
         case "set":
             return build_set(profile, variant, args, seen=seen)
+        case "output":
+            return build_output(profile, args, seen=seen)
+        case "configure" if _is_leaving(profile):
+            return build_leaving(profile, variant, args, seen=seen)
         case "configure":
             return build_configure(profile, variant, args, seen=seen)
         case _:
-            command = _command(profile, verb, args)
-            requests = command_requests(profile, variant, command.writes, seen=seen)
-            first = take_back_run(profile, variant, seen) if _may_wake(profile, command) else ()
-            return _procedure(profile, verb, command, (*first, *requests))
+            return _build_command(profile, variant, verb, _entry(profile, variant, verb, args), seen=seen)
 
 
-_OFF = "_off"  # ends the name of the entry that a verb with `value` = false stands for
+# Endings of the entries that a verb stands for with `value` = false, or with a flag.
+_OFF, _WHOLE = "_off", "_whole"
+_PARTS = (_OFF, _WHOLE)
 _VALUE = "value"
+
+# Entries that a run command which still stands could turn into a start.
+_WAKING = ("reset", "reset_whole", "general_enable", "local_remote", "local_remote_off")
+
+# Entries that take a motion command back: built whatever is unknown, forbidden by nothing.
+_RELEASES = ("stop", "jog_off")
 
 
 def _check_verb(profile: Profile, verb: str) -> None:
@@ -85,48 +101,73 @@ def _check_verb(profile: Profile, verb: str) -> None:
         raise refused("unknown_verb", f"{verb[:40]!r}; there are {', '.join(known)}")
 
 
-def _prepare_command(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> Preparation:
-    command = _command(profile, verb, args)
-    codes = rows_of_points(profile, points_needed(profile, command.requires))
-    if has_plain_word(command.writes) or _may_wake(profile, command):
-        codes += (run_row(profile, variant), *rows_of_points(profile, ("running",)))
-    return Preparation(verb, reads=reads_for(profile, codes), requires=command.requires)
+def _is_leaving(profile: Profile) -> bool:
+    return "leave" in profile.commands["configure"].args
 
 
-def _command(profile: Profile, verb: str, args: Mapping[str, Any]) -> Command:
-    """Return the entry of the profile that a verb and its arguments stand for."""
+def _entry(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> str:
+    """Return the name of the profile's entry that a verb and its arguments stand for."""
     command = profile.commands[verb]
-    check_names(args, command.args)
-    if command.args == (_VALUE,) and not switch(args, _VALUE):
-        return profile.commands[verb + _OFF]
-    return command
+    check_names(args, command.args, command.flags)
+    flags = [flag for flag in command.flags if flag in args and switch(args, flag)]
+    name = "_".join((verb, *flags))
+    if command.args == (_VALUE,) and not _is_first(command, args):
+        name += _OFF
+    if not is_known(profile.commands[name].since_firmware, variant):
+        since = profile.commands[name].since_firmware
+        raise refused("not_in_firmware", f"{verb} exists from {since}, this is {variant.firmware}")
+    return name
 
 
-def _may_wake(profile: Profile, command: Command) -> bool:
-    """Return whether a run command that still stands could start the motor after this one.
-
-    A plain command word needs no stop before it: it is built without the run command (see `words`).
-    """
-    waking = (profile.commands.get(verb) for verb in ("reset", "general_enable"))
-    return not has_plain_word(command.writes) and any(command is one for one in waking)
+def _is_first(command: Command, args: Mapping[str, Any]) -> bool:
+    if command.values == ("true", "false"):
+        return switch(args, _VALUE)
+    return choice(args, _VALUE, command.values) == command.values[0]
 
 
-def _procedure(profile: Profile, verb: str, command: Command, requests: Sequence[Request]) -> Procedure:
+def _prepare_command(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> Preparation:
+    name = _entry(profile, variant, verb, args)
+    command = profile.commands[name]
+    codes = rows_of_points(profile, points_needed(profile, command.requires))
+    if has_plain_word(command.writes) and name in _RELEASES:
+        codes += (*word_codes(profile, variant), *rows_of_points(profile, ("running",)))
+    elif has_plain_word(command.writes) or name in _WAKING:
+        codes += (run_row(profile, variant), *rows_of_points(profile, ("running",)))
+    reads = reads_for(profile, (*codes, *command.needs))
+    return Preparation(verb, reads=reads, requires=command.requires)
+
+
+def _build_command(profile: Profile, variant: Variant, verb: str, name: str, *, seen: Seen) -> Procedure:
+    command = profile.commands[name]
+    _check_needs(profile, command, seen)
+    requests = _requests(profile, variant, name, seen=seen)
     last = len(requests) - 1
     steps = tuple(
         WriteStep(request, is_silence_expected=command.restarts and place == last)
         for place, request in enumerate(requests)
     )
-    return Procedure(verb, steps, verify=_verify(profile, verb, command))
+    return Procedure(verb, steps, verify=verification(profile, variant, verb, command), note=command.note)
 
 
-def _verify(profile: Profile, verb: str, command: Command) -> Expect | None:
-    if command.verify is None:
-        return None
-    point, becomes = command.verify.point, command.verify.becomes
-    within_s = command.verify.within_s + (profile.timing.restart_s if command.restarts else 0.0)
-    reads = reads_for(profile, rows_of_points(profile, (point,)))
-    # A ramp says as much as its end, and only the SSW-06 is known to drop `running` at once (ssw06-es 4.2.2).
-    ramp = {"start": "accelerating", "stop": "decelerating"}.get(verb)
-    or_else = (Expect(reads, ramp, (True,), within_s),) if ramp else ()
-    return Expect(reads, point, (becomes,), within_s, or_else=or_else)
+def _requests(profile: Profile, variant: Variant, name: str, *, seen: Seen) -> Sequence[Request]:
+    writes = profile.commands[name].writes
+    if name in _RELEASES:
+        requests = stop_requests(profile, variant, writes, seen=seen)
+        if name == "stop" and not has_plain_word(writes) and is_jogging(profile, seen):
+            jog_off = profile.commands["jog_off"].writes  # a stop by ramp does not take a jog back
+            requests += stop_requests(profile, variant, jog_off, seen=seen)
+        return requests
+    requests = command_requests(profile, variant, writes, seen=seen)
+    # A plain command word is built without the run command (see `words`), and needs no stop before it.
+    is_waking = name in _WAKING and not has_plain_word(writes)
+    return (*take_back_run(profile, variant, seen), *requests) if is_waking else requests
+
+
+def _check_needs(profile: Profile, command: Command, seen: Seen) -> None:
+    """Raise not_set_to_serial when a row was seen to hold none of the numbers that the command needs."""
+    for code, numbers in command.needs.items():
+        if code in seen and seen[code][0] not in numbers:
+            labels = profile.enums[profile.parameters[code].enum]
+            wanted = " or ".join(f"{number} ({labels[number]})" for number in numbers)
+            found = f"{seen[code][0]} ({labels.get(seen[code][0])})"
+            raise refused("not_set_to_serial", f"{code} is {found}, not {wanted}")

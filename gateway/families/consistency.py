@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 from gateway.families.numbers import TYPE_LIMITS, TYPE_WORDS
-from gateway.families.schema import Access, Parameter, Point, Profile, Table, Type, Write
+from gateway.families.schema import Access, Output, Parameter, Point, Profile, Table, Type, Write
 
 _READ_FUNCTIONS = {Table.COIL: 1, Table.HOLDING: 3, Table.INPUT: 4}
 _ENUM_TYPES = (Type.ENUM, Type.LOW_ENUM)
@@ -23,6 +23,7 @@ def contradictions(profile: Profile) -> list[str]:
         *_names(profile),
         *(problem for name, point in profile.points.items() for problem in _point(profile, name, point)),
         *(problem for verb in profile.commands for problem in _command(profile, verb)),
+        *(problem for name, output in profile.outputs.items() for problem in _output(profile, name, output)),
         *_limits(profile),
     ]
 
@@ -107,6 +108,19 @@ def _command(profile: Profile, verb: str) -> Iterator[str]:
         yield from (f"{where}: {problem}" for problem in _write(profile, write))
     if command.verify is not None and command.verify.point not in profile.points:
         yield f"{where}: {command.verify.point} is no point"
+    yield from (f"{where}: {code} is no parameter" for code in command.needs if code not in profile.parameters)
+    others = [f"{verb}_{flag}" for flag in command.flags]
+    if "value" in command.args and not verb.endswith("_off"):
+        others.append(f"{verb}_off")
+    yield from (f"{where}: commands.{other} is missing" for other in others if other not in profile.commands)
+
+
+def _output(profile: Profile, name: str, output: Output) -> Iterator[str]:
+    where = f"outputs.{name}"
+    rows = (output.word, output.function)
+    yield from (f"{where}: {code} is no parameter" for code in rows if code not in profile.parameters)
+    if (output.bit is None) == (output.full_scale is None):
+        yield f"{where}: needs either a bit or full_scale"
 
 
 def _write(profile: Profile, write: Write) -> Iterator[str]:

@@ -85,7 +85,12 @@ def decode_words(
 
 def is_present(point: Point, variant: Variant) -> bool:
     """Return whether a starter of this firmware has the point; it has while the firmware is unknown."""
-    seen, wanted = _version(variant.firmware or ""), _version(point.since_firmware)
+    return is_known(point.since_firmware, variant)
+
+
+def is_known(since_firmware: str, variant: Variant) -> bool:
+    """Return whether this starter's firmware knows what exists since then; it does while it is unknown."""
+    seen, wanted = _version(variant.firmware or ""), _version(since_firmware)
     return seen is None or wanted is None or seen >= wanted
 
 

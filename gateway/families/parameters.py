@@ -109,9 +109,9 @@ def to_words(
     members = profile.enums.get(parameter.enum, {})
     raw = _member(parameter, members, value)
     if raw is None:
-        raw = _raw_number(parameter, value)
+        raw = _raw_number(parameter, value, members)
     if not limits[0] <= raw <= limits[1] or (members and members.get(raw, RESERVED) == RESERVED):
-        raise refused("out_of_range", f"{parameter.code} takes {_accepted(parameter, limits)}")
+        raise refused("out_of_range", f"{parameter.code} takes {_accepted(parameter, limits, members)}")
     return to_number_words(parameter, raw)
 
 
@@ -123,8 +123,12 @@ def _may_be(one: str, model: str) -> bool:
 def _why_not(parameter: Parameter) -> str:
     if parameter.access is Access.COMMAND:
         return "only commands write it"
+    if parameter.access is Access.NONE:
+        return parameter.note
     if parameter.access is not Access.RW:
         return "read-only"
+    if parameter.code == "P000":  # ssw06-es 4.3, ssw07 4.3
+        return "no password is needed over the serial line, and none would be kept"
     if parameter.confidence is not Confidence.MANUAL:
         return "its row is not printed intact in the manual"
     return "not used on this model" if parameter.ranges else "its range is not stated"
@@ -140,14 +144,15 @@ def _member(parameter: Parameter, members: dict[int, str], value: object) -> int
     return numbers[0] if numbers else None
 
 
-def _raw_number(parameter: Parameter, value: object) -> int:
+def _raw_number(parameter: Parameter, value: object, members: dict[int, str]) -> int:
     decimals = parameter.decimals or 0
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise refused("bad_value", f"{parameter.code} takes a number")
     try:
         number = Decimal(str(value).strip())
     except InvalidOperation:
-        raise refused("bad_value", f"{parameter.code} takes a number or a label of its list") from None
+        accepted = f"one of {_listed(members)}" if members else "a number"
+        raise refused("bad_value", f"{parameter.code} takes {accepted}") from None
     if not number.is_finite() or abs(number) >= _LARGEST:
         raise refused("bad_value", f"{parameter.code} takes a number")
     scaled = number.scaleb(decimals)
@@ -156,7 +161,14 @@ def _raw_number(parameter: Parameter, value: object) -> int:
     return int(scaled)
 
 
-def _accepted(parameter: Parameter, limits: tuple[int, int]) -> str:
+def _accepted(parameter: Parameter, limits: tuple[int, int], members: dict[int, str]) -> str:
+    within = {number: label for number, label in members.items() if limits[0] <= number <= limits[1]}
+    if within:
+        return f"one of {_listed(within)}"
     decimals = parameter.decimals or 0
     low, high = (f"{raw / 10**decimals:.{decimals}f}" for raw in limits)
     return f"{low}..{high} {parameter.unit}".rstrip()
+
+
+def _listed(members: dict[int, str]) -> str:
+    return ", ".join(f"{number} ({label})" for number, label in members.items() if label != RESERVED)

@@ -76,3 +76,6 @@ class Procedure:
     is_unchanged: bool = False
     abandon: tuple[Request, ...] = ()
     subject: str = ""  # code of the row that is set or read
+    subjects: tuple[str, ...] = ()  # codes of the rows, where several were asked for at once
+    note: str = ""  # what the operator must know with the result
+    wears: int = 0  # how many writes go to the starter's non-volatile memory

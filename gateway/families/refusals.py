@@ -15,10 +15,13 @@ REFUSALS: dict[str, str] = {
     "not_writable": "the parameter cannot be set",
     "out_of_range": "the value is outside the range of the manual",
     "bad_value": "the value is not of the parameter's kind",
+    "not_in_firmware": "the firmware of this starter does not know it",
+    "not_set_to_serial": "the starter is not set up to take this from the serial line",
+    "not_in_that_mode": "the starter is not in that adjusting mode",
     "would_cut_connection": "the change would cut the connection to the starter",
     "timeout_unset": "a communication timeout of 0.0 s must not be made active",
     "slot_unknown": "it is not known which slot holds the RS-485 accessory",
-    "word_unknown": "neither the command word nor the status word of the starter is known",
+    "word_unknown": "what is in force in the starter is not known",
 }
 
 

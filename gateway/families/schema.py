@@ -168,6 +168,21 @@ class Command(Model):
     verify: Verify | None = None
     restarts: bool = False  # the device restarts afterwards and is silent for `timing.restart_s`
     args: tuple[str, ...] = ()  # names of the arguments that the verb takes
+    flags: tuple[str, ...] = ()  # switches that may be left out; `<verb>_<flag>` is what they choose
+    values: tuple[str, str] = ("true", "false")  # of the argument `value`; the second chooses `<verb>_off`
+    needs: dict[str, tuple[int, ...]] = {}  # rows that must hold one of these numbers
+    since_firmware: str = ""  # older firmware does not know it
+    note: str = ""  # what the operator must know once it is done
+
+
+class Output(Model):
+    """A relay or an analog output of the starter that the serial line can drive."""
+
+    word: str  # code of the row that drives it
+    bit: int | None = Field(default=None, ge=0, le=15)  # of a relay, in the word
+    full_scale: int | None = None  # of an analog output: the number that stands for 100 %
+    function: str  # code of the row that says who drives the output
+    option: int | None = None  # its number for the serial line; None = the manual does not print it
 
 
 class Alarm(Model):
@@ -203,6 +218,7 @@ class Profile(Model):
     command_word: tuple[str, ...] = ()  # code of the command word per slot (SSW900), one otherwise
     points: dict[str, Point]
     commands: dict[str, Command]
+    outputs: dict[str, Output] = {}  # by the name of their terminals: RL1, AO1, DO1
     parameters: dict[str, Parameter]  # by code
     enums: dict[str, dict[int, str]] = {}
     bits: dict[str, dict[int, str]] = {}  # code -> bit -> label

@@ -44,6 +44,11 @@ def run_row(profile: Profile, variant: Variant) -> str:
     return profile.rows_at[Table.COIL, address][0].code
 
 
+def is_jogging(profile: Profile, seen: Seen) -> bool:
+    """Return whether the starter was last seen to jog."""
+    return bool(_flags(profile, seen).get("jog"))
+
+
 def take_back_run(profile: Profile, variant: Variant, seen: Seen) -> tuple[Request, ...]:
     """Return a stop when a run command is seen to stand while the motor is seen to be at rest, else nothing.
 

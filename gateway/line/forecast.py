@@ -21,7 +21,7 @@ class PollForecast:
 
     poll: Poll
     cost_s: float  # of the line's time, silence included, when the unit takes as long as it may
-    period_s: float  # between two answers; longer than the poll's own when the line is too slow
+    period_s: float  # between two answers, about; longer than the poll's own when the line is too slow
     age_s: float  # the oldest that its values get before newer ones come
 
 

@@ -91,7 +91,7 @@ class Plan:
             self.add_poll(poll, -inf)
 
     def begin(self, now_s: float) -> None:
-        """Begin on a port just opened: overdue polls are due now, once, and each unit's state is news again."""
+        """Begin on an opened port: overdue polls are due now, once; each unit's state is news again."""
         for unit in self._units.values():
             unit.told = None
         for entry in self._entries.values():
@@ -173,7 +173,7 @@ class Plan:
         return min((entry.due_s for entry in self._entries.values()), default=inf)
 
     def pick(self, now_s: float) -> Turn | None:
-        """Return what has the line next, None when nothing is due; `record` must follow."""
+        """Return what has the line next, None when nothing is due; `record` or `put_back` must follow."""
         if self._waiting[Lane.STOP]:
             return self._waiting[Lane.STOP].popleft()
         entry = min(self._entries.values(), key=attrgetter("order"), default=None)
@@ -196,6 +196,13 @@ class Plan:
             poll=poll,
             is_repetition=entry.is_repetition,
         )
+
+    def put_back(self, turn: Turn, until_s: float) -> None:
+        """Take back a turn whose unit may not be asked yet: a poll lets others pass, a job does not."""
+        if turn.job is not None:
+            self._waiting[turn.job.lane].appendleft(turn)
+        elif (entry := self._entry_of(turn)) is not None:
+            entry.order = self._order(until_s)
 
     def record(self, turn: Turn, outcome: Outcome, now_s: float) -> Verdict:
         """Learn what became of a picked turn and plan on."""

@@ -120,7 +120,7 @@ class Scheduler:
         """Open the port, serve, and reopen when it is lost, ever less often while that is no use."""
         self._time = asyncio.get_running_loop().time
         pause_s = REOPEN_FLOOR_S
-        while not self._is_stopping:
+        while True:
             self.progress += 1
             tried_s = self._time()
             try:
@@ -161,7 +161,11 @@ class Scheduler:
             noise = await line.settle()
             turn = self._plan.pick(self._time())
             if turn is None:
-                await self._wait_for_work()
+                await self._wait_for_work(self._plan.next_due_s())
+                continue
+            free_from_s = line.free_from_s(turn.unit, turn.request)
+            if noise is None and free_from_s > self._time():
+                await self._put_back(turn, free_from_s)
                 continue
             outcome = await self._take(turn, line, noise)
             self.progress += 1
@@ -215,10 +219,15 @@ class Scheduler:
         logger.log(logging.INFO if is_open else logging.ERROR, "line=%s %s", self.name, reason)
         self._listener.on_port(self.name, is_open, reason)
 
-    async def _wait_for_work(self) -> None:
-        """Sleep until the next poll is due, a job comes, or it is time to look at the port."""
-        now_s = self._time()
-        until_s = min(self._plan.next_due_s(), now_s + IDLE_WAKE_S)
+    async def _put_back(self, turn: Turn, until_s: float) -> None:
+        """Let the unit's late reply come first; nothing but a new job is worth ending that wait for."""
+        self._plan.put_back(turn, until_s)
+        if turn.job is not None:
+            await self._wait_for_work(until_s)
+
+    async def _wait_for_work(self, until_s: float) -> None:
+        """Sleep until then, or until a job comes or it is time to look at the port."""
+        until_s = min(until_s, self._time() + IDLE_WAKE_S)
         loop = asyncio.get_running_loop()
         self._waker = loop.create_future()
         timer = loop.call_at(until_s, self._wake)

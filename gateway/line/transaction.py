@@ -67,6 +67,10 @@ class Transactor:
                 self._stray.clear()
                 return Garbled("the line is never quiet", tail, is_sent=False)
 
+    def free_from_s(self, unit: int, request: Request) -> float:
+        """Return from when on this may be sent, as far as late replies are concerned."""
+        return self._quarantine.until_s(None if request.function in MIRRORED else unit)
+
     async def transact(self, unit: int, request: Request, *, response_time_s: float) -> Outcome:
         """Send a request as soon as the line allows, and return what became of it by its deadline.
 

@@ -19,6 +19,8 @@ Sink = Callable[[bytes, float], None]  # bytes that arrive at the master, and wh
 
 SHORTEST_TURNAROUND_S = 0.1  # after a broadcast [SERIAL 2.4.1]
 
+VIOLATIONS_KEPT = 10_000
+
 _GARBAGE = 0xA5  # what a collision makes of a byte
 
 
@@ -106,10 +108,13 @@ class Bus:
 
     def attach(self, sink: Sink) -> None:
         """Connect the master of the running loop; what it does not read is lost."""
-        self._loop = asyncio.get_running_loop()
+        was_idle, self._loop = self._loop is None, asyncio.get_running_loop()
         self._sink = sink
         for unit in self.units:
             self._give_time(unit)
+        if was_idle:
+            for address, order in self._orders.items():
+                self._plan_babble(address, order)
 
     def detach(self) -> None:
         """Disconnect the master."""
@@ -247,6 +252,8 @@ class Bus:
             self._plan_babble(address, order)
 
     def _violate(self, at_s: float, kind: str, detail: str) -> None:
+        if len(self.violations) >= VIOLATIONS_KEPT:  # a master that never learns
+            del self.violations[0]
         self.violations.append(Violation(at_s, kind, detail))
 
     def _give_time(self, unit: Unit) -> None:

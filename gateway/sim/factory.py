@@ -12,7 +12,7 @@ from gateway.sim.ssw07 import Ssw07
 from gateway.sim.ssw900 import Ssw900
 from gateway.sim.unit import Unit
 
-_CURRENT = re.compile(r"(\d+(?:\.\d+)?)\s*A?$")  # at the end of "SSW-07 85.0A", "SSW-06 820A", "85"
+_CURRENT = re.compile(r"(\d+(?:\.\d+)?)A?")  # a word of "SSW-07 85.0A", "SSW-06 820 A", "85"
 
 
 def make_unit(family: str, address: int, *, seed: int = 0, model: str | None = None, **options: Any) -> Unit:
@@ -32,9 +32,9 @@ def _of_model(family: str, model: str | None) -> dict[str, Any]:
     if family == "sst":
         return {"model": model}
     found: dict[str, Any] = {}
-    current = _CURRENT.search(model.strip())
-    if current is not None:
-        found["rated_current_a"] = float(current[1])
-    if family == "ssw07" and "08" in model.split()[0]:
+    currents = [match for each in model.split() if (match := _CURRENT.fullmatch(each))]
+    if currents:
+        found["rated_current_a"] = float(currents[0][1])
+    if family == "ssw07" and model.startswith("SSW-08"):
         found["product"] = "SSW-08"
     return found

@@ -57,11 +57,8 @@ class SstMotion(Unit):
         self.control: Control = "modbus"
         self.flash_s = flash_s
         self.flash_writes = 0  # configurations that were really written
-        self.settings: dict[int, int] = {
-            **dict.fromkeys((*registers.OWN_NUMBERS, *registers.SETTINGS), 0),
-            **self.model.first_values,
-            **(settings or {}),
-        }
+        zeros = dict.fromkeys((*registers.OWN_NUMBERS, *registers.SETTINGS), 0)
+        self.settings = {**zeros, **self.model.first_values, **(settings or {})}
         self._is_changed = False
         self._charged_until_s = -math.inf
         self._auto_reset_s = 0.0

@@ -66,9 +66,8 @@ class Ssw900(Faults):
         self._map = NetIds(load_profile("ssw900").parameters.values())
         self._map.add(READ_WORDS)
         self._map.add(WRITE_WORDS)
-        self._words = self._factory()
-        self._words.update({C3_MODE: SLOT_1_DECIDES[1] + 2 * (slot - 1), C8_ADDRESS: address})
-        self._words.update({C3_REMOTE_SOURCE: SOURCE_SLOT_1 + slot - 1, **(settings or {})})
+        sources = {C3_MODE: SLOT_1_DECIDES[1] + 2 * (slot - 1), C3_REMOTE_SOURCE: SOURCE_SLOT_1 + slot - 1}
+        self._words = {**self._factory(), **sources, C8_ADDRESS: address, **(settings or {})}
         self._kept: dict[int, int] = {}  # what a word of 1600-1619 has overwritten, until power is off
         self._joined: LineTiming | None = None
         super().__init__(

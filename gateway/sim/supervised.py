@@ -55,16 +55,7 @@ class Supervised(Commanded):
         self.is_command_refused = is_command_refused  # erratum A-06: exception 3 instead of nothing
         self.is_running_while_stopping = is_running_while_stopping  # not stated for the SSW-07
         self.is_e28_resettable = is_e28_resettable  # erratum C-13, P313 = 5
-        self.settings: dict[int, int] = {
-            **dict.fromkeys(self.limits, 0),
-            **self.delivered,
-            P_LOCAL_REMOTE: 6,
-            P_REMOTE_SOURCE: SOURCE_SERIAL,
-            P_ADDRESS: address,
-            P_SERIAL: 1,
-            P_START_DELAY: 0,
-            **(settings or {}),
-        }
+        self.settings = {**self._set_up(address), **(settings or {})}
         self.fault = 0  # the number behind E
         self.fault_history = [0, 0, 0, 0]
         self.is_silence_shown = False  # E28
@@ -186,6 +177,18 @@ class Supervised(Commanded):
         self._clear_outputs()
         self.command = ENABLE
         self._set_remote(is_remote=self.settings[P_LOCAL_REMOTE] in REMOTE_AT_POWER_UP)
+
+    def _set_up(self, address: int) -> dict[int, int]:
+        """Return the settings of a starter that shall obey the serial line."""
+        return {
+            **dict.fromkeys(self.limits, 0),
+            **self.delivered,
+            P_LOCAL_REMOTE: 6,
+            P_REMOTE_SOURCE: SOURCE_SERIAL,
+            P_ADDRESS: address,
+            P_SERIAL: 1,
+            P_START_DELAY: 0,
+        }
 
     def _source(self) -> int:
         return self.settings[P_REMOTE_SOURCE if self.is_remote else P_LOCAL_SOURCE]

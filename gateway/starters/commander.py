@@ -129,10 +129,6 @@ class Commander:
         else:
             self._refuse(known, CommandError(code, text), is_kept=False)
 
-    def replace_rights(self, rights: Rights) -> None:
-        """Judge commands by other rights from now on; what is accepted goes on."""
-        self._rights = rights
-
     async def close(self) -> None:
         """Write nothing more: end every command, rejected or unconfirmed, and take no new one."""
         self._is_closing = True

@@ -23,7 +23,8 @@ from gateway.starters.wire import HaltedError, RefusedError, Rows, Wire
 logger = logging.getLogger(__name__)
 
 MOST_READINGS = 4  # until two in a row agree
-RECENT_PERIODS = 2  # a poll of this age still counts as one of the two readings
+RECENT_PERIODS = 2  # a poll of this age still counts as one of the two readings,
+RECENT_AT_MOST_S = 10.0  # however rarely the starter is polled
 MAY_BE_TURNING = "the motor may be turning"
 
 HALTED = {
@@ -93,7 +94,8 @@ class Conduct:
 
     def _judge_recent(self) -> Procedure | None:
         """Return what the last polls would lead to; None when they are too old, lack a row or forbid it."""
-        since_s = self.errand.now_s() - RECENT_PERIODS * self._starter.status_period_s
+        longest_s = min(RECENT_PERIODS * self._starter.status_period_s, RECENT_AT_MOST_S)
+        since_s = self.errand.now_s() - longest_s
         recent = self._starter.snapshot.rows_since(since_s)
         codes = {code for read in self._preparation.reads for code in read.codes}
         if not codes <= recent.keys():

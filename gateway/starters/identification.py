@@ -26,7 +26,7 @@ class Standing(enum.Enum):
 
     UNKNOWN = "unknown"
     MATCHING = "matching"
-    MISMATCHED = "mismatched"
+    MISMATCHED = "mismatch"
 
 
 def standing_of(setup: StarterSetup, identity: Identity) -> Standing:

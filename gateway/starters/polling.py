@@ -51,11 +51,6 @@ class Polling:
         self._plan = _planned(setup, setup.variant) if setup.is_enabled else ()
         self._polled = {_key(setup, block): self._begin(block) for block in self._plan}
 
-    @property
-    def keys(self) -> tuple[str, ...]:
-        """Return the keys of the present polls."""
-        return tuple(self._polled)
-
     def block(self, key: str) -> Block | None:
         """Return what a poll asks for; None when it is no longer ours."""
         polled = self._polled.get(key)
@@ -70,7 +65,10 @@ class Polling:
 
     def note_refusal(self, key: str) -> tuple[str, ...]:
         """Ask row by row for a block that was refused; return what is given up: a single row."""
-        block = self._polled.pop(key).block
+        block = self._polled[key].block
+        if len(block.codes) == 1 and len(self._polled) == 1:
+            return block.codes  # but still asked for: without any poll nobody would notice a silence
+        del self._polled[key]
         self._line.remove_poll(key)
         if len(block.codes) == 1:
             return block.codes

@@ -9,11 +9,6 @@ class Sequence:
     def __init__(self) -> None:
         self._last = 0
 
-    @property
-    def last(self) -> int:
-        """Return the number given last; 0 before the first."""
-        return self._last
-
     def take(self) -> int:
         """Return the next number."""
         self._last += 1

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from typing import assert_never
 
 from gateway.clock import Clock
-from gateway.families.gather import rows_in, rows_of_points
+from gateway.families.blocks import rows_of
+from gateway.families.gather import rows_of_points
 from gateway.families.identify import Identity, why_not
-from gateway.families.procedure import Read
 from gateway.families.schema import Profile, Variant
 from gateway.line.client import LineClient
 from gateway.line.job import Poll
@@ -31,6 +31,7 @@ from gateway.starters.status import SUMMARY_FLAGS, Status
 
 logger = logging.getLogger(__name__)
 
+SHORTEST_PAUSE_S = 0.001
 BUSY_STATES = frozenset({"starting", "stopping", "fault"})  # read faster while in one of these
 LASTING_REFUSALS = frozenset(  # the starter will say the same next time [APP 7]
     {
@@ -66,6 +67,7 @@ class StarterTelemetry:
         self._info: InfoRecord | None = None
         self._is_answering = False
         self._was_lost = False
+        self._never_answered = "not yet read"  # why, as last told
         self._state = UNKNOWN
         self._timer: asyncio.TimerHandle | None = None
         self._where = f"line={setup.line} unit={setup.address} starter={setup.name}"
@@ -103,13 +105,13 @@ class StarterTelemetry:
         """Publish what is known before the first answer; call once, on the app's loop."""
         self._publish_info()
         if self.setup.is_enabled:
-            self.publisher.availability("offline", reason="not yet read")
+            self.publisher.availability("offline", reason=self._never_answered)
         else:
             self.publisher.availability("disabled", reason="disabled in the configuration")
         self._publish()
 
     async def close(self) -> None:
-        """Do nothing more on its own."""
+        """Do nothing more on its own; call once nothing is handed to it any more."""
         await self._identification.close()
         if self._timer is not None:
             self._timer.cancel()
@@ -121,10 +123,8 @@ class StarterTelemetry:
             return
         match outcome:
             case Answered():
-                self._come_online()
                 self._polling.note_answer(key, at_s=outcome.at_s)
-                rows = rows_in(self.profile, Read(block.request, block.codes), outcome.value)
-                self.take_rows(rows, at_s=outcome.at_s)
+                self.take_rows(rows_of(self.profile, block, outcome.value), at_s=outcome.at_s)
             case Refused():
                 self._come_online()
                 self._take_refusal(key, outcome)
@@ -139,14 +139,20 @@ class StarterTelemetry:
             self._come_online()
         elif self._is_answering:
             self._go_offline(reason, frames)
+        elif not self._was_lost and reason != self._never_answered:
+            self._never_answered = reason
+            self.publisher.availability("offline", reason=reason)
 
     def take_rows(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
         """Take over rows that were just read, by a poll or for a command, and publish what they say."""
+        self.snapshot.keep_rows(rows, at_s=at_s)
+        if not self.setup.is_enabled:
+            return  # only a stop asks a disabled starter, and needs its rows
+        self._come_online()
         known = self.snapshot.rows_since(at_s - self._polling.patience_s)
         told, untold = self._sources.tell(self.variant, rows, known=known)
         if not self._status_codes.isdisjoint(rows):
             self._status.remember(self.snapshot, now_s=at_s)
-        self.snapshot.keep_rows(rows, at_s=at_s)
         self.snapshot.apply(told, at_s=at_s, time_s=self._clock.utc_s(at_s))
         self.snapshot.refuse(untold)
         self._publish(at_s)
@@ -156,7 +162,7 @@ class StarterTelemetry:
         if refusal.code in LASTING_REFUSALS:
             given_up = self._polling.note_refusal(key)
             self.snapshot.refuse(self._sources.fed_by(given_up))
-            if given_up:
+            if given_up and self._polling.block(key) is None:
                 logger.info("%s refuses %s (%s)", self._where, *given_up, exception_name(refusal.code))
         self._publish()
 
@@ -166,7 +172,6 @@ class StarterTelemetry:
         self._is_answering = True
         self.publisher.availability("online", reason=None)
         if self._was_lost:
-            logger.info("%s answers again", self._where)
             self.publisher.event("answers_again", Severity.INFO, "the starter answers again")
             self._polling.restore()
         self._identification.begin()
@@ -175,7 +180,6 @@ class StarterTelemetry:
         self._is_answering, self._was_lost = False, True
         self._identification.cancel()
         self._identity = Identity(reason="it has not been asked since it went silent")
-        logger.warning("%s went silent: %s; last frames: %s", self._where, reason, " | ".join(frames))
         self.publisher.availability("offline", reason=reason)
         data = {"reason": reason, "frames": list(frames)}
         self.publisher.event("went_silent", Severity.WARNING, f"the starter went silent: {reason}", data)
@@ -187,6 +191,8 @@ class StarterTelemetry:
         before = self._identity
         self._identity = identity
         if self.identity_standing is Standing.MATCHING:
+            if standing_of(self.setup, before) is not Standing.MATCHING:
+                self._polling.restore()  # another device may have refused what this one has
             self._take_variant(merged(self.setup.variant, identity))
             self._publish_info()
         elif self.identity_reason != why_not(self.profile, before):
@@ -196,6 +202,7 @@ class StarterTelemetry:
         if variant != self.variant:
             self.variant = variant
             self._polling.replan(variant)
+            self._polling.hasten()  # some rows mean something else now
 
     def _tell_held(self) -> None:
         """Say that commands are held, because someone else answers or because it is not known who does."""
@@ -232,5 +239,5 @@ class StarterTelemetry:
         """Publish again at `due_s`, by the one timer of this starter."""
         if self._timer is not None:
             self._timer.cancel()
-        pause_s = max(due_s - self._clock.now_s(), 0.0)
+        pause_s = max(due_s - self._clock.now_s(), SHORTEST_PAUSE_S)
         self._timer = asyncio.get_running_loop().call_later(pause_s, self._publish)

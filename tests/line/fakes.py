@@ -247,3 +247,10 @@ class Rig:
 
 def poll(key: str, unit: int = 1, every_s: float = 1.0, address: int = 0, count: int = 10) -> Poll:
     return Poll(key, unit, ReadHoldingRegisters(address, count), every_s, RESPONSE_TIME_S)
+
+
+async def until(is_true: Callable[[], bool]) -> None:
+    """Let the loop run until something has come about in a thread or in the kernel."""
+    async with asyncio.timeout(10.0):
+        while not is_true():  # noqa: ASYNC110 - neither of them sets an event
+            await asyncio.sleep(0)

@@ -317,6 +317,35 @@ def test_what_was_not_sent_for_noise_is_not_repeated_at_once() -> None:
     assert plan.pick(0.0) is None
 
 
+def test_a_poll_that_is_put_back_lets_others_pass_and_a_job_stays_the_first() -> None:
+    plan = begun(poll("a"), poll("b"))
+    first, second = job(), job()
+    turn = plan.pick(0.0)
+    assert turn is not None
+    plan.put_back(turn, 0.5)
+    plan.submit(first, 0.0)
+    plan.submit(second, 0.0)
+
+    taken_back = plan.pick(0.0)
+    assert taken_back is not None
+    plan.put_back(taken_back, 0.5)
+
+    turns = [take(plan, at_s) for at_s in (0.0, 0.0, 0.1, 0.1, 0.5)]
+    assert [turn.job for turn in turns[:2] if turn] == [first, second]
+    assert [key_of(turn) for turn in turns[2:]] == ["b", None, "a"]
+
+
+def test_a_removed_poll_that_is_put_back_stays_removed() -> None:
+    plan = begun(poll("a"))
+    turn = plan.pick(0.0)
+    assert turn is not None
+
+    plan.remove_poll("a")
+    plan.put_back(turn, 0.5)
+
+    assert plan.next_due_s() == inf
+
+
 def test_a_broadcast_says_nothing_of_any_unit() -> None:
     plan = begun()
     plan.submit(job(unit=0), 0.0)

@@ -57,3 +57,20 @@ def test_a_unit_can_be_handled_without_a_clock() -> None:
     unit.trip(5)
 
     assert unit.trips[0].at_s == 0.0
+
+
+@pytest.mark.parametrize(
+    ("family", "model", "current_a"),
+    [
+        ("ssw07", "SSW-07 45.0A", 45.0),
+        ("ssw07", "SSW-07", 85.0),
+        ("ssw06", "SSW-06 820 A", 820.0),
+        ("ssw06", "1100A", 1100.0),
+        ("ssw900", "SSW900", 105.0),
+        ("ssw900", "412", 412.0),
+    ],
+)
+def test_the_rated_current_is_taken_from_the_model_where_it_says_one(
+    family: str, model: str, current_a: float
+) -> None:
+    assert make_unit(family, 1, model=model).motor.data.rated_current_a == current_a

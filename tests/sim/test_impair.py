@@ -127,6 +127,15 @@ def test_a_babbling_unit_sends_bytes_that_nobody_asked_for() -> None:
     assert afterwards == b""
 
 
+def test_a_unit_that_was_ordered_to_babble_begins_once_a_master_is_there() -> None:
+    async def main() -> bytes:
+        line = make_line()
+        line.impair(1, Babbling(every_s=1.0))
+        return await receive(await line.opener()(), within_s=5.0)
+
+    assert run_virtually(main())
+
+
 def test_babbling_answers_rightly_in_between() -> None:
     assert replies(Babbling(every_s=100.0)) == [ANSWER]
 

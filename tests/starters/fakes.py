@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import functools
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from gateway.families.load import load_profile
-from gateway.families.schema import Variant
 from gateway.line.job import Lane, Poll
 from gateway.line.outcome import Answered, Outcome, Refused, Silent
 from gateway.modbus.identify import Identification, ReadDeviceIdentification
@@ -18,14 +16,7 @@ from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil, WriteCoils, WriteRegister, WriteRegisters
-from gateway.starters.commander import Commander
 from gateway.starters.records import EventRecord, Record, ResultRecord, StateRecord, ValueRecord
-from gateway.starters.request import CommandRequest
-from gateway.starters.rights import Operator, Rights
-from gateway.starters.sequence import Sequence
-from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry import StarterTelemetry
-from tests.virtual_time import VirtualClock, run_virtually
 
 R = TypeVar("R")
 
@@ -193,73 +184,6 @@ class FakeLineClient:
         return {}
 
 
-@dataclass
-class Rig:
-    """One starter of a family on a fake line, read by hand: `poll` is one turn of all its polls."""
-
-    family: str = "ssw07"
-    variant: Variant = field(default_factory=Variant)
-    every_s: float = 1.0
-    is_enabled: bool = True
-
-    def __post_init__(self) -> None:
-        self.clock = VirtualClock(asyncio.get_running_loop())
-        self.sink = RecordingSink()
-        self.sequence = Sequence()
-        self.unit = make_unit(self.family)
-        self.line = FakeLineClient(self.unit)
-        self.setup = StarterSetup(
-            name="pump-1",
-            line="pumps",
-            address=7,
-            profile=load_profile(self.family),
-            variant=self.variant,
-            every_s=self.every_s,
-            is_enabled=self.is_enabled,
-        )
-        self.telemetry = StarterTelemetry(
-            self.setup, line=self.line, sink=self.sink, clock=self.clock, sequence=self.sequence
-        )
-        for poll in self.telemetry.polls():
-            self.line.add_poll(poll)
-
-    async def online(self) -> Rig:
-        """Start, answer every poll once and be identified; then forget what was said."""
-        self.telemetry.start()
-        self.poll()
-        await asyncio.sleep(0.5)
-        self.poll()
-        self.sink.clear()
-        self.line.sent.clear()
-        return self
-
-    def poll(self, *keys: str) -> None:
-        """Let these polls (or all) have their turn now, in no time."""
-        for key in keys or tuple(self.line.polls):
-            outcome = self.line.outcome_of(self.line.polls[key].request, at_s=self.clock.now_s())
-            self.telemetry.on_poll(key, outcome)
-
-    async def poll_for(self, seconds: float) -> None:
-        """Let all polls have their turn again and again, as often as configured for the status."""
-        until_s = self.clock.now_s() + seconds
-        while self.clock.now_s() < until_s:
-            self.poll()
-            await asyncio.sleep(self.every_s)
-
-    def lose(self, reason: str = "no reply", frames: tuple[str, ...] = ()) -> None:
-        self.telemetry.on_unit(is_answering=False, reason=reason, frames=frames)
-
-
-def virtually(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
-    """Let an async test run to its end in virtual time."""
-
-    @functools.wraps(test)
-    def run(*args: Any, **kwargs: Any) -> None:
-        run_virtually(test(*args, **kwargs))
-
-    return run
-
-
 def make_unit(family: str) -> FakeUnit:
     """Return a unit of a family that is ready for a start, with a motor at rest."""
     unit = FakeUnit()
@@ -282,46 +206,3 @@ def make_unit(family: str) -> FakeUnit:
 
 def _run(request: ReadHoldingRegisters | ReadInputRegisters | ReadCoils) -> range:
     return range(request.address, request.address + request.count)
-
-
-@dataclass
-class CommandRig(Rig):
-    """The same with a commander; alice may do everything, victor only stop."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        rights = Rights([Operator("alice", ("*",), ("*",)), Operator("victor", ("stop",), ("*",))])
-        self.commander = Commander(
-            {self.setup.name: self.telemetry},
-            rights=rights,
-            sink=self.sink,
-            clock=self.clock,
-            sequence=self.sequence,
-        )
-        if self.family in ("ssw06", "ssw07"):
-            self.unit.on_write = self._obey
-
-    def submit(self, verb: str, id_: str | None = "1", **more: Any) -> None:
-        fields = {"starter": "pump-1", "client": "alice", "args": {}, **more}
-        self.commander.submit(CommandRequest(verb=verb, id=id_, received_s=self.clock.now_s(), **fields))
-
-    def starts(self) -> int:
-        """Return how many start frames went out."""
-        return sum(isinstance(w, WriteCoil) and w.address == RUN_COIL and w.is_on for w in self.line.writes)
-
-    def stops(self) -> list[Sent]:
-        """Return the stop frames that went out."""
-        return [
-            sent
-            for sent in self.line.sent
-            if isinstance(sent.request, WriteCoil)
-            and sent.request.address == RUN_COIL
-            and not sent.request.is_on
-        ]
-
-    def _obey(self, request: Request) -> None:
-        """Run at once and stop at once, as the coil says, or the masked word of the SSW-06."""
-        if isinstance(request, WriteCoil) and request.address == RUN_COIL:
-            self.unit.holding[VB01] = AT_SPEED if request.is_on else READY
-        if isinstance(request, WriteRegister) and request.address == VB03 and request.word & 0x0100:
-            self.unit.holding[VB01] = AT_SPEED if request.word & 0x0001 else READY

@@ -15,7 +15,7 @@ from gateway.modbus.identify import ReadDeviceIdentification
 from gateway.modbus.pdu import Request
 from gateway.starters.identification import Identification, Standing
 from gateway.starters.records import EventRecord
-from tests.starters.fakes import Rig, virtually
+from tests.starters.rig import Rig, virtually
 
 
 def asked(rig: Rig) -> list[float]:

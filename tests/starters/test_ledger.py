@@ -82,3 +82,11 @@ def test_ten_thousand_commands_are_remembered() -> None:
     assert len(ledger) == 10_000
     assert ledger.find("alice", "0") is None
     assert ledger.find("alice", "1") is not None
+
+
+def test_everything_may_be_forgotten_at_once() -> None:
+    ledger = Ledger(most_entries=0)
+
+    ledger.store(result("1"), now_s=0.0)
+
+    assert len(ledger) == 0

@@ -14,6 +14,7 @@ import pytest
 from gateway.families.load import FAMILIES, load_profile
 from gateway.families.schema import Variant
 from gateway.line.client import LocalLineClient
+from gateway.line.outcome import Outcome
 from gateway.line.scheduler import Scheduler
 from gateway.modbus.adu import decode
 from gateway.modbus.timing import Framing, LineTiming
@@ -22,7 +23,6 @@ from gateway.sim.impair import Noisy, Reply
 from gateway.sim.line import SimulatedLine
 from gateway.sim.unit import Unit
 from gateway.starters.commander import Commander
-from gateway.starters.dispatch import LineDispatch
 from gateway.starters.polling import polls_of
 from gateway.starters.records import (
     AlarmRecord,
@@ -39,7 +39,8 @@ from gateway.starters.rights import Operator, Rights
 from gateway.starters.sequence import Sequence
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry import StarterTelemetry
-from tests.starters.fakes import RecordingSink, virtually
+from tests.starters.fakes import RecordingSink
+from tests.starters.rig import virtually
 from tests.virtual_time import VirtualClock
 
 TIMING = LineTiming(19200, Framing.parse("8N2"))
@@ -61,6 +62,23 @@ class Site:
         self.commander.submit(CommandRequest(starter, "alice", verb, id_, args))
 
 
+class Router:
+    """A LineListener of one line."""
+
+    def __init__(self) -> None:
+        self.starters: dict[int, StarterTelemetry] = {}
+
+    def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
+        self.starters[unit].on_poll(key, outcome)
+
+    def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:
+        self.starters[unit].on_unit(is_answering=is_answering, reason=reason, frames=frames)
+
+    def on_port(self, line: str, is_open: bool, reason: str) -> None:
+        for starter in () if is_open else self.starters.values():
+            starter.on_unit(is_answering=False, reason=reason)
+
+
 @asynccontextmanager
 async def site() -> AsyncIterator[Site]:
     """Run four starters, one of each family, named after it; all online and identified."""
@@ -71,9 +89,9 @@ async def site() -> AsyncIterator[Site]:
         StarterSetup(family, "pumps", address, load_profile(family), Variant())
         for address, family in enumerate(FAMILIES, 1)
     ]
-    dispatch = LineDispatch(sink=sink, clock=clock, sequence=sequence)
+    router = Router()
     polls = [poll for setup in setups for poll in polls_of(setup)]
-    scheduler = Scheduler(name="pumps", opener=bus.opener(), timing=TIMING, polls=polls, listener=dispatch)
+    scheduler = Scheduler(name="pumps", opener=bus.opener(), timing=TIMING, polls=polls, listener=router)
     line = LocalLineClient(scheduler)
     telemetries = {
         setup.name: StarterTelemetry(setup, line=line, sink=sink, clock=clock, sequence=sequence)
@@ -82,10 +100,10 @@ async def site() -> AsyncIterator[Site]:
     rights = Rights([Operator("alice", ("*",), ("*",))])
     commander = Commander(telemetries, rights=rights, sink=sink, clock=clock, sequence=sequence)
     for telemetry in telemetries.values():
-        dispatch.add(telemetry)
+        router.starters[telemetry.setup.address] = telemetry
         telemetry.start()
     task = asyncio.create_task(scheduler.run())
-    await asyncio.sleep(15.0)
+    await asyncio.sleep(3.0)
     sink.clear()
     yield Site(bus, commander, telemetries, sink)
     await commander.close()
@@ -112,7 +130,7 @@ async def test_a_motor_is_started_and_stopped_by_one_start_frame(family: str) ->
         here.submit(family, "start", "1")
         await asyncio.sleep(30.0)
         here.submit(family, "stop", "2")
-        await asyncio.sleep(60.0)
+        await asyncio.sleep(30.0)
 
         assert here.sink.phases("1") == [("accepted", "ok"), ("written", "ok"), ("confirmed", "ok")]
         assert here.sink.phases("2") == [("accepted", "ok"), ("written", "ok"), ("confirmed", "ok")]
@@ -210,7 +228,7 @@ async def test_a_fault_is_told_and_can_be_reset_without_starting_the_motor(famil
         await asyncio.sleep(30.0)
 
         assert fault.data["from"] == "running"
-        assert fault.data["before"][-1]["values"]["current"] > 0
+        assert max(moment["values"]["current"] for moment in fault.data["before"]) > 0
         assert True in active.values()
         assert here.sink.final("2").phase is Phase.CONFIRMED
         assert {a.code: a.is_active for a in here.sink.of(AlarmRecord)} == dict.fromkeys(active, False)
@@ -245,7 +263,7 @@ async def test_a_noisy_line_never_makes_a_start_go_out_twice_or_a_false_state() 
     async with site() as here:
         here.bus.noise = Noisy(0.002)
 
-        for round_ in range(20):
+        for round_ in range(8):  # more would trip the overload
             here.submit("ssw07", "start", f"start {round_}")
             await asyncio.sleep(8.0)
             here.submit("ssw07", "stop", f"stop {round_}")
@@ -257,7 +275,7 @@ async def test_a_noisy_line_never_makes_a_start_go_out_twice_or_a_false_state() 
         ]
         assert len(unit.start_frames) <= len(accepted)
         finals = [r.id for r in here.sink.of(ResultRecord) if r.phase.is_final]
-        assert len(finals) == len(set(finals)) == 40
+        assert len(finals) == len(set(finals)) == 16
         assert {r.state for r in here.sink.of(StateRecord) if r.starter == "ssw07"} <= {
             "ready",
             "starting",

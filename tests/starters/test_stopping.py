@@ -11,22 +11,12 @@ import pytest
 from gateway.families.load import FAMILIES
 from gateway.line.job import Lane
 from gateway.line.outcome import Refused, Silent
-from gateway.modbus.reads import ReadHoldingRegisters
-from gateway.modbus.writes import WriteCoil, WriteRegister
+from gateway.modbus.writes import WriteCoil
 from gateway.starters import wire
 from gateway.starters.records import EventRecord, Phase, ResultRecord, Severity
-from tests.starters.fakes import AT_SPEED, READY, VB01, CommandRig, virtually
-from tests.starters.test_conduct import ACCEPTED, CONFIRMED, WRITTEN, broken, ignore
-
-
-async def running(family: str = "ssw07") -> CommandRig:
-    rig = CommandRig(family)
-    await rig.online()
-    if family in ("ssw06", "ssw07"):
-        rig.unit.holding[VB01] = AT_SPEED
-        rig.poll()
-        rig.sink.clear()
-    return rig
+from tests.starters.fakes import AT_SPEED, READY, VB01
+from tests.starters.rig import CommandRig, virtually
+from tests.starters.rules import ACCEPTED, CONFIRMED, WRITTEN, broken, ignore, running
 
 
 @virtually
@@ -244,144 +234,6 @@ async def test_a_stop_with_an_id_that_was_used_for_something_else_still_stops() 
 
 
 @virtually
-async def test_a_stop_cancels_a_start_that_has_not_been_written() -> None:
-    rig = CommandRig()
-    await rig.online()
-    rig.submit("start", "1")
-
-    rig.submit("stop", "2")
-    await asyncio.sleep(5.0)
-
-    assert rig.sink.phases("1") == [ACCEPTED, ("rejected", "stopped_first")]
-    assert rig.sink.phases("2") == [ACCEPTED, WRITTEN, CONFIRMED]
-    assert rig.starts() == 0
-
-
-@virtually
-async def test_a_stop_cancels_a_start_while_its_status_is_being_read() -> None:
-    rig = CommandRig()
-    await rig.online()
-    rig.submit("start", "1")
-    await asyncio.sleep(0.01)
-
-    rig.submit("stop", "2")
-    await asyncio.sleep(5.0)
-
-    assert rig.sink.phases("1") == [ACCEPTED, ("rejected", "stopped_first")]
-    assert rig.starts() == 0
-
-
-@virtually
-async def test_a_start_waiting_for_the_line_is_withdrawn_by_a_stop() -> None:
-    rig = CommandRig()
-    await rig.online()
-    rig.submit("start", "1")
-    await asyncio.sleep(0.019)
-    occupied = asyncio.create_task(occupy(rig))  # next on the line, before the start's write
-
-    await asyncio.sleep(0.01)
-    rig.submit("stop", "2")
-    await asyncio.sleep(5.0)
-    await occupied
-
-    assert rig.starts() == 0
-    assert rig.sink.final("1").code == "stopped_first"
-    assert rig.sink.final("2").phase is Phase.CONFIRMED
-
-
-@virtually
-async def test_a_start_that_is_being_read_back_ends_unconfirmed_when_a_stop_comes() -> None:
-    rig = CommandRig()
-    await rig.online()
-    rig.submit("start", "1")
-    await asyncio.sleep(0.07)
-
-    rig.submit("stop", "2")
-    await asyncio.sleep(5.0)
-
-    assert rig.sink.phases("1") == [ACCEPTED, WRITTEN, ("unconfirmed", "stopped_first")]
-    assert rig.sink.phases("2") == [ACCEPTED, WRITTEN, CONFIRMED]
-    assert rig.starts() == 1
-    assert rig.unit.holding[VB01] == READY
-
-
-@pytest.mark.parametrize("start_age_s", [0.001 * step for step in range(0, 120, 7)])
-@virtually
-async def test_no_start_ever_goes_out_after_the_stop_that_overtook_it(start_age_s: float) -> None:
-    rig = CommandRig()
-    await rig.online()
-    rig.submit("start", "1")
-    await asyncio.sleep(start_age_s)
-
-    rig.submit("stop", "2")
-    await asyncio.sleep(5.0)
-
-    first_stop_s = rig.stops()[0].at_s
-    late = [
-        sent for sent in rig.line.sent if sent.request == WriteCoil(100, True) and sent.at_s > first_stop_s
-    ]
-    assert late == []
-    assert rig.sink.final("1").code == "stopped_first"
-    assert rig.unit.holding[VB01] == READY
-
-
-@virtually
-async def test_a_stop_takes_an_sst_out_of_its_configuration_mode_again() -> None:
-    rig = CommandRig("sst")
-    await rig.online()
-    rig.submit("configure", "1")
-    await asyncio.sleep(0.1)
-    assert WriteCoil(1, True) in rig.line.writes
-
-    rig.submit("stop", "2")
-    await asyncio.sleep(5.0)
-
-    assert rig.sink.final("1").code == "stopped_first"
-    assert rig.unit.coils[1] is False
-
-
-@virtually
-async def test_an_ssw900_is_stopped_by_its_last_command_word_without_the_run_bit() -> None:
-    rig = CommandRig("ssw900")
-    rig.unit.holding |= {685: 0x0013, 680: 0x0123}
-    await rig.online()
-
-    rig.submit("stop", None)
-    await asyncio.sleep(0.05)
-
-    writes = [request for request in rig.line.writes if isinstance(request, WriteRegister)]
-    assert {(request.address, request.word) for request in writes} <= {(685, 0x0012), (686, 0x0012)}
-    assert writes
-
-
-@virtually
-async def test_closing_ends_a_stop_under_way_without_writing_again() -> None:
-    rig = await running()
-    rig.unit.on_write = ignore
-    rig.submit("stop", "1")
-    await asyncio.sleep(0.3)
-    written = len(rig.line.writes)
-
-    await rig.commander.close()
-    await asyncio.sleep(5.0)
-
-    assert rig.sink.final("1").phase is Phase.UNCONFIRMED
-    assert rig.sink.final("1").code == "shutting_down"
-    assert len(rig.line.writes) == written
-
-
-@virtually
-async def test_closing_during_a_stops_first_write_leaves_it_unconfirmed() -> None:
-    rig = await running()
-    rig.submit("stop", "1")
-    await asyncio.sleep(0.01)
-
-    await rig.commander.close()
-
-    assert rig.sink.final("1").phase is Phase.UNCONFIRMED
-
-
-@virtually
 async def test_an_error_inside_a_stop_is_told_and_calls_a_person(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -395,8 +247,3 @@ async def test_an_error_inside_a_stop_is_told_and_calls_a_person(
     assert rig.sink.phases() == [ACCEPTED, WRITTEN, ("unconfirmed", "internal")]
     assert "stop_unconfirmed" in rig.sink.events()
     assert len(rig.stops()) == 1
-
-
-async def occupy(rig: CommandRig) -> None:
-    request = ReadHoldingRegisters(VB01, 1)
-    await rig.line.transact(7, request, response_time_s=0.1, lane=Lane.COMMAND)

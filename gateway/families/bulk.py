@@ -1,0 +1,86 @@
+"""Reading many rows of a starter: which rows there are to read, in as few requests as it takes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from gateway.families.gather import reads_for
+from gateway.families.parameters import raw_row, read_run
+from gateway.families.procedure import Read
+from gateway.families.schema import Access, Confidence, Parameter, Profile, Table
+
+_SURE = (Confidence.MANUAL, Confidence.REPAIRED)
+_SPANNED = 16  # registers that are no parameter, rather than a second request: both take some 20 ms at 19200
+_SETTING_LETTERS = ("P", "C", "R")  # Pnnn, Cn.n, Rn; COILn is none, VBnn and S5.3 are outputs
+_MAPS = "C8.1."  # SSW900: which parameters stand in the indirect registers, which the gateway may set itself
+_CHANGING = ("C6.3.", "C11.")  # SSW900: the clock, and what the SoftPLC writes
+
+
+def readable_codes(profile: Profile, *, with_unnamed: bool = False) -> tuple[str, ...]:
+    """Return every row that can be read; `with_unnamed` adds P000 to P999 where those are raw words."""
+    codes = [row.code for row in profile.parameters.values() if row.access is not Access.NONE]
+    if with_unnamed and profile.raw_range is not None:
+        first, last = profile.raw_range
+        named = {row.address for row in profile.parameters.values() if row.table is Table.HOLDING}
+        rows = (raw_row(profile, address) for address in range(first, last + 1) if address not in named)
+        codes += [row.code for row in rows if row is not None]
+    return tuple(codes)
+
+
+def is_setting(row: Parameter) -> bool:
+    """Return whether a row is a parameter that people set, neither a reading nor an output."""
+    letter = row.code[:1] if row.table is not Table.COIL else ""
+    return row.access is Access.RW and letter in _SETTING_LETTERS
+
+
+def is_set_by_people(row: Parameter) -> bool:
+    """Return whether a row changes only when somebody sets it: not by itself, and not by the gateway's care."""
+    return is_setting(row) and not row.code.startswith((_MAPS, *_CHANGING))
+
+
+def bulk_reads(profile: Profile, codes: Iterable[str], *, longest: int | None = None) -> tuple[Read, ...]:
+    """Return few requests for these rows, of at most `longest` registers each.
+
+    A row that the manual does not vouch for has a request of its own where unknown registers read 0 in a
+    longer one (ssw900 7.3): a 0 would say nothing.
+    """
+    rows = {code: profile.parameters.get(code) for code in codes}
+    limits = profile.limits
+    reads_zero = limits.max_gap > 0
+    sure = [code for code, row in rows.items() if row is not None and row.confidence in _SURE]
+    unsure = [code for code, row in rows.items() if row is not None and row.confidence not in _SURE]
+    unnamed = [code for code, row in rows.items() if row is None]
+    wide = limits.model_copy(
+        update={
+            "max_gap": _SPANNED if reads_zero else 0,
+            "read_registers": min(limits.read_registers, longest or limits.read_registers),
+        }
+    )
+    bulk = profile.model_copy(update={"limits": wide})
+    found = [*reads_for(bulk, sure)]
+    for group in [[code] for code in unsure] if reads_zero else [unsure]:
+        found += reads_for(bulk, group)
+    return (*found, *(_unnamed(profile, code) for code in unnamed))
+
+
+def halves(profile: Profile, read: Read) -> tuple[Read, ...]:
+    """Return two requests for a read of several rows that was refused; none for a single row."""
+    if len(read.codes) < 2:
+        return ()
+    rows = sorted((profile.parameters[code] for code in read.codes), key=lambda row: row.address)
+    middle = len(rows) // 2
+    while middle < len(rows) - 1 and rows[middle].address == rows[middle - 1].address:
+        middle += 1  # names of one register stay together
+    return tuple(_run(part) for part in (rows[:middle], rows[middle:]))
+
+
+def _unnamed(profile: Profile, code: str) -> Read:
+    row = raw_row(profile, int(code[1:]))
+    assert row is not None  # noqa: S101 - only `readable_codes` makes them
+    return _run([row])
+
+
+def _run(rows: list[Parameter]) -> Read:
+    start = rows[0].address
+    end = max(row.address + row.words for row in rows)
+    return Read(read_run(rows[0].table, start, end - start), tuple(row.code for row in rows))

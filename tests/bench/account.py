@@ -1,0 +1,128 @@
+"""What the judge saw, reckoned: efficiency, broken silences, shares of the line's time. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import groupby, pairwise
+from math import ceil
+from typing import NamedTuple
+
+from gateway.modbus.timing import LineTiming
+
+TOO_SOON_S = 0.00005  # a request may start so much before the silence is over: clocks and wake-ups
+
+
+class Seen(NamedTuple):
+    """One request on a line, and its reply if there was one; times on the clock that all processes share."""
+
+    line: int
+    start_s: float  # first byte of the request on the wire
+    unit: int
+    function: int
+    request_size: int  # bytes
+    reply_size: int  # bytes; 0 when there was no reply
+    end_s: float  # last byte of the reply, or of the request when there was no reply
+    gap_s: float  # silence before the request; negative when it cut into another frame
+    late_s: float  # by so much the judge missed the reply's due time
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """What the line allows at best."""
+
+    timing: LineTiming
+    delay_s: float  # from the request's last byte to the reply's first
+
+    def ideal_s(self, seen: Seen) -> float:
+        """Return request, delay, reply and one silence."""
+        wire_s = self.timing.wire_s(seen.request_size + seen.reply_size)
+        return wire_s + self.delay_s + self.timing.silence_s
+
+    def is_too_soon(self, seen: Seen) -> bool:
+        """Return whether a request broke the silence."""
+        return seen.gap_s < self.timing.silence_s - TOO_SOON_S
+
+
+@dataclass(frozen=True, slots=True)
+class Account:
+    """A line's time in one run."""
+
+    answered: int
+    efficiency: float  # of answered polls: ideal / time until the next request, the median
+    efficiency_low: float  # the same, the tenth of all that is worst
+    whole: float  # sum of the answered polls' ideal times / all time
+    silent_share: float  # of all time that went to requests nobody answered
+    too_soon: int
+    idle_s: float  # median silence beyond the one that must be
+    requests: int
+
+
+def account(seen: Sequence[Seen], law: Law) -> Account:
+    """Reckon one run; requests of several lines may be mixed."""
+    pairs = list(_neighbours(seen))
+    answered = [(each, following) for each, following in pairs if each.reply_size]
+    ratios = [law.ideal_s(each) / _period_s(each, following) for each, following in answered]
+    total_s = sum(_period_s(*pair) for pair in pairs)
+    silent_s = sum(_period_s(*pair) for pair in pairs if not pair[0].reply_size)
+    return Account(
+        answered=len(answered),
+        efficiency=quantile(ratios, 0.5),
+        efficiency_low=quantile(ratios, 0.1),
+        whole=sum(law.ideal_s(each) for each, _ in answered) / total_s if total_s else 0.0,
+        silent_share=silent_s / total_s if total_s else 0.0,
+        too_soon=sum(law.is_too_soon(each) for each in seen),
+        idle_s=quantile([following.gap_s - law.timing.silence_s for _, following in answered], 0.5),
+        requests=len(seen),
+    )
+
+
+def between(seen: Iterable[Seen], from_s: float, to_s: float) -> list[Seen]:
+    """Return what started in a span of time."""
+    return [each for each in seen if from_s <= each.start_s < to_s]
+
+
+def sweeps_s(seen: Iterable[Seen]) -> list[float]:
+    """Return the times between two requests to the same unit of the same line."""
+    starts_s: dict[tuple[int, int], list[float]] = {}
+    for each in seen:
+        starts_s.setdefault((each.line, each.unit), []).append(each.start_s)
+    return [later_s - sooner_s for times_s in starts_s.values() for sooner_s, later_s in pairwise(times_s)]
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """One stop: how long it waited, and how much of that the line did not ask for."""
+
+    latency_s: float  # from its submission to its first byte on the wire
+    excess_s: float  # beyond the end of the transaction under way and its silence
+    under_way_s: float  # the length of that transaction, silence included
+
+
+def stops(seen: Sequence[Seen], submitted: Iterable[tuple[float, int]], law: Law) -> list[Stop]:
+    """Match submitted stops (time, unit) of one line with the first write to that unit afterwards."""
+    found: list[Stop] = []
+    for at_s, unit in submitted:
+        before = [each for each in seen if each.start_s <= at_s]
+        after = [each for each in seen if each.start_s > at_s and each.unit == unit and each.function in (5, 6, 15, 16)]
+        if not before or not after:
+            continue
+        free_s = max(at_s, before[-1].end_s + law.timing.silence_s)
+        under_way_s = before[-1].end_s + law.timing.silence_s - before[-1].start_s
+        found.append(Stop(after[0].start_s - at_s, after[0].start_s - free_s, under_way_s))
+    return found
+
+
+def quantile(values: Iterable[float], share: float) -> float:
+    """Return the smallest value that at least this share does not exceed; NaN of nothing."""
+    ordered = sorted(values)
+    return ordered[max(ceil(share * len(ordered)) - 1, 0)] if ordered else float("nan")
+
+
+def _neighbours(seen: Sequence[Seen]) -> Iterator[tuple[Seen, Seen]]:
+    for _, one_line in groupby(sorted(seen), key=lambda each: each.line):
+        yield from pairwise(one_line)
+
+
+def _period_s(each: Seen, following: Seen) -> float:
+    return following.start_s - each.start_s

@@ -1,0 +1,118 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from gateway.cli import main
+from tests.config.sites import SITE, changed
+
+EXAMPLES = sorted((Path(__file__).parents[2] / "config").glob("*.toml"))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "site.toml").write_text(SITE, "utf-8")
+    return tmp_path
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.name)
+def test_every_example_site_is_right(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(path)]) == 0
+
+    assert f"{path}: valid, " in capsys.readouterr().out
+
+
+def test_the_budget_of_every_line_is_printed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(folder / "site.toml")]) == 0
+
+    out = capsys.readouterr().out
+    assert "valid, 2 starters on 1 line, 1 operator\n" in out
+    assert "line pumps: /dev/rs485-pumps, 19200 8E1\n" in out
+    assert "load " in out
+    assert "a stop waits at most " in out
+    assert "not stated, must be above " in out
+    assert "warning" not in out
+
+
+def test_json_has_the_same_figures(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(folder / "site.toml"), "--json"]) == 0
+
+    shown = json.loads(capsys.readouterr().out)
+    (line,) = shown["lines"]
+    assert shown["is_valid"] is True
+    assert shown["warnings"] == []
+    assert 0.0 < line["load"] < 1.0
+    assert line["sweep_s"] > 0.0
+    assert line["stop_latency_s"] > 0.0
+    assert set(line["starters"][0]["age_s"]) == {"status", "values", "slow"}
+    assert line["starters"][0]["watchdog_margin_s"] is None
+
+
+def test_json_has_the_problems_of_a_wrong_configuration(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "site.toml").write_text(changed(("address = 2", "address = 1")), "utf-8")
+
+    assert main(["check", "--json", str(folder / "site.toml")]) == 78
+
+    captured = capsys.readouterr()
+    shown = json.loads(captured.out)
+    assert shown["is_valid"] is False
+    assert shown["problems"] == [
+        {
+            "line": 20,
+            "key": "line[0].starter[1].address",
+            "what": "1 is also line[0].starter[0].address",
+            "mend": "each starter on a line needs its own address",
+        }
+    ]
+    assert captured.err.startswith("starter-gateway: ")
+
+
+@pytest.mark.parametrize(
+    ("changes", "warning"),
+    [
+        (
+            [("address = 1\n", "address = 1\nevery_s = 0.02\n")],
+            "line pumps: asked for ",
+        ),
+        (
+            [("every_s = 2.0", "watchdog_s = 2.5")],
+            "starter pump-2: its watchdog of 2.5 s has ",
+        ),
+        ([("/dev/rs485-pumps", "/dev/ttyUSB0")], "line pumps: /dev/ttyUSB0 may be another adapter tomorrow"),
+        ([("[mqtt]", '[mqtt]\nca_file = "plant-ca.pem"')], "plant-ca.pem is not there"),
+        (
+            [("mqtts://broker.plant:8883", "mqtt://broker"), ("[mqtt]", "[mqtt]\nallow_plaintext = true")],
+            "mqtt.url: passwords and commands cross the network unencrypted",
+        ),
+    ],
+)
+def test_what_is_right_but_unwise_is_a_warning(
+    folder: Path, changes: list[tuple[str, str]], warning: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "site.toml").write_text(changed(*changes), "utf-8")
+
+    assert main(["check", str(folder / "site.toml")]) == 0
+
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("warning: ")]
+    assert warning in line
+
+
+def test_a_watchdog_that_is_off_and_a_disabled_line_are_shown(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    changes = [("address = 1\n", "address = 1\nwatchdog_s = 0\n"), ("every_s = 2.0", "enabled = false")]
+    (folder / "site.toml").write_text(changed(*changes), "utf-8")
+    main(["check", str(folder / "site.toml")])
+    off = capsys.readouterr().out
+
+    (folder / "site.toml").write_text(changed(("1\n", "1\nenabled = false\n"), changes[1]), "utf-8")
+    main(["check", str(folder / "site.toml")])
+    disabled = capsys.readouterr().out
+
+    assert " off\n" in off
+    assert "load 0%" in disabled
+    assert "starter  " not in disabled

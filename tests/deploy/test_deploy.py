@@ -1,0 +1,95 @@
+"""What we ship for an installation fits together and is accepted by the programs that read it."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import StartMosquitto
+from tests.mosquitto import Certificate
+
+TOP = Path(__file__).parents[2]
+DEPLOY = TOP / "deploy"
+SERVICE = DEPLOY / "starter-gateway.service"
+
+needs_systemd = pytest.mark.skipif(
+    shutil.which("systemd-analyze") is None, reason="systemd-analyze is not here"
+)
+
+
+@needs_systemd
+def test_systemd_finds_nothing_wrong_with_the_unit_but_that_we_are_not_installed() -> None:
+    done = subprocess.run(["systemd-analyze", "verify", SERVICE], capture_output=True, text=True, check=False)
+
+    complaints = [
+        line for line in (done.stdout + done.stderr).splitlines() if "is not executable" not in line
+    ]
+    assert complaints == []
+
+
+@needs_systemd
+def test_the_service_exposes_little() -> None:
+    command = ["systemd-analyze", "security", "--offline=true", "--threshold=15", SERVICE]
+
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+
+    assert done.returncode == 0, done.stdout
+
+
+def test_the_service_is_not_restarted_with_a_wrong_configuration() -> None:
+    unit = SERVICE.read_text("utf-8")
+
+    assert "\nRestart=always\n" in unit
+    assert "\nRestartPreventExitStatus=78\n" in unit
+
+
+def test_the_watchdog_is_longer_than_the_gateways_own_pace() -> None:
+    (limit_s,) = re.findall(r"^WatchdogSec=(\d+)s$", SERVICE.read_text("utf-8"), re.MULTILINE)
+
+    assert int(limit_s) / 2 >= 5  # fed twice within it; a transaction of the slowest line takes less
+
+
+@pytest.mark.mosquitto
+def test_mosquitto_takes_our_options(start_mosquitto: StartMosquitto, tmp_path: Path) -> None:
+    certificate = Certificate.make(tmp_path)
+    lines = (DEPLOY / "mosquitto" / "mosquitto.conf").read_text("utf-8").splitlines()
+    of_the_place = (
+        "listener",
+        "cafile",
+        "certfile",
+        "keyfile",
+        "allow_anonymous",
+        "password_file",
+        "acl_file",
+    )
+    options = [line for line in lines if line and not line.startswith(("#", *of_the_place))]
+
+    broker = start_mosquitto(users={"mcc1": "x"}, tls=certificate, options=options)
+
+    assert len(options) == 3
+    assert broker.url.startswith("mqtts://")
+
+
+def test_the_install_note_names_only_files_that_exist() -> None:
+    note = (DEPLOY / "INSTALL.md").read_text("utf-8")
+
+    named = re.findall(r"\b((?:deploy|config)/[\w./-]+\w)", note)
+    assert len(named) > 4
+    assert [name for name in named if not (TOP / name).exists()] == []
+
+
+def test_the_adapters_that_the_example_names_are_named_by_the_udev_rules() -> None:
+    rules = (DEPLOY / "udev" / "99-starter-gateway.rules").read_text("utf-8")
+    ports = re.findall(r'port = "/dev/(rs485-[\w-]+)"', (TOP / "config" / "plant.toml").read_text("utf-8"))
+
+    assert ports
+    assert [port for port in ports if f'SYMLINK+="{port}"' not in rules] == []
+
+
+def test_the_script_that_gets_mosquitto_is_a_right_shell_script() -> None:
+    for script in (DEPLOY / "get-mosquitto.sh", TOP / ".ci" / "run"):
+        subprocess.run(["bash", "-n", script], check=True)

@@ -1,0 +1,219 @@
+"""The lines' thread; real threads and a real clock, but no waiting longer than a few transactions."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import sys
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from gateway.line import host as host_module
+from gateway.line.client import LineClient
+from gateway.line.host import SWITCH_INTERVAL_S, LineHost
+from gateway.line.job import Lane
+from gateway.line.outcome import Answered, Outcome, Silent
+from gateway.modbus.reads import ReadHoldingRegisters
+from tests.line.fakes import RESPONSE_TIME_S, TIMING, FakeOpener, FakePort, Listener, Units, poll, until
+
+READ = ReadHoldingRegisters(100, 2)
+NO_PORT = Silent("port closed", is_sent=False)
+LONG_S = 10.0
+
+
+@pytest.fixture(autouse=True)
+def _switch_interval() -> Iterator[None]:
+    before_s = sys.getswitchinterval()
+    yield
+    sys.setswitchinterval(before_s)
+
+
+class WaitingListener(Listener):
+    """A Listener that tells when something was told, and on which thread."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.news: asyncio.Queue[str] = asyncio.Queue()
+        self.order: list[str] = []
+
+    def _note(self, text: str) -> None:
+        assert threading.current_thread() is threading.main_thread()
+        self.order.append(text)
+        self.news.put_nowait(text)
+
+    def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
+        self._note(f"{line} poll {key}")
+
+    def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:
+        self._note(f"{line} unit {unit}")
+
+    def on_port(self, line: str, is_open: bool, reason: str) -> None:
+        self._note(f"{line} port {is_open}")
+
+    async def hear(self, text: str) -> None:
+        async with asyncio.timeout(LONG_S):
+            while await self.news.get() != text:
+                pass
+
+
+class BrokenOpener(FakeOpener):
+    """An opener with a bug."""
+
+    def __init__(self) -> None:
+        super().__init__(lambda: FakePort(Units({1})))
+        self.has_bug = True
+
+    async def __call__(self) -> FakePort:
+        if self.has_bug:
+            raise RuntimeError("bug")
+        return await super().__call__()
+
+
+def fake_opener() -> FakeOpener:
+    return FakeOpener(lambda: FakePort(Units({1})))
+
+
+def add(host: LineHost, opener: FakeOpener, name: str = "pumps", every_s: float = 10.0) -> LineClient:
+    return host.add_line(name=name, opener=opener, timing=TIMING, polls=[poll("a", every_s=every_s)])
+
+
+async def ask(line: LineClient) -> Outcome:
+    return await line.transact(1, READ, response_time_s=RESPONSE_TIME_S, lane=Lane.COMMAND)
+
+
+async def test_the_app_transacts_on_lines_that_run_in_a_thread_of_their_own() -> None:
+    listener = WaitingListener()
+    host = LineHost(listener)
+    line = add(host, opener := fake_opener())
+    assert await ask(line) == NO_PORT
+
+    await host.start()
+    await listener.hear("pumps poll a")
+    outcomes = await asyncio.gather(*(ask(line) for _ in range(5)))
+    await host.stop()
+
+    assert all(isinstance(outcome, Answered) and outcome.value == (100, 101) for outcome in outcomes)
+    assert listener.order == ["pumps port True", "pumps unit 1", "pumps poll a"]
+    assert opener.ports[0].is_closed
+    assert sys.getswitchinterval() == pytest.approx(SWITCH_INTERVAL_S)
+    assert "lines" not in [thread.name for thread in threading.enumerate()]
+    assert await ask(line) == NO_PORT
+    await host.stop()  # once more does no harm
+
+
+async def test_a_line_with_a_bug_is_started_again_and_the_others_go_on(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(host_module, "RESTART_PAUSE_S", 0.01)
+    monkeypatch.setattr(host_module, "FIGURES_EVERY_S", 0.01)
+    listener = WaitingListener()
+    host = LineHost(listener)
+    broken = add(host, opener := BrokenOpener(), "broken")
+    sound = add(host, fake_opener(), "sound", every_s=0.0)
+
+    await host.start()
+    await listener.hear("sound poll a")
+    assert await ask(broken) == NO_PORT
+    assert isinstance(await ask(sound), Answered)
+    opener.has_bug = False
+    await listener.hear("broken poll a")
+    while broken.figures()["polls"] == 0:
+        await listener.hear("sound poll a")
+    progress = host.progress()
+    await host.stop()
+
+    assert broken.figures()["crashes"] >= 1
+    assert sound.figures()["crashes"] == 0
+    assert sound.figures()["answered"] > 1
+    assert set(progress) == {"broken", "sound"}
+    assert all(progress.values())
+    crash = next(record for record in caplog.records if "line=broken crashed" in record.getMessage())
+    assert crash.levelno == logging.ERROR
+    assert crash.exc_info is not None
+
+
+async def test_stopping_lets_the_transaction_under_way_end_and_ends_the_waiting_ones() -> None:
+    listener = WaitingListener()
+    host = LineHost(listener)
+    line = host.add_line(name="pumps", opener=(opener := fake_opener()), timing=TIMING, polls=[])
+    await host.start()
+    await listener.hear("pumps port True")
+
+    asked = [asyncio.create_task(ask(line)) for _ in range(3)]
+    await asyncio.sleep(0)
+    await until(lambda: bool(opener.ports[0].sent))
+    await host.stop()
+    async with asyncio.timeout(LONG_S):
+        outcomes = await asyncio.gather(*asked)
+
+    assert isinstance(outcomes[0], Answered)
+    assert outcomes[-1] == NO_PORT
+
+
+async def test_a_transaction_given_up_by_the_app_is_withdrawn() -> None:
+    listener = WaitingListener()
+    host = LineHost(listener)
+    opener = FakeOpener(lambda: FakePort(Units(set())))
+    line = host.add_line(name="pumps", opener=opener, timing=TIMING, polls=[])
+    await host.start()
+    await listener.hear("pumps port True")
+
+    asked = [asyncio.create_task(ask(line)) for _ in range(5)]
+    await asyncio.sleep(0)
+    for task in asked:
+        task.cancel()
+    await asyncio.wait(asked)
+    last = await ask(line)
+    await host.stop()
+
+    assert last == Silent()
+    assert len(opener.ports[0].sent) <= 2
+
+
+async def test_polls_are_changed_from_the_app() -> None:
+    listener = WaitingListener()
+    host = LineHost(listener)
+    line = add(host, fake_opener(), every_s=3600.0)
+    line.expect_silence(1, 0.0)
+    await host.start()
+    await listener.hear("pumps poll a")
+
+    line.add_poll(poll("b", every_s=3600.0))
+    await listener.hear("pumps poll b")
+    line.hasten("b")
+    await listener.hear("pumps poll b")
+    line.remove_poll("a")
+    line.set_every("b", 0.01)
+    await listener.hear("pumps poll b")
+    await host.stop()
+
+    assert line.name == "pumps"
+    assert line.timing is TIMING
+
+
+async def test_a_call_that_fails_in_the_app_does_not_hold_up_the_calls_behind_it() -> None:
+    loop = asyncio.get_running_loop()
+    courier = host_module._Courier()
+    heard: list[int] = []
+    failures: list[str] = []
+    loop.set_exception_handler(lambda _, context: failures.append(str(context["exception"])))
+    courier.post(lambda: heard.append(0))  # before there is a loop
+    courier.loop = loop
+
+    courier.post(lambda: heard.append(1))
+    courier.post(lambda: 1 // 0)
+    courier.post(lambda: heard.append(2))
+    await until(lambda: len(heard) == 3)
+
+    assert heard == [0, 1, 2]
+    assert failures == ["integer division or modulo by zero"]
+
+
+def test_calls_to_a_closed_app_are_dropped() -> None:
+    courier = host_module._Courier()
+    courier.loop = asyncio.new_event_loop()
+    courier.loop.close()
+
+    courier.post(lambda: None)

@@ -1,0 +1,63 @@
+from __future__ import annotations
+
+import pytest
+
+from gateway.families.load import load_profile
+from gateway.families.schema import Variant
+from gateway.starters.decoding import Sources, is_flag, type_of, unit_of
+
+SST, SSW07, SSW900 = load_profile("sst"), load_profile("ssw07"), load_profile("ssw900")
+
+
+def test_a_row_feeds_its_points_and_those_told_from_them() -> None:
+    fed = Sources(SST).fed_by(["COIL7"])
+
+    assert set(fed) == {"coil7", "remote"}
+
+
+def test_a_point_of_two_rows_is_told_with_the_row_that_is_known() -> None:
+    told, untold = Sources(SST).tell(Variant(), {"COIL7": (0,)}, known={"COIL8": (1,), "COIL9": (1,)})
+
+    assert {name: decoded.value for name, decoded in told.items()} == {"coil7": False, "remote": False}
+    assert untold == ()
+
+
+def test_a_point_whose_other_row_is_not_known_is_named_as_untold() -> None:
+    told, untold = Sources(SST).tell(Variant(), {"COIL7": (0,)}, known={})
+
+    assert set(told) == {"coil7"}
+    assert untold == ("remote",)
+
+
+def test_rows_that_feed_nothing_tell_nothing() -> None:
+    assert Sources(SSW07).tell(Variant(), {"P314": (5,)}, known={}) == ({}, ())
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "unit"),
+    [("running", "boolean", ""), ("current", "float", "A"), ("fault_code", "integer", "")],
+)
+def test_a_point_has_a_kind_and_a_unit(name: str, kind: str, unit: str) -> None:
+    assert (type_of(SSW07, name), unit_of(SSW07, name)) == (kind, unit)
+    assert is_flag(SSW07, name) is (kind == "boolean")
+
+
+def test_a_coil_and_a_test_of_a_value_are_booleans() -> None:
+    assert is_flag(SST, "coil1")
+    assert is_flag(SST, "running")
+    assert is_flag(SST, "remote")
+    assert not is_flag(SST, "current")
+
+
+def test_an_enum_and_a_text_have_kinds_of_their_own() -> None:
+    enum = next(row for row in SSW900.parameters.values() if row.type == "enum")
+    text = next(row for row in SSW900.parameters.values() if row.type == "string")
+    point = SSW900.points["current"]
+    points = {
+        "mode": point.model_copy(update={"code": enum.code}),
+        "name": point.model_copy(update={"code": text.code}),
+    }
+    profile = SSW900.model_copy(update={"points": points})
+
+    assert type_of(profile, "mode") == "enum"
+    assert type_of(profile, "name") == "string"

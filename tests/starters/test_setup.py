@@ -1,0 +1,55 @@
+from __future__ import annotations
+
+import pytest
+
+from gateway.families.identify import Identity
+from gateway.families.load import load_profile
+from gateway.families.schema import Variant
+from gateway.modbus.pdu import Request
+from gateway.modbus.reads import ReadHoldingRegisters
+from gateway.modbus.writes import WriteCoil, WriteRegisters
+from gateway.starters.sequence import Sequence
+from gateway.starters.setup import StarterSetup, merged
+
+
+def setup(response_time_s: float | None = None) -> StarterSetup:
+    profile = load_profile("ssw07")
+    return StarterSetup("pump-1", "pumps", 7, profile, Variant(), response_time_s=response_time_s)
+
+
+@pytest.mark.parametrize(
+    ("request_", "configured_s", "expected_s"),
+    [
+        (ReadHoldingRegisters(0, 1), None, 0.020),
+        (ReadHoldingRegisters(0, 1), 0.2, 0.2),
+        (WriteCoil(100, True), None, 0.020),
+        (WriteCoil(100, True), 0.2, 0.2),
+        (WriteRegisters(0, (1, 2, 3)), None, 0.060),
+        (WriteRegisters(0, (1, 2, 3)), 0.2, 0.2),
+    ],
+)
+def test_a_request_is_given_the_time_of_the_manual_or_of_the_configuration(
+    request_: Request, configured_s: float | None, expected_s: float
+) -> None:
+    assert setup(configured_s).response_time_of(request_) == pytest.approx(expected_s)
+
+
+def test_the_identification_fills_what_the_configuration_leaves_open() -> None:
+    identity = Identity(model="SSW-06 85.0A", firmware="1.60", rated_current_a=85.0, slot=1)
+
+    assert merged(Variant(slot=2), identity) == Variant(
+        model="SSW-06 85.0A", firmware="1.60", rated_current_a=85.0, slot=2
+    )
+
+
+def test_the_configuration_wins() -> None:
+    configured = Variant(model="SSW-06 820A", firmware="1.50", rated_current_a=820.0, slot=2)
+    identity = Identity(model="SSW-06 85.0A", firmware="1.60", rated_current_a=85.0, slot=1)
+
+    assert merged(configured, identity) == configured
+
+
+def test_a_sequence_counts_up_from_one() -> None:
+    sequence = Sequence()
+
+    assert [sequence.take() for _ in range(3)] == [1, 2, 3]

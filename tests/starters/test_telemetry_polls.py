@@ -1,0 +1,191 @@
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+
+from gateway.families.load import load_profile
+from gateway.line.outcome import Outcome, Refused, Silent
+from gateway.modbus.pdu import Request
+from gateway.modbus.reads import ReadHoldingRegisters
+from gateway.starters.records import (
+    Quality,
+)
+from gateway.starters.telemetry import StarterTelemetry
+from tests.starters.fakes import ACCELERATING, AT_SPEED, FAULT, P003, READY, RUNNING, VB01
+from tests.starters.rig import Rig, virtually
+
+STATUS, VALUES = "pump-1/status:VB01", "pump-1/values:P002"
+STALE = Quality.STALE
+
+
+@virtually
+async def test_status_is_read_first_and_slow_rows_ten_times_less_often() -> None:
+    rig = Rig(every_s=2.0)
+
+    periods_s = [(poll.key.split("/")[1].split(":")[0], poll.every_s) for poll in rig.telemetry.polls()]
+
+    assert periods_s[0] == ("status", 2.0)
+    assert {every_s for group, every_s in periods_s if group == "slow"} == {20.0}
+    assert {every_s for group, every_s in periods_s if group != "slow"} == {2.0}
+
+
+@virtually
+async def test_slow_rows_are_never_read_more_often_than_every_ten_seconds() -> None:
+    rig = Rig(every_s=0.0)
+
+    assert {poll.every_s for poll in rig.telemetry.polls()} == {0.0, 10.0}
+
+
+@virtually
+async def test_status_and_values_are_read_faster_while_the_motor_starts() -> None:
+    rig = await Rig().online()
+    rig.unit.holding[VB01] = READY | RUNNING | ACCELERATING
+
+    rig.poll(STATUS)
+
+    assert rig.line.every_s[STATUS] == 0.25
+    assert rig.line.every_s[VALUES] == 0.25
+    assert {every_s for key, every_s in rig.line.every_s.items() if "slow" in key} == {10.0}
+
+
+@virtually
+async def test_the_usual_period_returns_when_the_motor_is_at_speed() -> None:
+    rig = await Rig().online()
+    for word in (READY | RUNNING | ACCELERATING, AT_SPEED):
+        rig.unit.holding[VB01] = word
+        rig.poll(STATUS)
+
+    assert rig.line.every_s[STATUS] == 1.0
+
+
+@virtually
+async def test_a_starter_that_is_read_faster_anyway_stays_as_it_is() -> None:
+    rig = await Rig(every_s=0.0).online()
+    rig.unit.holding[VB01] = READY | FAULT
+
+    rig.poll(STATUS)
+
+    assert rig.line.every_s[STATUS] == 0.0
+
+
+@virtually
+async def test_a_refused_block_is_asked_row_by_row() -> None:
+    rig = await Rig().online()
+    rig.line.rules.append(refuse_p003)
+
+    rig.poll(VALUES)
+
+    values = {key for key in rig.line.polls if "/values:" in key}
+    assert {"pump-1/values:P002", "pump-1/values:P003"} <= values
+    assert all(rig.line.every_s[key] == 1.0 for key in values)
+
+
+@virtually
+async def test_only_the_row_that_is_still_refused_is_bad_and_given_up() -> None:
+    rig = await Rig().online()
+    rig.line.rules.append(refuse_p003)
+
+    rig.poll()
+    rig.poll()
+
+    assert "pump-1/values:P003" not in rig.line.polls
+    await asyncio.sleep(1.0)
+    assert [(v.value, v.quality) for v in rig.sink.values("current")] == [(None, Quality.BAD)]
+    assert all(value.quality is Quality.GOOD for value in rig.sink.values("current_pct"))
+
+
+@virtually
+async def test_a_row_given_up_is_asked_again_after_a_silence() -> None:
+    rig = await Rig().online()
+    rig.line.rules.append(refuse_p003)
+    rig.poll()
+    rig.poll()
+    rig.line.rules.clear()
+
+    rig.lose()
+    rig.poll()
+    rig.poll()
+    await asyncio.sleep(1.0)
+
+    assert rig.sink.values("current")[-1].quality is Quality.GOOD
+    assert set(rig.line.polls) == {poll.key for poll in rig.telemetry.polls()}
+
+
+@virtually
+async def test_a_starter_that_refuses_everything_is_still_asked_for_one_row() -> None:
+    rig = await Rig().online()
+    rig.line.rules.append(lambda request: Refused(2, at_s=0.0))
+
+    for _ in range(5):
+        rig.poll()
+
+    assert len(rig.line.polls) == 1
+    assert rig.telemetry.is_answering
+
+
+@virtually
+async def test_once_the_right_device_answers_everything_is_asked_again() -> None:
+    rig = Rig()
+    rig.unit.objects = {1: "SSW-06 85.0A"}
+    rig.line.rules.append(refuse_p003)
+    rig.telemetry.start()
+    for _ in range(3):
+        rig.poll()
+    await asyncio.sleep(0.5)
+    assert "pump-1/values:P003" not in rig.line.polls
+
+    rig.line.rules.clear()
+    rig.unit.objects = {1: "SSW-07 85.0A"}
+    await asyncio.sleep(5.0)
+
+    assert set(rig.line.polls) == {poll.key for poll in rig.telemetry.polls()}
+
+
+@virtually
+async def test_what_is_polled_fast_stays_fast_when_its_block_is_split() -> None:
+    rig = await Rig().online()
+    rig.unit.holding[VB01] = READY | FAULT
+    rig.poll(STATUS)
+    rig.line.rules.append(refuse_p003)
+
+    rig.poll(VALUES)
+
+    assert rig.line.every_s["pump-1/values:P003"] == 0.25
+
+
+@virtually
+async def test_an_answer_to_a_poll_that_was_removed_is_ignored() -> None:
+    rig = await Rig().online()
+
+    rig.telemetry.on_poll("pump-1/values:gone", Silent())
+
+    assert rig.sink.records == []
+
+
+@virtually
+async def test_what_the_identified_variant_lacks_is_not_asked_any_more() -> None:
+    profile = load_profile("ssw07")
+    recent = {"current": profile.points["current"].model_copy(update={"since_firmware": "9.00"})}
+    rig = Rig()
+    rig.setup = replace(rig.setup, profile=profile.model_copy(update={"points": profile.points | recent}))
+    rig.telemetry = StarterTelemetry(
+        rig.setup, line=rig.line, sink=rig.sink, clock=rig.clock, sequence=rig.sequence
+    )
+
+    await rig.online()
+
+    rows = {code for poll in rig.line.polls.values() for code in read_codes(poll.request)}
+    assert P003 not in rows
+    assert VB01 in rows
+
+
+def read_codes(request: Request) -> range:
+    assert isinstance(request, ReadHoldingRegisters)
+    return range(request.address, request.address + request.count)
+
+
+def refuse_p003(request: Request) -> Outcome | None:
+    is_hit = isinstance(request, ReadHoldingRegisters) and P003 in range(
+        request.address, request.address + request.count
+    )
+    return Refused(2, at_s=0.0) if is_hit else None
