@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test lint clean mosquitto
+.PHONY: help venv demo test lint clean mosquitto docs
 
 help: ## show this list
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 16
@@ -36,6 +36,9 @@ lint: $(STAMP) ## style, types, import contracts
 
 test: $(STAMP) mosquitto lint ## everything that is checked, as CI does
 	$(BIN)/python -m pytest
+
+docs: $(STAMP) ## write the generated halves of docs/families anew
+	$(BIN)/python -m tests.family_pages
 
 clean: ## remove what the targets made
 	rm -rf $(VENV) build dist *.egg-info .coverage .hypothesis .mypy_cache .pytest_cache .ruff_cache .import_linter_cache

@@ -24,6 +24,7 @@ from gateway.mqtt.publisher import Publisher
 from gateway.mqtt.settings import BrokerSettings, TlsSettings
 from gateway.mqtt.topics import Topics
 from gateway.starters.commander import Commander
+from gateway.starters.companions import Companions
 from gateway.starters.polling import polls_of
 from gateway.starters.records import EventRecord, Severity
 from gateway.starters.sequence import Sequence
@@ -72,11 +73,12 @@ class App:
         self._lines: list[LineClient] = []
         self._starters: dict[str, StarterTelemetry] = {}
         self._by_unit: dict[tuple[str, int], StarterTelemetry] = {}
+        self._companions = Companions(self._publisher)
         self._build_lines(config)
         self._commander = Commander(
             self._starters,
             rights=rights_of(config),
-            sink=self._publisher,
+            sink=self._companions,
             clock=self._clock,
             sequence=self._sequence,
         )
@@ -101,6 +103,7 @@ class App:
         for starter in self._starters.values():
             starter.start()
         await self._host.start()
+        self._companions.start()
         try:
             reason = await ending
             log.info("ending: %s", reason)
@@ -108,6 +111,7 @@ class App:
             await self._host.stop()
             for starter in self._starters.values():
                 await starter.close()
+            await self._companions.close()
             await self._broker.close(self._publisher.farewell(reason), within_s=FAREWELL_S)
         finally:
             for task in tasks:
@@ -161,6 +165,7 @@ class App:
                     setup, line=client, sink=self._publisher, clock=self._clock, sequence=self._sequence
                 )
                 self._starters[setup.name] = self._by_unit[line.name, setup.address] = starter
+                self._companions.add(starter)
 
     def _take(self, incoming: Incoming) -> None:
         """Pass an operator's message on, or tell its sender why not."""

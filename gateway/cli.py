@@ -1,4 +1,5 @@
 """The command line: chooses a command, and turns what it raises into one line and an exit code."""
+# PYTHON_ARGCOMPLETE_OK
 
 from __future__ import annotations
 
@@ -37,7 +38,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except SystemExit as leaving:  # argparse has said why: help, version or a wrong word
         return int(leaving.code or DONE)
     try:
-        return _load(args.command).run(args)
+        code = _load(args.command).run(args)
+        sys.stdout.flush()
     except GatewayError as error:
         for line in str(error).splitlines():
             print(f"{PROGRAM}: {line}", file=sys.stderr)
@@ -47,6 +49,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return FAILED
     except KeyboardInterrupt:
         return FAILED
+    return code
 
 
 class _Parser(argparse.ArgumentParser):

@@ -11,6 +11,8 @@
     │   ├── BadReplyError    a valid frame that does not answer this request
     │   └── BadRequestError  a request that no starter could accept; the simulator answers an exception
     ├── CommandError         a command that cannot be carried out as asked: `rejected`, with a code
+    ├── StoreError           nothing can be kept on the disk (now): report, do without, try again
+    │   └── DamagedError     what is on the disk is not what was kept there: put it aside, begin afresh
     └── BrokerError          the broker refuses or is away: report, wait, try again
 """
 
@@ -101,6 +103,14 @@ class CommandError(GatewayError):
         self.code = code
         self.text = text
         super().__init__(f"{code}: {text}")
+
+
+class StoreError(GatewayError):
+    """Nothing can be kept on the disk (now)."""
+
+
+class DamagedError(StoreError):
+    """What is on the disk is not what was kept there."""
 
 
 class BrokerError(GatewayError):

@@ -28,7 +28,7 @@ def add_parser(subparsers: Subparsers) -> None:
     parser.add_argument("address", metavar="ADDRESS", help="of the starter, 1..247")
     parser.add_argument("verb", metavar="VERB", help="start, stop, reset, set, read ...")
     parser.add_argument("args", metavar="KEY=VALUE", nargs="*", help="e.g. parameter=P314 value=30")
-    parser.add_argument("--last-word", metavar="N", help="the command word in force, as last read or written")
+    parser.add_argument("--last-word", metavar="N", help="the word in force, as last read or written")
     parser.add_argument("--slot", choices=("1", "2"), help="of the SSW900's RS-485 accessory")
 
 
@@ -65,7 +65,8 @@ def _seen(profile: Profile, variant: Variant, last_word: str | None) -> dict[str
         raise UsageError(f"{profile.family} has no command word (leave --last-word out)")
     word = whole_number(last_word, "--last-word", low=0, high=0xFFFF)
     codes = profile.command_word if variant.slot is None else (profile.command_word[variant.slot - 1],)
-    return dict.fromkeys(codes, (word,))
+    outputs = (output.word for output in profile.outputs.values())  # of the verb `output`
+    return dict.fromkeys((*codes, *outputs), (word,))
 
 
 def _requests(

@@ -123,14 +123,13 @@ def _password(config: Config, args: argparse.Namespace, folder: Path) -> str | N
 
 
 def _show(result: Mapping[str, Any]) -> None:
-    """Print one phase: what the gateway said, and the value when it read one."""
-    parts = [str(result.get("phase"))]
-    code, text = result.get("code"), result.get("text")
-    if code and code not in ("ok", result.get("phase")):
-        parts.append(f"[{code}]")
+    """Print one phase: what the gateway said of it, and the value when it read one."""
+    phase, code = str(result.get("phase")), result.get("code")
+    text = str(result.get("text") or "").removeprefix(phase).lstrip("; ")
+    line = phase if code in (None, "", "ok", phase) else f"{phase} [{code}]"
     if text:
-        parts.append(str(text))
+        line += f": {text}"
     if "value" in result:
         value = result.get("label") or f"{result['value']} {result.get('unit') or ''}".rstrip()
-        parts.append(f"= {value}")
-    print(" ".join(parts), flush=True)
+        line += f" = {value}"
+    print(line, flush=True)

@@ -100,10 +100,6 @@ def _length(_key: Key, value: Any, ctx: Mapping[str, Any]) -> tuple[str, str]:
     return f"has {len(value)} characters", f"at most {ctx['max_length']}"
 
 
-def _refused(_key: Key, value: Any, ctx: Mapping[str, Any]) -> tuple[str, str]:
-    return f"is {short(value)}", str(ctx["error"])
-
-
 _EXPLANATIONS: dict[str, Callable[[Key, Any, Mapping[str, Any]], tuple[str, str]]] = {
     "missing": _missing,
     "extra_forbidden": _unknown,
@@ -117,7 +113,6 @@ _EXPLANATIONS: dict[str, Callable[[Key, Any, Mapping[str, Any]], tuple[str, str]
     "too_short": _empty,
     "tuple_type": _no_list,
     "model_type": _no_table,
-    "value_error": _refused,
 }
 
 

@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from gateway.families.gather import reads_for
-from gateway.families.parameters import raw_row, read_run
+from gateway.families.parameters import find, raw_row, read_run
 from gateway.families.procedure import Read
 from gateway.families.schema import Access, Confidence, Parameter, Profile, Table
 
 _SURE = (Confidence.MANUAL, Confidence.REPAIRED)
 _SPANNED = 16  # registers that are no parameter, rather than a second request: both take some 20 ms at 19200
 _SETTING_LETTERS = ("P", "C", "R")  # Pnnn, Cn.n, Rn; COILn is none, VBnn and S5.3 are outputs
-_MAPS = "C8.1."  # SSW900: which parameters stand in the indirect registers, which the gateway may set itself
-_CHANGING = ("C6.3.", "C11.")  # SSW900: the clock, and what the SoftPLC writes
+_CLOCK = "C6.3."  # SSW900
+# SSW900: the maps of the indirect registers, which the gateway may set itself, and what the SoftPLC writes.
+_NOT_OF_PEOPLE = ("C8.1.", "C11.")
 
 
 def readable_codes(profile: Profile, *, with_unnamed: bool = False) -> tuple[str, ...]:
@@ -30,12 +31,12 @@ def readable_codes(profile: Profile, *, with_unnamed: bool = False) -> tuple[str
 def is_setting(row: Parameter) -> bool:
     """Return whether a row is a parameter that people set, neither a reading nor an output."""
     letter = row.code[:1] if row.table is not Table.COIL else ""
-    return row.access is Access.RW and letter in _SETTING_LETTERS
+    return row.access is Access.RW and letter in _SETTING_LETTERS and not row.code.startswith(_CLOCK)
 
 
 def is_set_by_people(row: Parameter) -> bool:
-    """Return whether a row changes only when somebody sets it: not by itself, and not by the gateway's care."""
-    return is_setting(row) and not row.code.startswith((_MAPS, *_CHANGING))
+    """Return whether a row changes only when somebody sets it: not by itself, not by the gateway."""
+    return is_setting(row) and not row.code.startswith(_NOT_OF_PEOPLE)
 
 
 def bulk_reads(profile: Profile, codes: Iterable[str], *, longest: int | None = None) -> tuple[Read, ...]:
@@ -75,9 +76,7 @@ def halves(profile: Profile, read: Read) -> tuple[Read, ...]:
 
 
 def _unnamed(profile: Profile, code: str) -> Read:
-    row = raw_row(profile, int(code[1:]))
-    assert row is not None  # noqa: S101 - only `readable_codes` makes them
-    return _run([row])
+    return _run([find(profile, code)])
 
 
 def _run(rows: list[Parameter]) -> Read:

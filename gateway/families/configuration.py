@@ -45,11 +45,20 @@ def prepare_configuration(
 
 
 def configuration(
-    profile: Profile, variant: Variant, verb: str, *, wanted: Mapping[str, tuple[int, ...]], seen: Seen
+    profile: Profile,
+    variant: Variant,
+    verb: str,
+    *,
+    wanted: Mapping[str, tuple[int, ...]],
+    seen: Seen,
+    subject: str = "",
+    subjects: tuple[str, ...] = (),
 ) -> Procedure:
     """Return the sequence that writes those registers that differ from what was seen (each goes to flash).
 
-    A run command that stands is taken back first: the end of the sequence must not start the motor.
+    A run command that stands is taken back first: the end of the sequence must not start the motor. Registers
+    are written one by one: what the text says of FC16 contradicts the Modbus specification. Leaving the mode
+    counts as one write of the flash, whether something differs or not.
     """
     pairs = [(profile.parameters[code], words) for code, words in wanted.items()]
     leave = WriteCoil(profile.parameters[_MODE].address, is_on=False)
@@ -71,7 +80,9 @@ def configuration(
         steps,
         verify=read_back(profile, pairs) if pairs else complete,
         abandon=(leave,),
-        subject=pairs[0][0].code if verb == "set" else "",
+        subject=subject,
+        subjects=subjects,
+        wears=1,
     )
 
 

@@ -108,9 +108,11 @@ def _command(profile: Profile, verb: str) -> Iterator[str]:
         yield from (f"{where}: {problem}" for problem in _write(profile, write))
     if command.verify is not None and command.verify.point not in profile.points:
         yield f"{where}: {command.verify.point} is no point"
-    yield from (f"{where}: {code} is no parameter" for code in command.needs if code not in profile.parameters)
+    yield from (
+        f"{where}: {code} is no parameter" for code in command.needs if code not in profile.parameters
+    )
     others = [f"{verb}_{flag}" for flag in command.flags]
-    if "value" in command.args and not verb.endswith("_off"):
+    if command.args == ("value",) and not verb.endswith("_off"):
         others.append(f"{verb}_off")
     yield from (f"{where}: commands.{other} is missing" for other in others if other not in profile.commands)
 

@@ -71,7 +71,9 @@ def _start(weight: Weight, text: str) -> Finding:
 def _unread(settings: Settings, codes: tuple[str, ...], topic: Topic) -> Iterator[Finding]:
     for code in codes:
         if settings.number(code) is None:
-            yield Finding(topic, Weight.WARNING, f"{code} could not be read, so what it brings about is not known")
+            yield Finding(
+                topic, Weight.WARNING, f"{code} could not be read, so what it brings about is not known"
+            )
 
 
 def _weg(settings: Settings) -> Iterator[Finding]:

@@ -1,56 +1,104 @@
-"""Reading and setting one row; what a starter holds already is not written again."""
+"""Reading and setting rows, one or several; what a starter holds already is not written again."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
-from gateway.families.arguments import check_names, text
+from gateway.families.asked import asked_codes, asked_values
 from gateway.families.configuration import configuration, prepare_configuration
 from gateway.families.gather import reads_for, rows_of_points
 from gateway.families.interlock import points_needed
 from gateway.families.parameters import find, write_request
-from gateway.families.procedure import Preparation, Procedure, WriteStep
+from gateway.families.procedure import Preparation, Procedure, Read, WriteStep
 from gateway.families.refusals import refused
-from gateway.families.schema import Parameter, Profile, Variant
-from gateway.families.settable import holds, read_back, read_of, settable_words
-from gateway.families.words import Seen
+from gateway.families.schema import Confidence, Parameter, Profile, Variant
+from gateway.families.settable import (
+    SOURCE_ROWS,
+    holds,
+    is_kept,
+    needs_standstill,
+    read_back,
+    read_of,
+    settable_words,
+)
+from gateway.families.words import Seen, has_plain_word, run_row, take_back_run
+from gateway.modbus.writes import WriteRegisters
+
+Wanted = list[tuple[Parameter, tuple[int, ...]]]
 
 
 def prepare_read(profile: Profile, args: Mapping[str, Any]) -> Preparation:
-    """Return the one read of a row."""
-    check_names(args, ("parameter",))
-    return Preparation("read", reads=(read_of(profile, text(args, "parameter")),), requires=())
+    """Return the reads of the rows asked for: the sure ones together, any other one alone.
+
+    Where one unknown register refuses a read, it must not take known ones with it.
+    """
+    codes, is_single = asked_codes(args)
+    if is_single:
+        return Preparation("read", reads=(read_of(profile, codes[0]),), requires=())
+    alone = {read.codes[0]: read for read in (read_of(profile, code) for code in codes)}
+    sure = [code for code in alone if find(profile, code).confidence in _SURE]
+    others = (read for code, read in alone.items() if code not in sure)
+    return Preparation("read", reads=(*reads_for(profile, sure), *others), requires=())
 
 
 def build_read(profile: Profile, args: Mapping[str, Any]) -> Procedure:
     """Return the procedure of a read, which writes nothing."""
-    (read,) = prepare_read(profile, args).reads
-    return Procedure("read", steps=(), subject=read.codes[0])
+    codes, is_single = asked_codes(args)
+    found = tuple(dict.fromkeys(find(profile, code).code for code in codes))
+    prepare_read(profile, args)  # refuses what cannot be read
+    return Procedure("read", (), subject=found[0]) if is_single else Procedure("read", (), subjects=found)
 
 
 def prepare_set(profile: Profile, variant: Variant, args: Mapping[str, Any]) -> Preparation:
-    """Return what to read before a row is set: itself, the row that its value hangs on, the motor's state."""
-    row, _ = _wanted(profile, variant, args)
-    if row.is_configuration:
-        return prepare_configuration(profile, variant, "set", codes=(row.code,))
-    requires = ("is_stopped",) if row.is_stopped_only else ()
-    codes = (*_TIMEOUT.get(row.code, ()), *rows_of_points(profile, points_needed(profile, requires)))
-    reads = (read_of(profile, row.code), *reads_for(profile, codes))
+    """Return what to read before rows are set: they, what their values hang on, the motor's state."""
+    wanted, is_single = _wanted(profile, variant, args)
+    codes = [row.code for row, _ in wanted]
+    if _is_configuration(wanted):
+        return prepare_configuration(profile, variant, "set", codes=codes)
+    requires = ("is_stopped",) if any(needs_standstill(row) for row, _ in wanted) else ()
+    others = [*(other for code in codes for other in _TIMEOUT.get(code, ()))]
+    others += rows_of_points(profile, points_needed(profile, requires))
+    if _is_waking(profile, wanted):
+        others += [run_row(profile, variant), *rows_of_points(profile, ("running",))]
+    if is_single:
+        reads: tuple[Read, ...] = (read_of(profile, codes[0]), *reads_for(profile, others))
+    else:
+        reads = reads_for(profile, (*codes, *others))
     return Preparation("set", reads=reads, requires=requires)
 
 
 def build_set(profile: Profile, variant: Variant, args: Mapping[str, Any], *, seen: Seen) -> Procedure:
-    """Return one write and its read-back; for a configuration register of the SST its whole procedure."""
-    row, words = _wanted(profile, variant, args)
-    _check_timeout(row, words, seen)
-    if holds(row, words, seen):
-        return Procedure("set", steps=(), is_unchanged=True, subject=row.code)
-    if row.is_configuration:
-        return configuration(profile, variant, "set", wanted={row.code: words}, seen=seen)
-    step = WriteStep(write_request(profile, row, words))
-    return Procedure("set", (step,), verify=read_back(profile, [(row, words)]), subject=row.code)
+    """Return the writes that are needed and their read-back; for the SST its whole procedure."""
+    wanted, is_single = _wanted(profile, variant, args)
+    _check_timeout(wanted, seen)
+    codes = tuple(row.code for row, _ in wanted)
+    subject, subjects = (codes[0], ()) if is_single else ("", codes)
+    changes = sorted(
+        ((row, words) for row, words in wanted if not holds(row, words, seen)),
+        key=lambda pair: pair[0].address,
+    )
+    if not changes:
+        return Procedure("set", (), is_unchanged=True, subject=subject, subjects=subjects)
+    if _is_configuration(wanted):
+        rows = {row.code: words for row, words in wanted}
+        return configuration(
+            profile, variant, "set", wanted=rows, seen=seen, subject=subject, subjects=subjects
+        )
+    first = take_back_run(profile, variant, seen) if _is_waking(profile, changes) else ()
+    steps = (*(WriteStep(request) for request in first), *_steps(profile, changes))
+    return Procedure(
+        "set",
+        steps,
+        verify=read_back(profile, wanted),
+        subject=subject,
+        subjects=subjects,
+        wears=sum(is_kept(row) for row, _ in changes),
+    )
 
+
+_SURE = (Confidence.MANUAL, Confidence.REPAIRED)
 
 # The mode of the timeout and its time: the manual does not say what an active timeout of 0.0 s does
 # (ssw900 C8.2.5), so neither row may bring it about.
@@ -58,14 +106,72 @@ _MODE, _TIME = "C8.2.5.1", "C8.2.5.3"
 _TIMEOUT = {_MODE: (_TIME,), _TIME: (_MODE,)}
 
 
-def _wanted(profile: Profile, variant: Variant, args: Mapping[str, Any]) -> tuple[Parameter, tuple[int, ...]]:
-    check_names(args, ("parameter", "value"))
-    row = find(profile, text(args, "parameter"))
-    return row, settable_words(profile, variant, row, args["value"])
+def _wanted(profile: Profile, variant: Variant, args: Mapping[str, Any]) -> tuple[Wanted, bool]:
+    """Return the rows with the words that set them, and whether it is a single one asked for as such."""
+    values, is_single = asked_values(args)
+    wanted: Wanted = []
+    for code, value in values.items():
+        row = find(profile, code)
+        wanted.append((row, settable_words(profile, variant, row, value)))
+    _check_once(wanted)
+    return wanted, is_single
 
 
-def _check_timeout(row: Parameter, words: tuple[int, ...], seen: Seen) -> None:
-    if row.code == _MODE and any(words) and not any(seen.get(_TIME, ())):
+def _check_once(wanted: Wanted) -> None:
+    for (one, _), (other, _) in pairwise(sorted(wanted, key=lambda pair: pair[0].address)):
+        if one.address == other.address:
+            raise refused("bad_arguments", f"{one.code} and {other.code} are the same register")
+
+
+def _is_configuration(wanted: Wanted) -> bool:
+    return any(row.is_configuration for row, _ in wanted)  # the SST has no other rows to be set
+
+
+def _is_waking(profile: Profile, wanted: Wanted) -> bool:
+    """Return whether a run command that stands must be taken back first; the SSW900 clears its own (S5.2)."""
+    is_source = any(row.code in SOURCE_ROWS for row, _ in wanted)
+    return is_source and not has_plain_word(profile.commands["stop"].writes)
+
+
+def _check_timeout(wanted: Wanted, seen: Seen) -> None:
+    words = {row.code: words for row, words in wanted}
+    time = words.get(_TIME, seen.get(_TIME, ()))
+    if any(words.get(_MODE, ())) and not any(time):
         raise refused("timeout_unset", f"set {_TIME} above 0 first")
-    if row.code == _TIME and not any(words) and any(seen.get(_MODE, (1,))):
+    if _TIME in words and not any(words[_TIME]) and any(seen.get(_MODE, (1,))):
         raise refused("timeout_unset", f"set {_MODE} to 0 first")
+
+
+def _steps(profile: Profile, changes: Wanted) -> list[WriteStep]:
+    """Return one write for each run of neighbouring registers, all of which change.
+
+    The time of the timeout must stand before its mode makes it act.
+    """
+    runs: list[Wanted] = []
+    for row, words in changes:
+        if runs and _follows(profile, runs[-1], row):
+            runs[-1].append((row, words))
+        else:
+            runs.append([(row, words)])
+    steps = []
+    for run in runs:
+        must_stand = len(runs) > 1 and any(row.code == _TIME for row, _ in run)
+        steps.append(_step(profile, run, must_stand=must_stand))
+    return steps
+
+
+def _follows(profile: Profile, run: Wanted, row: Parameter) -> bool:
+    first, last = run[0][0], run[-1][0]
+    count = row.address + row.words - first.address
+    return last.address + last.words == row.address and count <= profile.limits.write_registers
+
+
+def _step(
+    profile: Profile, run: Sequence[tuple[Parameter, tuple[int, ...]]], *, must_stand: bool
+) -> WriteStep:
+    row, words = run[0]
+    if len(run) == 1:
+        request = write_request(profile, row, words)
+    else:
+        request = WriteRegisters(row.address, tuple(word for _, words in run for word in words))
+    return WriteStep(request, then=read_back(profile, run) if must_stand else None)

@@ -9,8 +9,11 @@ from gateway.families.schema import Alarm, Profile
 
 STATES = ("ready", "starting", "running", "stopping", "fault", "not_ready", "unknown")
 
+# The SSW900 between an accepted start and the ramp: initial test, time before start (ssw900 S5.1).
+STARTING = ("s5_1_1_3", "s5_1_1_12")
+
 # Points any of which says that the motor turns or is about to; a family has some of them.
-MOVING = ("running", "accelerating", "decelerating", "full_voltage", "jog", "braking", "reversing")
+MOVING = ("running", "accelerating", "decelerating", "full_voltage", "jog", "braking", "reversing", *STARTING)
 
 ADJUSTING_ROW = "VB06"  # ssw06-es 4.2.4: not 0 while the motor cannot be run
 
@@ -55,6 +58,7 @@ def points_on(profile: Profile, code: str) -> tuple[str, ...]:
 _ORDER: dict[str, tuple[tuple[str, str], ...]] = {
     "weg": (
         ("fault", "fault"),
+        *((name, "starting") for name in STARTING),
         ("accelerating", "starting"),
         ("decelerating", "stopping"),
         ("running", "running"),

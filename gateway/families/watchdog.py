@@ -13,7 +13,20 @@ MODE_BY_SERIAL = (5, 6)  # P220 [ssw06-es 2.5; ssw07 2.5]
 
 def watchdog_codes(profile: Profile) -> tuple[str, ...]:
     """Return the rows that `watchdogs` looks at, as far as the family has them."""
-    codes = ("P220", "P229", "P230", "P313", "P314", "C3.2", "C3.3", "C8.2.5.1", "C8.2.5.2", "C8.2.5.3", "R41", "R42")
+    codes = (
+        "P220",
+        "P229",
+        "P230",
+        "P313",
+        "P314",
+        "C3.2",
+        "C3.3",
+        "C8.2.5.1",
+        "C8.2.5.2",
+        "C8.2.5.3",
+        "R41",
+        "R42",
+    )
     return tuple(code for code in codes if code in profile.parameters)
 
 

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from gateway.families.decode import decode_points
 from gateway.families.refusals import refused
 from gateway.families.schema import Profile, Table, Variant, Write
+from gateway.families.state import STARTING
 from gateway.modbus.pdu import Request
 from gateway.modbus.writes import WriteCoil, WriteRegister
 
@@ -116,7 +117,7 @@ def _flags(profile: Profile, seen: Seen) -> dict[str, bool]:
     points = decode_points(profile, Variant(), seen)
     flags = {name: point.value for name, point in points.items() if isinstance(point.value, bool)}
     if "running" in flags:
-        flags["moving"] = flags["running"] or flags["accelerating"]
+        flags["moving"] = any(flags.get(name) for name in ("running", "accelerating", *STARTING))
     return flags
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Coroutine, Mapping
+from collections.abc import Coroutine, Iterable, Mapping
 from dataclasses import replace
 from typing import Any, Protocol
 
@@ -12,10 +12,12 @@ from gateway.clock import Clock
 from gateway.errors import CommandError
 from gateway.families.command import prepare, verbs
 from gateway.families.procedure import Preparation
+from gateway.starters.aftermath import Aftermath
 from gateway.starters.conduct import HALTED, Conduct
 from gateway.starters.control import StarterControlView
-from gateway.starters.errand import Desk, End, Errand, audit
+from gateway.starters.errand import STOP, Desk, End, Errand, audit
 from gateway.starters.identification import Standing
+from gateway.starters.journal import UNAVAILABLE, Journal, NoJournal, Remembered
 from gateway.starters.ledger import Ledger
 from gateway.starters.records import Phase, ResultRecord, Sink
 from gateway.starters.request import CommandRequest
@@ -24,8 +26,6 @@ from gateway.starters.sequence import Sequence
 from gateway.starters.stopping import Stopping
 
 logger = logging.getLogger(__name__)
-
-STOP = "stop"
 
 
 class Refusable(Protocol):
@@ -78,11 +78,15 @@ class Commander:
         sink: Sink,
         clock: Clock,
         sequence: Sequence,
+        journal: Journal | None = None,
     ) -> None:
         self._starters = starters
         self._rights = rights
         self._ledger = Ledger()
-        self._desk = Desk(sink=sink, clock=clock, sequence=sequence, ledger=self._ledger)
+        self._journal = journal or NoJournal()
+        self._desk = Desk(
+            sink=sink, clock=clock, sequence=sequence, ledger=self._ledger, journal=self._journal
+        )
         self._conducts: dict[str, Conduct] = {}
         self._stops: dict[str, Stopping] = {}
         self._tasks: set[asyncio.Task[None]] = set()
@@ -102,8 +106,8 @@ class Commander:
         try:
             starter = self._starters[request.starter]
             preparation = self._check(request, starter)
-        except CommandError as error:
-            self._refuse(request, error, is_kept=True)
+        except CommandError as error:  # not kept without the ledger: what it has may say something else
+            self._refuse(request, error, is_kept=error.code != UNAVAILABLE)
             return
         errand = Errand(request, self._desk, is_repeat=earlier is not None and _is_same(request, earlier))
         errand.accept()
@@ -128,6 +132,20 @@ class Commander:
             self._repeat(known, earlier)
         else:
             self._refuse(known, CommandError(code, text), is_kept=False)
+
+    def recall(self, commands: Iterable[Remembered]) -> None:
+        """Take over the commands of earlier runs, the oldest first; say once what was cut short."""
+        for remembered in commands:
+            result = remembered.result
+            if self._ledger.find(result.client, result.id) is not None:
+                continue  # a stop that came before the ledger could be read
+            if not result.phase.is_final:
+                starter = self._starters.get(result.starter)
+                aftermath = Aftermath(remembered, starter, self._desk)
+                result = aftermath.result()
+                self._spawn(aftermath.tell())
+            age_s = self._desk.clock.utc_s() - remembered.since_s
+            self._ledger.store(result, now_s=self._desk.clock.now_s() - age_s)
 
     async def close(self) -> None:
         """Write nothing more: end every command, rejected or unconfirmed, and take no new one."""
@@ -158,6 +176,8 @@ class Commander:
             raise CommandError("shutting_down", HALTED["shutting_down"])
         if request.verb == STOP:
             return prepare(starter.profile, starter.variant, STOP, {})
+        if self._journal.trouble:
+            raise CommandError(UNAVAILABLE, f"commands are not taken without the ledger: {self._journal.trouble}")
         preparation = prepare(starter.profile, starter.variant, request.verb, request.args)
         if not starter.is_answering:
             raise CommandError("offline", "the starter does not answer")

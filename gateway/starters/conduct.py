@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, assert_never
 
 from gateway.errors import CommandError
@@ -24,6 +25,7 @@ logger = logging.getLogger(__name__)
 
 MOST_READINGS = 4  # until two in a row agree
 RECENT_PERIODS = 2  # a poll of this age still counts as one of the two readings,
+SLOW_DISK_S = 0.25  # what was read before a disk took this long is read again
 RECENT_AT_MOST_S = 10.0  # however rarely the starter is polled
 MAY_BE_TURNING = "the motor may be turning"
 
@@ -59,8 +61,11 @@ class Conduct:
     async def _ended(self) -> End:
         try:
             rows, procedure = await self._decide()
+            if procedure.steps and await self._intend() > SLOW_DISK_S:
+                rows, procedure = await self._decide()  # what was read has grown old meanwhile
             if not procedure.steps:
                 return self._unwritten(procedure, rows)
+            self.errand.wear_out(procedure.wears)
             return await self._carry_out(procedure)
         except CommandError as error:
             return self._cut(error.code, error.text)
@@ -70,6 +75,12 @@ class Conduct:
             if error.code != "shutting_down":  # nothing is written at shut-down
                 await self._leave_safe()
             return self._cut(error.code, HALTED.get(error.code, error.code))
+
+    async def _intend(self) -> float:
+        """Have it kept that something is about to be written, and return how long that took."""
+        began_s = self.errand.now_s()
+        await self._wire.wait_for(self.errand.intend())
+        return self.errand.now_s() - began_s
 
     def _cut(self, code: str, text: str) -> End:
         """Return the end of a command that something came in the way of."""
@@ -126,7 +137,8 @@ class Conduct:
             return End(Phase.UNCONFIRMED, "not_readable", text)
         values = await self._wire.see(procedure.verify)
         if values is None:
-            return await self._abandoned(_not_seen(procedure.verify))
+            end = _not_seen(procedure.verify)
+            return await self._abandoned(replace(end, text=_noted(end.text, procedure)))
         return self._confirmed(procedure, values)
 
     async def _take_step(self, step: WriteStep, *, is_last: bool) -> End | None:
@@ -173,22 +185,27 @@ class Conduct:
         """Return the end of a command that has nothing to write."""
         values = self._subject(procedure, rows)
         if procedure.is_unchanged:
-            return End(Phase.CONFIRMED, "unchanged", "the starter holds this value already", values)
+            text = _noted("the starter holds this value already", procedure)
+            return End(Phase.CONFIRMED, "unchanged", text, values)
         return End(Phase.CONFIRMED, "ok", "read", values)
 
     def _confirmed(self, procedure: Procedure, values: dict[str, Any]) -> End:
         subject = self._subject(procedure, values)
         points = {name: value for name, value in values.items() if not isinstance(value, tuple)}
-        return End(Phase.CONFIRMED, "ok", "read back from the starter", subject, points)
+        return End(Phase.CONFIRMED, "ok", _noted("read back from the starter", procedure), subject, points)
 
     def _subject(self, procedure: Procedure, rows: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the row that was read or set, as a result tells it; nothing for other commands."""
+        """Return the rows that were read or set, as a result tells them; nothing for other commands."""
+        if procedure.subjects:
+            return {"values": {code: self._told(code, rows[code]) for code in procedure.subjects}}
         if procedure.subject not in rows:
             return {}
-        row = find(self._starter.profile, procedure.subject)
-        decoded = decode_row(self._starter.profile, self._starter.variant, row, rows[row.code])
+        return {"parameter": procedure.subject, **self._told(procedure.subject, rows[procedure.subject])}
+
+    def _told(self, code: str, words: tuple[int, ...]) -> dict[str, Any]:
+        row = find(self._starter.profile, code)
+        decoded = decode_row(self._starter.profile, self._starter.variant, row, words)
         return {
-            "parameter": row.code,
             "value": decoded.value,
             "unit": decoded.unit,
             "label": decoded.label,
@@ -215,6 +232,11 @@ class Conduct:
 
 def _only_reads(procedure: Procedure) -> bool:
     return not procedure.steps and not procedure.is_unchanged
+
+
+def _noted(text: str, procedure: Procedure) -> str:
+    """Return a result's text with what the operator must know besides."""
+    return f"{text}; {procedure.note}" if procedure.note else text
 
 
 def _not_seen(expect: Expect) -> End:

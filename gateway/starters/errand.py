@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from gateway.clock import Clock
+from gateway.errors import CommandError
+from gateway.starters.journal import Journal, NoJournal
 from gateway.starters.ledger import Ledger
 from gateway.starters.life import Life
 from gateway.starters.records import AuditRecord, Phase, ResultRecord, Sink
 from gateway.starters.request import CommandRequest
 from gateway.starters.sequence import Sequence
+from gateway.starters.wear import Wear
+
+STOP = "stop"
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +39,8 @@ class Desk:
     clock: Clock
     sequence: Sequence
     ledger: Ledger
+    wear: Wear = field(default_factory=Wear)
+    journal: Journal = field(default_factory=NoJournal)
 
 
 class Errand:
@@ -43,17 +51,29 @@ class Errand:
         self.life = Life()
         self.before: Mapping[str, Any] = {}  # what was read before anything was written
         self._desk = desk
+        self._latest: ResultRecord | None = None  # kept
         self._is_repeat = is_repeat  # a stop whose id was used before: done again, and marked as a duplicate
 
     def now_s(self) -> float:
         """Return the steady clock's time."""
         return self._desk.clock.now_s()
 
+    def wear_out(self, writes: int) -> None:
+        """Count writes of the starter's non-volatile memory; CommandError when there were too many."""
+        wait_s = self._desk.wear.take(self.request.starter, writes, now_s=self.now_s())
+        if wait_s is not None:
+            raise CommandError("wear_limit", self._desk.wear.refusal(wait_s))
+
     def accept(self) -> None:
         """Say that the command will be carried out."""
         end = End(Phase.ACCEPTED, "ok", "accepted")
         self._report(end, is_kept=True)
         self._audit(end)
+
+    async def intend(self) -> None:
+        """Return when it is kept that this command is about to be written; CommandError when it cannot be."""
+        if self._latest is not None:
+            await self._desk.journal.intend(self._latest)
 
     def write(self) -> None:
         """Say that something went out to the starter; said once, however much is written."""
@@ -82,9 +102,16 @@ class Errand:
             correlation=request.correlation,
             response_topic=request.response_topic,
         )
-        if is_kept:
-            desk.ledger.store(result, now_s=desk.clock.now_s())
-        desk.sink.put(result)
+        if not is_kept:
+            desk.sink.put(result)
+            return
+        self._latest = result
+        desk.ledger.store(result, now_s=desk.clock.now_s())
+        if end.phase.is_final and request.verb != STOP:  # kept before it is told: two finals would be a lie
+            desk.journal.note(result, then=partial(desk.sink.put, result))
+        else:
+            desk.journal.note(result)
+            desk.sink.put(result)
 
     def _audit(self, end: End) -> None:
         decision, before = end.phase, self.before
@@ -114,5 +141,7 @@ def audit(
             seq=desk.sequence.take(),
             before=before or {},
             after=after or {},
+            id=request.id,
+            reason=request.reason,
         )
     )

@@ -155,6 +155,8 @@ class AuditRecord:
     seq: int
     before: Mapping[str, Any] = field(default_factory=dict)
     after: Mapping[str, Any] = field(default_factory=dict)
+    id: str | None = None
+    reason: str | None = None  # the operator's, a claim
 
 
 @dataclass(frozen=True, slots=True)

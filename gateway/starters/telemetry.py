@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import assert_never
 
 from gateway.clock import Clock
@@ -69,6 +69,7 @@ class StarterTelemetry:
         self._was_lost = False
         self._never_answered = "not yet read"  # why, as last told
         self._state = UNKNOWN
+        self._on_identified: Callable[[], None] = lambda: None
         self._timer: asyncio.TimerHandle | None = None
         self._where = f"line={setup.line} unit={setup.address} starter={setup.name}"
 
@@ -100,6 +101,10 @@ class StarterTelemetry:
     def polls(self) -> tuple[Poll, ...]:
         """Return the polls with which the line must begin."""
         return polls_of(self.setup)
+
+    def when_identified(self, call: Callable[[], None]) -> None:
+        """Have something done each time the starter has proved to be what is configured."""
+        self._on_identified = call
 
     def start(self) -> None:
         """Publish what is known before the first answer; call once, on the app's loop."""
@@ -195,6 +200,7 @@ class StarterTelemetry:
                 self._polling.restore()  # another device may have refused what this one has
             self._take_variant(merged(self.setup.variant, identity))
             self._publish_info()
+            self._on_identified()
         elif self.identity_reason != why_not(self.profile, before):
             self._tell_held()
 

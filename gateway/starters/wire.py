@@ -103,6 +103,10 @@ class Wire:
         """Wait, unless halted."""
         await self._do(asyncio.sleep(seconds))
 
+    async def wait_for(self, work: Coroutine[Any, Any, None]) -> None:
+        """Wait for something that has to be done before a write, unless halted."""
+        await self._do(work)
+
     async def _transact(self, request: Request, lane: Lane) -> Outcome:
         setup = self._starter.setup
         response_time_s = setup.response_time_of(request)

@@ -26,6 +26,11 @@ class Seen(NamedTuple):
     gap_s: float  # silence before the request; negative when it cut into another frame
     late_s: float  # by so much the judge missed the reply's due time
 
+    @property
+    def is_write(self) -> bool:
+        """Whether the request writes [APP 6.5, 6.6, 6.11, 6.12]."""
+        return self.function in (5, 6, 15, 16)
+
 
 @dataclass(frozen=True, slots=True)
 class Law:
@@ -104,7 +109,11 @@ def stops(seen: Sequence[Seen], submitted: Iterable[tuple[float, int]], law: Law
     found: list[Stop] = []
     for at_s, unit in submitted:
         before = [each for each in seen if each.start_s <= at_s]
-        after = [each for each in seen if each.start_s > at_s and each.unit == unit and each.function in (5, 6, 15, 16)]
+        after = [
+            each
+            for each in seen
+            if each.start_s > at_s and each.unit == unit and each.function in (5, 6, 15, 16)
+        ]
         if not before or not after:
             continue
         free_s = max(at_s, before[-1].end_s + law.timing.silence_s)

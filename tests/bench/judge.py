@@ -29,8 +29,9 @@ from gateway.sim.unit import Unit
 from tests.bench.account import Seen
 
 BUSY_S = 0.0002  # before something is due, sleeping is over
-WATCHED_S = 0.0015  # after the silence, a request is waited for without sleeping
-SHARED_BEFORE_S, SHARED_AFTER_S = 0.0001, 0.0004  # the same where several lines share the judge
+BEFORE_S = 0.0001  # so long before a silence is over, and so long after it, no sleep hides a request
+WATCHED_S = 0.0015
+WATCHED_SHARED_S = 0.0004  # where several lines share the judge
 IDLE_S = 0.2
 _PR_SET_TIMERSLACK = 29
 
@@ -107,9 +108,11 @@ class Judge:
         ours, theirs = os.openpty()
         tty.setraw(theirs)
         spec = self._spec
-        units = {}
+        units: dict[int, Unit] = {}
         if spec.family:
             units = {n: make_unit(spec.family, n, seed=n) for n in range(1, spec.units + 1)}
+            for unit in units.values():
+                unit.motor.start()  # a running motor's current is never the same twice
         return _Tap(number, ours, theirs, units)
 
     def _sleep_s(self, now_s: float) -> float:
@@ -121,12 +124,9 @@ class Judge:
             if tap.is_replying:
                 continue
             free_s = tap.quiet_s + self._timing.silence_s
-            shared = len(self._taps) > 1
-            from_s, to_s = free_s - SHARED_BEFORE_S, free_s + SHARED_AFTER_S
-            if not shared:
-                from_s, to_s = inf, inf
-            if now_s < to_s:
-                wake_s = min(wake_s, from_s)
+            watched_s = WATCHED_S if len(self._taps) == 1 else WATCHED_SHARED_S
+            if now_s < free_s + watched_s:
+                wake_s = min(wake_s, free_s - BEFORE_S)
         return wake_s - now_s
 
     def _take(self, tap: _Tap, chunk: bytes, now_s: float) -> None:

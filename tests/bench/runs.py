@@ -26,7 +26,7 @@ class Run:
     law: Law
     seen: list[Seen]  # in the measured time
     span: Span
-    first_s: float  # of all requests, on the clock that all processes share
+    first_s: float  # of all requests, on the clock that all processes share; from the start, of the gateway
 
     @property
     def cpu_s(self) -> float:
@@ -95,10 +95,11 @@ def run_subject(
 def gateway(config: Path) -> Iterator[Process]:
     """Run the gateway itself."""
     begun_s = time.monotonic()
-    with (config.parent / "gateway.log").open("wb") as log:
+    log_path = config.parent / "gateway.log"
+    with log_path.open("wb") as log:
         process = subprocess.Popen([sys.executable, "-m", "gateway", "run", str(config)], stderr=log)
         try:
-            yield Process(process, begun_s)
+            yield Process(process, begun_s, log_path)
         finally:
             process.terminate()
             try:
@@ -111,9 +112,10 @@ def gateway(config: Path) -> Iterator[Process]:
 class Process:
     """A running program from outside: its processor time and memory."""
 
-    def __init__(self, process: subprocess.Popen[bytes], begun_s: float) -> None:
+    def __init__(self, process: subprocess.Popen[bytes], begun_s: float, log: Path) -> None:
         self.begun_s = begun_s
         self._process = process
+        self._log = log
 
     def cpu_s(self) -> float:
         """Return the processor time of all its threads so far, to the nanosecond."""
@@ -121,9 +123,9 @@ class Process:
         return sum(int(task.read_text().split()[0]) for task in tasks) / 1e9
 
     def rss_kib(self) -> int:
-        """Return the most memory that it has had."""
+        """Return the most memory that it has had; RuntimeError when it has ended."""
         if self._process.poll() is not None:
-            raise RuntimeError("the gateway has ended: see its gateway.log")
+            raise RuntimeError(f"the gateway has ended:\n{self._log.read_text()}")
         status = Path(f"/proc/{self._process.pid}/status").read_text()
         return int(status.split("VmHWM:")[1].split()[0])
 

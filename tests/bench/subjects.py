@@ -76,12 +76,15 @@ async def line(task: Task) -> Span:
     timing = LineTiming(task.baud, Framing.parse(task.framing))
     host = LineHost(_Deaf())
     request = ReadHoldingRegisters(0, REGISTERS)
+    units = range(1, task.units + 1)
     clients = [
         host.add_line(
             name=f"line-{number}",
             opener=SerialOpener(port, task.baud, timing.framing),
             timing=timing,
-            polls=[Poll(f"u{unit}", unit, request, 0.0, task.response_s) for unit in range(1, task.units + 1)],
+            polls=[
+                Poll(f"u{unit}", unit, request, 0.0, task.response_s) for unit in range(1, task.units + 1)
+            ],
         )
         for number, port in enumerate(task.ports)
     ]
@@ -96,7 +99,9 @@ async def line(task: Task) -> Span:
         await asyncio.sleep(chance.uniform(0.5, 1.5) * task.seconds / task.stops * 0.9)
         unit = chance.randint(1, task.units)
         stops.append((time.monotonic(), unit))
-        await clients[0].transact(unit, WriteCoil(100, False), response_time_s=task.response_s, lane=Lane.STOP)
+        await clients[0].transact(
+            unit, WriteCoil(100, False), response_time_s=task.response_s, lane=Lane.STOP
+        )
     await asyncio.sleep(max(end_s - time.monotonic(), 0.0))
     span = clock.span()
     span.stops = stops

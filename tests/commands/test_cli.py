@@ -1,6 +1,9 @@
 from __future__ import annotations
 
+import argparse
+import subprocess
 import sys
+import types
 from pathlib import Path
 
 import pytest
@@ -99,6 +102,39 @@ def test_an_interrupted_command_has_failed(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr("gateway.commands.schema.json.dumps", interrupt)
 
     assert main(["schema"]) == 1
+
+
+def test_a_reader_who_has_had_enough_draws_no_traceback() -> None:
+    with subprocess.Popen(
+        [sys.executable, "-m", "gateway", "schema"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+
+        assert process.stderr.read() == b""
+        assert process.wait(30.0) == 1
+
+
+def test_completion_is_left_to_argcomplete(monkeypatch: pytest.MonkeyPatch) -> None:
+    completed: list[argparse.ArgumentParser] = []
+    fake = types.ModuleType("argcomplete")
+    fake.autocomplete = completed.append  # type: ignore[attr-defined]  # a module of our own making
+    monkeypatch.setitem(sys.modules, "argcomplete", fake)
+    monkeypatch.setenv("_ARGCOMPLETE", "1")
+
+    main([])
+
+    (parser,) = completed
+    assert parser.parse_args(["encode", "ssw07", "1", "start"]).last_word is None  # it knows every command's
+    assert parser.parse_args(["check", "site.toml"]).json is False
+
+
+def test_without_argcomplete_there_is_no_completion(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "argcomplete", None)
+    monkeypatch.setenv("_ARGCOMPLETE", "1")
+
+    assert main([]) == 2
 
 
 def test_without_arguments_those_of_the_process_count(

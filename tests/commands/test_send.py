@@ -11,8 +11,10 @@ from typing import Any
 import pytest
 
 from gateway.cli import main
+from gateway.errors import BrokerError
 from gateway.mqtt.intake import Incoming, Intake
 from gateway.mqtt.payload import Message, Payloads
+from gateway.mqtt.settings import BrokerSettings
 from gateway.mqtt.topics import Topics
 from gateway.starters.records import Phase, ResultRecord
 from gateway.starters.request import CommandRequest
@@ -71,10 +73,10 @@ def judged(seen: Seen) -> CommandRequest:
 @pytest.mark.parametrize(
     ("end", "code", "last_line"),
     [
-        ((Phase.CONFIRMED, "ok", "the motor runs"), 0, "confirmed the motor runs\n"),
-        ((Phase.REJECTED, "no_fault", "it is in fault"), 1, "rejected [no_fault] it is in fault\n"),
-        ((Phase.UNCONFIRMED, "no_reply", "not seen to act"), 1, "unconfirmed [no_reply] not seen to act\n"),
-        ((Phase.FAILED, "refused", "exception 1"), 1, "failed [refused] exception 1\n"),
+        ((Phase.CONFIRMED, "ok", "the motor runs"), 0, "confirmed: the motor runs\n"),
+        ((Phase.REJECTED, "no_fault", "it is in fault"), 1, "rejected [no_fault]: it is in fault\n"),
+        ((Phase.UNCONFIRMED, "no_reply", "not seen to act"), 1, "unconfirmed [no_reply]: not seen to act\n"),
+        ((Phase.FAILED, "refused", "exception 1"), 1, "failed [refused]: exception 1\n"),
     ],
 )
 async def test_only_a_confirmed_command_is_done(
@@ -87,13 +89,14 @@ async def test_only_a_confirmed_command_is_done(
         command = judged(await gateway.next())
         stranger = CommandRequest("pump-1", "alice", "start", id="another")
 
-        publish(broker, result(command, Phase.ACCEPTED))
+        publish(broker, result(command, Phase.ACCEPTED, text="accepted"))
         publish(broker, result(stranger, Phase.CONFIRMED))
         broker.publish(TOPICS.result("pump-1", "alice"), "no json")
+        publish(broker, result(command, Phase.WRITTEN, text="written; being read back"))
         publish(broker, result(command, *end))
 
         done = await sending
-    assert done == (code, f"accepted\n{last_line}", "")
+    assert done == (code, f"accepted\nwritten: being read back\n{last_line}", "")
     assert (command.starter, command.client, command.verb) == ("pump-1", "alice", "start")
 
 
@@ -202,6 +205,38 @@ def test_the_configurations_own_login_is_taken_when_no_other_is_given(
 
     assert code == 1
     assert "no gateway has told its state" in error  # so it was let in
+
+
+def test_the_password_of_another_login_is_asked_for_or_taken_from_the_environment(
+    send: Send, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    logins: list[tuple[str | None, str | None]] = []
+
+    def note(settings: BrokerSettings, _: Topics) -> None:
+        logins.append((settings.username, settings.password))
+        raise BrokerError("enough")
+
+    monkeypatch.setattr("gateway.commands.send.Sender", note)
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True)
+    monkeypatch.setattr("getpass.getpass", lambda prompt: f"typed at {prompt!r}")
+
+    send(1, "pump-1", "start", "--username", "alice")
+    monkeypatch.setenv("STARTER_GATEWAY_MQTT_PASSWORD", "a")
+    send(1, "pump-1", "start", "--username", "alice")
+    send(1, "pump-1", "start")
+
+    assert logins == [("alice", "typed at 'Password of alice at 127.0.0.1: '"), ("alice", "a"), (None, "a")]
+
+
+def test_a_user_without_a_name_makes_no_claim(send: Send, monkeypatch: pytest.MonkeyPatch) -> None:
+    def nobody() -> str:
+        raise KeyError("uid not found")
+
+    monkeypatch.setattr("getpass.getuser", nobody)
+
+    code, _, error = send(free_port(), "pump-1", "start")
+
+    assert (code, "nothing listens there" in error) == (1, True)
 
 
 def test_a_broker_that_is_away_is_told_in_one_line(send: Send) -> None:

@@ -52,184 +52,6 @@ def test_without_operators_the_configuration_is_right_and_read_only() -> None:
     assert config.operators == ()
 
 
-MISTAKES = [
-    # one value, by the models
-    ('name = "mcc1"', 'name = "MCC 1"', "line 2: gateway.name: is 'MCC 1' (only a-z, 0-9, _ and -)"),
-    ('name = "mcc1"', "name = 7", "line 2: gateway.name: is 7 (must be a text in quotes)"),
-    ('name = "mcc1"', 'nme = "mcc1"', "line 2: gateway.nme: unknown key (did you mean name?)"),
-    ('name = "mcc1"', 'state_dir = "/x"', "line 1: gateway.name: is missing"),
-    ("address = 1\n", "address = 0\n", "line 15: line[0].starter[0].address: is 0 (must be at least 1)"),
-    ("address = 1\n", "address = 248\n", "line 15: line[0].starter[0].address: is 248 (must be at most 247)"),
-    (
-        "address = 1\n",
-        "address = true\n",
-        "line 15: line[0].starter[0].address: is true (must be a whole number)",
-    ),
-    ("every_s = 2.0", "every_s = -1", "line 22: line[0].starter[1].every_s: is -1 (must be at least 0)"),
-    (
-        "every_s = 2.0",
-        "every_s = nan",
-        "line 22: line[0].starter[1].every_s: is nan (must be a finite number)",
-    ),
-    ("every_s = 2.0", 'every_s = "2"', "line 22: line[0].starter[1].every_s: is '2' (must be a number)"),
-    (
-        "every_s = 2.0",
-        "evry_s = 2",
-        "line 22: line[0].starter[1].evry_s: unknown key (did you mean every_s?)",
-    ),
-    ("every_s = 2.0", "slot = 3", "line 22: line[0].starter[1].slot: is 3 (must be at most 2)"),
-    (
-        "every_s = 2.0",
-        'enabled = "no"',
-        "line 22: line[0].starter[1].enabled: is 'no' (must be true or false)",
-    ),
-    (
-        "every_s = 2.0",
-        "response_time_s = 0",
-        "line 22: line[0].starter[1].response_time_s: is 0 (must be more than 0)",
-    ),
-    (
-        'family = "ssw07"',
-        'family = "ssw7"',
-        "line 16: line[0].starter[0].family: is 'ssw7' (did you mean ssw07 or ssw06?)",
-    ),
-    (
-        "baud = 19200",
-        "baud = 19201",
-        "line 10: line[0].baud: is 19201"
-        " (must be 1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200 or 230400)",
-    ),
-    (
-        'framing = "8E1"',
-        'framing = "7E1"',
-        "line 11: line[0].framing: is '7E1' (did you mean 8E1?)",
-    ),
-    (
-        '["start", "stop"]',
-        '["start", "strat"]',
-        "line 26: operator[0].may[1]: is 'strat' (did you mean start?)",
-    ),
-    ('["start", "stop"]', "[]", "line 26: operator[0].may: is empty (name at least one)"),
-    (
-        '["start", "stop"]',
-        '"start"',
-        'line 26: operator[0].may: is \'start\' (must be a list, e.g. ["start", "stop"])',
-    ),
-    ('["pump-*"]', '["Pump*"]', "line 27: operator[0].starters[0]: 'Pump*' fits no starter"),
-    # one value, by the rules
-    (
-        "mqtts://broker.plant:8883",
-        "mqtt://broker.plant",
-        "line 5: mqtt.url: would send passwords and commands unencrypted"
-        " (use mqtts://, or allow_plaintext = true)",
-    ),
-    (
-        "mqtts://broker.plant:8883",
-        "mqtts//broker",
-        "line 5: mqtt.url: 'mqtts//broker' is no broker address (mqtts://host:8883)",
-    ),
-    (
-        "mqtts://broker.plant:8883",
-        "ssl://broker",
-        "line 5: mqtt.url: 'ssl://broker' is no broker address (one of mqtt, mqtts)",
-    ),
-    (
-        "mqtts://broker.plant:8883",
-        "mqtts://broker:99999",
-        "line 5: mqtt.url: 'mqtts://broker:99999' is no broker address (mqtts://host:8883)",
-    ),
-    (
-        "mqtts://broker.plant:8883",
-        "mqtts://bob:secret@broker",
-        "line 5: mqtt.url: holds a login (use username and password_file)",
-    ),
-    (
-        "mqtts://broker.plant:8883",
-        "mqtts://broker/path",
-        "line 5: mqtt.url: has more than a host and a port (leave out what follows the port)",
-    ),
-    (
-        "[mqtt]",
-        '[mqtt]\nbase = "Starters/{gateway}"',
-        "line 5: mqtt.base: has the level 'Starters' (only a-z, 0-9, _ and - between slashes, and {gateway})",
-    ),
-    (
-        "[mqtt]",
-        '[mqtt]\nbase = "starters/"',
-        "line 5: mqtt.base: has an empty level (only a-z, 0-9, _ and - between slashes, and {gateway})",
-    ),
-    (
-        "[mqtt]",
-        '[mqtt]\ncert_file = "c.pem"',
-        "line 5: mqtt.cert_file: needs key_file beside it (a certificate and its key go together)",
-    ),
-    (
-        "[mqtt]",
-        '[mqtt]\npassword_file = "p"',
-        "line 5: mqtt.password_file: needs username beside it (a password belongs to a user)",
-    ),
-    (
-        "/dev/rs485-pumps",
-        "COM1",
-        "line 9: line[0].port: 'COM1' is no port"
-        " (an absolute path such as /dev/serial/by-id/..., or socket://host:port)",
-    ),
-    # several values together
-    (
-        'name = "pump-2"',
-        'name = "pump-1"',
-        "line 19: line[0].starter[1].name: 'pump-1' is also line[0].starter[0].name"
-        " (each starter needs its own name, whatever its line)",
-    ),
-    (
-        "address = 2",
-        "address = 1",
-        "line 20: line[0].starter[1].address: 1 is also line[0].starter[0].address"
-        " (each starter on a line needs its own address)",
-    ),
-    (
-        "baud = 19200",
-        "baud = 57600",
-        "line 10: line[0].baud: 57600 is not for ssw07 (pump-1) (its manual allows 9600, 19200, 38400)",
-    ),
-    (
-        'framing = "8E1"',
-        'framing = "8O2"',
-        "line 11: line[0].framing: '8O2' is not for ssw07 (pump-1) (its manual allows 8N2, 8O1, 8E1)",
-    ),
-    (
-        'family = "ssw07"',
-        'family = "ssw07"\nslot = 1',
-        "line 17: line[0].starter[0].slot: ssw07 has no slots (leave it out)",
-    ),
-    (
-        'family = "ssw07"',
-        'family = "ssw07"\nwatchdog_s = 0.5',
-        "line 17: line[0].starter[0].watchdog_s: would trip: up to ",
-    ),
-    # shapes
-    (
-        "[[operator]]",
-        "[operator]",
-        "line 24: operator: is not a list of tables (write [[operator]], with two",
-    ),
-    ("[mqtt]\n", "[mqqt]\n", "line 4: mqqt: unknown key (did you mean mqtt?)"),
-    ("[mqtt]\n", "[mqqt]\n", "mqtt: is missing (a table [mqtt] is needed)"),
-]
-
-
-@pytest.mark.parametrize(("old", "new", "problem"), MISTAKES)
-def test_a_mistake_is_told_with_its_line_its_key_and_the_mend(old: str, new: str, problem: str) -> None:
-    told = problems(changed((old, new)))
-
-    assert any(text.startswith(problem) for text in told), told
-
-
-@pytest.mark.parametrize(("old", "new", "problem"), MISTAKES)
-def test_no_mistake_draws_more_than_one_other_after_it(old: str, new: str, problem: str) -> None:
-    assert len(problems(changed((old, new)))) <= 2
-
-
 def test_all_mistakes_are_told_at_once_in_the_order_of_the_file() -> None:
     text = changed(
         ('name = "mcc1"', 'name = ""'),
@@ -260,6 +82,13 @@ def test_a_second_line_with_the_same_name_and_port_is_told() -> None:
         "line 30: line[1].port: '/dev/rs485-pumps' is also line[0].port"
         " (put all starters of a port under one [[line]])",
     ]
+
+
+@pytest.mark.parametrize("empty", ["line = []", "operator = 3\nline = []"])
+def test_a_site_without_lines_is_told(empty: str) -> None:
+    text = f'{empty}\n[gateway]\nname = "a"\n[mqtt]\nurl = "mqtts://b"\n'
+
+    assert any(told.endswith("line: is empty (at least one [[line]] is needed)") for told in problems(text))
 
 
 def test_the_same_address_on_another_line_is_right() -> None:

@@ -1,0 +1,217 @@
+"""One SQLite file that may be damaged, foreign, full or away; the only module that knows sqlite3."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sqlite3
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Protocol
+
+from gateway.errors import DamagedError, StoreError
+
+log = logging.getLogger(__name__)
+
+Connection = sqlite3.Connection
+
+APPLICATION_ID = 0x53474154  # "SGAT": a file without it is not ours
+VERSION = 1
+PAGE_BYTES = 4096
+LOCKED_WITHIN_S = 1.0  # how long another process may take to let go of the file
+MOST_ASIDE = 3  # files put aside that are kept: a bad disk is not to be filled as well
+
+_DAMAGE = frozenset({sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_FORMAT})
+_COMPANIONS = ("", "-wal", "-shm", "-journal")  # what SQLite keeps beside a file (sqlite.org/tempfiles.html)
+_ASIDE = ".aside-"
+_STAMP_DIGITS = 20
+
+
+class FullError(StoreError):
+    """The file has reached its bound, or the disk its end."""
+
+
+class Table(Protocol):
+    """One caller's tables; called within a transaction."""
+
+    def create(self, connection: Connection) -> None:
+        """Create what is missing, and select every column once, so that another shape shows."""
+        ...
+
+    def make_room(self, connection: Connection) -> None:
+        """Delete the oldest tenth or so: the file is full."""
+        ...
+
+
+class Database:
+    """The file, open or not; all calls belong to one thread."""
+
+    def __init__(self, path: Path, tables: Sequence[Table], max_bytes: int) -> None:
+        self.path = path
+        self.lost_s: float | None = None
+        self._tables = tables
+        self._max_pages = max(max_bytes // PAGE_BYTES, 1)
+        self._connection: Connection | None = None
+        self._place: tuple[int, int] | None = None
+
+    @property
+    def is_open(self) -> bool:
+        """Return whether work can be done."""
+        return self._connection is not None
+
+    @property
+    def is_in_place(self) -> bool:
+        """Return whether the open file is still the one of this name; SQLite itself would not notice."""
+        return self._place == _place(self.path)
+
+    def open(self, *, is_lost: bool = False) -> str:
+        """Open or create the file; return what had to be put aside for it, if anything."""
+        with _translated(self.path):
+            self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        try:
+            self._connection = self._connect(is_lost=is_lost)
+        except DamagedError as error:
+            return self.replace(error)
+        return ""
+
+    def replace(self, error: DamagedError) -> str:
+        """Put the file aside and open a new one; return what people should know of it."""
+        self.close()
+        with _translated(self.path):
+            aside = _put_aside(self.path)
+        self._connection = self._connect(is_lost=True)
+        return f"{error}; put aside as {aside.name}, a new one is used"
+
+    def transact(self, works: Sequence[Callable[[Connection], Any]]) -> list[Any]:
+        """Do the work in one transaction, and return its answers when it is on the disk."""
+        if self._connection is None:
+            raise StoreError(f"{self.path} is not open")
+        if not works:
+            return []
+        with _translated(self.path):
+            self._connection.execute("BEGIN IMMEDIATE")
+            try:
+                answers = [work(self._connection) for work in works]
+                self._connection.execute("COMMIT")
+            except BaseException:
+                if self._connection.in_transaction:
+                    self._connection.execute("ROLLBACK")
+                raise
+        return answers
+
+    def make_room(self) -> None:
+        """Let every table delete its oldest rows."""
+        self.transact([table.make_room for table in self._tables])
+
+    def close(self) -> None:
+        """Let go of the file."""
+        connection, self._connection = self._connection, None
+        if connection is not None:
+            try:
+                connection.close()
+            except sqlite3.Error as error:  # its last checkpoint failed: the next one to open it does that
+                log.info("store=%s %s", self.path, error)
+
+    def _connect(self, *, is_lost: bool) -> Connection:
+        with _translated(self.path):
+            if self.path.exists() and not self.path.is_file():
+                raise DamagedError(f"{self.path} is no file")
+            connection = sqlite3.connect(self.path, timeout=LOCKED_WITHIN_S, isolation_level=None)
+            try:
+                self._prepare(connection, is_lost=is_lost)
+            except BaseException as error:
+                connection.close()
+                if _code(error) == sqlite3.SQLITE_ERROR:  # our own SQL does not fit to what is there
+                    raise DamagedError(f"{self.path}: {error}") from error
+                raise
+            self._place = _place(self.path)
+        return connection
+
+    def _prepare(self, connection: Connection, *, is_lost: bool) -> None:
+        """Make sure that the file is ours, whole and writable."""
+        connection.text_factory = lambda octets: octets.decode("utf-8", "replace")
+        _ask(connection, "PRAGMA locking_mode = EXCLUSIVE")  # two gateways must not share one
+        if _ask(connection, "SELECT count(*) FROM sqlite_master"):
+            marks = _ask(connection, "PRAGMA application_id"), _ask(connection, "PRAGMA user_version")
+            if marks != (APPLICATION_ID, VERSION):
+                raise DamagedError(f"{self.path} is another program's, or another version's")
+            if _ask(connection, "PRAGMA quick_check(1)") != "ok":
+                raise DamagedError(f"{self.path} is damaged")
+        else:
+            _ask(connection, f"PRAGMA page_size = {PAGE_BYTES}")
+        if _ask(connection, "PRAGMA journal_mode = WAL") != "wal":
+            raise StoreError(f"{self.path}: no write-ahead log is possible here")
+        _ask(connection, "PRAGMA synchronous = FULL")
+        _ask(connection, f"PRAGMA max_page_count = {self._max_pages}")
+        _ask(connection, f"PRAGMA journal_size_limit = {2**20}")
+        connection.execute("BEGIN IMMEDIATE")
+        connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
+        connection.execute(f"PRAGMA user_version = {VERSION}")
+        connection.execute("CREATE TABLE IF NOT EXISTS meta (key TEXT PRIMARY KEY, value REAL)")
+        keys = ("opened_s", "lost_s") if is_lost else ("opened_s",)
+        connection.executemany("REPLACE INTO meta VALUES (?, ?)", [(key, time.time()) for key in keys])
+        for table in self._tables:
+            table.create(connection)
+        connection.execute("COMMIT")
+        lost_s = _ask(connection, "SELECT value FROM meta WHERE key = 'lost_s'")
+        self.lost_s = lost_s if isinstance(lost_s, float) else None
+
+
+@contextmanager
+def _translated(path: Path) -> Iterator[None]:
+    """Turn what SQLite and the file system say into a StoreError; a bug in our SQL stays what it is."""
+    try:
+        yield
+    except OSError as error:
+        raise StoreError(f"{error.filename or path}: {error.strerror or error}") from error
+    except sqlite3.Error as error:
+        code = _code(error)
+        if code in _DAMAGE:
+            raise DamagedError(f"{path}: {error}") from error
+        if code == sqlite3.SQLITE_FULL:
+            raise FullError(f"{path}: {error}") from error
+        if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+            raise StoreError(f"{path} is in use by another process") from error
+        if code in (None, sqlite3.SQLITE_ERROR):
+            raise
+        raise StoreError(f"{path}: {error}") from error
+
+
+def _code(error: BaseException) -> int | None:
+    """Return the primary result code of an SQLite error (sqlite.org/rescode.html)."""
+    code = getattr(error, "sqlite_errorcode", None)
+    return None if code is None else code & 0xFF
+
+
+def _ask(connection: Connection, sql: str) -> Any:
+    row = connection.execute(sql).fetchone()
+    return None if row is None else row[0]
+
+
+def _place(path: Path) -> tuple[int, int] | None:
+    try:
+        status = os.stat(path)
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino
+
+
+def _put_aside(path: Path) -> Path:
+    """Rename a file, with what SQLite keeps beside it, and return its new name; only a few are kept."""
+    stem = f"{path.name}{_ASIDE}{time.time_ns():0{_STAMP_DIGITS}d}"
+    for end in _COMPANIONS:
+        if os.path.lexists(f"{path}{end}"):
+            os.rename(f"{path}{end}", path.with_name(stem + end))
+    _forget_oldest(path)
+    return path.with_name(stem)
+
+
+def _forget_oldest(path: Path) -> None:
+    length = len(path.name) + len(_ASIDE) + _STAMP_DIGITS
+    entries = sorted(entry for entry in path.parent.iterdir() if entry.name.startswith(path.name + _ASIDE))
+    kept = sorted({entry.name[:length] for entry in entries})[-MOST_ASIDE:]
+    for entry in entries:
+        if entry.name[:length] not in kept and not entry.is_dir():
+            entry.unlink()

@@ -1,0 +1,62 @@
+"""What is said of a command that the gateway's own end cut short: once, and it is never carried out again."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+
+from gateway.families.state import state_of
+from gateway.starters.changes import UNKNOWN
+from gateway.starters.conduct import MAY_BE_TURNING
+from gateway.starters.control import StarterControlView
+from gateway.starters.errand import Desk, audit
+from gateway.starters.journal import Remembered
+from gateway.starters.records import Phase, ResultRecord, Severity
+from gateway.starters.request import CommandRequest
+
+CRASHED = "crashed"
+STATUS_WITHIN_S = 10.0
+LOOK_EVERY_S = 0.25
+
+
+class Aftermath:
+    """One such command; until its result is told, the ledger answers repetitions with what is known already."""
+
+    def __init__(self, remembered: Remembered, starter: StarterControlView | None, desk: Desk) -> None:
+        self._remembered = remembered
+        self._starter = starter  # None: it is configured no more
+        self._desk = desk
+
+    def result(self) -> ResultRecord:
+        """Return the command's final result as far as it can be told now."""
+        text, phase = "the gateway ended while this command was under way", Phase.REJECTED
+        if self._remembered.may_be_written:
+            text += f"; it was written, or about to be: {MAY_BE_TURNING}"
+            phase = Phase.UNCONFIRMED
+        else:
+            text += "; nothing was written"
+        state = self._state()
+        text += f"; the starter is now {state}" if state != UNKNOWN else "; its state is not known yet"
+        earlier = self._remembered.result
+        values = {} if state == UNKNOWN else {"state": state}
+        now_s = self._desk.clock.utc_s()
+        return replace(earlier, phase=phase, code=CRASHED, text=text, time_s=now_s, values=values)
+
+    async def tell(self) -> None:
+        """Wait a while for the starter's status, then tell the client, the audit and whoever is on duty."""
+        until_s = self._desk.clock.now_s() + STATUS_WITHIN_S
+        while self._state() == UNKNOWN and self._starter and self._desk.clock.now_s() < until_s:
+            await asyncio.sleep(LOOK_EVERY_S)
+        result = self.result()
+        self._desk.ledger.store(result, now_s=self._desk.clock.now_s())
+        self._desk.journal.note(result, then=lambda: self._desk.sink.put(result))
+        request = CommandRequest(result.starter, result.client, result.verb, result.id)
+        audit(request, self._desk, decision=result.phase, code=result.code, after=result.values)
+        if self._starter is not None and result.phase is Phase.UNCONFIRMED:
+            data = {"client": result.client, "id": result.id, "verb": result.verb}
+            self._starter.publisher.event("command_cut_short", Severity.ERROR, result.text, data)
+
+    def _state(self) -> str:
+        if self._starter is None:
+            return UNKNOWN
+        return state_of(self._starter.profile, self._starter.snapshot.good_values())

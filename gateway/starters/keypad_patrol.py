@@ -1,0 +1,101 @@
+"""Re-reads a starter's settings in the background, a small block at a time, for the keypad watch."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from gateway.errors import CommandError, PortLostError
+from gateway.families.bulk import bulk_reads
+from gateway.families.procedure import Read
+from gateway.line.job import Lane
+from gateway.line.outcome import Outcome
+from gateway.modbus.pdu import Request
+from gateway.starters.bulk_reading import read_in_bulk
+from gateway.starters.control import StarterControlView
+from gateway.starters.identification import Standing
+from gateway.starters.keypad_watch import KeypadWatch, watched_codes
+
+logger = logging.getLogger(__name__)
+
+VERBS = ("set", "configure")
+EVERY_S = 60.0  # one block; an SSW900's settings are some 20 blocks
+LONGEST_BLOCK = (
+    24  # registers: no request of an identification is shorter on the line, so no stop waits longer
+)
+
+
+class KeypadPatrol:
+    """Walks round the settings of one starter for ever, while it answers and is who it should be."""
+
+    def __init__(
+        self,
+        starter: StarterControlView,
+        *,
+        on_change: Callable[[], None] = lambda: None,
+        every_s: float = EVERY_S,
+    ) -> None:
+        self._starter = starter
+        self._on_change = on_change
+        self._every_s = every_s
+        self._watch = KeypadWatch(starter.profile)
+        self._limit = min(LONGEST_BLOCK, starter.profile.limits.read_registers // 2)
+        self._reads = deque(self._planned(watched_codes(starter.profile)))
+        self._task: asyncio.Task[None] | None = None
+
+    def start(self) -> None:
+        """Begin to walk; once."""
+        if self._reads:
+            name = f"keypad {self._starter.setup.name}"
+            self._task = asyncio.get_running_loop().create_task(self._run(), name=name)
+
+    async def close(self) -> None:
+        """Walk no more, and wait until nothing of it is left."""
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.wait((self._task,))
+
+    def note_command(self, verb: str, args: Mapping[str, Any], *, is_over: bool) -> None:
+        """Take over that a command of ours begins or has ended."""
+        if verb in VERBS:
+            self._watch.note_command(self._starter.variant, verb, args, is_over=is_over)
+
+    async def _run(self) -> None:
+        while self._reads:
+            await asyncio.sleep(self._every_s)
+            starter = self._starter
+            if not starter.is_answering or starter.identity_standing is not Standing.MATCHING:
+                continue
+            read = self._reads.popleft()
+            try:
+                self._reads += await self._look(read)
+            except (CommandError, PortLostError):  # the polls tell that it is silent
+                self._reads.append(read)
+            except Exception:  # the guard at the task's top
+                logger.exception("starter=%s keypad patrol met a bug", starter.setup.name)
+                return
+
+    async def _look(self, read: Read) -> tuple[Read, ...]:
+        """Read one block and tell what has changed; return what to read next time."""
+        starter = self._starter
+        found = await read_in_bulk(self._ask, starter.profile, [read], tries=1)
+        changes = self._watch.note_reading(starter.variant, found.rows)
+        for change in changes:
+            logger.warning("starter=%s %s", starter.setup.name, change.text)
+            starter.publisher.change(change)
+        if changes:
+            self._on_change()
+        return self._planned(found.rows) if found.refused else (read,)
+
+    def _planned(self, codes: Iterable[str]) -> tuple[Read, ...]:
+        return bulk_reads(self._starter.profile, codes, longest=self._limit)
+
+    async def _ask(self, request: Request) -> Outcome:
+        setup = self._starter.setup
+        response_time_s = setup.response_time_of(request)
+        return await self._starter.line.transact(
+            setup.address, request, response_time_s=response_time_s, lane=Lane.READ_BACK
+        )

@@ -1,0 +1,112 @@
+"""Tells of an identified starter whether it is ready to be run from afar, and which watchdog acts when."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Iterable
+from typing import Any
+
+from gateway.errors import CommandError, PortLostError
+from gateway.families.bulk import bulk_reads
+from gateway.families.finding import Finding, Weight
+from gateway.families.readiness import readiness, readiness_codes, refuses_start
+from gateway.families.watchdog import watchdogs
+from gateway.line.job import Lane
+from gateway.line.outcome import Outcome
+from gateway.modbus.pdu import Request
+from gateway.starters.bulk_reading import read_in_bulk
+from gateway.starters.control import StarterControlView
+from gateway.starters.records import Severity
+
+logger = logging.getLogger(__name__)
+
+EVENT = "readiness"
+PAUSES_S = (0.0, 5.0, 30.0, 120.0)  # before each attempt to read the settings
+
+_SEVERITIES = {Weight.NOTE: Severity.INFO, Weight.WARNING: Severity.WARNING, Weight.ERROR: Severity.ERROR}
+
+
+class ReadinessWatch:
+    """Looks at one starter's settings whenever it is told to; says only what it has not just said."""
+
+    def __init__(self, starter: StarterControlView) -> None:
+        self._starter = starter
+        self._task: asyncio.Task[None] | None = None
+        self._said: object = None  # what the last event was told from
+
+    def begin(self) -> None:
+        """Look, in a task of its own; the starter is identified."""
+        self._cancel()
+        name = f"readiness {self._starter.setup.name}"
+        self._task = asyncio.get_running_loop().create_task(self._run(), name=name)
+
+    async def close(self) -> None:
+        """Look no more, and wait until nothing of it is left."""
+        task = self._task
+        self._cancel()
+        if task is not None:
+            await asyncio.wait((task,))
+
+    def _cancel(self) -> None:
+        if self._task is not None:
+            self._task.cancel()
+            self._task = None
+
+    async def _run(self) -> None:
+        try:
+            await self._look_until_read()
+        except Exception:  # the guard at the task's top
+            logger.exception("starter=%s readiness ended by a bug", self._starter.setup.name)
+
+    async def _look_until_read(self) -> None:
+        """Look, and again after ever longer pauses while the starter does not answer."""
+        for pause_s in PAUSES_S:
+            await asyncio.sleep(pause_s)
+            try:
+                rows = await self._read()
+            except (CommandError, PortLostError) as error:
+                logger.info("starter=%s readiness is not known: %s", self._starter.setup.name, error)
+            else:
+                self._tell(rows)
+                return
+
+    async def _read(self) -> dict[str, tuple[int, ...]]:
+        profile = self._starter.profile
+        reads = bulk_reads(profile, readiness_codes(profile))
+        return (await read_in_bulk(self._ask, profile, reads, tries=1)).rows
+
+    def _tell(self, rows: dict[str, tuple[int, ...]]) -> None:
+        starter = self._starter
+        findings = readiness(starter.profile, starter.variant, rows, gap_s=starter.status_period_s or None)
+        said = (tuple(sorted(rows.items())), tuple(finding.weight for finding in findings))
+        if said == self._said or not findings:
+            return
+        self._said = said
+        data = {
+            "would_refuse_start": refuses_start(findings),
+            "findings": [_as_data(finding) for finding in findings],
+            "watchdogs": [
+                {"parameter": each.code, "after_s": each.after_s, "does": each.does}
+                for each in watchdogs(starter.profile, starter.variant, rows)
+            ],
+        }
+        severity = _SEVERITIES[findings[0].weight]  # the gravest comes first
+        starter.publisher.event(EVENT, severity, summary(findings), data)
+
+    async def _ask(self, request: Request) -> Outcome:
+        setup = self._starter.setup
+        response_time_s = setup.response_time_of(request)
+        return await self._starter.line.transact(
+            setup.address, request, response_time_s=response_time_s, lane=Lane.READ_BACK
+        )
+
+
+def summary(findings: Iterable[Finding]) -> str:
+    """Return the findings that bite in one line, or that there is none."""
+    biting = [finding.text for finding in findings if finding.weight is not Weight.NOTE]
+    return "; ".join(biting) if biting else "ready for remote control"
+
+
+def _as_data(finding: Finding) -> dict[str, Any]:
+    return {"topic": finding.topic.value, "weight": finding.weight.value, "text": finding.text}

@@ -1,0 +1,40 @@
+"""`make bench`: the line at its physical limit, measured; `--only efficiency` for a part."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from pathlib import Path
+
+from tests.bench.costs import cpu, start, stop, sweep
+from tests.bench.report import Goal, table
+from tests.bench.rows import dead, efficiency, judge
+
+ROWS = {each.__name__: each for each in (judge, efficiency, dead, cpu, start, stop, sweep)}
+
+
+def main() -> int:
+    """Measure what the command line names, print it, draw it; 1 when something was not reached."""
+    parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
+    parser.add_argument("--only", choices=ROWS, action="append", help="may be given several times")
+    parser.add_argument(
+        "--pictures", type=Path, metavar="FOLDER", help="where efficiency.svg and line-time.svg go"
+    )
+    args = parser.parse_args()
+    begun_s = time.monotonic()
+    print(f"{os.cpu_count()} processors; load before: {os.getloadavg()[0]:.2f}\n", flush=True)
+    goals: list[Goal] = []
+    for name in args.only or ROWS:
+        row = ROWS[name]()
+        goals += row.goals
+        print(row.text, flush=True)
+    if goals:
+        print(table("Reached", ["what", "got", "limit", ""], [goal.cells() for goal in goals]))
+    missed = [goal for goal in goals if not goal.is_met]
+    print(f"{len(goals) - len(missed)} of {len(goals)} met; {time.monotonic() - begun_s:.0f} s")
+    return 1 if missed else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,119 @@
+"""Rows of the bench about the whole: processor time and memory, stops, the sweep, the start."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from tests.bench.account import Stop, quantile, stops, sweeps_s
+from tests.bench.judge import Spec
+from tests.bench.plant import run_gateway
+from tests.bench.report import Goal, table
+from tests.bench.rows import HEAD, OURS, Row, cells, measured
+from tests.bench.runs import Run, run_subject
+
+FLATNESS = 1.15 / 0.85
+MANY = 247
+
+
+def cpu() -> Row:
+    """Processor time and memory, whatever the number of starters and lines."""
+    rows, goals = [], []
+    for master in OURS:
+        costs_ms = []
+        for spec in _sizes("ssw07" if master == "gateway" else ""):
+            run = _sized(master, spec)
+            what = f"{master}, {spec.lines} x {spec.units}"
+            costs_ms.append(run.cpu_s * 1e3)
+            rows.append([what, *cells(run), f"{_mib(run):.0f}"])
+            if master == "gateway":
+                goals.append(Goal(f"CPU: {what}", costs_ms[-1], 0.8, is_most=True, unit=" ms"))
+                goals.append(Goal(f"memory: {what}", _mib(run), 80, is_most=True, unit=" MiB"))
+        dearest = max(costs_ms) / min(costs_ms)
+        goals.append(Goal(f"CPU, dearest / cheapest: {master}", dearest, FLATNESS, is_most=True))
+    for master in ("pymodbus", "minimalmodbus"):
+        run = measured(master, Spec())
+        rows.append([f"{master}, 1 x 8", *cells(run), f"{_mib(run):.0f}"])
+    note = (
+        "A request's. Here the gateway reads SSW-07s whose motors run: 1 to 3 registers a request, so some 60"
+        "\nrequests a second, each decoded and published."
+    )
+    head = ["master, lines x starters", *HEAD, "MiB"]
+    return Row(table("Cost of a transaction, 19200", head, rows, note=note), goals)
+
+
+def start() -> Row:
+    """From the gateway's start to its first request on the wire."""
+    rows, goals = [], []
+    for spec in (Spec(units=8, family="ssw07"), Spec(units=MANY, family="ssw07")):
+        first_s = _sized("gateway", spec).first_s
+        rows.append([f"{spec.units} starters", f"{first_s:.2f}"])
+        goals.append(Goal(f"cold start: {spec.units} starters", first_s, 1.0, is_most=True, unit=" s"))
+    return Row(table("Cold start to first poll", ["gateway", "s"], rows), goals)
+
+
+def stop() -> Row:
+    """From a stop to its first byte, while the line is saturated."""
+    rows, goals = [], []
+    for master, units in (("line", 32), ("line", MANY), ("gateway", 32)):
+        if master == "gateway":
+            run = run_gateway(Spec(units=units, family="ssw07"), warm_s=6.0, seconds=12.0, stops=30)
+        else:
+            run = run_subject(master, Spec(units=units), seconds=10.0, stops=50)
+        found = stops(run.seen, run.span.stops, run.law)
+        what = f"{master}, {units} starters"
+        rows.append([what, f"{len(found)} of {len(run.span.stops)}", *_stop_cells(found)])
+        late_ms = max((each.excess_s for each in found), default=float("nan")) * 1e3
+        goals.append(Goal(f"stop, beyond what it must wait: {what}", late_ms, 5, is_most=True, unit=" ms"))
+        goals.append(Goal(f"stops seen: {what}", len(found), len(run.span.stops)))
+    head = ["master", "stops", "p50 ms", "most", "transaction", "p50 / it", "beyond p50", "most"]
+    note = (
+        "Milliseconds from the submission (gateway: from publish(), so the broker's way counts) to the first"
+        "\nbyte on the wire. Transaction: the one under way, with its silence, p50. Beyond: later than its end."
+    )
+    return Row(table("Stop, 19200, saturated", head, rows, note=note), goals)
+
+
+def sweep() -> Row:
+    """All 247 starters in turn: nobody is left out, and the round takes what was computed."""
+    run = run_subject("line", Spec(units=MANY), seconds=20.0)
+    rounds_s = sweeps_s(run.seen)
+    computed_s = MANY * run.law.ideal_s(run.seen[0])
+    asked = len({each.unit for each in run.seen})
+    longest_s = max(rounds_s, default=float("nan"))
+    row = ["line", f"{computed_s:.3f}", f"{quantile(rounds_s, 0.5):.3f}", f"{longest_s:.3f}", str(asked)]
+    goals = [
+        Goal("sweep, longest / computed", longest_s / computed_s, 1.02, is_most=True),
+        Goal("sweep, starters asked", asked, MANY),
+    ]
+    head = ["", "computed s", "p50 s", "longest s", "starters asked"]
+    return Row(table("Sweep of 247 starters, 19200", head, [row]), goals)
+
+
+def _sizes(family: str) -> Iterator[Spec]:
+    for units in (1, 8, 32, MANY):
+        yield Spec(units=units, family=family)
+    for lines in (2, 4, 8):
+        yield Spec(lines=lines, family=family)
+
+
+def _sized(master: str, spec: Spec) -> Run:
+    is_long = master == "gateway" and spec.units == MANY  # all of them are identified first
+    return measured(master, spec, 12.0 if is_long else 0.7, 3.0)
+
+
+def _mib(run: Run) -> float:
+    return run.span.rss_kib / 1024
+
+
+def _stop_cells(found: list[Stop]) -> list[str]:
+    waits_s = [each.latency_s for each in found]
+    excess_s = [each.excess_s for each in found]
+    under_way_s = quantile((each.under_way_s for each in found), 0.5)
+    return [
+        f"{quantile(waits_s, 0.5) * 1e3:.1f}",
+        f"{quantile(waits_s, 1.0) * 1e3:.1f}",
+        f"{under_way_s * 1e3:.1f}",
+        f"{quantile(waits_s, 0.5) / under_way_s:.2f}",
+        f"{quantile(excess_s, 0.5) * 1e3:.2f}",
+        f"{quantile(excess_s, 1.0) * 1e3:.2f}",
+    ]

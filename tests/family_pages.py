@@ -1,0 +1,107 @@
+"""The generated half of docs/families: `python -m tests.family_pages` writes it anew."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from gateway.families.load import FAMILIES, load_profile
+from gateway.families.schema import Parameter, Point, Profile
+
+FOLDER = Path(__file__).parent.parent / "docs" / "families"
+MARK = "<!-- From here on generated"
+
+
+def page_of(family: str, text: str) -> str:
+    """Return a page with its generated half made anew; what stands above the mark is kept."""
+    above, mark, rest = text.partition(MARK)
+    if not mark:
+        raise ValueError(f"{family}.md has lost its line {MARK!r}")
+    line, _, _ = rest.partition("\n")
+    return f"{above}{mark}{line}\n\n{_generated(load_profile(family))}"
+
+
+def _generated(profile: Profile) -> str:
+    parts = (_limits(profile), _points(profile), _commands(profile), _alarms(profile), _parameters(profile))
+    return "\n".join(parts)
+
+
+def _limits(profile: Profile) -> str:
+    timing, limits = profile.timing, profile.limits
+    stated = "" if timing.is_stated else " (ours: the manual does not say)"
+    rows = [
+        ("rates", ", ".join(map(str, profile.bauds)) or "not stated"),
+        ("byte formats", ", ".join(profile.framings)),
+        ("functions", ", ".join(map(str, limits.functions))),
+        ("longest response time", f"{timing.read_s * 1000:g} ms{stated}"),
+        ("per register written with FC16", f"{timing.write_per_register_s * 1000:g} ms"),
+        ("registers a read, a write", f"{limits.read_registers}, {limits.write_registers}"),
+        ("longest frame", f"{limits.frame_bytes} bytes"),
+    ]
+    return _table("Limits", ("", ""), rows)
+
+
+def _points(profile: Profile) -> str:
+    rows = []
+    for name, point in profile.points.items():
+        row = profile.parameters.get(point.code)
+        rows.append((f"`{name}`", _source(point), row.unit if row and point.bit is None else "", point.group))
+    return _table("Points", ("point", "read from", "unit", "group"), rows)
+
+
+def _source(point: Point) -> str:
+    if point.none_of:
+        return "none of " + ", ".join(point.none_of)
+    source = point.code + (f" bit {point.bit}" if point.bit is not None else "")
+    return source + (f" in {', '.join(map(str, point.true_when))}" if point.true_when else "")
+
+
+def _commands(profile: Profile) -> str:
+    rows = [
+        (f"`{verb}`", ", ".join(command.requires) or "-", command.verify.point if command.verify else "-")
+        for verb, command in profile.commands.items()
+    ]
+    return _table("Commands", ("command", "requires", "read back"), rows)
+
+
+def _alarms(profile: Profile) -> str:
+    return _table(
+        "Faults and alarms",
+        ("code", "kind", "text"),
+        [(f"`{alarm.code}`", alarm.severity, alarm.text) for alarm in profile.alarms],
+    )
+
+
+def _parameters(profile: Profile) -> str:
+    rows = [
+        (row.code, row.name, str(row.address), str(row.type), row.unit, _range(row), _access(row))
+        for row in profile.parameters.values()
+    ]
+    return _table("Parameters", ("code", "name", "address", "type", "unit", "raw range", "access"), rows)
+
+
+def _range(row: Parameter) -> str:
+    return "" if row.raw_min is None else f"{row.raw_min}..{row.raw_max}"
+
+
+def _access(row: Parameter) -> str:
+    writable = (
+        "read, set" if row.is_writable else {"command": "by verbs", "none": "-"}.get(row.access, "read")
+    )
+    return writable if row.confidence == "manual" else f"{writable} ({row.confidence})"
+
+
+def _table(title: str, head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+    lines = [f"## {title}", "", "| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    lines += ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
+    return "\n".join([*lines, ""])
+
+
+def main() -> None:
+    for family in FAMILIES:
+        path = FOLDER / f"{family}.md"
+        path.write_text(page_of(family, path.read_text("utf-8")), "utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,107 @@
+"""Carries commands out on a simulated starter as the gateway does: real PDUs, no line, no waiting."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from gateway.errors import CommandError
+from gateway.families.command import build, prepare
+from gateway.families.decode import decode_points
+from gateway.families.gather import rows_in
+from gateway.families.interlock import check
+from gateway.families.load import load_profile
+from gateway.families.procedure import Expect, Read
+from gateway.families.schema import Variant
+from gateway.modbus.pdu import Request, exception_code
+from gateway.sim.factory import make_unit
+from gateway.sim.unit import Unit
+from tests.sim.wire import Talk
+
+PAUSE_S = 0.1
+SLOT_1 = Variant(slot=1)
+
+Rows = dict[str, tuple[int, ...]]
+
+
+@dataclass(frozen=True)
+class Done:
+    """How a command went: `end` is confirmed, unchanged, refused, unconfirmed, or the rule that forbade it."""
+
+    end: str
+    text: str = ""
+    written: list[str] = field(default_factory=list)  # PDUs in hex
+
+
+class Actor:
+    """One starter and somebody who commands it."""
+
+    def __init__(self, family: str, *, variant: Variant = SLOT_1, **options: Any) -> None:
+        self.profile = load_profile(family)
+        self.variant = variant
+        self.unit: Unit = make_unit(family, 1, **options)
+        self.talk = Talk(self.unit)
+        self.rows: Rows = {}  # what was read last
+
+    def act(self, verb: str, args: Mapping[str, Any] | None = None, *, seen: Rows | None = None) -> Done:
+        """Read, judge, write once, read back; with `seen` without reading or judging anything."""
+        given = args or {}
+        written: list[str] = []
+        try:
+            if seen is None:
+                preparation = prepare(self.profile, self.variant, verb, given)
+                seen = self.read(preparation.reads)
+                violations = check(self.profile, preparation.requires, self.points(seen))
+                if violations:
+                    return Done(violations[0].rule, violations[0].text)
+            procedure = build(self.profile, self.variant, verb, given, seen=seen)
+        except CommandError as error:
+            return Done(error.code, error.text)
+        for step in procedure.steps:
+            pdu = self.talk.pdu(step.request)
+            written.append(step.request.encode().hex())
+            if pdu is not None and exception_code(step.request, pdu) is not None:
+                return self._abandoned(procedure.abandon, Done("refused", written=written))
+            if step.then is not None and not self._see(step.then):
+                return self._abandoned(procedure.abandon, Done("unconfirmed", written=written))
+        if not procedure.steps:
+            return Done("unchanged" if procedure.is_unchanged else "confirmed", procedure.note)
+        is_seen = procedure.verify is not None and self._see(procedure.verify)
+        end = Done("confirmed" if is_seen else "unconfirmed", procedure.note, written)
+        return end if is_seen else self._abandoned(procedure.abandon, end)
+
+    def read(self, reads: Sequence[Read]) -> Rows:
+        """Return freshly read rows; CommandError when one is refused or not answered."""
+        rows: Rows = {}
+        for read in reads:
+            pdu = self.talk.pdu(read.request)
+            if pdu is None or exception_code(read.request, pdu) is not None:
+                raise CommandError("no_answer", str(read.codes))
+            rows |= rows_in(self.profile, read, read.request.decode_reply(pdu))
+        self.rows |= rows
+        return rows
+
+    def points(self, rows: Rows) -> dict[str, Any]:
+        """Return points by name and rows by code, as a read-back is judged."""
+        decoded = decode_points(self.profile, self.variant, rows)
+        return {**rows, **{name: point.value for name, point in decoded.items()}}
+
+    def _see(self, expect: Expect) -> bool:
+        until_s = self.talk.now_s + expect.within_s
+        count = 0
+        while count < 2:
+            try:
+                values = self.points(self.read(expect.reads))
+            except CommandError:
+                values = {}
+            count = count + 1 if expect.is_met(values) else 0
+            if count == 0 and self.talk.now_s >= until_s:
+                return False
+            self.talk.wait(PAUSE_S)
+        return True
+
+    def _abandoned(self, requests: Sequence[Request], done: Done) -> Done:
+        for request in requests:
+            self.talk.pdu(request)
+        return done
