@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test lint clean mosquitto docs
+.PHONY: help venv demo test bench lint clean mosquitto docs
 
 help: ## show this list
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 16
@@ -39,6 +39,13 @@ test: $(STAMP) mosquitto lint ## everything that is checked, as CI does
 
 docs: $(STAMP) ## write the generated halves of docs/families anew
 	$(BIN)/python -m tests.family_pages
+
+$(STAMP)-bench: $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
+	@touch $@
+
+bench: $(STAMP)-bench mosquitto ## the line's efficiency, beside other masters, in six minutes; pictures in docs/
+	@$(BIN)/python -m tests.bench --pictures docs
 
 clean: ## remove what the targets made
 	rm -rf $(VENV) build dist *.egg-info .coverage .hypothesis .mypy_cache .pytest_cache .ruff_cache .import_linter_cache

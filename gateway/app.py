@@ -12,12 +12,15 @@ from gateway import __version__
 from gateway.clock import Clock, SystemClock
 from gateway.config.schema import Config
 from gateway.config.setups import rights_of, setups_of, timing_of
+from gateway.durable.keeper import Keeper
 from gateway.line.client import LineClient
+from gateway.line.deafness import DEAF
+from gateway.line.gaps import start_order
 from gateway.line.host import LineHost
 from gateway.line.outcome import Outcome
 from gateway.line.serial_port import SerialOpener
 from gateway.mqtt.broker import BrokerConnection
-from gateway.mqtt.intake import Incoming, Intake, Rejection
+from gateway.mqtt.intake import MAX_AHEAD_S, MAX_TTL_S, Incoming, Intake, Rejection
 from gateway.mqtt.outbox import Outbox
 from gateway.mqtt.payload import GatewayInfo, Operator, Payloads
 from gateway.mqtt.publisher import Publisher
@@ -75,12 +78,22 @@ class App:
         self._by_unit: dict[tuple[str, int], StarterTelemetry] = {}
         self._companions = Companions(self._publisher)
         self._build_lines(config)
+        self._keeper = Keeper(
+            folder / config.gateway.state_dir,
+            boot=boot,
+            clock=self._clock,
+            hold_s=MAX_TTL_S + MAX_AHEAD_S,
+            is_read_only=not config.operators,
+            tell=self.tell,
+            on_recalled=lambda commands: self._commander.recall(commands),
+        )
         self._commander = Commander(
             self._starters,
             rights=rights_of(config),
-            sink=self._companions,
+            sink=self._keeper.sink(self._companions),
             clock=self._clock,
             sequence=self._sequence,
+            journal=self._keeper.journal,
         )
         self._vitals = Vitals(
             self._lines,
@@ -88,6 +101,9 @@ class App:
             publisher=self._publisher,
             notifier=notifier,
             watchdog_every_s=watchdog_every_s,
+            lines_lag=self._host.lag,
+            shortest_watchdog_s=_shortest_watchdog_s(config),
+            tell=self.tell,
         )
 
     async def run(self, ending: asyncio.Future[str]) -> None:
@@ -103,6 +119,7 @@ class App:
         for starter in self._starters.values():
             starter.start()
         await self._host.start()
+        self._keeper.start(__version__)
         self._companions.start()
         try:
             reason = await ending
@@ -112,15 +129,16 @@ class App:
             for starter in self._starters.values():
                 await starter.close()
             await self._companions.close()
+            await self._keeper.close(reason)
             await self._broker.close(self._publisher.farewell(reason), within_s=FAREWELL_S)
         finally:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
 
-    def tell(self, code: str, severity: Severity, text: str, line: str = "") -> None:
+    def tell(self, code: str, severity: Severity, text: str, line: str = "", **more: object) -> None:
         """Publish an event of the gateway's own."""
-        data = {"line": line} if line else {}
+        data = {"line": line, **more} if line else {}
         self._publisher.put(
             EventRecord("", code, severity, text, self._clock.utc_s(), self._sequence.take(), data)
         )
@@ -136,12 +154,17 @@ class App:
         self._by_unit[line, unit].on_unit(is_answering=is_answering, reason=reason, frames=frames)
         self._vitals.note_change()
 
+    def on_trouble(self, line: str, code: str, unit: int, text: str, frames: tuple[str, ...]) -> None:
+        """Hear what is wrong on a line: two starters with one address, or one that talks unasked."""
+        self.tell(code, Severity.ERROR, f"line {line}: {text}", line, unit=unit, frames=list(frames))
+
     def on_port(self, line: str, is_open: bool, reason: str) -> None:  # noqa: FBT001 - LineListener's shape
         """Hear that a port was opened or is away: then none of its starters answers."""
         if is_open:
             self.tell("port_open", Severity.INFO, f"line {line}: the port is open", line)
         else:
-            self.tell("port_away", Severity.ERROR, f"line {line}: {reason}", line)
+            code = "port_deaf" if DEAF in reason else "port_away"
+            self.tell(code, Severity.ERROR, f"line {line}: {reason}", line)
             for (name, _), starter in self._by_unit.items():
                 if name == line:
                     starter.on_unit(is_answering=False, reason=reason)
@@ -151,13 +174,15 @@ class App:
         for line in config.lines:
             setups = setups_of(line)
             timing = timing_of(line)
+            watchdogs_s = {each.address: each.watchdog_s for each in line.starters if each.watchdog_s}
             client = self._host.add_line(
                 name=line.name,
                 opener=SerialOpener(line.port, line.baud, timing.framing),
                 timing=timing,
-                polls=[poll for setup in setups for poll in polls_of(setup)],
+                polls=start_order((poll for setup in setups for poll in polls_of(setup)), watchdogs_s),
                 allowance_s=line.adapter_allowance_s,
                 seed=secrets.randbits(32),
+                deaf_after_s=line.deaf_after_s,
             )
             self._lines.append(client)
             for setup in setups:
@@ -201,6 +226,12 @@ async def _supervise(name: str, work: Callable[[], Awaitable[None]]) -> None:
         else:
             return
         await asyncio.sleep(RESTART_PAUSE_S)
+
+
+def _shortest_watchdog_s(config: Config) -> float | None:
+    """Return the shortest watchdog that is stated of an enabled starter; None when none is."""
+    starters = (each for line in config.lines for each in line.starters if each.enabled)
+    return min((each.watchdog_s for each in starters if each.watchdog_s), default=None)
 
 
 def _info(config: Config) -> GatewayInfo:

@@ -2,8 +2,16 @@
 
 from __future__ import annotations
 
+import ctypes
 import time
-from typing import Protocol
+from collections.abc import Callable
+from typing import Literal, Protocol
+
+ASK_EVERY_S = 10.0
+TIME_ERROR = 5  # adjtimex(2): the clock is not synchronised
+STA_UNSYNC = 0x0040  # the same in its status
+
+Trust = Literal["auto", "trusted", "untrusted"]
 
 
 class Clock(Protocol):
@@ -29,3 +37,59 @@ class SystemClock:
         """Return the wall time; a stamp of the past is carried over by its distance from now."""
         age_s = 0.0 if at_s is None else time.monotonic() - at_s
         return time.time() - age_s
+
+
+class _Timex(ctypes.Structure):
+    """The head of `struct timex`; the kernel writes what follows into `rest`, whatever its size here."""
+
+    _fields_ = (
+        ("modes", ctypes.c_uint),
+        ("offset", ctypes.c_long),
+        ("frequency", ctypes.c_long),
+        ("max_error", ctypes.c_long),
+        ("estimated_error", ctypes.c_long),
+        ("status", ctypes.c_int),
+        ("rest", ctypes.c_byte * 512),
+    )
+
+
+def is_kernel_clock_synchronised() -> bool:
+    """Return whether a time service keeps the system clock; False when the kernel does not say."""
+    timex = _Timex()  # modes = 0: only asks
+    try:
+        state = ctypes.CDLL(None).adjtimex(ctypes.byref(timex))
+    except (OSError, AttributeError):
+        return False
+    return is_synchronised_state(state, timex.status)
+
+
+def is_synchronised_state(state: int, status: int) -> bool:
+    """Return what adjtimex said: its return value (-1 for a failure) and the status beside it."""
+    return 0 <= state != TIME_ERROR and not status & STA_UNSYNC
+
+
+class ClockWatch:
+    """Whether time stamps from elsewhere can be compared with the system clock."""
+
+    def __init__(
+        self,
+        trust: Trust = "auto",
+        *,
+        ask: Callable[[], bool] = is_kernel_clock_synchronised,
+        now_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._trust = trust
+        self._ask = ask
+        self._now_s = now_s
+        self._answer = False
+        self._asked_s: float | None = None
+
+    def is_synchronised(self) -> bool:
+        """Return what the configuration says, else what the kernel said at most 10 s ago."""
+        if self._trust != "auto":
+            return self._trust == "trusted"
+        now_s = self._now_s()
+        if self._asked_s is None or now_s - self._asked_s >= ASK_EVERY_S:
+            self._answer = self._ask()
+            self._asked_s = now_s
+        return self._answer

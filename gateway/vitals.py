@@ -10,16 +10,22 @@ import asyncio
 import logging
 from collections.abc import Callable, Mapping, Sequence
 
+from gateway.hangs import HangWatch
+from gateway.lag import LagMeter
 from gateway.line.client import LineClient
+from gateway.line.gaps import FEEDS, LOOK_S
 from gateway.mqtt.publisher import Publisher
-from gateway.starters.records import LineRecord
+from gateway.starters.records import LineRecord, Severity
 from gateway.systemd import Notifier
 
 log = logging.getLogger(__name__)
 
 FIGURES_EVERY_S = 30.0
 SETTLING_S = 1.5  # after a change; a line's figures are up to a second old
-LOOK_EVERY_S = 0.25
+LAG_WARNS_S = 0.05
+LAG_QUIET_S = 60.0  # a loop that was in time for so long may be told of again
+
+Tell = Callable[[str, Severity, str], None]
 
 
 class Vitals:
@@ -33,12 +39,23 @@ class Vitals:
         publisher: Publisher,
         notifier: Notifier,
         watchdog_every_s: float | None,
+        lines_lag: LagMeter,
+        shortest_watchdog_s: float | None,
+        tell: Tell,
+        hangs: HangWatch | None = None,
     ) -> None:
         self._lines = lines
         self._progress = progress  # by line: grows with each step of its loop
         self._publisher = publisher
         self._notifier = notifier
-        self._watchdog_every_s = watchdog_every_s
+        self._watchdog_every_s = watchdog_every_s  # half of systemd's limit
+        self._hangs = hangs or HangWatch(watchdog_every_s)
+        self._lag = LagMeter()
+        self._lines_lag = lines_lag
+        self._lag_watches = (
+            _LagWatch("the gateway's own loop", self._lag, shortest_watchdog_s, tell),
+            _LagWatch("the lines' loop", lines_lag, shortest_watchdog_s, tell),
+        )
         self._port_troubles: dict[str, str] = {}
         self._link_trouble = ""
         self._is_ready = False
@@ -64,25 +81,37 @@ class Vitals:
 
     async def run(self) -> None:
         """Watch for ever."""
+        measuring = asyncio.create_task(self._lag.run(), name="lag")
+        try:
+            await self._watch()
+        finally:
+            self._hangs.close()
+            measuring.cancel()
+
+    async def _watch(self) -> None:
         loop = asyncio.get_running_loop()
         seen = self._progress()
         figures_due_s = fed_s = loop.time()
+        self._hangs.fed()
         while True:
             now_s = loop.time()
             if not self._is_ready and all(self._progress().values()):
                 self._become_ready()
-            if self._watchdog_every_s is not None and now_s - fed_s >= self._watchdog_every_s:
+            if self._watchdog_every_s is not None and now_s - fed_s >= 2 * self._watchdog_every_s / FEEDS:
                 progress = self._progress()
                 if all(progress[name] != seen[name] for name in progress):
                     self._notifier.watchdog()
+                    self._hangs.fed()
                     seen, fed_s = progress, now_s
+            for watch in self._lag_watches:
+                watch.look(now_s)
             if self._is_changed:
                 self._is_changed = False
                 figures_due_s = min(figures_due_s, now_s + SETTLING_S)
             if now_s >= figures_due_s:
                 self._put_figures()
                 figures_due_s = now_s + FIGURES_EVERY_S
-            await asyncio.sleep(LOOK_EVERY_S)
+            await asyncio.sleep(LOOK_S)
 
     def _become_ready(self) -> None:
         self._is_ready = True
@@ -99,5 +128,29 @@ class Vitals:
         self._notifier.status("; ".join(troubles) or "polling")
 
     def _put_figures(self) -> None:
+        lag_s = {"line": round(self._lines_lag.worst_s, 4), "gateway": round(self._lag.worst_s, 4)}
         for line in self._lines:
-            self._publisher.put(LineRecord(line.name, line.figures()))
+            self._publisher.put(LineRecord(line.name, {**line.figures(), "lag_s": lag_s}))
+
+
+class _LagWatch:
+    """Tells of one loop's delays: the first that is worth it, then only after a quiet minute again."""
+
+    def __init__(self, what: str, meter: LagMeter, shortest_watchdog_s: float | None, tell: Tell) -> None:
+        self._what = what
+        self._meter = meter
+        self._alarms_s = (shortest_watchdog_s or float("inf")) / 3
+        self._tell = tell
+        self._warned_s = self._alarmed_s = float("-inf")
+
+    def look(self, now_s: float) -> None:
+        worst_s = self._meter.take_worst_s()
+        text = f"{self._what} was {worst_s:.3f} s late"
+        if worst_s > self._alarms_s:
+            if now_s - self._alarmed_s > LAG_QUIET_S:
+                self._tell("lag", Severity.ERROR, f"{text}: starters' watchdogs may act")
+            self._alarmed_s = now_s
+        if worst_s > LAG_WARNS_S:
+            if now_s - self._warned_s > LAG_QUIET_S:
+                log.warning("%s; it is told once, the worst is in the line's figures", text)
+            self._warned_s = now_s

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from gateway.commands.command import Subparsers
+from gateway.commands.failure_gaps import as_json, print_gaps, tight_watchdogs
 from gateway.config.load import load
 from gateway.config.prospects import LineProspect, StarterProspect, prospects_of
 from gateway.config.schema import Config
@@ -36,7 +37,11 @@ def run(args: argparse.Namespace) -> int:
             _print_json(args.config, is_valid=False, problems=_problems(error))
         raise
     prospects = prospects_of(config)
-    warnings = [*_line_warnings(prospects), *_site_warnings(config, Path(args.config).parent)]
+    warnings = [
+        *_line_warnings(prospects),
+        *tight_watchdogs(prospects),
+        *_site_warnings(config, Path(args.config).parent),
+    ]
     if args.json:
         lines = [_as_json(line) for line in prospects]
         _print_json(args.config, is_valid=True, lines=lines, warnings=warnings)
@@ -44,6 +49,7 @@ def run(args: argparse.Namespace) -> int:
     print(f"{args.config}: valid, {_site(config)}")
     for line in prospects:
         _print_line(line)
+        print_gaps(line)
     for warning in warnings:
         print(f"warning: {warning}")
     return 0
@@ -136,6 +142,7 @@ def _as_json(line: LineProspect) -> dict[str, Any]:
                 "age_s": {group: round(age_s, 4) for group, age_s in starter.ages_s.items()},
                 "longest_gap_s": round(starter.gap_s, 4),
                 "watchdog_s": starter.table.watchdog_s,
+                **as_json(line, starter),
                 "watchdog_margin_s": None if starter.margin_s is None else round(starter.margin_s, 4),
             }
             for starter in line.starters

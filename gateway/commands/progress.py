@@ -44,6 +44,11 @@ class Progress:
             self._stream.flush()
             self._is_shown = False
 
+    def end(self) -> None:
+        """Take the changing line away for good: what is shown next is the beginning of something else."""
+        self.clear()
+        self._next_share = 0.0
+
 
 def in_words(seconds: float) -> str:
     """Return a duration for people: 4.2 s, 38 s, 3 min 20 s, 1 h 5 min."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import faulthandler
+import gc
 import logging
 import os
 import signal
@@ -12,6 +14,7 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 
 from gateway.app import App
+from gateway.background_log import BackgroundHandler
 from gateway.commands.command import Subparsers
 from gateway.config.load import load
 from gateway.config.schema import Config
@@ -36,6 +39,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run until SIGTERM or SIGINT; ConfigError when the configuration is wrong."""
+    faulthandler.enable()  # systemd's SIGABRT ends a hang: it is to say where
     log_to_stderr(is_verbose=args.verbose)
     path = Path(args.config)
     asyncio.run(serve(path, *_read(path)))
@@ -65,8 +69,8 @@ async def serve(
 
 
 def log_to_stderr(*, is_verbose: bool) -> None:
-    """Log to stderr: for people with the time, for the journal with its priorities."""
-    handler = logging.StreamHandler(sys.stderr)
+    """Log to stderr without waiting for it: for people with the time, for the journal with priorities."""
+    handler = BackgroundHandler(sys.stderr.fileno())
     if is_journal(os.environ, sys.stderr):
         handler.setFormatter(PriorityFormatter())
     else:
@@ -98,6 +102,7 @@ class _Service:
             notifier=self._notifier,
             watchdog_every_s=watchdog_interval_s(os.environ),
         )
+        _spare_the_collector()
         await self._app.run(self._ending)
         return self._ending.result()
 
@@ -127,6 +132,13 @@ class _Service:
     def _finish(self, reason: str) -> None:
         if self._ending is not None and not self._ending.done():
             self._ending.set_result(reason)
+
+
+def _spare_the_collector() -> None:
+    """Take what lives as long as the gateway out of garbage collection: a full one would stop every loop."""
+    gc.unfreeze()  # the gateway before a reload may go
+    gc.collect()
+    gc.freeze()
 
 
 def _read(path: Path) -> tuple[Config, str | None]:

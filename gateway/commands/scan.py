@@ -6,13 +6,13 @@ import argparse
 import asyncio
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import get_args
 
 from gateway.commands.command import Subparsers
 from gateway.commands.progress import Progress
-from gateway.commands.scan_config import config_text, told, why_not
+from gateway.commands.scan_config import config_text, told
 from gateway.commands.scan_search import (
     ADDRESSES,
     BAUDS,
@@ -22,6 +22,7 @@ from gateway.commands.scan_search import (
     Step,
     Wish,
     timings_in_order,
+    why_not,
 )
 from gateway.commands.words import whole_number
 from gateway.config.schema import Baud, FramingText
@@ -154,5 +155,5 @@ def _split(text: str | None) -> list[str]:
     return [part.strip() for part in (text or "").split(",") if part.strip()]
 
 
-def _list(values: object) -> str:
-    return ", ".join(str(value) for value in values)  # type: ignore[attr-defined]
+def _list(values: Iterable[object]) -> str:
+    return ", ".join(str(value) for value in values)

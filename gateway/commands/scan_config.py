@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gateway.commands.scan_search import Find
+from gateway.commands.scan_search import Find, why_not
 from gateway.config.load import parse
 from gateway.errors import ConfigError
-from gateway.families.schema import Profile
 from gateway.modbus.timing import LineTiming
 
 _HEAD = """\
-# Found by `starter-gateway scan`. Give the gateway, the line and the starters their names, and name the broker.
+# Found by `starter-gateway scan`. Give gateway, line and starters their names, and name the broker.
 # There is no [[operator]]: a gateway with this configuration only reads.
 
 [gateway]
@@ -42,15 +41,6 @@ def config_text(port: str, found: Sequence[Find]) -> str:
     except ConfigError:  # a watchdog that this line cannot keep: say so, but do not demand it
         text = _text(port, timing, here, rest, with_watchdogs=False)
     return text
-
-
-def why_not(profile: Profile, timing: LineTiming) -> str:
-    """Return why a family cannot be on a line of this setting, "" when it can."""
-    if profile.bauds and timing.baud not in profile.bauds:
-        return f"{profile.title} knows no {timing.baud} bit/s"
-    if str(timing.framing) not in profile.framings:
-        return f"{profile.title} knows no framing {timing.framing}"
-    return ""
 
 
 def told(find: Find) -> str:

@@ -13,10 +13,11 @@ from dataclasses import dataclass
 
 from gateway.errors import CommandError
 from gateway.families.bulk import bulk_reads
+from gateway.families.finding import Watchdog
 from gateway.families.identify import Identity, identify, identify_requests, matches
 from gateway.families.load import FAMILIES, load_profile
 from gateway.families.schema import Profile, Variant
-from gateway.families.watchdog import Watchdog, watchdog_codes, watchdogs
+from gateway.families.watchdog import watchdog_codes, watchdogs
 from gateway.line.outcome import Answered, Garbled, Outcome, Silent
 from gateway.line.port import PortOpener
 from gateway.line.survey import Survey, silent_cost_s
@@ -24,7 +25,7 @@ from gateway.modbus.identify import ReadDeviceIdentification
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.timing import Framing, LineTiming
-from gateway.starters.bulk_reading import read_in_bulk
+from gateway.starters.bulk_reading import Ask, read_in_bulk
 
 BAUDS = (19200, 9600, 38400, 57600)  # what the manuals name
 FRAMINGS = ("8E1", "8N2", "8O1", "8N1", "8E2", "8O2")
@@ -84,6 +85,15 @@ def timings_in_order(bauds: Sequence[int], framings: Sequence[str]) -> tuple[Lin
     return tuple(LineTiming(baud, Framing.parse(framing)) for baud, framing in ordered)
 
 
+def why_not(profile: Profile, timing: LineTiming) -> str:
+    """Return why a family cannot be on a line of this setting, "" when it can."""
+    if profile.bauds and timing.baud not in profile.bauds:
+        return f"{profile.title} knows no {timing.baud} bit/s"
+    if str(timing.framing) not in profile.framings:
+        return f"{profile.title} knows no framing {timing.framing}"
+    return ""
+
+
 class Search:
     """One search; `open_with` gives the port at a timing."""
 
@@ -101,6 +111,7 @@ class Search:
         self._tell_find = tell_find
         self._due: dict[int, tuple[float, float]] = {}  # by address: when to ask again, and how often
         self._legs = list(_legs(wish))
+        self._probes = _PROBES if wish.is_thorough else _PROBES[:1]
         self._spent_s = 0.0
 
     async def run(self) -> list[Find]:
@@ -110,7 +121,8 @@ class Search:
             timing, addresses = self._legs.pop(0)
             here = await self._walk(timing, addresses)
             found += here
-            if here and not self._wish.goes_on:  # all units of a line have one setting
+            is_settled = any(find.profile is not None and not why_not(find.profile, timing) for find in here)
+            if is_settled and not self._wish.goes_on:  # all units of a line have one setting
                 self._legs = [leg for leg in self._legs if leg[0] == timing]
         return found
 
@@ -138,14 +150,14 @@ class Search:
         self._tell_step(Step(done_s / (done_s + left_s), left_s, timing, addresses[place]))
 
     def _cost_s(self, timing: LineTiming) -> float:
-        wish = self._wish
-        probes = _PROBES if wish.is_thorough else (_PROBE,)
-        return sum(silent_cost_s(each, timing, response_time_s=wish.response_time_s) for each in probes)
+        """Return the time that an address takes where nobody is."""
+        response_time_s = self._wish.response_time_s
+        return sum(silent_cost_s(each, timing, response_time_s=response_time_s) for each in self._probes)
 
     async def _look(self, survey: Survey, address: int) -> Find | None:
         """Return who is at an address, None when nobody is."""
         garbled = ""
-        for probe in _PROBES if self._wish.is_thorough else (_PROBE,):
+        for probe in self._probes:
             outcome = await self._ask_twice(survey, address, probe)
             match outcome:
                 case Silent():
@@ -190,9 +202,7 @@ class Search:
             reasons[identity.reason] = None
         return Find(address, survey.timing, None, Identity(reason="; ".join(reasons)))
 
-    async def _watchdogs(
-        self, ask: Callable[[Request], asyncio.Future[Outcome]], profile: Profile, identity: Identity
-    ) -> tuple[Watchdog, ...]:
+    async def _watchdogs(self, ask: Ask, profile: Profile, identity: Identity) -> tuple[Watchdog, ...]:
         reads = bulk_reads(profile, watchdog_codes(profile))
         try:
             rows = (await read_in_bulk(ask, profile, reads)).rows

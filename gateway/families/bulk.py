@@ -10,7 +10,7 @@ from gateway.families.procedure import Read
 from gateway.families.schema import Access, Confidence, Parameter, Profile, Table
 
 _SURE = (Confidence.MANUAL, Confidence.REPAIRED)
-_SPANNED = 16  # registers that are no parameter, rather than a second request: both take some 20 ms at 19200
+_SPANNED = 24  # registers that are no parameter, rather than a second request: both take some 25 ms at 19200
 _SETTING_LETTERS = ("P", "C", "R")  # Pnnn, Cn.n, Rn; COILn is none, VBnn and S5.3 are outputs
 _CLOCK = "C6.3."  # SSW900
 # SSW900: the maps of the indirect registers, which the gateway may set itself, and what the SoftPLC writes.

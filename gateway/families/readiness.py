@@ -174,7 +174,7 @@ def _kept(watchdog: Watchdog, gap_s: float | None) -> Finding:
     polls = f"the polls leave up to {gap_s:.2f} s between two requests"
     if watchdog.after_s <= gap_s:
         weight = Weight.ERROR if watchdog.is_felt else Weight.WARNING
-        return Finding(Topic.WATCHDOG, weight, f"{text}; {polls}: it will act although all is well")
+        return Finding(Topic.WATCHDOG, weight, f"{text}; {polls}: it may act although all is well")
     if watchdog.after_s < SAFE_FACTOR * gap_s:
         return Finding(Topic.WATCHDOG, Weight.WARNING, f"{text}; {polls}, which leaves little to spare")
     return Finding(Topic.WATCHDOG, Weight.NOTE, f"{text}; {polls}, which keeps it quiet")

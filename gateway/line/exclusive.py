@@ -72,5 +72,8 @@ class _Listener:
     def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:  # noqa: FBT001 - the seam's exact shape
         """Leave it to the outcomes."""
 
+    def on_trouble(self, line: str, code: str, unit: int, text: str, frames: tuple[str, ...]) -> None:
+        """Leave it to the log."""
+
     def on_port(self, line: str, is_open: bool, reason: str) -> None:  # noqa: ARG002, FBT001 - the seam's exact shape
         self.opened.set()

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Iterable
-from math import ceil
 from typing import Any
 
 from gateway.line.job import Lane, Poll
-from gateway.line.outcome import Answered, Outcome
+from gateway.line.learnt import Learnt
+from gateway.line.outcome import Answered, Outcome, Refused
 from gateway.line.plan import Turn
 
 _UTILISATION_WINDOW = 30  # samples, a second apart or more
-_KEPT_RESPONSE_TIMES = 200  # of each unit
 _OUTCOMES = ("answered", "silent", "garbled", "refused")
 
 
@@ -22,6 +21,7 @@ class Figures:
     def __init__(self) -> None:
         self._turns: Counter[str] = Counter()
         self._units: dict[int, _UnitFigures] = {}
+        self._learnt = Learnt()
         self._took_s: dict[str, float] = {}
         self._busy_s = 0.0
         self._samples: deque[tuple[float, float]] = deque(maxlen=_UTILISATION_WINDOW)
@@ -32,11 +32,31 @@ class Figures:
         self._samples.clear()
         self._samples.append((now_s, self._busy_s))
 
+    def response_time_s(self, turn: Turn) -> float:
+        """Return how long to wait for a reply's first byte, by what was learnt as far as that is allowed."""
+        poll = turn.poll
+        if poll is None or poll.response_floor_s is None:
+            return turn.response_time_s
+        return self._learnt.response_time_s(
+            turn.unit,
+            turn.request.function,
+            limit_s=turn.response_time_s,
+            floor_s=poll.response_floor_s,
+        )
+
     def note(self, turn: Turn, outcome: Outcome, *, took_s: float, now_s: float) -> None:
         """Count one turn that kept the line busy for `took_s`, its silence included."""
         self._turns["jobs" if turn.poll is None else "polls"] += 1
-        self._turns[type(outcome).__name__.lower()] += 1
-        self._units.setdefault(turn.unit, _UnitFigures()).note(outcome)
+        name = type(outcome).__name__.lower()
+        self._turns[name] += 1
+        unit = self._units.get(turn.unit)
+        if unit is None:
+            unit = self._units[turn.unit] = _UnitFigures()
+        unit.note(name)
+        if isinstance(outcome, Answered):
+            self._learnt.note_answer(turn.unit, turn.request.function, outcome.response_time_s)
+        elif not isinstance(outcome, Refused) and outcome.is_sent:
+            self._learnt.note_miss(turn.unit)
         if turn.poll is not None:
             self._took_s[turn.poll.key] = took_s
         self._busy_s += took_s
@@ -62,31 +82,30 @@ class Figures:
             "sweep_s": float(sum(self._took_s.get(poll.key, 0.0) for poll in polls)),
             **{name: self._turns[name] for name in ("polls", "jobs", *_OUTCOMES)},
             "stop_latency_s": {"computed": worst_stop_latency_s, "worst": self._worst_stop_latency_s},
-            "units": {unit: figures.to_dict() for unit, figures in self._units.items()},
+            "units": {unit: self._unit_dict(unit, figures) for unit, figures in self._units.items()},
         }
+
+    def _unit_dict(self, unit: int, figures: _UnitFigures) -> dict[str, Any]:
+        """Return a unit's figures, reckoned again only when it has been asked since."""
+        if figures.reckoned is None:
+            figures.reckoned = {
+                **figures.to_dict(),
+                "response_time_s": self._learnt.quantiles(unit),
+                "functions": self._learnt.functions(unit),
+            }
+        return dict(figures.reckoned)
 
 
 class _UnitFigures:
-    """One unit's counters and latest response times."""
+    """One unit's counters."""
 
     def __init__(self) -> None:
         self._outcomes: Counter[str] = Counter()
-        self._response_times_s: deque[float] = deque(maxlen=_KEPT_RESPONSE_TIMES)
+        self.reckoned: dict[str, Any] | None = None
 
-    def note(self, outcome: Outcome) -> None:
-        self._outcomes[type(outcome).__name__.lower()] += 1
-        if isinstance(outcome, Answered):
-            self._response_times_s.append(outcome.response_time_s)
+    def note(self, outcome: str) -> None:
+        self._outcomes[outcome] += 1
+        self.reckoned = None
 
     def to_dict(self) -> dict[str, Any]:
-        ordered_s = sorted(self._response_times_s)
-        return {
-            "asked": self._outcomes.total(),
-            **{name: self._outcomes[name] for name in _OUTCOMES},
-            "response_time_s": {"p50": _quantile(ordered_s, 0.50), "p99": _quantile(ordered_s, 0.99)},
-        }
-
-
-def _quantile(ordered: list[float], share: float) -> float | None:
-    """Return the smallest value that at least this share does not exceed; None of nothing."""
-    return ordered[max(ceil(share * len(ordered)) - 1, 0)] if ordered else None
+        return {"asked": self._outcomes.total(), **{name: self._outcomes[name] for name in _OUTCOMES}}

@@ -5,11 +5,10 @@ from __future__ import annotations
 from gateway.errors import BadFrameError, BadReplyError
 from gateway.line.outcome import Answered, Garbled, Outcome, Refused
 from gateway.modbus import adu
-from gateway.modbus.codes import EXCEPTION_BIT, Function
+from gateway.modbus.codes import EXCEPTION_BIT
 from gateway.modbus.pdu import Request, exception_code
 
-# Their normal reply repeats the request [APP 6.5, 6.6, 6.16], so it cannot be told from an adapter's echo.
-MIRRORED = frozenset({Function.WRITE_COIL, Function.WRITE_REGISTER, Function.MASK_WRITE_REGISTER})
+_SHORTEST_REPLY = 5  # bytes: an exception
 
 
 class Hearing:
@@ -47,6 +46,20 @@ class Hearing:
     def may_be_echo(self) -> bool:
         """Return whether all of it, if anything, may be (part of) an echo."""
         return not self._keeps_copy and self._request_adu.startswith(self._received)
+
+    def lacking(self) -> int:
+        """Return how many bytes are missing at least before it can be told more than now."""
+        received = self._received
+        if len(received) < _SHORTEST_REPLY:
+            return _SHORTEST_REPLY - len(received)
+        if self.may_be_echo():
+            return 1
+        reply = self.reply()
+        try:
+            size = adu.reply_adu_size(reply)
+        except BadFrameError:
+            return 1
+        return 1 if size is None else max(size - len(reply), 1)
 
     def whole_reply(self) -> bytes | None:
         """Return the frame as soon as it is whole, or can be none; bytes behind its end are left out."""

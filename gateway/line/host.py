@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from gateway.lag import LagMeter
 from gateway.line.budget import ALLOWANCE_S
 from gateway.line.client import LineClient, LocalLineClient
 from gateway.line.job import Lane, Poll
@@ -36,6 +37,7 @@ class LineHost:
     """
 
     def __init__(self, listener: LineListener) -> None:
+        self.lag = LagMeter()  # of the lines' loop
         self._listener = listener
         self._courier = _Courier()
         self._schedulers: list[Scheduler] = []
@@ -54,6 +56,7 @@ class LineHost:
         polls: Sequence[Poll],
         allowance_s: float = ALLOWANCE_S,
         seed: int = 0,
+        deaf_after_s: float | None = None,
     ) -> LineClient:
         """Add a line; only before `start`."""
         scheduler = Scheduler(
@@ -64,6 +67,7 @@ class LineHost:
             listener=_CarriedListener(self._listener, self._courier),
             allowance_s=allowance_s,
             seed=seed,
+            deaf_after_s=deaf_after_s,
         )
         self._schedulers.append(scheduler)
         self._crashes[name] = 0
@@ -125,6 +129,7 @@ class LineHost:
             for scheduler in self._schedulers
         ]
         tasks.append(asyncio.create_task(self._keep_figures(), name="figures"))
+        tasks.append(asyncio.create_task(self.lag.run(), name="lag"))
         started.set()
         await self._stopping.wait()
         for task in tasks:
@@ -216,6 +221,9 @@ class _CarriedListener:
 
     def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:  # noqa: FBT001 - as in LineListener
         self._courier.post(lambda: self._listener.on_unit(line, unit, is_answering, reason, frames))
+
+    def on_trouble(self, line: str, code: str, unit: int, text: str, frames: tuple[str, ...]) -> None:
+        self._courier.post(lambda: self._listener.on_trouble(line, code, unit, text, frames))
 
     def on_port(self, line: str, is_open: bool, reason: str) -> None:  # noqa: FBT001 - as in LineListener
         self._courier.post(lambda: self._listener.on_port(line, is_open, reason))

@@ -27,6 +27,7 @@ class Poll:
     request: Request
     every_s: float  # 0 = as often as the line allows
     response_time_s: float  # the starter's longest time from the request's end to the reply's first byte
+    response_floor_s: float | None = None  # what was learnt may shorten that down to this; None = not at all
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,6 +21,10 @@ class LineListener(Protocol):
         """Hear that a unit began to answer or went silent; `frames` are the line's last, oldest first."""
         ...
 
+    def on_trouble(self, line: str, code: str, unit: int, text: str, frames: tuple[str, ...]) -> None:
+        """Hear what is wrong on the line (`suspicion.py` has the codes); unit 0 is someone unknown."""
+        ...
+
     def on_port(self, line: str, is_open: bool, reason: str) -> None:  # noqa: FBT001 - the seam's exact shape
         """Hear that the port was opened or is away; told once per change of state or reason."""
         ...

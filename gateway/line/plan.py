@@ -51,6 +51,7 @@ class _Entry:
     order: tuple[float, int]  # due time; then first come, first served
     is_hastened: bool = False  # asked for once more while its request is under way
     is_repetition: bool = False
+    is_first: bool = False  # of its unit, and not asked since the port was opened
 
     @property
     def due_s(self) -> float:
@@ -95,6 +96,7 @@ class Plan:
         for unit in self._units.values():
             unit.told = None
         for entry in self._entries.values():
+            entry.is_first = entry is self._units[entry.poll.unit].entries[0]
             entry.order = (max(entry.due_s, now_s), entry.order[1])
 
     def add_poll(self, poll: Poll, now_s: float) -> None:
@@ -179,22 +181,20 @@ class Plan:
         entry = min(self._entries.values(), key=attrgetter("order"), default=None)
         if entry is not None and entry.due_s > now_s:
             entry = None
-        lane = next(filter(None, self._waiting.values()), None)
+        # A unit's watchdog may be waiting for its first poll: what we ask of our own accord can wait longer.
+        last_lane = Lane.COMMAND if entry is not None and entry.is_first else Lane.READ_BACK
+        lane = next((jobs for kind, jobs in self._waiting.items() if jobs and kind <= last_lane), None)
         if lane is not None and (entry is None or self._jobs_in_row < JOBS_IN_ROW):
             self._jobs_in_row += 1
             return lane.popleft()
         if entry is None:
             return None
         self._jobs_in_row = 0
-        entry.is_hastened = False
+        entry.is_hastened = entry.is_first = False
         poll = entry.poll
+        is_repetition = entry.is_repetition
         return Turn(
-            poll.unit,
-            poll.request,
-            poll.response_time_s,
-            entry.due_s,
-            poll=poll,
-            is_repetition=entry.is_repetition,
+            poll.unit, poll.request, poll.response_time_s, entry.due_s, poll=poll, is_repetition=is_repetition
         )
 
     def put_back(self, turn: Turn, until_s: float) -> None:

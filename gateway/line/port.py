@@ -20,9 +20,10 @@ class Port(Protocol):
         """Hand one whole frame to the wire, without waiting; raise PortLostError when the port is gone."""
         ...
 
-    async def read(self, *, until_s: float) -> bytes:
+    async def read(self, *, until_s: float, count: int = 1) -> bytes:
         """Return what has arrived, waiting for at least one byte until `until_s`; b"" when none came.
 
+        A port may wait for `count` bytes before it wakes its caller, but need not.
         Raises PortLostError when the port is gone.
         """
         ...

@@ -26,6 +26,15 @@ class Quarantine:
         self._line_until_s = line_until_s
         self._unit_until_s[unit] = unit_until_s
 
+    def hold(self, unit: int, until_s: float) -> None:
+        """Expect one more reply of this unit until then, though it has answered; others may be asked."""
+        self.end(unit)
+        self._unit_until_s[unit] = until_s
+
+    def owes(self, unit: int) -> bool:
+        """Return whether a reply of this unit is still expected, or was and never came."""
+        return unit in self._unit_until_s
+
     def end(self, unit: int) -> None:
         """Expect nothing of this unit any more: it has answered."""
         self._unit_until_s.pop(unit, None)

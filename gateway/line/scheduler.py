@@ -3,28 +3,29 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 from collections.abc import Callable, Sequence
 from math import inf
 from typing import Any
 
 from gateway.errors import PortError, PortLostError
 from gateway.line.budget import ALLOWANCE_S, worst_stop_latency_s
+from gateway.line.deafness import Deafness
 from gateway.line.figures import Figures
 from gateway.line.job import Job, Poll
 from gateway.line.listener import LineListener
-from gateway.line.outcome import Garbled, Outcome, Silent
-from gateway.line.plan import Plan, Turn
+from gateway.line.outcome import Silent
+from gateway.line.plan import Plan
 from gateway.line.port import Port, PortOpener
+from gateway.line.prepared import Preparations
+from gateway.line.serving import IDLE_WAKE_S, Serving
 from gateway.line.trace import Trace
 from gateway.line.transaction import Transactor
+from gateway.line.uart import CountsErrors
+from gateway.line.voice import Voice
 from gateway.modbus.timing import LineTiming
 
 REOPEN_FLOOR_S = 0.5
-REOPEN_CEILING_S = 10.0
-IDLE_WAKE_S = 1.0  # an idle line looks at its port so often
-
-logger = logging.getLogger(__name__)
+REOPEN_CEILING_S = 2.0  # an adapter that is plugged in again is to be found at once
 
 
 class Scheduler:
@@ -40,47 +41,49 @@ class Scheduler:
         listener: LineListener,
         allowance_s: float = ALLOWANCE_S,
         seed: int = 0,
+        deaf_after_s: float | None = None,
     ) -> None:
         self.name = name
         self.timing = timing
         self.progress = 0  # grows with each transaction, idle wake-up and attempt to open
         self._opener = opener
-        self._listener = listener
         self._allowance_s = allowance_s
         self._plan = Plan(polls, seed=seed)
         self._trace = Trace(name)
+        self._voice = Voice(name, listener, self._trace)
         self._figures = Figures()
+        self._preparations = Preparations()
+        self._deafness = Deafness(deaf_after_s)
         self._time: Callable[[], float] = lambda: -inf
-        self._line: Transactor | None = None
-        self._waker: asyncio.Future[None] | None = None
+        self._serving: Serving | None = None  # while the port is open
         self._is_stopping = False
-        self._told_port: tuple[bool, str] | None = None
         self._earlier_stray_bytes = 0
 
     async def run(self) -> None:
         """Serve this line until cancelled; a transaction whose request is sent then still runs to its end."""
         self._is_stopping = False
-        serving = asyncio.create_task(self._live(), name=f"line {self.name}")
+        living = asyncio.create_task(self._live(), name=f"line {self.name}")
         try:
-            await asyncio.shield(serving)
+            await asyncio.shield(living)
         except asyncio.CancelledError:
             self._is_stopping = True
-            if self._line is None or not self._line.is_on_wire:
-                serving.cancel()
-            await asyncio.wait([serving])
+            if self._serving is not None:
+                self._serving.is_stopping = True
+            if self._serving is None or not self._serving.line.is_on_wire:
+                living.cancel()
+            await asyncio.wait([living])
             raise
 
     def submit(self, job: Job) -> None:
         """Queue a job; without a port it ends at once."""
-        if self._line is None:
+        if self._serving is None:
             job.finish(Silent("port closed", is_sent=False))
-            return
-        self._plan.submit(job, self._time())
-        self._wake()
+        else:
+            self._serving.submit(job)
 
     def withdraw(self, job: Job) -> bool:
         """Take a waiting job back, so that it is never sent; False when it is too late for that."""
-        return self._plan.withdraw(job)
+        return self._serving is not None and self._serving.withdraw(job)
 
     def add_poll(self, poll: Poll) -> None:
         """Repeat a request from now on; ValueError when its key is taken."""
@@ -90,6 +93,7 @@ class Scheduler:
     def remove_poll(self, key: str) -> None:
         """Ask no more; KeyError when there is no such poll."""
         self._plan.remove_poll(key)
+        self._preparations.forget(key)
 
     def set_every(self, key: str, every_s: float) -> None:
         """Change a poll's period; KeyError when there is no such poll."""
@@ -112,9 +116,11 @@ class Scheduler:
         figures = self._figures.to_dict(polls, worst_stop_latency_s=latency_s, now_s=self._time())
         for unit, counts in figures["units"].items():
             counts["state"] = self._plan.state_of(unit).value
-        stray_bytes = self._earlier_stray_bytes + (self._line.stray_bytes if self._line else 0)
-        is_open = self._line is not None
-        return {"is_open": is_open, "progress": self.progress, "stray_bytes": stray_bytes, **figures}
+        is_open = self._serving is not None
+        stray_bytes = self._earlier_stray_bytes + (self._serving.line.stray_bytes if self._serving else 0)
+        errors = self._opener.uart_errors() if isinstance(self._opener, CountsErrors) else None
+        uart = {} if errors is None else {"uart_errors": errors}
+        return {"is_open": is_open, "progress": self.progress, "stray_bytes": stray_bytes, **uart, **figures}
 
     async def _live(self) -> None:
         """Open the port, serve, and reopen when it is lost, ever less often while that is no use."""
@@ -126,118 +132,60 @@ class Scheduler:
             try:
                 port = await self._opener()
             except PortError as error:
-                self._tell_port(str(error), is_open=False)
+                self._voice.tell_port(str(error), is_open=False)
             else:
                 await self._use(port)
             if self._is_stopping:
                 return
             if self._time() - tried_s > REOPEN_CEILING_S:
                 pause_s = REOPEN_FLOOR_S
-            await asyncio.sleep(pause_s)
+            await self._pause(pause_s)
             pause_s = min(2 * pause_s, REOPEN_CEILING_S)
+
+    async def _pause(self, pause_s: float) -> None:
+        """Wait without standing still: whoever watches `progress` must not take a missing port for a hang."""
+        until_s = self._time() + pause_s
+        while (left_s := until_s - self._time()) > 0:
+            await asyncio.sleep(min(left_s, IDLE_WAKE_S))
+            self.progress += 1
 
     async def _use(self, port: Port) -> None:
         """Serve on an open port until it is lost or we stop; leave it closed and nobody waiting."""
         line = Transactor(port, self.timing, allowance_s=self._allowance_s, trace=self._trace)
-        self._line = line
+        serving = self._serving = self._serving_of(line)
         self._plan.begin(self._time())
         self._figures.begin(self._time())
+        self._deafness.begin()
         try:
-            self._tell_port("open", is_open=True)
-            await self._serve(line)
+            if self._deafness.is_deaf:
+                serving.ask_all_anew()
+            else:
+                self._voice.tell_port("open", is_open=True)
+            await serving.run()
         except PortLostError as error:
-            self._tell_port(str(error), is_open=False)
+            self._voice.tell_port(str(error), is_open=False)
         finally:
-            self._line = None
+            self._serving = None
             self._earlier_stray_bytes += line.stray_bytes
             port.close()
             for job in self._plan.take_jobs():
                 job.finish(Silent("port closed", is_sent=False))
 
-    async def _serve(self, line: Transactor) -> None:
-        """Choose only once the line is free, so that a stop waits for one transaction at the most."""
-        while not self._is_stopping:
-            free_s = self._time()
-            noise = await line.settle()
-            turn = self._plan.pick(self._time())
-            if turn is None:
-                await self._wait_for_work(self._plan.next_due_s())
-                continue
-            free_from_s = line.free_from_s(turn.unit, turn.request)
-            if noise is None and free_from_s > self._time():
-                await self._put_back(turn, free_from_s)
-                continue
-            outcome = await self._take(turn, line, noise)
-            self.progress += 1
-            self._record(turn, outcome, took_s=self._time() - free_s)
+    def _serving_of(self, line: Transactor) -> Serving:
+        return Serving(
+            line,
+            port_name=self._opener.name,
+            plan=self._plan,
+            figures=self._figures,
+            deafness=self._deafness,
+            preparations=self._preparations,
+            voice=self._voice,
+            step=self._step,
+        )
 
-    async def _take(self, turn: Turn, line: Transactor, noise: Garbled | None) -> Outcome:
-        """Do one transaction, unless the line is too noisy; a job ends even when this does not."""
-        outcome: Outcome | None = noise
-        try:
-            if outcome is None:
-                asked_s = self._time()
-                outcome = await line.transact(turn.unit, turn.request, response_time_s=turn.response_time_s)
-                if line.written_s >= asked_s:
-                    self._figures.note_sent(turn, line.written_s)
-        finally:
-            if outcome is None and turn.job is not None:
-                turn.job.finish(Silent("port lost", is_sent=line.is_on_wire))
-        return outcome
-
-    def _record(self, turn: Turn, outcome: Outcome, *, took_s: float) -> None:
-        """Plan on, and tell whoever waits for this outcome."""
-        now_s = self._time()
-        self._figures.note(turn, outcome, took_s=took_s, now_s=now_s)
-        verdict = self._plan.record(turn, outcome, now_s)
-        if verdict.is_answering is not None:
-            self._tell_unit(turn.unit, outcome, is_answering=verdict.is_answering)
-        if not verdict.is_final:
-            return
-        if turn.job is not None:
-            turn.job.finish(outcome)
-        elif turn.poll is not None:
-            self._listener.on_poll(self.name, turn.poll.key, turn.unit, outcome)
-
-    def _tell_unit(self, unit: int, outcome: Outcome, *, is_answering: bool) -> None:
-        frames = self._trace.frames()
-        reason = outcome.reason if isinstance(outcome, Silent | Garbled) else "answers"
-        if is_answering:
-            logger.info("line=%s unit=%s answers", self.name, unit)
-        else:
-            shown = "\n".join(frames)
-            logger.warning(
-                "line=%s unit=%s went silent: %s; last frames:\n%s", self.name, unit, reason, shown
-            )
-        self._listener.on_unit(self.name, unit, is_answering, reason, frames)
-
-    def _tell_port(self, reason: str, *, is_open: bool) -> None:
-        """Tell a change of the port's state, or of the reason why it is away, once."""
-        if self._told_port == (is_open, reason):
-            return
-        self._told_port = (is_open, reason)
-        logger.log(logging.INFO if is_open else logging.ERROR, "line=%s %s", self.name, reason)
-        self._listener.on_port(self.name, is_open, reason)
-
-    async def _put_back(self, turn: Turn, until_s: float) -> None:
-        """Let the unit's late reply come first; nothing but a new job is worth ending that wait for."""
-        self._plan.put_back(turn, until_s)
-        if turn.job is not None:
-            await self._wait_for_work(until_s)
-
-    async def _wait_for_work(self, until_s: float) -> None:
-        """Sleep until then, or until a job comes or it is time to look at the port."""
-        until_s = min(until_s, self._time() + IDLE_WAKE_S)
-        loop = asyncio.get_running_loop()
-        self._waker = loop.create_future()
-        timer = loop.call_at(until_s, self._wake)
-        try:
-            await self._waker
-        finally:
-            timer.cancel()
-            self._waker = None
+    def _step(self) -> None:
         self.progress += 1
 
     def _wake(self) -> None:
-        if self._waker is not None and not self._waker.done():
-            self._waker.set_result(None)
+        if self._serving is not None:
+            self._serving.wake()

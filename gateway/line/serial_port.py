@@ -1,14 +1,11 @@
-"""Real ports: a tty through pyserial-asyncio, or a TCP serial server.
+"""Opens real ports: a tty through pyserial-asyncio, or a TCP serial server.
 
-What pyserial-asyncio 0.6 leaves open is closed here: it writes a loop's turn late and spins for ever on a
-full output buffer, so frames go to the descriptor directly; its graceful close may never end, so ports are
-aborted; it reports a port as lost before it is closed, so reopening waits; it reads through select(), so
-descriptors from 1024 on are refused.
+pyserial-asyncio 0.6 reports a port as lost before it is closed, so reopening waits; pyserial uses select(),
+so descriptors from 1024 on are refused.
 """
 
 from __future__ import annotations
 
-import abc
 import asyncio
 import contextlib
 import errno
@@ -17,19 +14,17 @@ import os
 import socket
 import stat
 import termios
-from math import inf
-from typing import cast
 from urllib.parse import urlsplit
 
 import serial
 import serial_asyncio
 
-from gateway.errors import PortError, PortLostError
+from gateway.errors import PortError
+from gateway.line.open_port import OpenPort, SocketPort, TtyPort
 from gateway.line.port import Port
-from gateway.modbus.timing import Framing
+from gateway.modbus.timing import Framing, LineTiming
 
 OPEN_LIMIT_S = 5.0  # for the driver to open a tty, or the other side to accept a connection
-KEPT_BYTES = 4096  # unread; more than the longest frame many times over
 
 _PSEUDO_TERMINALS = range(136, 144)  # majors of /dev/pts/* [Linux devices.txt]
 _SELECT_LIMIT = 1024  # FD_SETSIZE
@@ -66,12 +61,16 @@ class SerialOpener:
         self._name = name
         self._baud = baud
         self._framing = framing
-        self._latest: _OpenPort | None = None
+        self._latest: OpenPort | None = None
 
     @property
     def name(self) -> str:
         """The port as the configuration names it."""
         return self._name
+
+    def uart_errors(self) -> dict[str, int] | None:
+        """Return what the UART of the open port has counted; None where nothing does."""
+        return None if self._latest is None else self._latest.uart_errors()
 
     async def __call__(self) -> Port:
         """Open the port, once the one opened before is closed; PortError tells the reason and the mend."""
@@ -81,7 +80,7 @@ class SerialOpener:
         self._latest = await (self._connect() if "://" in self._name else self._open_tty())
         return self._latest
 
-    async def _open_tty(self) -> _OpenPort:
+    async def _open_tty(self) -> OpenPort:
         loop = asyncio.get_running_loop()
         opening = loop.run_in_executor(None, self._open_device)
         try:
@@ -92,7 +91,7 @@ class SerialOpener:
         if not opening.done():
             raise PortError(self._name, f"does not open within {OPEN_LIMIT_S:g} s", "unplug the adapter")
         device = opening.result()
-        port = _TtyPort(self._name, device)
+        port = TtyPort(self._name, device, character_s=LineTiming(self._baud, self._framing).character_s)
         await serial_asyncio.connection_for_serial(loop, lambda: port, device)
         return port
 
@@ -124,9 +123,9 @@ class SerialOpener:
             device.set_low_latency_mode(True)
         return device
 
-    async def _connect(self) -> _OpenPort:
+    async def _connect(self) -> OpenPort:
         host, number = _socket_address(self._name)
-        port = _SocketPort(self._name)
+        port = SocketPort(self._name)
         loop = asyncio.get_running_loop()
         try:
             async with asyncio.timeout(OPEN_LIMIT_S):
@@ -147,122 +146,6 @@ def port_error(name: str, error: BaseException) -> PortError:
     if number in _MENDS:
         return PortError(name, *_MENDS[number])
     return PortError(name, str(error))
-
-
-class _OpenPort(asyncio.Protocol, abc.ABC):
-    """A Port that is fed by an asyncio transport."""
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-        self._loop = asyncio.get_running_loop()
-        self._transport: asyncio.Transport | None = None
-        self._received = bytearray()
-        self._last_byte_s = -inf
-        self._waiter: asyncio.Future[None] | None = None
-        self._lost: str | None = None  # the reason
-        self._closed = asyncio.Event()
-
-    @property
-    def last_byte_s(self) -> float:
-        """When the latest bytes were handed over by the driver, which is never before they arrived."""
-        return self._last_byte_s
-
-    def write(self, frame: bytes) -> None:
-        """Hand one whole frame to the wire; raise PortLostError when the port is gone or stuck."""
-        if self._lost is not None:
-            raise PortLostError(self._name, self._lost)
-        self._send(frame)
-
-    async def read(self, *, until_s: float) -> bytes:
-        """Return what has arrived, waiting for at least one byte until `until_s`; b"" when none came."""
-        while not self._received:
-            if self._lost is not None:
-                raise PortLostError(self._name, self._lost)
-            if self._loop.time() >= until_s:
-                return b""
-            await self._wait(until_s)
-        chunk = bytes(self._received)
-        self._received.clear()
-        return chunk
-
-    def close(self) -> None:
-        """Give the port up at once, unsent bytes included."""
-        self._lost = self._lost or "closed"
-        if self._transport is not None and not self._transport.is_closing():
-            self._transport.abort()
-
-    async def wait_closed(self) -> None:
-        """Return once the descriptor is closed."""
-        await self._closed.wait()
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Take the transport; asyncio calls this."""
-        self._transport = cast(asyncio.Transport, transport)
-        if self._lost is not None:  # closed before it was quite open
-            self._transport.abort()
-
-    def data_received(self, data: bytes) -> None:
-        """Take bytes; asyncio calls this."""
-        self._last_byte_s = self._loop.time()
-        self._received += data
-        del self._received[:-KEPT_BYTES]
-        self._wake()
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        """Hear that the port is gone; asyncio calls this, right before it closes the descriptor."""
-        self._lost = self._lost or f"lost: {exc or 'closed by the other side'}"
-        self._wake()
-        self._loop.call_soon(self._closed.set)
-
-    @abc.abstractmethod
-    def _send(self, frame: bytes) -> None: ...
-
-    async def _wait(self, until_s: float) -> None:
-        self._waiter = self._loop.create_future()
-        timer = self._loop.call_at(until_s, self._wake)
-        try:
-            await self._waiter
-        finally:
-            timer.cancel()
-            self._waiter = None
-
-    def _wake(self) -> None:
-        if self._waiter is not None and not self._waiter.done():
-            self._waiter.set_result(None)
-
-
-class _TtyPort(_OpenPort):
-    """A tty."""
-
-    def __init__(self, name: str, device: serial.Serial) -> None:
-        super().__init__(name)
-        self._device = device
-
-    def close(self) -> None:
-        """Give the tty up at once; what it has not sent is dropped, or closing would wait for it."""
-        with contextlib.suppress(OSError, termios.error):
-            self._device.reset_output_buffer()
-        super().close()
-
-    def _send(self, frame: bytes) -> None:
-        try:
-            count = os.write(self._device.fileno(), frame)
-        except BlockingIOError:
-            count = 0
-        except OSError as error:
-            raise PortLostError(self._name, f"lost: {error.strerror}") from error
-        if count != len(frame):
-            raise PortLostError(self._name, "stuck: takes no more bytes", "unplug the adapter")
-
-
-class _SocketPort(_OpenPort):
-    """A TCP connection to a serial server."""
-
-    def _send(self, frame: bytes) -> None:
-        transport = cast(asyncio.Transport, self._transport)
-        if transport.get_write_buffer_size() > 0:
-            raise PortLostError(self._name, "stuck: takes no more bytes", "restart the serial server")
-        transport.write(frame)
 
 
 def _close_late(opening: asyncio.Future[serial.Serial]) -> None:

@@ -5,6 +5,10 @@ from __future__ import annotations
 import logging
 from collections import deque
 
+LONGEST_SHOWN = 256  # bytes, the longest frame; a flood is longer
+
+_SHOWN_BYTES = 256  # the longest frame
+
 logger = logging.getLogger(__name__)
 
 
@@ -29,9 +33,15 @@ class Trace:
 
     def frames(self) -> tuple[str, ...]:
         """Return the frames as text, oldest first: seconds on the line's clock, direction, hex."""
-        return tuple(f"{at_s:.6f} {direction} {frame.hex(' ')}" for at_s, direction, frame in self._ring)
+        return tuple(f"{at_s:.6f} {direction} {_shown(frame)}" for at_s, direction, frame in self._ring)
 
     def _keep(self, at_s: float, direction: str, frame: bytes) -> None:
-        self._ring.append((at_s, direction, frame))
+        self._ring.append((at_s, direction, frame[:LONGEST_SHOWN]))
         if logger.isEnabledFor(logging.DEBUG):
-            logger.debug("line=%s %.6f %s %s", self._line, at_s, direction, frame.hex(" "))
+            logger.debug("line=%s %.6f %s %s", self._line, at_s, direction, _shown(frame))
+
+
+def _shown(frame: bytes) -> str:
+    """Return the bytes in hex; of a flood only the beginning."""
+    more = f" .. {len(frame)} bytes" if len(frame) > _SHOWN_BYTES else ""
+    return frame[:_SHOWN_BYTES].hex(" ") + more

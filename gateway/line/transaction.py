@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from math import inf
 from typing import assert_never
 
-from gateway.line.budget import ALLOWANCE_S, reply_within_s
-from gateway.line.hearing import MIRRORED, Hearing, judge
+from gateway.line.budget import ALLOWANCE_S
+from gateway.line.hearing import Hearing, judge
 from gateway.line.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.port import Port
+from gateway.line.prepared import MIRRORED, Prepared
 from gateway.line.quarantine import Quarantine
+from gateway.line.suspicion import Suspicions
 from gateway.line.trace import Trace
 from gateway.modbus import adu
 from gateway.modbus.pdu import Request
@@ -29,20 +32,43 @@ class Transactor:
     """Asks one question at a time on an open port; exactly one task uses it."""
 
     def __init__(
-        self, port: Port, timing: LineTiming, *, allowance_s: float = ALLOWANCE_S, trace: Trace
+        self,
+        port: Port,
+        timing: LineTiming,
+        *,
+        allowance_s: float = ALLOWANCE_S,
+        trace: Trace,
+        time: Callable[[], float] | None = None,  # the port's clock; None: the running loop's
     ) -> None:
         self._port = port
         self._timing = timing
+        self._silence_s = timing.silence_s
+        self._character_s = timing.character_s
         self._allowance_s = allowance_s
         self._trace = trace
-        self._time = asyncio.get_running_loop().time
+        self._time = time or asyncio.get_running_loop().time
         self._own_end_s = self._time()  # who knows what was on the wire before the port was opened
         self._quarantine = Quarantine()
         self._stray = bytearray()
+        self._asked = adu.BROADCAST  # the unit of the latest request
         self._is_echoing = False
+        self.suspicions = Suspicions()
         self.is_on_wire = False  # from the moment a request is written until its outcome is known
         self.written_s = -inf  # when the latest request was written
         self.stray_bytes = 0  # that nobody waited for, since the port was opened
+
+    def quiet_from_s(self) -> float:
+        """Return when the line will have been silent for long enough, if nothing more comes."""
+        return max(self._own_end_s, self._port.last_byte_s) + self._silence_s
+
+    async def hush(self) -> bool:
+        """Wait for the silence that must be; False when there is more to wait for, which `settle` does."""
+        quiet_s = self.quiet_from_s()
+        if self._stray or self._quarantine.until_s() > quiet_s:
+            return False
+        stray = await self._port.read(until_s=quiet_s)
+        self._drop(stray)
+        return not stray
 
     async def settle(self, unit: int | None = None) -> Garbled | None:
         """Wait until a request may be sent (to this unit): the line is silent, late replies are gone.
@@ -51,20 +77,21 @@ class Transactor:
         """
         give_up_s = max(self._time(), self._quarantine.until_s(unit)) + BABBLE_LIMIT_S
         while True:
-            quiet_s = self._quiet_from_s()
+            quiet_s = self.quiet_from_s()
             if self._stray and self._time() >= quiet_s:
-                self._quarantine.heard(bytes(self._stray))
+                self._judge_stray(bytes(self._stray))
                 self._stray.clear()
             due_s = quiet_s if self._stray else max(quiet_s, self._quarantine.until_s(unit))
             chunk = await self._port.read(until_s=due_s)
             now_s = self._time()
             if chunk:
                 self._drop(chunk)
-            elif not self._stray and now_s >= max(self._quiet_from_s(), self._quarantine.until_s(unit)):
+            elif not self._stray and now_s >= max(self.quiet_from_s(), self._quarantine.until_s(unit)):
                 return None
-            if now_s >= give_up_s and now_s < self._quiet_from_s():
+            if now_s >= give_up_s and now_s < self.quiet_from_s():
                 tail = bytes(self._stray)
                 self._stray.clear()
+                self.suspicions.note_never_quiet(tail, now_s=now_s)
                 return Garbled("the line is never quiet", tail, is_sent=False)
 
     def free_from_s(self, unit: int, request: Request) -> float:
@@ -79,46 +106,84 @@ class Transactor:
         noise = await self.settle(None if request.function in MIRRORED else unit)
         if noise is not None:
             return noise
-        request_adu = adu.encode(unit, request.encode())
+        return await self.exchange(Prepared.of(unit, request), response_time_s=response_time_s)
+
+    async def exchange(
+        self,
+        prepared: Prepared,
+        *,
+        response_time_s: float,
+        longest_s: float | None = None,
+        meanwhile: Callable[[], None] | None = None,
+    ) -> Outcome:
+        """Send a request now, the line being settled, and return what became of it by its deadline.
+
+        `longest_s` is the response time that late replies are reckoned by, when `response_time_s` was cut
+        short; `meanwhile` is done once the request is on its way. Raises as `transact`.
+        """
         self.is_on_wire = True
-        self._port.write(request_adu)
+        self._port.write(prepared.adu)
         self.written_s = self._time()
-        self._own_end_s = self.written_s + self._timing.wire_s(len(request_adu))
-        self._trace.sent(self.written_s, request_adu)
-        if unit == adu.BROADCAST:
+        self._own_end_s = self.written_s + len(prepared.adu) * self._character_s
+        self._asked = prepared.unit
+        self.suspicions.note_asked(prepared.unit)
+        self._trace.sent(self.written_s, prepared.adu)
+        if meanwhile is not None:
+            meanwhile()
+        if prepared.unit == adu.BROADCAST:
             outcome = await self._turn_around()
         else:
-            outcome = await self._hear(unit, request, request_adu, response_time_s)
+            outcome = await self._hear(prepared, response_time_s, max(longest_s or 0.0, response_time_s))
         self.is_on_wire = False
         return outcome
 
-    async def _hear(self, unit: int, request: Request, request_adu: bytes, response_time_s: float) -> Outcome:
+    async def _hear(self, prepared: Prepared, response_time_s: float, longest_s: float) -> Outcome:
         """Wait for the reply; judge it when it is whole, or whatever there is at the deadline."""
         sent_end_s = self._own_end_s
-        deadline_s = sent_end_s + reply_within_s(
-            request, self._timing, response_time_s=response_time_s, allowance_s=self._allowance_s
-        )
+        reply_s = (prepared.reply_size or adu.MAX_ADU_SIZE) * self._character_s
+        deadline_s = sent_end_s + response_time_s + reply_s + self._allowance_s
         first_by_s = deadline_s
-        if request.reply_size() is None:
-            first_by_s = (
-                sent_end_s + response_time_s + self._allowance_s + self._timing.wire_s(_FIRST_CHUNK_SIZE)
-            )
-        is_mirrored = request.function in MIRRORED
-        hearing = Hearing(request_adu, is_mirrored=is_mirrored, is_echoing=self._is_echoing)
+        if prepared.reply_size is None:
+            first_by_s += _FIRST_CHUNK_SIZE * self._character_s - reply_s
+        hearing = Hearing(prepared.adu, is_mirrored=prepared.is_mirrored, is_echoing=self._is_echoing)
         began_s = await self._listen(hearing, first_by_s=first_by_s, deadline_s=deadline_s)
         at_s = self._port.last_byte_s
         if hearing.received:
             self._trace.received(at_s, hearing.received)
+        outcome = self._judge(prepared, hearing, at_s=at_s, took_s=max(began_s - sent_end_s, 0.0))
+        if isinstance(outcome, Answered | Refused) and not self.suspicions.is_doubling(prepared.unit):
+            self._quarantine.end(prepared.unit)
+            return outcome
+        late_s = longest_s - response_time_s + deadline_s - sent_end_s
+        unit_until_s = sent_end_s + LATE_FACTOR * late_s + reply_s + self._allowance_s
+        self._guard(prepared.unit, outcome, deadline_s, deadline_s + response_time_s, unit_until_s)
+        return outcome
+
+    def _judge(self, prepared: Prepared, hearing: Hearing, *, at_s: float, took_s: float) -> Outcome:
+        """Return what was heard, and take note of what else was."""
         whole = hearing.whole_reply()
-        frame = hearing.reply() if whole is None else whole
-        self.stray_bytes += len(hearing.reply()) - len(frame)
-        outcome: Outcome = Silent()
-        if frame:
-            outcome = judge(frame, unit, request, at_s=at_s, response_time_s=max(began_s - sent_end_s, 0.0))
-        self._learn_echo(hearing, outcome, is_mirrored=is_mirrored)
-        self._guard(
-            unit, outcome, sent_end_s=sent_end_s, deadline_s=deadline_s, response_time_s=response_time_s
-        )
+        reply = hearing.reply()
+        frame = reply if whole is None else whole
+        if hearing.has_echo:
+            self._is_echoing = True
+        if not frame:
+            return Silent()
+        outcome = judge(frame, prepared.unit, prepared.request, at_s=at_s, response_time_s=took_s)
+        if isinstance(outcome, Answered) and not (prepared.is_mirrored or hearing.has_echo):
+            self._is_echoing = False
+        if isinstance(outcome, Garbled):
+            self.suspicions.note_garbled(
+                prepared.unit,
+                reply,
+                reply_size=prepared.reply_size,
+                owes=self._quarantine.owes,
+                now_s=self._time(),
+            )
+        else:
+            self.suspicions.note_answer(prepared.unit, frame, at_s=at_s)
+        if len(reply) > len(frame):
+            self.stray_bytes += len(reply) - len(frame)
+            self._judge_stray(reply[len(frame) :])
         return outcome
 
     async def _listen(self, hearing: Hearing, *, first_by_s: float, deadline_s: float) -> float:
@@ -126,17 +191,17 @@ class Transactor:
 
         Where the first byte is due before the deadline, only further bytes keep us listening so long.
         """
-        gap_s = self._timing.silence_s + self._allowance_s
+        gap_s = self._silence_s + self._allowance_s
         began_s = inf
         until_s = first_by_s
         while self._time() < until_s and hearing.whole_reply() is None:
-            chunk = await self._port.read(until_s=until_s)
-            hearing.feed(chunk)
+            chunk = await self._port.read(until_s=until_s, count=hearing.lacking())
             if chunk:
+                hearing.feed(chunk)
                 last_byte_s = self._port.last_byte_s
                 until_s = min(deadline_s, max(until_s, last_byte_s + gap_s))
                 if began_s == inf and not hearing.may_be_echo():
-                    began_s = last_byte_s - self._timing.wire_s(len(hearing.reply()))
+                    began_s = last_byte_s - len(hearing.reply()) * self._character_s
         return began_s
 
     async def _turn_around(self) -> Outcome:
@@ -147,32 +212,23 @@ class Transactor:
         return Silent("broadcast")
 
     def _guard(
-        self, unit: int, outcome: Outcome, *, sent_end_s: float, deadline_s: float, response_time_s: float
+        self, unit: int, outcome: Outcome, deadline_s: float, line_until_s: float, unit_until_s: float
     ) -> None:
         """See to it that a reply that may still come is not taken for the next answer."""
         match outcome:
-            case Answered() | Refused():
-                self._quarantine.end(unit)
+            case Answered() | Refused():  # of a unit whose requests are answered twice
+                self._quarantine.hold(unit, unit_until_s)
             case Garbled(received=frame) if not self._quarantine.heard(frame):  # the reply itself, spoilt
                 self._quarantine.begin(unit, line_until_s=deadline_s, unit_until_s=deadline_s)
             case Silent() | Garbled():
-                self._quarantine.begin(
-                    unit,
-                    line_until_s=deadline_s + response_time_s,
-                    unit_until_s=sent_end_s + LATE_FACTOR * (deadline_s - sent_end_s),
-                )
+                self._quarantine.begin(unit, line_until_s=line_until_s, unit_until_s=unit_until_s)
             case _:
                 assert_never(outcome)
 
-    def _learn_echo(self, hearing: Hearing, outcome: Outcome, *, is_mirrored: bool) -> None:
-        if hearing.has_echo:
-            self._is_echoing = True
-        elif isinstance(outcome, Answered) and not is_mirrored:
-            self._is_echoing = False
-
-    def _quiet_from_s(self) -> float:
-        """Return when the line will have been silent for long enough, if nothing more comes."""
-        return max(self._own_end_s, self._port.last_byte_s) + self._timing.silence_s
+    def _judge_stray(self, stray: bytes) -> None:
+        """Find out who said what nobody waited for."""
+        self.suspicions.note_stray(stray, asked=self._asked, owes=self._quarantine.owes, now_s=self._time())
+        self._quarantine.heard(stray)
 
     def _drop(self, stray: bytes) -> None:
         """Count and forget bytes that nobody waited for; the last of them stay for the quarantine."""

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from gateway.errors import CommandError
+from gateway.mqtt.boot import Boot, boot_of
 from gateway.mqtt.json_in import read_object
 from gateway.mqtt.topics import CommandAddress, Topics
 from gateway.starters.records import AuditRecord, Phase, ResultRecord
@@ -95,6 +96,7 @@ def _instant(text: str) -> str:
 
 _Id = Annotated[str, Field(min_length=1, max_length=64), AfterValidator(_printable)]
 _Instant = Annotated[str, Field(max_length=40), AfterValidator(_instant)]
+_Expected = bool | int | float | Annotated[str, Field(max_length=64)]
 _Reason = Annotated[str, Field(max_length=256), AfterValidator(_printable)]
 
 
@@ -110,6 +112,8 @@ class _Body(BaseModel):
     operator: _Id | None = None
     reason: _Reason | None = None
     args: dict[str, Any] = Field(default_factory=dict)
+    expect: dict[_Id, _Expected] = Field(default_factory=dict, max_length=16)
+    select: _Id | None = None
 
 
 _ID = TypeAdapter(_Id, config=ConfigDict(strict=True))
@@ -119,9 +123,9 @@ _REASON = TypeAdapter(_Reason, config=ConfigDict(strict=True))
 class Intake:
     """Judges incoming messages for one base and one run of the gateway."""
 
-    def __init__(self, topics: Topics, boot: str) -> None:
+    def __init__(self, topics: Topics, boot: Boot | str) -> None:
         self._topics = topics
-        self._boot = boot
+        self._boot = boot_of(boot)
 
     def judge(
         self,
@@ -140,7 +144,8 @@ class Intake:
             return None
         lenient = _read_leniently(incoming.payload)
         try:
-            body = self._accepted(address, incoming, lenient, now_s=utc_s if clock_is_synchronised else None)
+            now_s = utc_s if clock_is_synchronised else None
+            body, expires_s = self._accepted(address, incoming, lenient, now_s=now_s, received_s=received_s)
         except CommandError as error:
             return Rejection(
                 starter=address.starter,
@@ -153,21 +158,30 @@ class Intake:
                 args=lenient.args,
                 correlation=incoming.correlation,
             )
-        return self._request(address, incoming, body=body, received_s=received_s)
+        request = self._request(address, incoming, body=body, received_s=received_s)
+        return replace(request, expires_s=expires_s)
 
     def _accepted(
-        self, address: CommandAddress, incoming: Incoming, lenient: _Body, *, now_s: float | None
-    ) -> _Body:
-        """Return the body of a command to act on; CommandError for all others."""
+        self,
+        address: CommandAddress,
+        incoming: Incoming,
+        lenient: _Body,
+        *,
+        now_s: float | None,
+        received_s: float,
+    ) -> tuple[_Body, float | None]:
+        """Return the body of a command to act on, and until when it may be; CommandError for all others."""
         if incoming.is_retained:
             raise CommandError("retained", "a retained command is never acted on; send it without retain")
         if address.verb == "stop":
-            return lenient
+            return lenient, None
         body = _read_strictly(incoming.payload)
         if incoming.expiry_s == 0:
             raise CommandError("expired", "the message's own expiry has passed")
-        self._require_fresh(body, now_s)
-        return body
+        age_s = None if body.issued_at is None or now_s is None else now_s - _utc_s(body.issued_at)
+        self._require_fresh(body, age_s, received_s=received_s)
+        left_s = body.ttl_s - max(age_s or 0.0, 0.0)
+        return body, received_s + min(left_s, left_s if incoming.expiry_s is None else incoming.expiry_s)
 
     def _request(
         self, address: CommandAddress, incoming: Incoming, *, body: _Body, received_s: float
@@ -185,25 +199,34 @@ class Intake:
             received_s=received_s,
             correlation=incoming.correlation,
             response_topic=incoming.response_topic if is_ours else None,
+            expect=body.expect,
+            select=body.select,
         )
 
-    def _require_fresh(self, body: _Body, now_s: float | None) -> None:
-        """Raise CommandError unless the command is provably fresh; `now_s` is None without a good clock.
+    def _require_fresh(self, body: _Body, age_s: float | None, *, received_s: float) -> None:
+        """Raise CommandError unless the command is provably fresh; `age_s` is None without a good clock.
 
         Either proof is enough, but a command whose own time has run out is not saved by the right boot.
         """
-        age_s = None if body.issued_at is None or now_s is None else now_s - _utc_s(body.issued_at)
         if age_s is not None and age_s > body.ttl_s:
             raise CommandError("expired", f"issued {age_s:.1f} s ago, valid for {body.ttl_s:g} s")
-        if body.boot == self._boot or (age_s is not None and age_s >= -MAX_AHEAD_S):
+        if body.boot == self._boot.token:
             return
-        if age_s is not None:
+        if age_s is None:
+            raise self._unproven(body)
+        if age_s < -MAX_AHEAD_S:
             raise CommandError("not_fresh", f"issued_at is {-age_s:.1f} s in the future; set the clock")
+        if self._boot.is_before_connection(received_s - age_s):
+            text = "issued before this gateway was connected to its broker; decide again, then send again"
+            raise CommandError("before_connection", text)
+
+    def _unproven(self, body: _Body) -> CommandError:
+        """Return why neither proof of a command can be taken."""
         if body.boot is not None:
-            raise CommandError("wrong_boot", "boot is not the one in gateway/status")
+            return CommandError("wrong_boot", "boot is not the one in gateway/status")
         if body.issued_at is not None:
-            raise CommandError("not_fresh", "this gateway's clock is not synchronised; send boot instead")
-        raise CommandError("not_fresh", "neither issued_at nor boot is given")
+            return CommandError("not_fresh", "this gateway's clock is not synchronised; send boot instead")
+        return CommandError("not_fresh", "neither issued_at nor boot is given")
 
 
 def _read_strictly(payload: bytes) -> _Body:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple, assert_never
 
+from gateway.mqtt.boot import Boot, boot_of
 from gateway.mqtt.json_out import join_json, rfc3339, to_json, to_payload
 from gateway.mqtt.topics import Topics, to_level
 from gateway.starters.records import (
@@ -15,6 +16,7 @@ from gateway.starters.records import (
     EventRecord,
     InfoRecord,
     LineRecord,
+    LockRecord,
     Record,
     ResultRecord,
     StateRecord,
@@ -68,14 +70,15 @@ class GatewayInfo:
     starters: tuple[str, ...]
     lines: tuple[str, ...]
     operators: tuple[Operator, ...]
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # name -> members, for stop
 
 
 class Payloads:
     """Turns records into messages below one base; `boot` names this run of the gateway."""
 
-    def __init__(self, topics: Topics, boot: str) -> None:
+    def __init__(self, topics: Topics, boot: Boot | str) -> None:
         self.topics = topics
-        self.boot = boot
+        self._boot = boot_of(boot)
 
     def message(self, record: Record) -> Message:
         """Return the message of a record; ValueError when a name in it is no topic level."""
@@ -108,9 +111,10 @@ class Payloads:
         fields = {
             "state": state,
             "time": rfc3339(time_s),
-            "boot": self.boot,
+            "boot": self._boot.token,
             "since": rfc3339(since_s),
             "reason": reason,
+            "run": self._boot.run,
         }
         return _latest(self.topics.gateway_status, fields)
 
@@ -120,7 +124,7 @@ class Payloads:
             "product": "starter-gateway",
             "version": info.version,
             "contract": CONTRACT_VERSION,
-            "boot": self.boot,
+            "boot": self._boot.run,
             "starters": info.starters,
             "lines": info.lines,
             "operators": [
@@ -129,6 +133,8 @@ class Payloads:
             ],
             "notice": "not a safety function",
         }
+        if info.groups:
+            fields["groups"] = dict(info.groups)
         return _latest(self.topics.gateway_info, fields)
 
     def outbox(self, figures: Mapping[str, Any]) -> Message:
@@ -137,7 +143,7 @@ class Payloads:
 
     def history(self, topic: str, items: Sequence[str]) -> Message:
         """Return one batch of values told late; at most MAX_HISTORY_ITEMS items, each JSON already."""
-        text = f'{{"boot":{to_json(self.boot)},"items":{join_json(items)}}}'
+        text = f'{{"boot":{to_json(self._boot.run)},"items":{join_json(items)}}}'
         return Message(
             topic, text.encode("utf-8", "replace"), qos=1, retain=False, is_kept=True, is_droppable=True
         )
@@ -165,12 +171,14 @@ class Payloads:
         return _latest(self.topics.value(record.starter, point), fields, history=history)
 
     def _state(self, record: StateRecord) -> Message:
-        fields = {
+        fields: dict[str, Any] = {
             "state": record.state,
             "quality": record.quality,
             "time": rfc3339(record.time_s),
             "seq": record.seq,
         }
+        if record.is_lock_told:
+            fields["locked"] = _lock(record.lock)
         return _latest(self.topics.state(record.starter), _extended(fields, record.flags))
 
     def _availability(self, record: AvailabilityRecord) -> Message:
@@ -206,7 +214,7 @@ class Payloads:
         fields = {
             "seq": record.seq,
             "time": rfc3339(record.time_s),
-            "boot": self.boot,
+            "boot": self._boot.run,
             "code": record.code,
             "severity": record.severity,
             "text": record.text,
@@ -232,7 +240,7 @@ class Payloads:
         fields = {
             "seq": record.seq,
             "time": rfc3339(record.time_s),
-            "boot": self.boot,
+            "boot": self._boot.run,
             "starter": record.starter,
             "client": record.client,
             "operator": record.operator,
@@ -242,8 +250,17 @@ class Payloads:
             "code": record.code,
             "before": record.before,
             "after": record.after,
+            "id": record.id,
+            "reason": record.reason,
         }
         return _kept(self.topics.audit, fields, is_droppable=True)
+
+
+def _lock(lock: LockRecord | None) -> dict[str, Any] | None:
+    if lock is None:
+        return None
+    fields = {"by": lock.by, "operator": lock.operator, "since": rfc3339(lock.since_s), "reason": lock.reason}
+    return {**fields, "notice": "replaces no physical lock"}
 
 
 def cleared(topic: str) -> Message:

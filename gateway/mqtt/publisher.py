@@ -58,6 +58,10 @@ class Publisher:
         self._reason = reason
         self._put_status()
 
+    def restate(self) -> None:
+        """Publish the present status again: its boot token has changed."""
+        self._put_status()
+
     def set_info(self, info: GatewayInfo) -> None:
         """Publish what this gateway is."""
         self._put(self._payloads.gateway_info(info))

@@ -31,7 +31,7 @@ class SimulatedPort:
         self._require_open()
         self._line.send(frame, self._timing)
 
-    async def read(self, *, until_s: float) -> bytes:
+    async def read(self, *, until_s: float, count: int = 1) -> bytes:  # noqa: ARG002 - no wake-up is worth saving here
         """Return what has arrived, waiting for at least one byte until `until_s`."""
         loop = asyncio.get_running_loop()
         self._require_open()

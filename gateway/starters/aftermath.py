@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from contextlib import suppress
 from dataclasses import replace
 
 from gateway.families.state import state_of
@@ -20,12 +21,17 @@ LOOK_EVERY_S = 0.25
 
 
 class Aftermath:
-    """One such command; until its result is told, the ledger answers repetitions with what is known already."""
+    """One such command; until it is told, the ledger answers repetitions with what is known already."""
 
     def __init__(self, remembered: Remembered, starter: StarterControlView | None, desk: Desk) -> None:
         self._remembered = remembered
         self._starter = starter  # None: it is configured no more
         self._desk = desk
+        self._hurried = asyncio.Event()
+
+    def hurry(self) -> None:
+        """Wait no longer for a status."""
+        self._hurried.set()
 
     def result(self) -> ResultRecord:
         """Return the command's final result as far as it can be told now."""
@@ -46,15 +52,25 @@ class Aftermath:
         """Wait a while for the starter's status, then tell the client, the audit and whoever is on duty."""
         until_s = self._desk.clock.now_s() + STATUS_WITHIN_S
         while self._state() == UNKNOWN and self._starter and self._desk.clock.now_s() < until_s:
-            await asyncio.sleep(LOOK_EVERY_S)
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._hurried.wait(), LOOK_EVERY_S)
+                break
         result = self.result()
-        self._desk.ledger.store(result, now_s=self._desk.clock.now_s())
-        self._desk.journal.note(result, then=lambda: self._desk.sink.put(result))
+        if self._is_superseded():
+            self._desk.sink.put(result)
+        else:
+            self._desk.ledger.store(result, now_s=self._desk.clock.now_s())
+            self._desk.journal.note(result, then=lambda: self._desk.sink.put(result))
         request = CommandRequest(result.starter, result.client, result.verb, result.id)
         audit(request, self._desk, decision=result.phase, code=result.code, after=result.values)
         if self._starter is not None and result.phase is Phase.UNCONFIRMED:
             data = {"client": result.client, "id": result.id, "verb": result.verb}
             self._starter.publisher.event("command_cut_short", Severity.ERROR, result.text, data)
+
+    def _is_superseded(self) -> bool:
+        """Return whether the id stands for something newer by now: a stop that was done again."""
+        latest = self._desk.ledger.find(self._remembered.result.client, self._remembered.result.id)
+        return latest is not None and latest.code != CRASHED
 
     def _state(self) -> str:
         if self._starter is None:

@@ -6,65 +6,33 @@ import asyncio
 import logging
 from collections.abc import Coroutine, Iterable, Mapping
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any
 
 from gateway.clock import Clock
 from gateway.errors import CommandError
-from gateway.families.command import prepare, verbs
-from gateway.families.procedure import Preparation
+from gateway.starters.administration import Administration
+from gateway.starters.admission import LOCK, OWN_VERBS, Admission, Load
 from gateway.starters.aftermath import Aftermath
 from gateway.starters.conduct import HALTED, Conduct
 from gateway.starters.control import StarterControlView
 from gateway.starters.errand import STOP, Desk, End, Errand, audit
-from gateway.starters.identification import Standing
+from gateway.starters.excess import Excess
+from gateway.starters.flood import Flood
+from gateway.starters.groups import GroupStop
 from gateway.starters.journal import UNAVAILABLE, Journal, NoJournal, Remembered
 from gateway.starters.ledger import Ledger
+from gateway.starters.maintenance import is_forbidden
+from gateway.starters.policy import Policy
+from gateway.starters.precautions import Precautions
 from gateway.starters.records import Phase, ResultRecord, Sink
-from gateway.starters.request import CommandRequest
+from gateway.starters.request import CommandRequest, Refusable, request_of
 from gateway.starters.rights import Rights
 from gateway.starters.sequence import Sequence
 from gateway.starters.stopping import Stopping
 
 logger = logging.getLogger(__name__)
 
-
-class Refusable(Protocol):
-    """What must be known of a command to tell its client that it is rejected."""
-
-    @property
-    def starter(self) -> str:
-        """The starter it names."""
-        ...
-
-    @property
-    def client(self) -> str:
-        """Who sent it."""
-        ...
-
-    @property
-    def verb(self) -> str:
-        """What it wants."""
-        ...
-
-    @property
-    def id(self) -> str | None:
-        """Its id, when it has a legible one."""
-        ...
-
-    @property
-    def args(self) -> Mapping[str, Any]:
-        """Its arguments, as far as legible."""
-        ...
-
-    @property
-    def operator(self) -> str | None:
-        """Who it says it is from."""
-        ...
-
-    @property
-    def correlation(self) -> bytes | None:
-        """The MQTT 5 correlation data."""
-        ...
+SAVED_WITHIN_S = 1.0  # at the end
 
 
 class Commander:
@@ -79,6 +47,7 @@ class Commander:
         clock: Clock,
         sequence: Sequence,
         journal: Journal | None = None,
+        precautions: Precautions | None = None,
     ) -> None:
         self._starters = starters
         self._rights = rights
@@ -87,51 +56,58 @@ class Commander:
         self._desk = Desk(
             sink=sink, clock=clock, sequence=sequence, ledger=self._ledger, journal=self._journal
         )
+        self._precautions = precautions or Precautions(
+            Policy(), starters.keys(), rights=rights, sink=sink, clock=clock, sequence=sequence
+        )
+        self._groups = self._precautions.policy.groups
+        self._admission = Admission(
+            starters, rights=rights, precautions=self._precautions, journal=self._journal, clock=clock
+        )
+        self._administration = Administration(self._admission, self._precautions, clock=clock)
+        self._flood = Flood(self._precautions.policy.limits)
+        self._excess = Excess(self._desk)
         self._conducts: dict[str, Conduct] = {}
         self._stops: dict[str, Stopping] = {}
+        self._aftermaths: list[Aftermath] = []
         self._tasks: set[asyncio.Task[None]] = set()
         self._is_closing = False
 
     def submit(self, request: CommandRequest) -> None:
         """Judge a command at once; carry an accepted one out in a task of its own."""
-        try:
-            self._check_sender(request)
-        except CommandError as error:
+        error = self._sender_error(request)
+        is_stop = error is None and request.verb == STOP  # never limited
+        if not is_stop and not self._admits(request):
+            self._excess.refuse(self._key(request), request, "too many commands at once; send fewer")
+            return
+        if error is not None:
             self._refuse(request, error, is_kept=False)
             return
         earlier = self._ledger.find(request.client, request.id)
         if earlier is not None and not self._is_done_again(request, earlier):
-            self._repeat(request, earlier)
+            if not is_stop or self._admits(request):  # a stop under way is answered in any case
+                self._repeat(request, earlier)
             return
         try:
-            starter = self._starters[request.starter]
-            preparation = self._check(request, starter)
-        except CommandError as error:  # not kept without the ledger: what it has may say something else
-            self._refuse(request, error, is_kept=error.code != UNAVAILABLE)
-            return
-        errand = Errand(request, self._desk, is_repeat=earlier is not None and _is_same(request, earlier))
-        errand.accept()
-        if request.verb == STOP:
-            self._stop(errand, starter)
-        else:
-            self._begin(Conduct(errand, starter, preparation))
+            if self._is_closing:
+                raise CommandError("shutting_down", HALTED["shutting_down"])  # noqa: TRY301 - as for the others
+            if is_stop:
+                self._take_stop(request, is_repeat=earlier is not None and _is_same(request, earlier))
+            else:
+                self._take(request)
+        except CommandError as refusal:  # not kept without the ledger: what it has may say something else
+            self._refuse(request, refusal, is_kept=refusal.code != UNAVAILABLE)
 
-    def reject(self, request: Refusable, code: str, text: str) -> None:
+    def reject(self, refusable: Refusable, code: str, text: str) -> None:
         """Reject a command that is not fit to be submitted; a repetition gets the first one's result."""
-        known = CommandRequest(
-            starter=request.starter,
-            client=request.client,
-            verb=request.verb,
-            id=request.id,
-            args=request.args,
-            operator=request.operator,
-            correlation=request.correlation,
-        )
-        earlier = self._ledger.find(known.client, known.id)
-        if earlier is not None and _is_same(known, earlier):
-            self._repeat(known, earlier)
+        request = request_of(refusable)
+        if not self._admits(request):
+            self._excess.refuse(self._key(request), request, "too many commands at once; send fewer")
+            return
+        earlier = self._ledger.find(request.client, request.id)
+        if earlier is not None and _is_same(request, earlier):
+            self._repeat(request, earlier)
         else:
-            self._refuse(known, CommandError(code, text), is_kept=False)
+            self._refuse(request, CommandError(code, text), is_kept=False)
 
     def recall(self, commands: Iterable[Remembered]) -> None:
         """Take over the commands of earlier runs, the oldest first; say once what was cut short."""
@@ -143,6 +119,7 @@ class Commander:
                 starter = self._starters.get(result.starter)
                 aftermath = Aftermath(remembered, starter, self._desk)
                 result = aftermath.result()
+                self._aftermaths.append(aftermath)
                 self._spawn(aftermath.tell())
             age_s = self._desk.clock.utc_s() - remembered.since_s
             self._ledger.store(result, now_s=self._desk.clock.now_s() - age_s)
@@ -154,38 +131,27 @@ class Commander:
             conduct.halt("shutting_down")
         for stopping in self._stops.values():
             stopping.halt("shutting_down")
+        for aftermath in self._aftermaths:
+            aftermath.hurry()
         if self._tasks:
             await asyncio.wait(self._tasks)
+        self._excess.close()
+        await self._precautions.saver.close(within_s=SAVED_WITHIN_S)
 
-    def _check_sender(self, request: CommandRequest) -> None:
-        """Raise CommandError unless the starter and the verb exist and this client has the right to it."""
-        starter = self._starters.get(request.starter)
-        if starter is None:
-            raise CommandError("unknown_starter", "this gateway has no such starter")
-        if request.verb not in verbs(starter.profile):
-            raise CommandError("unknown_verb", f"{starter.profile.title} has no verb {request.verb[:40]!r}")
-        if not self._rights.is_allowed(request.client, verb=request.verb, starter=request.starter):
-            text = f"{request.client} has no right to {request.verb} {request.starter}"
-            raise CommandError("not_allowed", text)
-        if not request.id and request.verb != STOP:
-            raise CommandError("no_id", "every command but stop needs an id")
+    def _sender_error(self, request: CommandRequest) -> CommandError | None:
+        try:
+            self._admission.check_sender(request)
+        except CommandError as error:
+            return error
+        return None
 
-    def _check(self, request: CommandRequest, starter: StarterControlView) -> Preparation:
-        """Return what to read before the command; CommandError when it cannot even begin."""
-        if self._is_closing:
-            raise CommandError("shutting_down", HALTED["shutting_down"])
-        if request.verb == STOP:
-            return prepare(starter.profile, starter.variant, STOP, {})
-        if self._journal.trouble:
-            raise CommandError(UNAVAILABLE, f"commands are not taken without the ledger: {self._journal.trouble}")
-        preparation = prepare(starter.profile, starter.variant, request.verb, request.args)
-        if not starter.is_answering:
-            raise CommandError("offline", "the starter does not answer")
-        if starter.identity_standing is not Standing.MATCHING:
-            raise CommandError(f"identity_{starter.identity_standing.value}", starter.identity_reason)
-        if request.starter in self._conducts or request.starter in self._stops:
-            raise CommandError("busy", "another command for this starter is under way")
-        return preparation
+    def _key(self, request: CommandRequest) -> str:
+        """Return whose limits a command counts against: clients without any right share theirs."""
+        return request.client if self._rights.is_known(request.client) else ""
+
+    def _admits(self, request: CommandRequest) -> bool:
+        starter = request.starter if request.starter in self._starters else ""
+        return self._flood.admits(client=self._key(request), starter=starter, now_s=self._desk.clock.now_s())
 
     def _is_done_again(self, request: CommandRequest, earlier: ResultRecord) -> bool:
         """Return whether a command is carried out although its id is known: a stop that is not under way."""
@@ -207,22 +173,80 @@ class Commander:
     def _refuse(self, request: CommandRequest, error: CommandError, *, is_kept: bool) -> None:
         Errand(request, self._desk).finish(End(Phase.REJECTED, error.code, error.text), is_kept=is_kept)
 
-    def _begin(self, conduct: Conduct) -> None:
-        name = conduct.errand.request.starter
-        self._conducts[name] = conduct
-        self._spawn(self._until_done(name, conduct))
+    def _take(self, request: CommandRequest) -> None:
+        """Carry out a command other than a stop; CommandError when it cannot even begin."""
+        starter = self._starters[request.starter]
+        if request.verb in OWN_VERBS:
+            self._administration.check(request, starter)
+            errand = Errand(request, self._desk)
+            errand.accept()
+            keeping = self._administration.act(errand, starter)
+            if request.verb == LOCK:
+                self._cut_for_lock(request.starter)
+            if keeping is not None:
+                self._spawn(keeping)
+            return
+        preparation, guard = self._admission.check(request, starter, self._load(request.starter))
+        errand = Errand(request, self._desk)
+        errand.accept()
+        self._conducts[request.starter] = conduct = Conduct(errand, starter, preparation, guard)
+        self._spawn(self._until_done(request.starter, conduct))
 
-    def _stop(self, errand: Errand, starter: StarterControlView) -> None:
+    def _take_stop(self, request: CommandRequest, *, is_repeat: bool) -> None:
+        """Stop a starter, or all members of a group that this client may stop; answer what can be."""
+        members = self._groups.get(request.starter, (request.starter,))
+        names = [name for name in members if self._admission.may_stop(request.client, name)]
+        under_way = [self._stops[name] for name in names if name in self._stops]
+        is_asked_for = all(each.is_asked_for(request) for each in under_way) and len(under_way) == len(names)
+        is_full = any(each.count >= self._precautions.policy.limits.answered_stops for each in under_way)
+        if is_asked_for or is_full:
+            for name in names:
+                self._stop(name, None)
+            if not is_asked_for:
+                text = "it is being stopped, for so many commands that this one gets no answer of its own"
+                self._excess.refuse(self._key(request), request, text)
+            return
+        errand = Errand(request, self._desk, is_repeat=is_repeat)
+        errand.accept()
+        if request.starter not in self._groups:
+            self._stop(request.starter, errand)
+            return
+        whole = GroupStop(errand, members, self._desk)
+        for name in members:
+            member = whole.member(name)
+            if name in names:
+                member.accept()
+                self._stop(name, member)
+            else:
+                text = f"{request.client} has no right to stop {name}"
+                member.finish(End(Phase.REJECTED, "not_allowed", text))
+
+    def _stop(self, name: str, errand: Errand | None) -> None:
         """Cut what this starter is doing, then stop it; a stop that is under way is joined."""
-        name = errand.request.starter
         conduct = self._conducts.get(name)
         if conduct is not None:
             conduct.halt("stopped_first")
         stopping = self._stops.get(name)
         if stopping is None:
-            stopping = self._stops[name] = Stopping(starter)
+            stopping = self._stops[name] = Stopping(self._starters[name])
             self._spawn(self._until_stopped(name, stopping))
-        stopping.join(errand)
+        if errand is None:
+            stopping.extend()
+        else:
+            stopping.join(errand)
+
+    def _load(self, name: str) -> Load:
+        line = self._starters[name].setup.line
+        on_line = sum(self._starters[other].setup.line == line for other in self._conducts)
+        return Load(is_busy=name in self._conducts or name in self._stops, on_line=on_line)
+
+    def _cut_for_lock(self, name: str) -> None:
+        """Let a command that the lock forbids not be written any more; what is written is still read back."""
+        conduct = self._conducts.get(name)
+        if conduct is None or conduct.errand.life.is_written:
+            return
+        if is_forbidden(conduct.errand.request.verb, conduct.errand.request.args):
+            conduct.halt("locked")
 
     async def _until_done(self, name: str, conduct: Conduct) -> None:
         try:

@@ -18,6 +18,7 @@ from gateway.line.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.modbus.codes import ExceptionCode
 from gateway.starters.control import StarterControlView
 from gateway.starters.errand import End, Errand
+from gateway.starters.guard import Guard
 from gateway.starters.records import Phase
 from gateway.starters.wire import HaltedError, RefusedError, Rows, Wire
 
@@ -31,6 +32,7 @@ MAY_BE_TURNING = "the motor may be turning"
 
 HALTED = {
     "stopped_first": "a stop came first",
+    "locked": "a maintenance lock came first",
     "shutting_down": "the gateway is shutting down",
 }
 
@@ -38,10 +40,17 @@ HALTED = {
 class Conduct:
     """One accepted command under way; `run` always ends with the command's final result."""
 
-    def __init__(self, errand: Errand, starter: StarterControlView, preparation: Preparation) -> None:
+    def __init__(
+        self,
+        errand: Errand,
+        starter: StarterControlView,
+        preparation: Preparation,
+        guard: Guard | None = None,
+    ) -> None:
         self.errand = errand
         self._starter = starter
         self._preparation = preparation
+        self._guard = guard  # what the gateway itself demands
         self._wire = Wire(starter)
         self._procedure: Procedure | None = None  # once it is being written
 
@@ -77,9 +86,11 @@ class Conduct:
             return self._cut(error.code, HALTED.get(error.code, error.code))
 
     async def _intend(self) -> float:
-        """Have it kept that something is about to be written, and return how long that took."""
+        """Have it kept, and admitted, that something is about to be written; return how long that took."""
         began_s = self.errand.now_s()
         await self._wire.wait_for(self.errand.intend())
+        if self._guard is not None:
+            await self._wire.wait_for(self._guard.admit())
         return self.errand.now_s() - began_s
 
     def _cut(self, code: str, text: str) -> End:
@@ -123,6 +134,8 @@ class Conduct:
         if violations:
             text = "; ".join(violation.text for violation in violations)
             raise CommandError(violations[0].rule, text)
+        if self._guard is not None:
+            self._guard.check(self._points(rows))
         return build(profile, self._starter.variant, request.verb, request.args, seen=rows)
 
     async def _carry_out(self, procedure: Procedure) -> End:

@@ -46,12 +46,15 @@ class Desk:
 class Errand:
     """Reports the phases of one command: each result to its client, each decision to the audit."""
 
-    def __init__(self, request: CommandRequest, desk: Desk, *, is_repeat: bool = False) -> None:
+    def __init__(
+        self, request: CommandRequest, desk: Desk, *, is_repeat: bool = False, is_kept: bool = True
+    ) -> None:
         self.request = request
         self.life = Life()
         self.before: Mapping[str, Any] = {}  # what was read before anything was written
         self._desk = desk
         self._latest: ResultRecord | None = None  # kept
+        self._is_kept = is_kept  # by the ledger, under its id
         self._is_repeat = is_repeat  # a stop whose id was used before: done again, and marked as a duplicate
 
     def now_s(self) -> float:
@@ -102,7 +105,7 @@ class Errand:
             correlation=request.correlation,
             response_topic=request.response_topic,
         )
-        if not is_kept:
+        if not is_kept or not self._is_kept:
             desk.sink.put(result)
             return
         self._latest = result

@@ -42,7 +42,7 @@ class NoJournal:
 
     trouble = ""
 
-    def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:
+    def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:  # noqa: ARG002 - Journal's shape
         """Keep nothing."""
         if then is not None:
             then()

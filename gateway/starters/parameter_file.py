@@ -57,14 +57,16 @@ def from_toml(text: str, path: str) -> ParameterSet:
 
 
 def _inline(entry: Entry) -> str:
-    parts = [("name", entry.name), ("value", entry.value), ("unit", entry.unit), ("label", entry.label)]
-    shown = [f"{key} = {_toml(value)}" for key, value in parts if value not in (None, "")]
+    texts = [("name", entry.name), ("unit", entry.unit), ("label", entry.label)]
+    shown = [f"{key} = {_toml(text)}" for key, text in texts if text]
+    if entry.value is not None:
+        shown.insert(1 if entry.name else 0, f"value = {_toml(entry.value)}")
     if entry.raw is not None:
         shown.append(f"raw = [{', '.join(map(str, entry.raw))}]")
     return "{ " + ", ".join(shown) + " }"
 
 
-def _toml(value: bool | int | float | str | None) -> str:  # noqa: FBT001 - a value, not an option
+def _toml(value: bool | int | float | str) -> str:  # noqa: FBT001 - a value, not an option
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):

@@ -92,4 +92,8 @@ def _is_same(one: Entry | None, other: Entry | None) -> bool:
         return False
     if one.raw is not None and other.raw is not None:
         return one.raw == other.raw
-    return one.value == other.value
+    if one.value == other.value:
+        return True
+    texts = [each.value.casefold() for each in (one, other) if isinstance(each.value, str)]
+    labels = [each.label.casefold() for each in (one, other) if each.label is not None]
+    return any(text in labels for text in texts)  # an enum given by its label

@@ -58,6 +58,16 @@ class ValueRecord:
 
 
 @dataclass(frozen=True, slots=True)
+class LockRecord:
+    """A maintenance lock: by whom, since when and why. It replaces no physical lock."""
+
+    by: str  # the client
+    since_s: float
+    reason: str
+    operator: str | None = None  # a claim
+
+
+@dataclass(frozen=True, slots=True)
 class StateRecord:
     """The state of a starter, with its boolean points beside it."""
 
@@ -67,6 +77,8 @@ class StateRecord:
     time_s: float | None
     seq: int
     flags: Mapping[str, bool | None] = field(default_factory=dict)
+    is_lock_told: bool = False  # only then does `lock` mean anything
+    lock: LockRecord | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,3 +21,58 @@ class CommandRequest:
     received_s: float = 0.0  # on the steady clock
     correlation: bytes | None = None  # MQTT 5 correlation data, to be echoed
     response_topic: str | None = None  # MQTT 5 response topic, already checked
+    expect: Mapping[str, Any] = field(default_factory=dict)  # what must still be so: state, or points
+    select: str | None = None  # the token of a selection
+    expires_s: float | None = None  # on the steady clock: not to be written later than this
+
+
+class Refusable(Protocol):
+    """What must be known of a command to tell its client that it is rejected."""
+
+    @property
+    def starter(self) -> str:
+        """The starter it names."""
+        ...
+
+    @property
+    def client(self) -> str:
+        """Who sent it."""
+        ...
+
+    @property
+    def verb(self) -> str:
+        """What it wants."""
+        ...
+
+    @property
+    def id(self) -> str | None:
+        """Its id, when it has a legible one."""
+        ...
+
+    @property
+    def args(self) -> Mapping[str, Any]:
+        """Its arguments, as far as legible."""
+        ...
+
+    @property
+    def operator(self) -> str | None:
+        """Who it says it is from."""
+        ...
+
+    @property
+    def correlation(self) -> bytes | None:
+        """The MQTT 5 correlation data."""
+        ...
+
+
+def request_of(refusable: Refusable) -> CommandRequest:
+    """Return a command that is only there to be rejected."""
+    return CommandRequest(
+        starter=refusable.starter,
+        client=refusable.client,
+        verb=refusable.verb,
+        id=refusable.id,
+        args=refusable.args,
+        operator=refusable.operator,
+        correlation=refusable.correlation,
+    )

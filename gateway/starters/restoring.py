@@ -21,7 +21,7 @@ from gateway.starters.parameter_set import Entry, ParameterSet, entries_of
 STANDSTILL = "is_stopped"
 
 # Who may run the motor changes with these: they come last, when everything else is as it shall be.
-_COMMAND_SOURCES = ("P220", "P229", "P230", "C3.1", "C3.2", "C3.3", "C3.4")
+COMMAND_SOURCES = ("P220", "P229", "P230", "C3.1", "C3.2", "C3.3", "C3.4")
 _TIME = "C8.2.5.3"  # before its mode, or behind it when it becomes 0: 0.0 s must never be active
 
 
@@ -49,11 +49,6 @@ class RestorePlan:
     changes: tuple[Change, ...]
     left: Mapping[str, str]
 
-    @property
-    def moves_command_source(self) -> bool:
-        """Return whether somebody else may be in command of the motor afterwards."""
-        return any(change.code in _COMMAND_SOURCES for change in self.changes)
-
 
 def plan_restore(
     profile: Profile,
@@ -61,8 +56,13 @@ def plan_restore(
     *,
     wanted: ParameterSet,
     seen: Mapping[str, tuple[int, ...]],
+    with_sources: bool = False,
 ) -> RestorePlan:
-    """Return what makes a starter, of which these rows were just read, hold the wanted settings."""
+    """Return what makes a starter, of which these rows were just read, hold the wanted settings.
+
+    `with_sources`: also those that say who commands the motor. Where a run command stands at the new source,
+    an input for instance, such a change starts the motor.
+    """
     changes: list[Change] = []
     left: dict[str, str] = {}
     for code, entry in wanted.parameters.items():
@@ -77,7 +77,9 @@ def plan_restore(
         except CommandError as error:
             left[code] = error.text
             continue
-        if change is not None:
+        if change is not None and change.code in COMMAND_SOURCES and not with_sources:
+            left[code] = f"{change.before.shown} -> {change.after.shown} would change who commands the motor"
+        elif change is not None:
             changes.append(change)
     return RestorePlan(_in_order(changes), left)
 
@@ -132,6 +134,6 @@ def _in_order(changes: list[Change]) -> tuple[Change, ...]:
     """Return the changes with the command sources last, and the timeout never active at 0.0 s."""
     ends = [change for change in changes if change.code == _TIME and not any(change.after.raw or ())]
     first = [change for change in changes if change.code == _TIME and change not in ends]
-    last = [change for change in changes if change.code in _COMMAND_SOURCES]
+    last = [change for change in changes if change.code in COMMAND_SOURCES]
     others = [change for change in changes if change not in (*ends, *first, *last)]
     return (*first, *others, *ends, *last)

@@ -24,11 +24,29 @@ class Rights:
     def __init__(self, operators: Iterable[Operator] = ()) -> None:
         self._operators = tuple(operators)
 
+    def is_known(self, client: str) -> bool:
+        """Return whether the client has any right at all."""
+        return any(operator.client == client for operator in self._operators)
+
+    def has_any(self, client: str, *, starter: str) -> bool:
+        """Return whether the client may do anything to this starter."""
+        return any(operator.client == client and _matches(operator, starter) for operator in self._operators)
+
+    def is_lockable(self, starter: str) -> bool:
+        """Return whether anybody may set a maintenance lock on this starter."""
+        return any(
+            self.is_allowed(operator.client, verb="lock", starter=starter) for operator in self._operators
+        )
+
     def is_allowed(self, client: str, *, verb: str, starter: str) -> bool:
         """Return whether one of the client's entries names this verb and this starter."""
         return any(
             operator.client == client
             and (ANY_VERB in operator.may or verb in operator.may)
-            and any(fnmatch.fnmatchcase(starter, pattern) for pattern in operator.starters)
+            and _matches(operator, starter)
             for operator in self._operators
         )
+
+
+def _matches(operator: Operator, starter: str) -> bool:
+    return any(fnmatch.fnmatchcase(starter, pattern) for pattern in operator.starters)

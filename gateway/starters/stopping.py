@@ -15,6 +15,7 @@ from gateway.starters.conduct import HALTED, MAY_BE_TURNING
 from gateway.starters.control import StarterControlView
 from gateway.starters.errand import End, Errand
 from gateway.starters.records import Phase, Severity
+from gateway.starters.request import CommandRequest
 from gateway.starters.wire import EQUAL_READINGS, READ_BACK_PAUSE_S, HaltedError, RefusedError, Wire
 
 logger = logging.getLogger(__name__)
@@ -38,10 +39,26 @@ class Stopping:
     def join(self, errand: Errand) -> None:
         """Take in one more stop command, already accepted; the deadline is the last one's."""
         self._errands.append(errand)
-        self._deadline_s = asyncio.get_running_loop().time() + DEADLINE_S
+        self.extend()
         errand.before = self._starter.snapshot.good_values()
         if self._is_written:
             errand.write()
+
+    def extend(self) -> None:
+        """Go on as long as if it had just been asked for."""
+        self._deadline_s = asyncio.get_running_loop().time() + DEADLINE_S
+
+    def is_asked_for(self, request: CommandRequest) -> bool:
+        """Return whether the same client's stop, which its answer cannot be told apart from, has joined."""
+        if request.id or request.correlation:
+            return False
+        known = ((errand.request.client, errand.request.id) for errand in self._errands)
+        return (request.client, request.id) in known
+
+    @property
+    def count(self) -> int:
+        """Return how many stop commands have joined."""
+        return len(self._errands)
 
     def halt(self, code: str) -> None:
         """Let nothing more go out."""

@@ -35,9 +35,10 @@ class HaltedError(GatewayError):
 class RefusedError(GatewayError):
     """The starter refused a request with a Modbus exception."""
 
-    def __init__(self, number: int) -> None:
+    def __init__(self, number: int, codes: Iterable[str] = ()) -> None:
         self.code = exception_code_word(number)
-        super().__init__(f"the starter refused: {exception_name(number)}")
+        named = ", ".join(codes)
+        super().__init__(f"the starter refused{named and f' {named}'}: {exception_name(number)}")
 
 
 class Wire:
@@ -120,7 +121,7 @@ class Wire:
                 self._starter.take_rows(rows, at_s=outcome.at_s)
                 return rows
             case Refused():
-                raise RefusedError(outcome.code)
+                raise RefusedError(outcome.code, read.codes)
             case Silent(is_sent=False) | Garbled(is_sent=False):
                 raise CommandError("line_down", f"the starter cannot be asked: {outcome.reason}")
             case Silent() | Garbled():

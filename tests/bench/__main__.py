@@ -8,8 +8,9 @@ import time
 from pathlib import Path
 
 from tests.bench.costs import cpu, start, stop, sweep
+from tests.bench.pictures import efficiency_picture, line_time_picture
 from tests.bench.report import Goal, table
-from tests.bench.rows import dead, efficiency, judge
+from tests.bench.rows import MASTERS, dead, efficiencies, efficiency, judge, measured, spec_of
 
 ROWS = {each.__name__: each for each in (judge, efficiency, dead, cpu, start, stop, sweep)}
 
@@ -18,9 +19,7 @@ def main() -> int:
     """Measure what the command line names, print it, draw it; 1 when something was not reached."""
     parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
     parser.add_argument("--only", choices=ROWS, action="append", help="may be given several times")
-    parser.add_argument(
-        "--pictures", type=Path, metavar="FOLDER", help="where efficiency.svg and line-time.svg go"
-    )
+    parser.add_argument("--pictures", type=Path, metavar="FOLDER", help="draw what `efficiency` measures")
     args = parser.parse_args()
     begun_s = time.monotonic()
     print(f"{os.cpu_count()} processors; load before: {os.getloadavg()[0]:.2f}\n", flush=True)
@@ -31,9 +30,18 @@ def main() -> int:
         print(row.text, flush=True)
     if goals:
         print(table("Reached", ["what", "got", "limit", ""], [goal.cells() for goal in goals]))
+    if args.pictures is not None:
+        _draw(args.pictures)
     missed = [goal for goal in goals if not goal.is_met]
     print(f"{len(goals) - len(missed)} of {len(goals)} met; {time.monotonic() - begun_s:.0f} s")
     return 1 if missed else 0
+
+
+def _draw(folder: Path) -> None:
+    (folder / "efficiency.svg").write_text(efficiency_picture(efficiencies()), "utf-8")
+    runs = {master: measured(master, spec_of(master)) for master in MASTERS}
+    traces = {master: (run.seen, run.law) for master, run in runs.items()}
+    (folder / "line-time.svg").write_text(line_time_picture(traces), "utf-8")
 
 
 if __name__ == "__main__":

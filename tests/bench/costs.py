@@ -68,7 +68,7 @@ def stop() -> Row:
     head = ["master", "stops", "p50 ms", "most", "transaction", "p50 / it", "beyond p50", "most"]
     note = (
         "Milliseconds from the submission (gateway: from publish(), so the broker's way counts) to the first"
-        "\nbyte on the wire. Transaction: the one under way, with its silence, p50. Beyond: later than its end."
+        "\nbyte on the wire. Transaction: the one under way and its silence, p50. Beyond: later than its end."
     )
     return Row(table("Stop, 19200, saturated", head, rows, note=note), goals)
 

@@ -22,6 +22,9 @@ from dataclasses import dataclass, field
 from math import inf
 
 from gateway.modbus import adu
+from gateway.modbus.codes import ExceptionCode
+from gateway.modbus.pdu import encode_exception
+from gateway.modbus.reads import ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.server import decode_request
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.sim.factory import make_unit
@@ -181,8 +184,9 @@ def _plain_answer(pdu: bytes) -> bytes:
     if pdu[0] in (5, 6):
         return pdu
     request = decode_request(pdu)
-    answer: bytes = request.encode_reply(tuple(range(request.count)))
-    return answer
+    if not isinstance(request, ReadHoldingRegisters | ReadInputRegisters):
+        return encode_exception(pdu[0], ExceptionCode.ILLEGAL_FUNCTION)
+    return request.encode_reply(tuple(range(request.count)))
 
 
 def main() -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import gc
 import json
+import logging
 import os
 import random
 import resource
@@ -76,7 +77,6 @@ async def line(task: Task) -> Span:
     timing = LineTiming(task.baud, Framing.parse(task.framing))
     host = LineHost(_Deaf())
     request = ReadHoldingRegisters(0, REGISTERS)
-    units = range(1, task.units + 1)
     clients = [
         host.add_line(
             name=f"line-{number}",
@@ -119,12 +119,9 @@ class _Deaf:
 
 async def pymodbus(task: Task) -> Span:
     """Pymodbus's asyncio client: one task, one request after the other."""
-    import logging
-
     from pymodbus.client import AsyncModbusSerialClient
     from pymodbus.exceptions import ModbusException
 
-    logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
     client = AsyncModbusSerialClient(
         task.ports[0],
         baudrate=task.baud,
@@ -151,7 +148,7 @@ async def pymodbus(task: Task) -> Span:
 
 def minimalmodbus(task: Task) -> Span:
     """Minimalmodbus: blocking."""
-    import minimalmodbus as minimal
+    import minimalmodbus as minimal  # type: ignore[import-untyped]  # it has no types
     import serial
 
     port = serial.Serial(task.ports[0], task.baud, timeout=TIMEOUT_S, stopbits=int(task.framing[2]))
@@ -209,12 +206,16 @@ def _rss_kib() -> int:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
+ASYNCHRONOUS = {"line": line, "pymodbus": pymodbus}
+BLOCKING = {"minimalmodbus": minimalmodbus, "pinger": pinger}
+
+
 def main() -> None:
     """Do what the command line says."""
-    kind = {"line": line, "pymodbus": pymodbus, "minimalmodbus": minimalmodbus, "pinger": pinger}[sys.argv[1]]
-    given = json.loads(sys.argv[2])
-    outcome = kind(Task(**{**given, "ports": tuple(given["ports"])}))
-    span = asyncio.run(outcome) if asyncio.iscoroutine(outcome) else outcome
+    kind, given = sys.argv[1], json.loads(sys.argv[2])
+    task = Task(**{**given, "ports": tuple(given["ports"])})
+    logging.disable()
+    span = asyncio.run(ASYNCHRONOUS[kind](task)) if kind in ASYNCHRONOUS else BLOCKING[kind](task)
     print(json.dumps(asdict(span)), flush=True)
 
 

@@ -52,7 +52,7 @@ starters = ["*"]
 def site_config(*, broker_port: int, port: str, starters: str = FOUR_FAMILIES, framing: str = "8N2") -> str:
     """Return the TOML text of a site with one line."""
     return (
-        f'[gateway]\nname = "plant"\nstate_dir = "/tmp"\n\n[mqtt]\nurl = "mqtt://127.0.0.1:{broker_port}"\n\n'
+        f'[gateway]\nname = "plant"\nstate_dir = "state"\n\n[mqtt]\nurl = "mqtt://127.0.0.1:{broker_port}"\n\n'
         f'[[line]]\nname = "hall"\nport = "{port}"\nbaud = 19200\nframing = "{framing}"\n{starters}'
     )
 

@@ -42,12 +42,15 @@ def refusal(family: str, verb: str, args: Any = None, *, variant: Variant = SLOT
 @pytest.mark.parametrize("family", FAMILIES)
 def test_every_family_starts_stops_resets_reads_and_sets(family: str) -> None:
     assert {"start", "stop", "reset", "read", "set"} <= set(verbs(load_profile(family)))
-    assert ("configure" in verbs(load_profile(family))) == (family == "sst")
-    assert ("general_enable" in verbs(load_profile(family))) == (family != "sst")
+    assert ("configure" in verbs(load_profile(family))) == (family in ("sst", "ssw06"))
+    others = {"general_enable", "jog", "direction", "local_remote", "output"} & set(
+        verbs(load_profile(family))
+    )
+    assert len(others) == (0 if family == "sst" else 5)
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-@pytest.mark.parametrize("verb", ["general_enable_off", "explode", ""])
+@pytest.mark.parametrize("verb", ["general_enable_off", "jog_off", "reset_whole", "explode", ""])
 def test_a_verb_that_the_family_does_not_have_is_refused(family: str, verb: str) -> None:
     profile = load_profile(family)
 
@@ -56,8 +59,8 @@ def test_a_verb_that_the_family_does_not_have_is_refused(family: str, verb: str)
         build(profile, SLOT_1, verb, {}, seen={})
 
 
-@pytest.mark.parametrize("family", ["ssw06", "ssw07", "ssw900"])
-def test_only_the_sst_is_configured(family: str) -> None:
+@pytest.mark.parametrize("family", ["ssw07", "ssw900"])
+def test_only_the_sst_and_the_ssw06_have_something_to_configure(family: str) -> None:
     assert refusal(family, "configure").code == "unknown_verb"
 
 
@@ -76,6 +79,12 @@ def test_no_command_ever_writes_the_word_of_an_ssw07_because_it_has_no_mask() ->
         ("reset", {}),
         ("general_enable", ON),
         ("general_enable", OFF),
+        ("jog", ON),
+        ("jog", OFF),
+        ("direction", {"value": "reverse"}),
+        ("direction", {"value": "forward"}),
+        ("local_remote", {"value": "remote"}),
+        ("local_remote", {"value": "local"}),
     ):
         assert words(built("ssw07", verb, args, VB01=READY, VB03=0)) == []
 
@@ -234,10 +243,10 @@ def test_a_stop_counts_as_done_once_the_motor_ramps_down(family: str) -> None:
     verify = built(family, "stop").verify
 
     assert verify is not None
-    assert verify.is_met({"running": True, "decelerating": True})
-    assert verify.is_met({"running": False, "decelerating": False})
-    assert not verify.is_met({"running": True, "decelerating": False})
-    assert not verify.is_met({"running": None})
+    assert verify.is_met({"running": True, "decelerating": True, "jog": False})
+    assert verify.is_met({"running": False, "decelerating": False, "jog": False})
+    assert not verify.is_met({"running": True, "decelerating": False, "jog": False})
+    assert not verify.is_met({"running": None, "jog": False})
 
 
 def test_a_reset_counts_as_done_only_when_the_fault_is_gone() -> None:

@@ -38,12 +38,23 @@ def situations(draw: st.DrawFn) -> tuple[Profile, Variant, str, dict[str, Any], 
     codes = st.sampled_from([*profile.parameters, "P500", "nothing"])
     verb = draw(st.sampled_from([name for name in verbs(profile) if name != "start"]))
     args: dict[str, Any] = {}
-    if verb == "general_enable":
+    if verb in ("general_enable", "jog"):
         args = {"value": draw(st.booleans())}
+    elif verb in ("direction", "local_remote"):
+        args = {"value": draw(st.sampled_from(profile.commands[verb].values))}
+    elif verb == "output":
+        args = {"output": draw(st.sampled_from(sorted(profile.outputs))), "value": draw(VALUES)}
+    elif verb == "reset":
+        args = draw(st.sampled_from([{}, {"whole": True}]))
     elif verb == "read":
-        args = {"parameter": draw(codes)}
+        several = st.fixed_dictionaries({"parameters": st.lists(codes, max_size=6)})
+        args = draw(st.one_of(st.fixed_dictionaries({"parameter": codes}), several))
     elif verb == "set":
-        args = {"parameter": draw(codes), "value": draw(VALUES)}
+        single = st.fixed_dictionaries({"parameter": codes, "value": VALUES})
+        several = st.fixed_dictionaries({"parameters": st.dictionaries(codes, VALUES, max_size=4)})
+        args = draw(st.one_of(single, several))
+    elif verb == "configure" and profile.family == "ssw06":
+        args = {"leave": draw(st.sampled_from(["P202", "factory"]))}
     elif verb == "configure":
         args = draw(st.dictionaries(st.sampled_from([f"R{number}" for number in range(30, 43)]), VALUES))
     seen = draw(st.dictionaries(st.sampled_from(shown(profile)), WORDS.map(lambda word: (word,))))
@@ -225,4 +236,5 @@ def test_a_reset_of_an_ssw900_changes_nothing_that_is_in_force(status: int, last
         assert bool(word & 0x02) == bool(status & 1 << 1)  # general enable
         assert bool(word & 0x10) == bool(status & 1 << 8)  # remote
         assert bool(word & 0x08) == bool(status & 1 << 11)  # direction
-        assert bool(word & 0x01) == bool(last & 0x01 and status & (1 << 0 | 1 << 4))  # run
+        obeyed = 1 << 0 | 1 << 3 | 1 << 4 | 1 << 12  # running, initial test, ramp, time before start
+        assert bool(word & 0x01) == bool(last & 0x01 and status & obeyed)

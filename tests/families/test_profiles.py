@@ -58,7 +58,8 @@ def test_points_have_the_common_names_or_the_manuals_code(family: str) -> None:
     profile = load_profile(family)
 
     for name, point in profile.points.items():
-        assert name in COMMON_POINTS.split() or name == point.code.lower().replace(".", "_")
+        code = point.code if point.bit is None else f"{point.code}.{point.bit}"
+        assert name in COMMON_POINTS.split() or name == code.lower().replace(".", "_")
 
 
 @pytest.mark.parametrize("family", FAMILIES)

@@ -5,12 +5,13 @@ from typing import Any
 import pytest
 
 from gateway.families.load import FAMILIES, load_profile
-from gateway.families.state import STATES, alarms_of, state_of
+from gateway.families.state import STARTING, STATES, alarms_of, state_of
 
 WEG_AT_REST: dict[str, Any] = {
     **dict.fromkeys(
         ("running", "jog", "accelerating", "decelerating", "braking", "reversing", "fault"), False
     ),
+    **dict.fromkeys(STARTING, False),
     "general_enabled": True,
     "power_present": True,
 }
@@ -52,6 +53,13 @@ def test_the_status_word_decides_the_state_of_a_weg_starter(
 ) -> None:
     assert state_of(load_profile(family), {**WEG_AT_REST, **changes}) == state
     assert state in STATES
+
+
+@pytest.mark.parametrize("bit", STARTING)
+def test_an_ssw900_is_starting_from_the_accepted_start_on_although_it_does_not_accelerate_yet(
+    bit: str,
+) -> None:
+    assert state_of(load_profile("ssw900"), {**WEG_AT_REST, bit: True}) == "starting"
 
 
 def test_an_ssw06_is_stopping_as_long_as_it_decelerates_although_it_says_that_it_does_not_run() -> None:

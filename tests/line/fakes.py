@@ -79,7 +79,7 @@ class FakePort:
         for said in self.answer(frame):
             self.say(said, end_s)
 
-    async def read(self, *, until_s: float) -> bytes:
+    async def read(self, *, until_s: float, count: int = 1) -> bytes:
         while not self._has_arrived():
             if self._lost:
                 raise PortLostError("fake", "lost")
@@ -200,12 +200,16 @@ class Listener:
         self.polls: list[tuple[float, str, int, Outcome]] = []
         self.units: list[tuple[float, int, bool, str, tuple[str, ...]]] = []
         self.ports: list[tuple[float, bool, str]] = []
+        self.troubles: list[tuple[str, int, str, tuple[str, ...]]] = []
 
     def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
         self.polls.append((asyncio.get_running_loop().time(), key, unit, outcome))
 
     def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:
         self.units.append((asyncio.get_running_loop().time(), unit, is_answering, reason, frames))
+
+    def on_trouble(self, line: str, code: str, unit: int, text: str, frames: tuple[str, ...]) -> None:
+        self.troubles.append((code, unit, text, frames))
 
     def on_port(self, line: str, is_open: bool, reason: str) -> None:
         self.ports.append((asyncio.get_running_loop().time(), is_open, reason))
@@ -217,11 +221,23 @@ class Listener:
 class Rig:
     """A running scheduler on a fake line: `async with Rig(units, polls) as rig`."""
 
-    def __init__(self, answer: Answer, polls: Iterable[Poll], timing: LineTiming = TIMING) -> None:
+    def __init__(
+        self,
+        answer: Answer,
+        polls: Iterable[Poll],
+        timing: LineTiming = TIMING,
+        *,
+        deaf_after_s: float | None = None,
+    ) -> None:
         self.listener = Listener()
         self.opener = FakeOpener(lambda: FakePort(answer, timing))
         self.scheduler = Scheduler(
-            name="pumps", opener=self.opener, timing=timing, polls=tuple(polls), listener=self.listener
+            name="pumps",
+            opener=self.opener,
+            timing=timing,
+            polls=tuple(polls),
+            listener=self.listener,
+            deaf_after_s=deaf_after_s,
         )
         self.client = LocalLineClient(self.scheduler)
 

@@ -119,7 +119,8 @@ def test_after_an_outage_each_units_state_is_told_anew() -> None:
 
 
 def test_jobs_come_before_polls_and_lanes_in_their_order() -> None:
-    plan = begun(poll("a"))
+    plan = begun(poll("a", every_s=0.0))
+    take(plan, 0.0)
     jobs = {lane: job(lane) for lane in (Lane.READ_BACK, Lane.STOP, Lane.COMMAND)}
     for waiting in jobs.values():
         plan.submit(waiting, 0.0)
@@ -128,6 +129,20 @@ def test_jobs_come_before_polls_and_lanes_in_their_order() -> None:
     turns = [take(plan, 0.0) for _ in range(4)]
 
     assert [turn.job for turn in turns if turn] == [jobs[lane] for lane in sorted(Lane)] + [None]
+
+
+def test_every_units_first_poll_waits_for_stops_and_commands_only() -> None:
+    plan = begun(poll("a"), poll("b", unit=2), poll("c"))
+    jobs = {lane: job(lane) for lane in Lane}
+    for waiting in jobs.values():
+        plan.submit(waiting, 0.0)
+
+    turns = [take(plan, 0.0) for _ in range(6)]
+
+    assert [key_of(turn) or (turn and turn.job) for turn in turns] == [
+        *(jobs[Lane.STOP], jobs[Lane.COMMAND], "a", "b"),
+        *(jobs[Lane.READ_BACK], "c"),
+    ]
 
 
 def test_an_overdue_poll_waits_for_a_few_jobs_only() -> None:

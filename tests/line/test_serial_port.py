@@ -16,7 +16,7 @@ import pytest
 import serial
 
 from gateway.errors import PortError, PortLostError
-from gateway.line import serial_port
+from gateway.line import open_port, serial_port
 from gateway.line.port import Port
 from gateway.line.serial_port import SerialOpener, port_error
 from gateway.modbus.timing import Framing
@@ -188,7 +188,7 @@ async def test_unread_bytes_are_kept_up_to_a_limit(pty: Pty) -> None:
         written_s = asyncio.get_running_loop().time()
         await until(lambda written_s=written_s: port.last_byte_s >= written_s)
 
-    assert len(await port.read(until_s=0.0)) <= serial_port.KEPT_BYTES
+    assert len(await port.read(until_s=0.0)) <= open_port.KEPT_BYTES
     await settled(port)
 
 

@@ -68,6 +68,7 @@ def test_a_complete_command_is_passed_on_with_everything_it_says() -> None:
         received_s=7.0,
         correlation=b"42",
         response_topic="b/result/pump-1/alice",
+        expires_s=12.0,
     )
 
 

@@ -140,12 +140,13 @@ FIGURES = {"qos": 0, "retain": True, "is_kept": False}
                 *("pump-1", "alice", "Al", "set", {"value": 30.0}, "confirmed", "ok", T, 10),
                 before={"P314": 20},
                 after={"P314": 30},
+                id="c1",
             ),
             "b/audit",
             KEPT,
             f'{{"seq":10,"time":{AT},"boot":"boot-1","starter":"pump-1","client":"alice","operator":"Al",'
             '"verb":"set","args":{"value":30.0},"decision":"confirmed","code":"ok","before":{"P314":20},'
-            '"after":{"P314":30}}',
+            '"after":{"P314":30},"id":"c1","reason":null}',
         ),
         (LineRecord("pumps", {"polls": 3}), "b/gateway/line/pumps", FIGURES, '{"polls":3}'),
     ],
@@ -229,7 +230,8 @@ def test_the_status_tells_which_run_of_the_gateway_speaks() -> None:
     assert message.topic == "b/gateway/status"
     assert (message.qos, message.retain) == (1, True)
     assert text(message) == (
-        f'{{"state":"online","time":{AT},"boot":"boot-1","since":"2026-11-21T01:02:02.456Z","reason":null}}'
+        f'{{"state":"online","time":{AT},"boot":"boot-1","since":"2026-11-21T01:02:02.456Z","reason":null,'
+        '"run":"boot-1"}'
     )
 
 

@@ -105,6 +105,7 @@ def test_the_status_is_published_when_it_changes_and_remembers_since_when() -> N
         "boot": "boot-1",
         "since": "2025-10-09T08:53:23.000Z",
         "reason": "line fans: no port",
+        "run": "boot-1",
     }
 
 
@@ -161,6 +162,7 @@ def test_the_will_and_the_farewell_say_offline() -> None:
             "boot": "boot-1",
             "since": "2025-10-09T08:53:20.000Z",
             "reason": "SIGTERM",
+            "run": "boot-1",
         }
         assert will.topic == farewell.topic == "b/gateway/status"
 

@@ -27,7 +27,7 @@ Rows = dict[str, tuple[int, ...]]
 
 @dataclass(frozen=True)
 class Done:
-    """How a command went: `end` is confirmed, unchanged, refused, unconfirmed, or the rule that forbade it."""
+    """How a command went: `end` is confirmed, unchanged, refused, unconfirmed, or the rule it broke."""
 
     end: str
     text: str = ""

@@ -112,7 +112,7 @@ def test_no_random_sequence_of_commands_starts_a_motor_unasked_or_stops_one_by_a
     family: str, *, keeps_run_command: bool
 ) -> None:
     dice = random.Random(f"{family} {keeps_run_command}")
-    options = {} if family == "sst" else {"keeps_run_command": keeps_run_command}
+    options: dict[str, Any] = {} if family == "sst" else {"keeps_run_command": keeps_run_command}
     ends: dict[str, int] = {}
 
     for count in range(COMMANDS // 2):

@@ -1,0 +1,56 @@
+"""Logging that never waits: a thread of its own writes to stderr, whoever reads there or does not.
+
+A full pipe to the journal would otherwise hold up whoever logs, the lines' loop among them.
+"""
+
+from __future__ import annotations
+
+import logging
+import logging.handlers
+import os
+import queue
+from contextlib import suppress
+from threading import Thread
+
+MOST_WAITING = 1000  # records; more are counted, not kept
+FLUSH_S = 1.0  # at the end
+
+
+class BackgroundHandler(logging.handlers.QueueHandler):
+    """Formats in the caller's thread and writes in its own; what does not fit is counted and told later."""
+
+    def __init__(self, fd: int, *, most_waiting: int = MOST_WAITING) -> None:
+        self._waiting: queue.Queue[str | None] = queue.Queue(most_waiting)
+        super().__init__(self._waiting)
+        self._fd = fd
+        self.dropped = 0
+        self._thread = Thread(target=self._write_all, name="log", daemon=True)
+        self._thread.start()
+
+    def prepare(self, record: logging.LogRecord) -> str:
+        """Return the record's text."""
+        return self.format(record) + "\n"
+
+    def enqueue(self, record: str) -> None:  # type: ignore[override] # what `prepare` returns
+        """Take a text, or count it."""
+        try:
+            if self.dropped:
+                self._waiting.put_nowait(f"{self.dropped} lines of the log were lost: nobody read them\n")
+                self.dropped = 0
+            self._waiting.put_nowait(record)
+        except queue.Full:
+            self.dropped += 1
+
+    def close(self) -> None:
+        """Write what waits, for a moment; then give up."""
+        with suppress(queue.Full):
+            self._waiting.put_nowait(None)
+        self._thread.join(FLUSH_S)
+        super().close()
+
+    def _write_all(self) -> None:
+        while (text := self._waiting.get()) is not None:
+            octets = text.encode("utf-8", "backslashreplace")
+            with suppress(OSError):  # nobody is there to read it, and nobody to be told that
+                while octets:
+                    octets = octets[os.write(self._fd, octets) :]

@@ -1,0 +1,85 @@
+"""`starter-gateway doctor`: what on this machine or in these starters would bite; nothing is changed."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import getpass
+from pathlib import Path
+
+from gateway.clock import SystemClock
+from gateway.commands.command import Subparsers
+from gateway.commands.doctor_box import clock_remark, latency_remark, state_dir_remark
+from gateway.commands.doctor_broker import BrokerAccess
+from gateway.commands.doctor_remark import Remark
+from gateway.commands.doctor_starters import LineCheckup
+from gateway.config.load import load
+from gateway.config.prospects import prospects_of
+from gateway.config.schema import Config
+from gateway.config.setups import timing_of
+from gateway.families.finding import Weight
+from gateway.line.precise_selector import new_precise_loop
+from gateway.line.serial_port import SerialOpener
+
+
+def add_parser(subparsers: Subparsers) -> None:
+    """Add the command's parser."""
+    parser = subparsers.add_parser(
+        "doctor",
+        description="Tell what on this machine or in these starters would bite: ports, adapters, clock, state"
+        " directory, broker, command sources and communication watchdogs. Nothing is changed; exit code 1"
+        " when something bites. Run it as the gateway's user.",
+    )
+    parser.add_argument("config", metavar="CONFIG", help="the gateway's configuration")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print one remark a line, and how many of them bite."""
+    config = load(args.config)
+    print(f"{args.config}, looked at by user {_user()}")
+    with asyncio.Runner(loop_factory=new_precise_loop) as runner:
+        remarks = runner.run(_examine(config, Path(args.config).parent))
+    return verdict(remarks)
+
+
+def verdict(remarks: list[Remark]) -> int:
+    """Print the sum of the remarks and return the exit code."""
+    errors = sum(remark.weight is Weight.ERROR for remark in remarks)
+    warnings = sum(remark.weight is Weight.WARNING for remark in remarks)
+    if not any(remark.bites for remark in remarks):
+        print("nothing bites")
+        return 0
+    print(f"{_count(errors, 'error')}, {_count(warnings, 'warning')}")
+    return 1
+
+
+async def _examine(config: Config, folder: Path) -> list[Remark]:
+    remarks: list[Remark] = []
+
+    def tell(remark: Remark | None) -> None:
+        if remark is not None:
+            remarks.append(remark)
+            print(remark, flush=True)
+
+    tell(clock_remark())
+    tell(state_dir_remark(config.gateway.state_dir))
+    broker = BrokerAccess(config, folder)
+    for remark in await broker.remarks():
+        tell(remark)
+    for prospect in prospects_of(config):
+        table = prospect.table
+        opener = SerialOpener(table.port, table.baud, timing_of(table).framing)
+        await LineCheckup(prospect, opener, broker=broker, clock=SystemClock()).run(tell)
+        tell(latency_remark(table.port, f"line {table.name}"))
+    return remarks
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):  # a user without a name, as in some containers
+        return "without a name"
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"

@@ -1,0 +1,117 @@
+"""What in the starters would bite: asked directly, or through the gateway that holds their port."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from gateway.clock import Clock
+from gateway.commands.doctor_broker import BrokerAccess
+from gateway.commands.doctor_remark import Remark
+from gateway.config.prospects import LineProspect
+from gateway.config.schema import LineTable
+from gateway.config.setups import setups_of, timing_of
+from gateway.errors import BrokerError, CommandError, PortError, PortLostError
+from gateway.families.bulk import bulk_reads
+from gateway.families.finding import Weight
+from gateway.families.identify import identify
+from gateway.families.readiness import readiness, readiness_codes
+from gateway.families.schema import Variant
+from gateway.families.watchdog import watchdogs
+from gateway.line.client import LineClient
+from gateway.line.exclusive import exclusive_line
+from gateway.line.port import PortOpener
+from gateway.starters.bench import Bench
+from gateway.starters.records import Record
+from gateway.starters.sequence import Sequence
+from gateway.starters.setup import StarterSetup, merged
+
+BUSY = "busy"  # PortError's reason when another program holds the port
+
+Rows = dict[str, tuple[int, ...]]
+
+
+class LineCheckup:
+    """One line's port and starters."""
+
+    def __init__(
+        self, prospect: LineProspect, opener: PortOpener, *, broker: BrokerAccess, clock: Clock
+    ) -> None:
+        self._table: LineTable = prospect.table
+        self._gaps_s = {starter.table.name: starter.gap_s for starter in prospect.starters}
+        self._opener = opener
+        self._broker = broker
+        self._clock = clock
+        self._where = f"line {prospect.table.name}"
+
+    async def run(self, tell: Callable[[Remark], None]) -> None:
+        """Look at everything; `tell` hears of each remark at once."""
+        setups = [setup for setup in setups_of(self._table) if setup.is_enabled]
+        try:
+            async with exclusive_line(
+                self._table.name,
+                self._opener,
+                timing_of(self._table),
+                allowance_s=self._table.adapter_allowance_s,
+            ) as line:
+                tell(Remark(self._where, f"{self._table.port} opens"))
+                for setup in setups:
+                    await self._ask_directly(setup, line, tell)
+        except PortLostError as error:
+            tell(Remark(self._where, str(error), Weight.ERROR))
+        except PortError as error:
+            if error.reason != BUSY:
+                tell(Remark(self._where, str(error), Weight.ERROR))
+                return
+            tell(Remark(self._where, f"{self._table.port} is in use; the gateway is asked over MQTT"))
+            for setup in setups:
+                await self._ask_the_gateway(setup, tell)
+
+    async def _ask_directly(
+        self, setup: StarterSetup, line: LineClient, tell: Callable[[Remark], None]
+    ) -> None:
+        bench = Bench(setup, line=line, sink=_Nobody(), clock=self._clock, sequence=Sequence())
+        where = f"starter {setup.name}"
+        try:
+            await bench.identify()
+            rows = (await bench.read(bulk_reads(setup.profile, readiness_codes(setup.profile)))).rows
+        except CommandError as error:
+            tell(Remark(where, error.text, Weight.ERROR))
+            return
+        tell(Remark(where, f"is {bench.variant.model or setup.profile.title}"))
+        self._judge(setup, bench.variant, rows, tell)
+        for dog in watchdogs(setup.profile, bench.variant, rows)[:1]:
+            what = f"{dog.code} runs since this look: the gateway must poll within {dog.after_s:g} s"
+            tell(Remark(where, what, Weight.NOTE))
+
+    async def _ask_the_gateway(self, setup: StarterSetup, tell: Callable[[Remark], None]) -> None:
+        where = f"starter {setup.name}"
+        slots = ("S3.5.1", "S3.5.2") if len(setup.profile.command_word) > 1 else ()
+        try:
+            rows = await self._broker.read(setup.name, (*readiness_codes(setup.profile), *slots))
+        except BrokerError as error:
+            tell(Remark(where, f"cannot be asked: {error}", Weight.WARNING))
+            return
+        if not rows:
+            what = "the gateway reads nothing of it: see its availability and its events"
+            tell(Remark(where, what, Weight.ERROR))
+            return
+        tell(Remark(where, "answers the gateway"))
+        variant = setup.variant
+        if all(code in rows for code in slots) and slots:
+            contents = tuple(rows[code][0] for code in slots)
+            variant = merged(variant, identify(setup.profile, {"slots": contents}))
+        self._judge(setup, variant, rows, tell)
+
+    def _judge(
+        self, setup: StarterSetup, variant: Variant, rows: Rows, tell: Callable[[Remark], None]
+    ) -> None:
+        gap_s = self._gaps_s.get(setup.name)
+        for finding in readiness(setup.profile, variant, rows, gap_s=gap_s):
+            tell(Remark(f"starter {setup.name}", finding.text, finding.weight))
+
+
+class _Nobody:
+    """Hears nothing: the remarks say it all."""
+
+    def put(self, record: Record) -> None:
+        """Leave a record."""

@@ -1,0 +1,194 @@
+"""The commands' journal in the store: nothing here waits for the disk but who asks to."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from contextlib import suppress
+from functools import partial
+from typing import Any
+
+from gateway.clock import Clock
+from gateway.database import Connection
+from gateway.durable.ledger_table import LedgerRow, LedgerTable
+from gateway.errors import CommandError, DamagedError, StoreError
+from gateway.starters.journal import UNAVAILABLE, Remembered
+from gateway.starters.records import Phase, ResultRecord
+from gateway.store import Store
+
+INTEND_WITHIN_S = 1.0  # a start must not go out late because of a slow disk
+TELL_WITHIN_S = 2.0  # a result is told without the disk after this time
+MOST_UNSAVED = 10_000
+MOST_EXTRA = 16_384  # characters; a result with more is remembered without its values
+STOP = "stop"  # written whatever the journal says
+
+
+class StoredJournal:
+    """Implements `gateway.starters.journal.Journal`.
+
+    Until the ledger has been read it counts as away; and for `hold_s` after it was lost, because commands
+    from before could not be told from new ones. `on_slow` hears of a disk that keeps commands waiting.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        table: LedgerTable,
+        *,
+        clock: Clock,
+        hold_s: float,
+        on_recalled: Callable[[Sequence[Remembered]], None],
+        on_slow: Callable[[str], None],
+    ) -> None:
+        self._store = store
+        self._table = table
+        self._clock = clock
+        self._hold_s = hold_s
+        self._on_recalled = on_recalled
+        self._on_slow = on_slow
+        self._is_recalled = False
+        self._held_until_s = 0.0  # steady clock
+        self._unsaved: OrderedDict[tuple[str, str], LedgerRow] = (
+            OrderedDict()
+        )  # what the disk has yet to learn
+
+    @property
+    def trouble(self) -> str:
+        """Return why nothing can be kept now; empty when it can."""
+        if self._store.trouble:
+            return self._store.trouble
+        if not self._is_recalled:
+            return "it has not been read yet"
+        wait_s = self._held_until_s - self._clock.now_s()
+        if wait_s > 0:
+            return f"it was lost, and old commands cannot be told from new ones for another {wait_s:.0f} s"
+        return ""
+
+    def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:
+        """Keep a command's latest phase; `then` is called when it is kept, or when that takes too long."""
+        row = self._row(result, may_be_written=result.phase is Phase.WRITTEN or result.verb == STOP)
+        if row is None:
+            if then is not None:
+                then()
+            return
+        self._unsaved.pop((row.client, row.id), None)
+        waiting = _Waiting(then)
+        self._when_done(self._put(row), lambda future: self._noted(row, future, waiting))
+
+    async def intend(self, result: ResultRecord) -> None:
+        """Return when it is on the disk that the command is about to be written; CommandError if not."""
+        row = self._row(result, may_be_written=True)
+        if row is None:
+            return
+        try:
+            async with asyncio.timeout(INTEND_WITHIN_S):
+                await asyncio.wrap_future(self._put(row))
+        except TimeoutError:
+            text = f"the disk took more than {INTEND_WITHIN_S:g} s to note the command"
+            self._on_slow(text)
+            raise CommandError(UNAVAILABLE, text) from None
+        except StoreError as error:
+            raise CommandError(UNAVAILABLE, f"the command could not be noted: {error}") from error
+
+    def resume(self) -> None:
+        """Go on after the store has been opened: read it, the first time; tell it what it has missed."""
+        if not self._is_recalled:
+            self._when_done(self._store.submit(self._read), self._recall)
+        self._save_unsaved()
+
+    def _row(self, result: ResultRecord, *, may_be_written: bool) -> LedgerRow | None:
+        if not result.id:
+            return None
+        extra = json.dumps(result.values, default=str)
+        return LedgerRow(
+            client=result.client,
+            id=result.id,
+            starter=result.starter,
+            verb=result.verb,
+            phase=result.phase.value,
+            code=result.code,
+            text=result.text,
+            time_s=result.time_s,
+            extra=extra if len(extra) <= MOST_EXTRA else "{}",
+            is_final=int(result.phase.is_final),
+            may_be_written=int(may_be_written),
+            since_s=self._clock.utc_s(),
+        )
+
+    def _put(self, row: LedgerRow) -> Future[None]:
+        return self._store.submit(partial(self._table.put, row=row, now_s=self._clock.utc_s()))
+
+    def _noted(self, row: LedgerRow, future: Future[None], waiting: _Waiting) -> None:
+        waiting.end()
+        if future.exception() is None:
+            self._save_unsaved()
+            return
+        self._unsaved[row.client, row.id] = row
+        if len(self._unsaved) > MOST_UNSAVED:
+            self._unsaved.popitem(last=False)
+
+    def _save_unsaved(self) -> None:
+        rows, self._unsaved = list(self._unsaved.values()), OrderedDict()
+        for row in rows:
+            self._when_done(self._put(row), partial(self._noted, row, waiting=_Waiting(None)))
+
+    def _read(self, connection: Connection) -> list[Remembered]:
+        return [_remembered(row) for row in self._table.rows(connection)]
+
+    def _recall(self, future: Future[list[Remembered]]) -> None:
+        if self._is_recalled or future.exception() is not None:
+            return  # the store tells when it is worth another attempt
+        self._is_recalled = True
+        if self._store.lost_s is not None:
+            ago_s = max(0.0, self._clock.utc_s() - self._store.lost_s)
+            self._held_until_s = self._clock.now_s() + self._hold_s - ago_s
+        self._on_recalled(future.result())
+
+    def _when_done(self, future: Future[Any], call: Callable[[Future[Any]], None]) -> None:
+        """Have something done on the loop when the store's thread is done with its part."""
+        loop = asyncio.get_running_loop()
+
+        def tell(done: Future[Any]) -> None:
+            with suppress(RuntimeError):  # the loop has been closed: nobody is left to tell
+                loop.call_soon_threadsafe(call, done)
+
+        future.add_done_callback(tell)
+
+
+class _Waiting:
+    """Something that waits for the disk, but not for ever."""
+
+    def __init__(self, call: Callable[[], None] | None) -> None:
+        self._call = call
+        self._timer = asyncio.get_running_loop().call_later(TELL_WITHIN_S, self.end) if call else None
+
+    def end(self) -> None:
+        """Wait no longer."""
+        call, self._call = self._call, None
+        if self._timer is not None:
+            self._timer.cancel()
+        if call is not None:
+            call()
+
+
+def _remembered(row: LedgerRow) -> Remembered:
+    try:
+        values = json.loads(row.extra)
+        phase = Phase(row.phase)
+    except ValueError as error:
+        raise DamagedError("a row of the ledger has lost its sense") from error
+    result = ResultRecord(
+        starter=row.starter,
+        client=row.client,
+        id=row.id,
+        verb=row.verb,
+        phase=phase,
+        code=row.code,
+        text=row.text,
+        time_s=row.time_s,
+        values=values if isinstance(values, dict) else {},
+    )
+    return Remembered(result, may_be_written=bool(row.may_be_written), since_s=row.since_s)

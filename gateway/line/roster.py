@@ -1,0 +1,69 @@
+"""The units of a line with their polls, as the plan keeps them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import inf
+
+from gateway.line.agenda import Listed
+from gateway.line.health import UnitHealth, UnitState
+from gateway.line.job import Poll
+from gateway.line.silence import BACK_OFF_FLOOR_S
+from gateway.line.stretch import Share
+
+
+@dataclass(slots=True, eq=False, kw_only=True)
+class Entry(Listed, Share):
+    """One poll and when it is due; `release_s` is that time, `deadline_s` when it should have been asked."""
+
+    poll: Poll
+    unit: Unit
+    soonest_s: float = -inf  # due without any stretching: an idle line may ask it from then on
+    rhythm_s: float = -inf  # from which its next due time is counted
+    is_out: bool = False  # under way, or about to be repeated
+    is_hastened: bool = False  # asked for at once; or once more, while it is out
+    is_repetition: bool = False
+    is_first: bool = False  # of its unit, and not asked since the port was opened
+    is_watchdogs: bool = False  # asked for its unit's watchdog more often than in its own rhythm
+
+
+@dataclass(slots=True, eq=False, kw_only=True)
+class Unit:
+    """One unit's polls; while it is held only the first of them, the probe, is asked."""
+
+    number: int
+    health: UnitHealth = field(default_factory=UnitHealth)
+    entries: list[Entry] = field(default_factory=list)
+    is_held: bool = False
+    probes: int = 0  # without an answer since it went silent
+    probed_s: float = -inf
+    missed_s: float = -inf  # the first miss of those in a row
+    miss_cost_s: float = 0.0
+    told: bool | None = None  # whether it answers, as last returned by `news`
+
+    @property
+    def is_silent(self) -> bool:
+        """Return whether it has gone silent."""
+        return self.health.state is UnitState.SILENT
+
+    @property
+    def is_suspect(self) -> bool:
+        """Return whether it has missed once."""
+        return self.health.state is UnitState.SUSPECT
+
+    @property
+    def pace_s(self) -> float:
+        """Return how often it is asked, at most, while it does not answer but is not given up."""
+        return max(self.entries[0].every_s if self.entries else 0.0, BACK_OFF_FLOOR_S)
+
+    def is_asked(self, entry: Entry) -> bool:
+        """Return whether one of its polls is asked at present."""
+        return not self.is_held or entry is self.entries[0]
+
+    def news(self) -> bool | None:
+        """Return whether the unit answers when that is not what was told before; None for nothing new."""
+        is_answering = {UnitState.ANSWERING: True, UnitState.SILENT: False}.get(self.health.state, self.told)
+        if is_answering is self.told:
+            return None
+        self.told = is_answering
+        return is_answering

@@ -1,0 +1,190 @@
+"""One open port, served turn by turn: chosen while the silence runs, sent when it ends, told once sent."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+from gateway.errors import PortLostError
+from gateway.line.deafness import DEAF, Deafness
+from gateway.line.figures import Figures
+from gateway.line.job import Job, Lane
+from gateway.line.outcome import Garbled, Outcome, Silent
+from gateway.line.plan import Plan, Turn
+from gateway.line.prepared import Preparations
+from gateway.line.transaction import Transactor
+from gateway.line.voice import Voice
+
+IDLE_WAKE_S = 1.0  # an idle line looks at its port so often
+
+
+class Serving:
+    """Serves a line on a port as long as it is open; belongs to the loop that `run` runs on."""
+
+    def __init__(
+        self,
+        line: Transactor,
+        *,
+        port_name: str,
+        plan: Plan,
+        figures: Figures,
+        deafness: Deafness,
+        preparations: Preparations,
+        voice: Voice,
+        step: Callable[[], None],
+    ) -> None:
+        self.line = line
+        self.is_stopping = False
+        self._port_name = port_name
+        self._plan = plan
+        self._figures = figures
+        self._deafness = deafness
+        self._preparations = preparations
+        self._voice = voice
+        self._step = step  # called whenever the loop gets on
+        self._time = asyncio.get_running_loop().time
+        self._turn: Turn | None = None  # chosen, not yet sent
+        self._is_overtaken = False  # by a job that came since
+        self._gave_way = False  # a poll, once already since the last one was sent
+        self._waker: asyncio.Future[None] | None = None
+
+    async def run(self) -> None:
+        """Serve until asked to stop; PortLostError when the port is gone, or of no use."""
+        try:
+            await self._run()
+        finally:
+            if self._turn is not None:
+                self._plan.put_back(self._turn, self._turn.since_s)
+                self._turn = None
+            self._voice.flush()
+
+    def submit(self, job: Job) -> None:
+        """Queue a job; a stop goes before whatever has been chosen, others before a poll, but not for ever."""
+        self._plan.submit(job, self._time())
+        if job.lane is Lane.STOP:
+            self._is_overtaken = True
+        elif self._turn is not None and self._turn.poll is not None and not self._gave_way:
+            self._is_overtaken = self._gave_way = True
+        self.wake()
+
+    def withdraw(self, job: Job) -> bool:
+        """Take a job back that has not been sent; False when it is too late for that."""
+        if self._turn is not None and self._turn.job is job:
+            self._turn = None
+            return True
+        return self._plan.withdraw(job)
+
+    def wake(self) -> None:
+        """Look at the plan again."""
+        if self._waker is not None and not self._waker.done():
+            self._waker.set_result(None)
+
+    def ask_all_anew(self) -> None:
+        """Ask those at once who are only silent because nobody could be heard."""
+        for poll in self._plan.polls():
+            self._plan.hasten(poll.key, self._time())
+
+    async def _run(self) -> None:
+        line = self.line
+        while not self.is_stopping:
+            free_s = self._time()
+            if self._deafness.is_time_to_ask(free_s):
+                self.ask_all_anew()
+            self._choose(max(line.quiet_from_s(), free_s))
+            noise = await self._fall_silent()
+            turn = self._chosen()
+            if turn is None:
+                self._voice.flush()
+                await self._wait_for_work(self._plan.next_due_s())
+                continue
+            free_from_s = line.free_from_s(turn.unit, turn.request)
+            if noise is None and free_from_s > self._time():
+                await self._put_back(turn, free_from_s)
+                continue
+            outcome = await self._take(turn, noise)
+            self._step()
+            self._record(turn, outcome, took_s=self._time() - free_s)
+            if turn.unit and self._deafness.take(outcome, self._time()):
+                raise PortLostError(self._port_name, DEAF)
+            if not self._deafness.is_deaf:
+                self._voice.tell_port("open", is_open=True)
+
+    def _choose(self, when_s: float) -> None:
+        """Choose what is to be sent then."""
+        self._is_overtaken = False
+        self._turn = self._plan.pick(when_s)
+
+    def _chosen(self) -> Turn | None:
+        """Return what is to be sent now: what was chosen, unless a stop came since or there was nothing."""
+        if self._turn is not None and self._is_overtaken:
+            self._plan.put_back(self._turn, self._turn.since_s)
+            self._turn = None
+        if self._turn is None:
+            self._choose(self._time())
+        turn, self._turn = self._turn, None
+        return turn
+
+    async def _fall_silent(self) -> Garbled | None:
+        """Wait until anything may be sent; Garbled when the line does not become quiet."""
+        if await self.line.hush():
+            return None
+        self._voice.flush()  # this may take long
+        return await self.line.settle()
+
+    async def _take(self, turn: Turn, noise: Garbled | None) -> Outcome:
+        """Do one transaction, unless the line is too noisy; a job ends even when this does not."""
+        if noise is not None:
+            return noise
+        outcome: Outcome | None = None
+        poll = turn.poll
+        if poll is not None:
+            self._gave_way = False
+        try:
+            prepared = self._preparations.of(poll.key if poll else None, turn.unit, turn.request)
+            outcome = await self.line.exchange(
+                prepared,
+                response_time_s=self._figures.response_time_s(turn),
+                longest_s=turn.response_time_s,
+                meanwhile=self._voice.flush,
+            )
+            self._figures.note_sent(turn, self.line.written_s)
+        finally:
+            if outcome is None and turn.job is not None:
+                self._voice.finish(turn.job, Silent("port lost", is_sent=self.line.is_on_wire))
+        return outcome
+
+    def _record(self, turn: Turn, outcome: Outcome, *, took_s: float) -> None:
+        """Plan on, and have it told to whoever waits for this outcome."""
+        now_s = self._time()
+        self._figures.note(turn, outcome, took_s=took_s, now_s=now_s)
+        verdict = self._plan.record(turn, outcome, now_s)
+        for trouble in self.line.suspicions.take_news():
+            self._voice.tell_trouble(trouble)
+        if verdict.is_answering is not None:
+            self._voice.tell_unit(turn.unit, outcome, is_answering=verdict.is_answering)
+        if not verdict.is_final:
+            return
+        if turn.job is not None:
+            self._voice.finish(turn.job, outcome)
+        elif turn.poll is not None:
+            self._voice.tell_poll(turn.poll, outcome)
+
+    async def _put_back(self, turn: Turn, until_s: float) -> None:
+        """Let the unit's late reply come first; nothing but a new job is worth ending that wait for."""
+        self._plan.put_back(turn, until_s)
+        if turn.job is not None:
+            await self._wait_for_work(until_s)
+
+    async def _wait_for_work(self, until_s: float) -> None:
+        """Sleep until then, or until a job comes or it is time to look at the port."""
+        self._voice.flush()
+        until_s = min(until_s, self._time() + IDLE_WAKE_S)
+        loop = asyncio.get_running_loop()
+        self._waker = loop.create_future()
+        timer = loop.call_at(until_s, self.wake)
+        try:
+            await self._waker
+        finally:
+            timer.cancel()
+            self._waker = None
+        self._step()

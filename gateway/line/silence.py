@@ -1,0 +1,43 @@
+"""How much of the line's time goes to units that do not answer."""
+
+from __future__ import annotations
+
+import random
+from math import inf
+
+BACK_OFF_FLOOR_S = 1.0
+BACK_OFF_CEILING_S = 16.0
+SILENT_SHARE = 0.05  # of the line's time, for all silent units together
+SAVED_S = 20.0  # the share of so many seconds can be saved up
+
+_MOST_DOUBLINGS = 16
+
+
+def back_off_s(pace_s: float, probes: int, *, jitter: float, chance: random.Random) -> float:
+    """Return the pause after so many probes without an answer: twice the last, up to the ceiling, jittered."""
+    delay_s = min(pace_s * 2.0 ** min(probes, _MOST_DOUBLINGS), max(BACK_OFF_CEILING_S, pace_s))
+    return delay_s * (1.0 + jitter * chance.uniform(-1.0, 1.0))
+
+
+class SilenceBudget:
+    """A bucket of line time that fills by the silent units' share, and that each probe in vain draws on.
+
+    A probe is only sent when the bucket holds its cost. One that is worth it now, since the unit has probably
+    come back, may draw in advance what can be saved up; it costs nothing when it is answered.
+    """
+
+    def __init__(self) -> None:
+        self._paid_s = -inf  # when everything spent so far is paid for
+
+    def begin(self, now_s: float) -> None:
+        """Begin with an empty bucket."""
+        if self._paid_s == -inf:
+            self._paid_s = now_s + SAVED_S
+
+    def from_s(self, cost_s: float, *, in_advance: bool) -> float:
+        """Return from when on a probe of this cost may be sent."""
+        return self._paid_s + cost_s / SILENT_SHARE - (2 * SAVED_S if in_advance else SAVED_S)
+
+    def spend(self, cost_s: float, now_s: float) -> None:
+        """Take over that a probe has cost so much, in vain."""
+        self._paid_s = max(self._paid_s, now_s) + cost_s / SILENT_SHARE

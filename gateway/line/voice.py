@@ -1,0 +1,78 @@
+"""What a line tells the floor above: at a moment when the line does not wait for us."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+
+from gateway.line.job import Job, Poll
+from gateway.line.listener import LineListener
+from gateway.line.outcome import Garbled, Outcome, Silent
+from gateway.line.suspicion import Trouble
+from gateway.line.trace import Trace
+
+logger = logging.getLogger(__name__)
+
+
+class Voice:
+    """Speaks for one line; what happened in a turn is told in order, once the next request is on its way.
+
+    What others do with an answer would else take the interpreter while the silence runs out.
+    """
+
+    def __init__(self, name: str, listener: LineListener, trace: Trace) -> None:
+        self._name = name
+        self._listener = listener
+        self._trace = trace
+        self._waiting: list[Callable[[], None]] = []
+        self._told_port: tuple[bool, str] | None = None
+
+    def flush(self) -> None:
+        """Tell what waits to be told."""
+        while self._waiting:
+            self._waiting.pop(0)()
+
+    def finish(self, job: Job, outcome: Outcome) -> None:
+        """Tell whoever waits for a job, soon."""
+        self._waiting.append(lambda: job.finish(outcome))
+
+    def tell_poll(self, poll: Poll, outcome: Outcome) -> None:
+        """Tell what became of a poll, soon."""
+        self._waiting.append(lambda: self._listener.on_poll(self._name, poll.key, poll.unit, outcome))
+
+    def tell_unit(self, unit: int, outcome: Outcome, *, is_answering: bool) -> None:
+        """Tell that a unit began to answer or went silent, soon, with the frames up to now."""
+        frames = self._trace.frames()
+        reason = outcome.reason if isinstance(outcome, Silent | Garbled) else "answers"
+
+        def tell() -> None:
+            if is_answering:
+                logger.info("line=%s unit=%s answers", self._name, unit)
+            else:
+                shown = "\n".join(frames)
+                logger.warning(
+                    "line=%s unit=%s went silent: %s; last frames:\n%s", self._name, unit, reason, shown
+                )
+            self._listener.on_unit(self._name, unit, is_answering, reason, frames)
+
+        self._waiting.append(tell)
+
+    def tell_trouble(self, trouble: Trouble) -> None:
+        """Tell what is wrong on the line, soon, with the frames that showed it."""
+        frames = self._trace.frames()
+
+        def tell() -> None:
+            shown = "\n".join(frames)
+            logger.warning("line=%s %s; last frames:\n%s", self._name, trouble.text, shown)
+            self._listener.on_trouble(self._name, trouble.code, trouble.unit, trouble.text, frames)
+
+        self._waiting.append(tell)
+
+    def tell_port(self, reason: str, *, is_open: bool) -> None:
+        """Tell a change of the port's state, or of the reason why it is away, once and now."""
+        if self._told_port == (is_open, reason):
+            return
+        self.flush()
+        self._told_port = (is_open, reason)
+        logger.log(logging.INFO if is_open else logging.ERROR, "line=%s %s", self._name, reason)
+        self._listener.on_port(self._name, is_open, reason)

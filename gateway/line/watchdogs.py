@@ -1,0 +1,92 @@
+"""The communication watchdogs of the units: hard deadlines for their next valid telegram.
+
+Any request that a unit answered has reached it, so it counts, whatever it was for. Half of a watchdog's time
+may pass; then the unit is asked before everything but stops, which leaves the other half for a queue of other
+such units and for one lost reply.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import inf
+
+from gateway.line.agenda import NOWHERE, Agenda, Listed
+
+KEPT_SHARE = 0.5  # of a watchdog's time may pass before its unit is asked ahead of its turn
+_RETRY_SHARE = 0.25  # of it passes after an attempt that was not answered
+
+
+@dataclass(slots=True, eq=False, kw_only=True)
+class _Watchdog(Listed):
+    unit: int
+    limit_s: float
+    heard_s: float = -inf  # when the latest request that reached the unit had not yet been sent
+    tried_s: float = -inf
+    is_resting: bool = True
+
+    def schedule(self) -> None:
+        self.release_s = max(
+            self.heard_s + KEPT_SHARE * self.limit_s, self.tried_s + _RETRY_SHARE * self.limit_s
+        )
+        self.deadline_s = self.heard_s + self.limit_s
+
+
+class Watchdogs:
+    """Which unit has to be asked, the earliest deadline first."""
+
+    def __init__(self, places: Iterator[int]) -> None:
+        self._agenda: Agenda[_Watchdog] = Agenda(places)
+        self._watchdogs: dict[int, _Watchdog] = {}
+
+    def set(self, unit: int, limit_s: float | None) -> None:
+        """Take over a unit's watchdog; None or 0 when it has none."""
+        old = self._watchdogs.pop(unit, None)
+        if old is not None:
+            old.place = NOWHERE
+        if limit_s:
+            new = self._watchdogs[unit] = _Watchdog(unit=unit, limit_s=limit_s)
+            if old is not None:
+                new.heard_s, new.tried_s, new.is_resting = old.heard_s, old.tried_s, old.is_resting
+            if not new.is_resting:
+                self._put(new)
+
+    def heard(self, unit: int, at_s: float) -> None:
+        """Take over that a unit was reached by a request sent after `at_s`."""
+        watchdog = self._watchdogs.get(unit)
+        if watchdog is None:
+            return
+        watchdog.heard_s = at_s
+        if watchdog.is_resting:
+            watchdog.is_resting = False
+            self._put(watchdog)
+
+    def tried(self, unit: int, at_s: float) -> None:
+        """Take over that a unit was asked in vain, or cannot be asked before then."""
+        watchdog = self._watchdogs.get(unit)
+        if watchdog is not None:
+            watchdog.tried_s = max(watchdog.tried_s, at_s)
+
+    def rest(self, unit: int) -> None:
+        """Keep nothing for a unit that does not answer, until it is heard again."""
+        watchdog = self._watchdogs.get(unit)
+        if watchdog is not None:
+            watchdog.is_resting, watchdog.place = True, NOWHERE
+
+    def first(self, now_s: float) -> int | None:
+        """Return the unit that has to be asked now."""
+        while (watchdog := self._agenda.first(now_s)) is not None:
+            watchdog.schedule()
+            if watchdog.release_s <= now_s:
+                return watchdog.unit
+            self._agenda.put(watchdog)  # it has been reached meanwhile
+        return None
+
+    def next_s(self) -> float:
+        """Return when `first` may return a unit; not later than it does."""
+        due = self._agenda.released() or self._agenda.upcoming()
+        return inf if due is None else due.release_s
+
+    def _put(self, watchdog: _Watchdog) -> None:
+        watchdog.schedule()
+        self._agenda.put(watchdog)

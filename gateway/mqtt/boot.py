@@ -1,0 +1,41 @@
+"""Names this run of the gateway, and within it each connection to the broker."""
+
+from __future__ import annotations
+
+
+class Boot:
+    """`run` goes with everything that is numbered, `token` proves a command fresh.
+
+    Numbers (`seq`) go on over a reconnection, so their messages carry `run`. The token changes whenever a
+    connection is lost: who has the present one has read it during this connection.
+    """
+
+    def __init__(self, run: str) -> None:
+        self.run = run
+        self._connections = 1
+        self._connected_s: float | None = None
+
+    @property
+    def token(self) -> str:
+        """Return the `boot` of gateway/status: the run's own name during its first connection."""
+        return self.run if self._connections == 1 else f"{self.run}-{self._connections}"
+
+    def connected(self, now_s: float) -> None:
+        """Note, on the steady clock, since when commands can arrive; further calls change nothing."""
+        if self._connected_s is None:
+            self._connected_s = now_s
+
+    def disconnected(self) -> None:
+        """Let the token of the lost connection count no more; without a connection nothing changes."""
+        if self._connected_s is not None:
+            self._connections += 1
+            self._connected_s = None
+
+    def is_before_connection(self, at_s: float) -> bool:
+        """Return whether a moment of the steady clock lies before the present connection."""
+        return self._connected_s is not None and at_s < self._connected_s
+
+
+def boot_of(boot: Boot | str) -> Boot:
+    """Return the boot of a run that is given by its name only."""
+    return boot if isinstance(boot, Boot) else Boot(boot)

@@ -1,0 +1,142 @@
+"""Judges commands as they come in, at once and without reading anything; what must be read comes later."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from gateway.clock import Clock
+from gateway.errors import CommandError
+from gateway.families.command import prepare, verbs
+from gateway.families.gather import reads_for
+from gateway.families.procedure import Preparation
+from gateway.starters.control import StarterControlView
+from gateway.starters.errand import STOP
+from gateway.starters.expectation import STATE, Expectation
+from gateway.starters.guard import Guard
+from gateway.starters.identification import Standing
+from gateway.starters.journal import UNAVAILABLE, Journal
+from gateway.starters.maintenance import is_forbidden, refusal
+from gateway.starters.precautions import Precautions
+from gateway.starters.request import CommandRequest
+from gateway.starters.rights import Rights
+
+SELECT, CANCEL, LOCK, UNLOCK = "select", "cancel", "lock", "unlock"
+OWN_VERBS = (SELECT, CANCEL, LOCK, UNLOCK)  # of every family: they concern the gateway alone
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """What is under way when a command comes in."""
+
+    is_busy: bool  # its starter
+    on_line: int  # commands for starters of its line
+
+
+class Admission:
+    """Every method raises CommandError for a command that must not be."""
+
+    def __init__(
+        self,
+        starters: Mapping[str, StarterControlView],
+        *,
+        rights: Rights,
+        precautions: Precautions,
+        journal: Journal,
+        clock: Clock,
+    ) -> None:
+        self._starters = starters
+        self._rights = rights
+        self._precautions = precautions
+        self._groups = precautions.policy.groups
+        self._journal = journal
+        self._clock = clock
+
+    def check_sender(self, request: CommandRequest) -> None:
+        """Demand that starter or group and verb exist, that this client has the right, and that there is an id."""
+        if request.starter in self._groups:
+            self._check_group_sender(request)
+            return
+        starter = self._starters.get(request.starter)
+        if starter is None:
+            raise CommandError("unknown_starter", "this gateway has no such starter")
+        if request.verb not in (*verbs(starter.profile), *OWN_VERBS):
+            raise CommandError("unknown_verb", f"{starter.profile.title} has no verb {request.verb[:40]!r}")
+        if not self._may(request):
+            text = f"{request.client} has no right to {request.verb} {request.starter}"
+            raise CommandError("not_allowed", text)
+        if not request.id and request.verb != STOP:
+            raise CommandError("no_id", "every command but stop needs an id")
+
+    def may_stop(self, client: str, starter: str) -> bool:
+        """Return whether a client may stop a starter."""
+        return self._rights.is_allowed(client, verb=STOP, starter=starter)
+
+    def check_journal(self) -> None:
+        """Demand a ledger that can be written."""
+        if self._journal.trouble:
+            text = f"commands are not taken without the ledger: {self._journal.trouble}"
+            raise CommandError(UNAVAILABLE, text)
+
+    def check(
+        self, request: CommandRequest, starter: StarterControlView, load: Load
+    ) -> tuple[Preparation, Guard]:
+        """Return what to read before the command, and what watches over it."""
+        preparation = self.check_target(request, starter)
+        if load.is_busy:
+            raise CommandError("busy", "another command for this starter is under way")
+        most = self._precautions.policy.limits.under_way_on_line
+        if load.on_line >= most:
+            raise CommandError(
+                "too_many", f"{load.on_line} commands are under way on this line, at most {most}"
+            )
+        expectations = [Expectation(starter.profile, request.expect), *self._selected(request, starter)]
+        guard = self._precautions.guard(request, expectations)
+        known = {code for read in preparation.reads for code in read.codes}
+        more = reads_for(starter.profile, [code for code in guard.codes if code not in known])
+        return replace(preparation, reads=(*preparation.reads, *more)), guard
+
+    def check_target(self, request: CommandRequest, starter: StarterControlView) -> Preparation:
+        """Demand that a command makes sense for a starter that answers, is known and not locked."""
+        self.check_journal()
+        preparation = prepare(starter.profile, starter.variant, request.verb, request.args)
+        lock = self._precautions.logbook.lock_of(request.starter)
+        if lock is not None and is_forbidden(request.verb, request.args):
+            raise refusal(lock)
+        if not starter.is_answering:
+            raise CommandError("offline", "the starter does not answer")
+        if starter.identity_standing is not Standing.MATCHING:
+            raise CommandError(f"identity_{starter.identity_standing.value}", starter.identity_reason)
+        return preparation
+
+    def _selected(self, request: CommandRequest, starter: StarterControlView) -> tuple[Expectation, ...]:
+        """Use up the selection of a command in two steps; return that the state must be the one seen then."""
+        if request.select is None:
+            if request.verb in self._precautions.rulebook.of(request.starter).two_step:
+                raise CommandError("select_first", f"{request.verb} takes two steps here: select it first")
+            return ()
+        selection = self._precautions.selections.take(
+            request.starter,
+            request.client,
+            request.select,
+            verb=request.verb,
+            args=request.args,
+            now_s=self._clock.now_s(),
+        )
+        return (Expectation(starter.profile, {STATE: selection.state}, code="state_changed"),)
+
+    def _check_group_sender(self, request: CommandRequest) -> None:
+        if request.verb != STOP:
+            raise CommandError("group_only_stop", f"{request.starter} is a group: it can only be stopped")
+        if not any(self.may_stop(request.client, member) for member in self._groups[request.starter]):
+            text = f"{request.client} has no right to stop any member of {request.starter}"
+            raise CommandError("not_allowed", text)
+
+    def _may(self, request: CommandRequest) -> bool:
+        """Return whether the client has the right; who may do something may also select it, and cancel."""
+        verb, client, starter = request.verb, request.client, request.starter
+        if verb == CANCEL:
+            return self._rights.has_any(client, starter=starter)
+        if verb == SELECT:
+            verb = str(request.args.get("verb"))
+        return self._rights.is_allowed(client, verb=verb, starter=starter)

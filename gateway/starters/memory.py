@@ -1,0 +1,171 @@
+"""A small document that outlives the process: read once at the start, written whole whenever it changes."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+from gateway.errors import DamagedError, StoreError
+
+logger = logging.getLogger(__name__)
+
+MOST_BYTES = 16 * 2**20
+RETRY_S = 5.0
+
+
+class Memory(Protocol):
+    """Where the document is kept."""
+
+    def load(self) -> Mapping[str, Any] | None:
+        """Return the document; None when there is none, DamagedError when it cannot be read any more."""
+        ...
+
+    def set_aside(self) -> None:
+        """Keep a document that is damaged, apart from the next one."""
+        ...
+
+    async def save(self, document: Mapping[str, Any]) -> None:
+        """Keep a document in place of the one before; StoreError."""
+        ...
+
+
+class NoMemory:
+    """Keeps nothing."""
+
+    def load(self) -> Mapping[str, Any] | None:
+        """Return None."""
+        return None
+
+    def set_aside(self) -> None:
+        """Do nothing."""
+
+    async def save(self, document: Mapping[str, Any]) -> None:
+        """Forget it."""
+
+
+class FileMemory:
+    """A JSON file, replaced in one step; a damaged one is set aside as `<name>.damaged`."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def load(self) -> Mapping[str, Any] | None:
+        """Return the document of the file."""
+        try:
+            with self._path.open("rb") as file:
+                content = file.read(MOST_BYTES + 1)
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            raise DamagedError(f"{self._path} cannot be read: {error.strerror}") from error
+        try:
+            document = json.loads(content) if len(content) <= MOST_BYTES else None
+        except (ValueError, RecursionError):
+            document = None
+        if isinstance(document, dict):
+            return document
+        raise DamagedError(f"{self._path} is damaged")
+
+    def set_aside(self) -> None:
+        """Keep the file under a second name for whoever wants to look into it.
+
+        It stays what it is until the next document takes its place, so that a damage is not forgotten.
+        """
+        aside = self._path.with_name(f"{self._path.name}.damaged")
+        try:
+            aside.unlink(missing_ok=True)
+            aside.hardlink_to(self._path)
+        except OSError:
+            logger.exception("file=%s cannot be set aside", self._path)
+
+    async def save(self, document: Mapping[str, Any]) -> None:
+        """Write the file anew, in a thread; done when it is on the disk."""
+        await asyncio.to_thread(self._write, json.dumps(document).encode())
+
+    def _write(self, content: bytes) -> None:
+        new = self._path.with_name(f"{self._path.name}.new")
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            with new.open("wb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())
+            new.replace(self._path)
+            _sync_folder(self._path.parent)
+        except OSError as error:
+            raise StoreError(f"{self._path} cannot be written: {error.strerror}") from error
+
+
+class Saver:
+    """Has the present document saved after each change: one save at a time, again after a failure."""
+
+    def __init__(
+        self, memory: Memory, document: Callable[[], Mapping[str, Any]], *, on_trouble: Callable[[str], None]
+    ) -> None:
+        self._memory = memory
+        self._document = document
+        self._on_trouble = on_trouble  # hears of each change: what is wrong, or nothing
+        self._trouble = ""
+        self._changes = 0  # so far
+        self._kept = 0  # of them
+        self._saving: asyncio.Task[None] | None = None
+        self._retry: asyncio.TimerHandle | None = None
+
+    def touch(self) -> None:
+        """Have the document saved soon, because it has changed."""
+        self._changes += 1
+        self._begin()
+
+    async def kept(self, *, within_s: float) -> bool:
+        """Return whether everything up to now is on the disk, after waiting for that at most so long."""
+        changes = self._changes
+        if self._kept < changes:
+            self._begin()
+        if self._saving is not None:
+            await asyncio.wait((self._saving,), timeout=within_s)
+        return self._kept >= changes
+
+    async def close(self, *, within_s: float) -> None:
+        """Save what has changed, if that is possible in time, and then do nothing more."""
+        await self.kept(within_s=within_s)
+        if self._retry is not None:
+            self._retry.cancel()
+
+    def _begin(self) -> None:
+        if self._retry is not None:
+            self._retry.cancel()
+            self._retry = None
+        if self._saving is None:
+            self._saving = asyncio.get_running_loop().create_task(self._save())
+
+    async def _save(self) -> None:
+        trouble = ""
+        try:
+            while self._kept < self._changes and not trouble:
+                changes = self._changes
+                try:
+                    await self._memory.save(self._document())
+                except StoreError as error:
+                    trouble = str(error)
+                    self._retry = asyncio.get_running_loop().call_later(RETRY_S, self._begin)
+                else:
+                    self._kept = changes
+        finally:
+            self._saving = None
+        if trouble != self._trouble:
+            self._trouble = trouble
+            self._on_trouble(trouble)
+
+
+def _sync_folder(folder: Path) -> None:
+    """Let a file's new name outlive a power cut as well."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

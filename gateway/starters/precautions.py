@@ -1,0 +1,90 @@
+"""All that the gateway knows and remembers to judge commands by, beyond the starters' own readings."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+from gateway.clock import Clock
+from gateway.errors import DamagedError
+from gateway.starters.expectation import Expectation
+from gateway.starters.guard import Guard
+from gateway.starters.logbook import Logbook
+from gateway.starters.maintenance import NOTICE
+from gateway.starters.memory import Memory, NoMemory, Saver
+from gateway.starters.policy import Policy
+from gateway.starters.records import EventRecord, LockRecord, Severity, Sink
+from gateway.starters.request import CommandRequest
+from gateway.starters.rights import Rights
+from gateway.starters.rules import Rulebook
+from gateway.starters.selection import Selections
+from gateway.starters.sequence import Sequence as Numbers
+from gateway.starters.witness import Witness
+
+GATEWAY = "gateway"  # who locks when the locks are not known any more
+
+
+class Precautions:
+    """The policy with the logbook, which is read when this is made: before any command is judged."""
+
+    def __init__(
+        self,
+        policy: Policy,
+        starters: Collection[str],
+        *,
+        rights: Rights,
+        sink: Sink,
+        clock: Clock,
+        sequence: Numbers,
+        memory: Memory | None = None,
+    ) -> None:
+        self.policy = policy
+        self.logbook = Logbook(starters)
+        self.rulebook = Rulebook(policy.rules, self.logbook)
+        self.selections = Selections()
+        self.saver = Saver(memory or NoMemory(), self._document, on_trouble=self._tell_trouble)
+        self.witness = Witness(sink, self.logbook, clock=clock, sequence=sequence, on_change=self.saver.touch)
+        self._sink = sink
+        self._clock = clock
+        self._sequence = sequence
+        self._restore(memory or NoMemory(), [name for name in starters if rights.is_lockable(name)])
+
+    def guard(self, request: CommandRequest, expectations: Sequence[Expectation]) -> Guard:
+        """Return what watches over one command until its write."""
+        return Guard(
+            request,
+            expectations,
+            logbook=self.logbook,
+            rulebook=self.rulebook,
+            saver=self.saver,
+            clock=self._clock,
+        )
+
+    def _document(self) -> dict[str, object]:
+        return self.logbook.to_document(self._clock.utc_s)
+
+    def _restore(self, memory: Memory, lockable: Collection[str]) -> None:
+        """Take over what was kept; where that is lost, nobody knows what was locked: all that can be is."""
+        now_s, utc_s = self._clock.now_s(), self._clock.utc_s()
+        try:
+            document = memory.load()
+            if document is not None:
+                self.logbook.restore(document, now_s=now_s, utc_s=utc_s)
+        except DamagedError as error:
+            memory.set_aside()
+            lock = LockRecord(GATEWAY, utc_s, "the memory of locks was damaged: look, then unlock")
+            for starter in lockable:
+                self.logbook.set_lock(starter, lock)
+            text = (
+                f"{error}: earlier starts are not known, and {len(lockable)} starters are locked ({NOTICE})"
+            )
+            self._tell("memory_damaged", Severity.ERROR, text)
+
+    def _tell_trouble(self, trouble: str) -> None:
+        if trouble:
+            self._tell("memory_away", Severity.ERROR, f"locks and starts cannot be kept: {trouble}")
+        else:
+            self._tell("memory_back", Severity.INFO, "locks and starts are kept again")
+
+    def _tell(self, code: str, severity: Severity, text: str) -> None:
+        utc_s, seq = self._clock.utc_s(), self._sequence.take()
+        self._sink.put(EventRecord("", code, severity, text, utc_s, seq))

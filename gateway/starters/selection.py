@@ -1,0 +1,71 @@
+"""The first of two steps: a starter selected by one client for one command, for ten seconds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from gateway.errors import CommandError
+
+VALID_S = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """What a token stands for."""
+
+    token: str
+    client: str
+    verb: str
+    args: Mapping[str, Any]
+    state: str  # as the client saw it
+    until_s: float  # on the steady clock
+
+
+class Selections:
+    """At most one selection for each starter."""
+
+    def __init__(self) -> None:
+        self._selections: dict[str, Selection] = {}
+
+    def check_free(self, starter: str, client: str, *, now_s: float) -> None:
+        """Raise CommandError while another client has this starter selected."""
+        selection = self._present(starter, now_s)
+        if selection is not None and selection.client != client:
+            wait_s = selection.until_s - now_s
+            text = f"{selection.client} has selected this starter; wait {wait_s:.0f} s at most"
+            raise CommandError("selected_by_other", text)
+
+    def set(self, starter: str, selection: Selection) -> None:
+        """Select; an earlier selection ends."""
+        self._selections[starter] = selection
+
+    def check_own(self, starter: str, client: str, *, now_s: float) -> None:
+        """Raise CommandError unless this client has the starter selected."""
+        selection = self._present(starter, now_s)
+        if selection is None or selection.client != client:
+            raise CommandError("not_selected", f"{client} has not selected this starter")
+
+    def end(self, starter: str) -> None:
+        """Let a selection count no more."""
+        del self._selections[starter]
+
+    def take(
+        self, starter: str, client: str, token: str, *, verb: str, args: Mapping[str, Any], now_s: float
+    ) -> Selection:
+        """Use the client's selection up and return it; CommandError when it is not for this command."""
+        selection = self._selections.get(starter)
+        if selection is None or (selection.client, selection.token) != (client, token):
+            raise CommandError("not_selected", "this token selects nothing; select first")
+        del self._selections[starter]
+        if now_s >= selection.until_s:
+            raise CommandError("selection_expired", f"selected more than {VALID_S:g} s ago; select again")
+        if (selection.verb, selection.args) != (verb, args):
+            text = f"selected for {selection.verb} with other arguments or another verb; select again"
+            raise CommandError("selected_otherwise", text)
+        return selection
+
+    def _present(self, starter: str, now_s: float) -> Selection | None:
+        selection = self._selections.get(starter)
+        return None if selection is None or now_s >= selection.until_s else selection

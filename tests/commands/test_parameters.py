@@ -1,0 +1,401 @@
+"""A starter's parameters, saved, compared and put back; in virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+from collections.abc import Callable, Coroutine, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.cli import main
+from gateway.commands import parameters
+from gateway.commands.parameters_live import LiveStarter, save
+from gateway.commands.parameters_restore import restore
+from gateway.commands.progress import Progress
+from gateway.errors import CommandError, PortError, UsageError
+from gateway.families.load import FAMILIES, load_profile
+from gateway.families.schema import Variant
+from gateway.line.budget import ALLOWANCE_S
+from gateway.modbus.adu import decode
+from gateway.modbus.timing import Framing, LineTiming
+from gateway.sim.factory import make_unit
+from gateway.sim.line import SimulatedLine
+from gateway.sim.unit import Unit
+from gateway.starters.parameter_file import from_toml, to_toml
+from gateway.starters.parameter_set import Entry, ParameterSet
+from gateway.starters.setup import StarterSetup
+from tests.virtual_time import VirtualClock, VirtualTimeLoop, run_virtually
+
+TIMING = LineTiming(19200, Framing.parse("8E1"))
+SST_TIMING = LineTiming(19200, Framing.parse("8N2"))
+
+
+RUNNERS: list[asyncio.Runner] = []
+
+
+@pytest.fixture(autouse=True)
+def one_loop() -> Iterator[None]:
+    """Let all commands of a test run on one loop, since a starter's life has one clock."""
+    with asyncio.Runner(loop_factory=VirtualTimeLoop) as runner:
+        RUNNERS.append(runner)
+        yield
+        RUNNERS.clear()
+
+
+class Place:
+    """One simulated starter on a line of its own, and what is said of it."""
+
+    def __init__(self, unit: Unit, *, family: str = "", address: int = 1) -> None:
+        self.unit: Any = unit
+        self.timing = SST_TIMING if unit.family == "sst" else TIMING
+        self.bus = SimulatedLine(self.timing, [unit], frames_kept=100_000)
+        self.setup = StarterSetup("pump", "pumps", address, load_profile(family or unit.family), Variant())
+        self.said = io.StringIO()
+        self.took_s = 0.0
+
+    def run(self, work: Callable[[LiveStarter, Progress], Coroutine[Any, Any, Any]]) -> Any:
+        async def main() -> Any:
+            loop = asyncio.get_running_loop()
+            live = LiveStarter(self.setup, self.bus.opener(), self.timing, ALLOWANCE_S, VirtualClock(loop))
+            began_s = loop.time()
+            try:
+                return await work(live, Progress(self.said))
+            finally:
+                self.took_s = loop.time() - began_s
+
+        return RUNNERS[-1].run(main())
+
+    def save(self, **options: Any) -> ParameterSet:
+        saved: ParameterSet = self.run(lambda live, progress: save(live, progress, **options))
+        return saved
+
+    def restore(self, wanted: dict[str, Any], *, model: str | None = None, **options: Any) -> int:
+        entries = {code: Entry(value=value) for code, value in wanted.items()}
+        file = ParameterSet("other", self.setup.profile.family, model=model, parameters=entries)
+        code: int = self.run(lambda live, progress: restore(live, file, progress, **options))
+        return code
+
+    @property
+    def written(self) -> list[bytes]:
+        return [write.pdu for write in self.unit.writes]
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_everything_that_a_starter_tells_is_saved_and_read_back_from_the_file(family: str) -> None:
+    place = Place(make_unit(family, 1))
+
+    saved = place.save()
+
+    profile = load_profile(family)
+    readable = {code for code, row in profile.parameters.items() if row.access.value != "none"}
+    assert set(saved.parameters) | set(saved.refused) == readable
+    assert len(saved.parameters) >= 0.95 * len(readable)
+    assert saved.family == family
+    assert saved.model
+    assert from_toml(to_toml(saved), "a.toml") == saved
+    assert place.written == []
+    assert place.bus.violations == []
+
+
+def test_a_full_save_of_an_ssw900_at_19200_takes_less_than_1_3_of_its_wire_time() -> None:
+    place = Place(make_unit("ssw900", 1))
+
+    saved = place.save()
+
+    wire_s = sum(frame.end_s - frame.start_s for frame in place.bus.transcript)
+    assert len(saved.parameters) == 501
+    assert saved.refused == {}
+    assert place.took_s < 1.3 * wire_s
+
+
+def test_a_save_shows_progress_and_the_time_left() -> None:
+    place = Place(make_unit("ssw900", 1))
+
+    place.save()
+
+    lines = place.said.getvalue().splitlines()
+    assert len(lines) >= 5
+    assert all(line.endswith(" left") for line in lines)
+    assert lines[-1].startswith("100% pump: ")
+
+
+def test_rows_that_the_starter_refuses_are_noted() -> None:
+    place = Place(make_unit("ssw07", 1))
+    del place.unit.settings[277]
+
+    saved = place.save()
+
+    assert saved.refused == {"P277": "illegal data address"}
+    assert "P278" in saved.parameters
+
+
+def test_parameters_without_a_name_are_saved_as_raw_words_when_asked_for() -> None:
+    place = Place(make_unit("ssw07", 1))
+    place.unit.fixed[500] = 77
+    place.unit.settings[500] = 77
+
+    saved = place.save(with_unnamed=True)
+
+    assert saved.parameters["P500"].raw == (77,)
+    assert "P501" in saved.refused
+
+
+def test_a_starter_that_does_not_answer_and_another_one_than_configured_are_told() -> None:
+    with pytest.raises(CommandError, match="does not answer at address 9"):
+        Place(make_unit("ssw07", 1), address=9).save()
+    with pytest.raises(CommandError, match="it is ssw07, not ssw06"):
+        Place(make_unit("ssw07", 1), family="ssw06").save()
+
+
+def test_a_port_that_a_gateway_holds_is_refused_with_the_mend() -> None:
+    class Busy:
+        name = "/dev/ttyUSB0"
+
+        async def __call__(self) -> Any:
+            raise PortError(self.name, "busy", "another program holds it: stop that one")
+
+    class Missing(Busy):
+        async def __call__(self) -> Any:
+            raise PortError(self.name, "no such port")
+
+    async def try_with(opener: Any) -> None:
+        setup = StarterSetup("pump", "pumps", 1, load_profile("ssw07"), Variant())
+        clock = VirtualClock(asyncio.get_running_loop())
+        await save(LiveStarter(setup, opener, TIMING, ALLOWANCE_S, clock), Progress(io.StringIO()))
+
+    with pytest.raises(PortError, match="stop the gateway"):
+        run_virtually(try_with(Busy()))
+    with pytest.raises(PortError, match="no such port"):
+        run_virtually(try_with(Missing()))
+
+
+def test_only_what_differs_is_written_and_read_back(capsys: pytest.CaptureFixture[str]) -> None:
+    place = Place(make_unit("ssw07", 1))
+
+    assert place.restore({"P314": 30, "P313": 1, "P003": 7}) == 0
+
+    assert place.unit.settings[314] == 30
+    assert len(place.written) == 1
+    assert "written and read back: P314" in capsys.readouterr().out
+    assert "writing P314" in place.said.getvalue()
+
+
+def test_a_restored_starter_differs_in_nothing_any_more() -> None:
+    place = Place(make_unit("ssw900", 1))
+    wanted = {"C8.2.5.3": 1.5, "C8.2.5.1": "Alarm A128", "C8.2.5.2": "Ramp Stop"}
+    place.restore(wanted)
+    writes = len(place.written)
+
+    assert place.restore(wanted) == 0
+    assert (writes, len(place.written)) == (3, 3)
+
+
+def test_an_sst_is_configured_once_for_all_its_registers() -> None:
+    place = Place(make_unit("sst", 1))
+
+    assert place.restore({"R41": 9, "R42": 20, "R36": 40}) == 0
+
+    assert [place.unit.settings[register] for register in (36, 41, 42)] == [40, 9, 20]
+    entered = [pdu for pdu in place.written if pdu == bytes.fromhex("0500 01ff 00")]
+    assert len(entered) == 1
+    assert place.unit.is_configured
+
+
+def test_a_dry_run_writes_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    place = Place(make_unit("ssw07", 1))
+
+    assert place.restore({"P314": 30, "P308": 9}, is_dry=True) == 0
+
+    assert place.written == []
+    out = capsys.readouterr().out
+    assert "would write: P314 timeout for message reception: 0.0 s -> 30.0 s" in out
+    assert "left as it is: P308" in out
+
+
+def test_nothing_is_written_where_nothing_differs(capsys: pytest.CaptureFixture[str]) -> None:
+    place = Place(make_unit("ssw07", 1))
+
+    assert place.restore({"P314": 0}) == 0
+
+    assert place.written == []
+    assert "nothing to write" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("family", "code", "value"), [("ssw07", "P314", 30), ("ssw900", "C8.2.5.3", 2), ("sst", "R41", 9)]
+)
+def test_nothing_is_written_while_the_motor_turns(
+    family: str, code: str, value: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = Place(make_unit(family, 1))
+    place.unit.motor.start()
+
+    assert place.restore({code: value}) == 1
+
+    assert place.written == []
+    assert place.unit.motor.is_turned_on
+    out = capsys.readouterr().out
+    assert f"rejected: {code}: the motor is stopped: required" in out
+    assert "written and read back: nothing" in out
+
+
+def test_the_first_failure_ends_a_restore_with_an_account(capsys: pytest.CaptureFixture[str]) -> None:
+    place = Place(make_unit("ssw900", 1))
+    owners = place.unit._map.owners
+    stubborn = owners[741]
+
+    def ignore(owner: Any, words: Any, *, taken: Any = place.unit._set) -> None:
+        if owner is not stubborn:
+            taken(owner, words)
+
+    place.unit._set = ignore
+
+    assert place.restore({"C8.2.5.3": 1.5, "C8.2.5.2": "Ramp Stop", "C8.2.5.1": "Alarm A128"}) == 1
+
+    out = capsys.readouterr().out
+    assert "written and read back: C8.2.5.3" in out
+    assert "unconfirmed: C8.2.5.2: " in out
+    assert "not tried: C8.2.5.1" in out
+
+
+def test_who_commands_the_motor_is_left_as_it_is_unless_asked_for(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    place = Place(make_unit("ssw07", 1))
+
+    assert place.restore({"P230": "DI"}) == 0
+    assert place.unit.settings[230] == 2
+    assert "--command-sources" in capsys.readouterr().out
+
+    assert place.restore({"P230": "DI"}, with_sources=True) == 0
+    assert place.unit.settings[230] == 1
+
+
+def test_a_set_of_another_model_is_refused_unless_asked_for() -> None:
+    place = Place(make_unit("ssw07", 1))
+
+    with pytest.raises(UsageError, match="--other-model"):
+        place.restore({"P314": 3}, model="SSW-07 17.0A")
+    assert place.written == []
+
+    assert place.restore({"P314": 3}, model="SSW-07 17.0A", is_other_model=True) == 0
+
+
+def test_no_motor_starts_by_a_restore() -> None:
+    for family in FAMILIES:
+        place = Place(make_unit(family, 1))
+        everything = place.save()
+        settings = {
+            code: entry.value for code, entry in everything.parameters.items() if entry.value is not None
+        }
+
+        place.restore(settings, with_sources=True)
+
+        assert place.unit.start_frames == []
+        assert not place.unit.motor.is_turned_on
+        functions = {decode(frame.data).pdu[0] for frame in place.bus.transcript if frame.sender == 0}
+        assert functions <= {1, 3, 4, 43}
+
+
+# What needs no line
+
+SAVED = '[starter]\nname = "p"\nfamily = "{family}"\n[parameters]\nP314 = {seconds}\n'
+CONFIG = """
+[gateway]
+name = "plant"
+[mqtt]
+url = "mqtt://127.0.0.1"
+[[line]]
+name = "hall"
+port = "/nowhere/tty"
+baud = 19200
+framing = "8N2"
+[[line.starter]]
+name = "pump"
+address = 1
+family = "ssw07"
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "site.toml").write_text(CONFIG, "utf-8")
+    for name, family, seconds in (("a", "ssw07", 3), ("b", "ssw07", 5), ("c", "ssw06", 3)):
+        text = SAVED.format(family=family, seconds=seconds)
+        (tmp_path / f"{name}.toml").write_text(text, "utf-8")
+    return tmp_path
+
+
+@pytest.mark.usefixtures("folder")
+def test_two_files_are_compared_and_a_difference_is_exit_code_1(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["parameters", "diff", "a.toml", "b.toml"]) == 1
+    assert capsys.readouterr().out == "P314 : 3 -> 5\n"
+
+    assert main(["parameters", "diff", "a.toml", "a.toml"]) == 0
+    assert "no setting differs" in capsys.readouterr().out
+    assert main(["parameters", "diff", "a.toml", "a.toml", "--all"]) == 0
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_file_is_compared_with_a_live_starter(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def save_live(live: LiveStarter, _progress: Progress, **_: Any) -> ParameterSet:
+        return Place(make_unit("ssw07", live.setup.address, settings={314: 3})).save()
+
+    monkeypatch.setattr(parameters, "save_live", save_live)
+
+    assert main(["parameters", "diff", "site.toml:pump", "b.toml"]) == 1
+    assert "P314 timeout for message reception: 3.0 s -> 5\n" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["diff", "a.toml", "c.toml"], "not comparable"),
+        (["diff", "a.toml", "none.toml"], "none.toml"),
+        (["diff", "a.toml", "site.toml:fan"], "no starter 'fan' (one of pump)"),
+        (["save", "site.toml", "pump", "a.toml"], "exists already"),
+        (["save", "site.toml", "pump", "nowhere/a.toml"], "no folder"),
+        (["restore", "site.toml", "pump", "c.toml"], "of family ssw06, pump of ssw07"),
+        (["restore", "site.toml", "pump", "site.toml"], "[starter]"),
+    ],
+)
+def test_what_cannot_be_done_is_a_wrong_use_in_one_line(
+    arguments: list[str], named: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["parameters", *arguments]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert named in line
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_set_is_saved_to_a_new_file_or_to_stdout(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def save_live(_live: LiveStarter, _progress: Progress, **_: Any) -> ParameterSet:
+        return ParameterSet("pump", "ssw07", parameters={"P314": Entry(value=3)}, refused={"P1": "no"})
+
+    monkeypatch.setattr(parameters, "save_live", save_live)
+
+    assert main(["parameters", "save", "site.toml", "pump", "new.toml"]) == 0
+    assert capsys.readouterr().out == "new.toml: 1 parameters of pump, 1 could not be read\n"
+    assert main(["parameters", "save", "site.toml", "pump", "-"]) == 0
+    assert capsys.readouterr().out == (folder / "new.toml").read_text("utf-8")
+
+
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize(
+    "arguments", [["save", "site.toml", "pump", "x.toml"], ["restore", "site.toml", "pump", "a.toml"]]
+)
+def test_without_a_port_nothing_is_made(
+    arguments: list[str], folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["parameters", *arguments]) == 1
+    assert "port /nowhere/tty: no such port" in capsys.readouterr().err
+    assert not (folder / "x.toml").exists()

@@ -1,0 +1,208 @@
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.durable.audit_files import (
+    ANCHOR,
+    Anchor,
+    lines,
+    read_anchor,
+    segment_path,
+    segments,
+    tail,
+    write_anchor,
+)
+from gateway.durable.audit_writer import AuditWriter
+from gateway.durable.chain import Head, Verdict, read_line, verify
+
+
+def note(code: str, text: str) -> dict[str, Any]:
+    return {"kind": "note", "code": code, "text": text}
+
+
+@contextmanager
+def writer(folder: Path, *, segment_bytes: int = 10_000, most_segments: int = 4) -> Iterator[AuditWriter]:
+    writer = AuditWriter(folder, segment_bytes, most_segments)
+    yield writer
+    writer.close()
+
+
+def write(folder: Path, count: int, **options: int) -> None:
+    with writer(folder, **options) as one:
+        for number in range(count):
+            one.append([{"what": f"entry {number}"}], note=note)
+
+
+def check(folder: Path) -> Verdict:
+    return verify(lines(folder), after=read_anchor(folder).head)
+
+
+def said(folder: Path) -> list[str]:
+    entries = [read_line(line)[0] for _, line in lines(folder)]
+    return [str(entry.get("code") or entry["what"]) for entry in entries]
+
+
+def test_entries_are_chained_over_several_runs(tmp_path: Path) -> None:
+    write(tmp_path / "audit", 2)
+    write(tmp_path / "audit", 2)
+
+    verdict = check(tmp_path / "audit")
+
+    assert (verdict.count, verdict.problems) == (4, ())
+
+
+def test_segments_are_bounded_in_size_and_number_and_the_chain_stays_whole(tmp_path: Path) -> None:
+    write(tmp_path, 100, segment_bytes=1000, most_segments=3)
+
+    numbers = segments(tmp_path)
+    sizes = [segment_path(tmp_path, number).stat().st_size for number in numbers]
+    assert len(numbers) == 3
+    assert max(sizes) < 1500
+    assert check(tmp_path).problems == ()
+    assert check(tmp_path).count < 100
+    assert read_anchor(tmp_path).segment == numbers[0] - 1
+
+
+def test_an_oldest_segment_that_was_removed_by_hand_shows(tmp_path: Path) -> None:
+    write(tmp_path, 100, segment_bytes=1000, most_segments=3)
+
+    segment_path(tmp_path, segments(tmp_path)[0]).unlink()
+
+    assert "does not follow" in check(tmp_path).problems[0]
+
+
+def test_a_segment_that_was_given_up_but_not_yet_removed_is_not_counted(tmp_path: Path) -> None:
+    write(tmp_path, 30, segment_bytes=1000)
+    first = segments(tmp_path)[0]
+    write_anchor(tmp_path, Anchor(first, tail(segment_path(tmp_path, first)).head))
+
+    assert check(tmp_path).problems == ()
+    assert first not in segments(tmp_path)
+
+
+def test_the_end_of_a_line_that_a_crash_cut_short_is_removed_and_told(tmp_path: Path) -> None:
+    write(tmp_path, 2)
+    with segment_path(tmp_path, 1).open("ab") as file:
+        file.write(b'{"half of a li')
+
+    write(tmp_path, 1)
+
+    assert said(tmp_path) == ["entry 0", "entry 1", "line_torn", "entry 0"]
+    assert check(tmp_path).problems == ()
+
+
+def test_a_segment_of_which_only_half_a_line_was_written_is_gone_on_with(tmp_path: Path) -> None:
+    tmp_path.joinpath("audit-00000001.jsonl").write_bytes(b'{"half of a li')
+
+    write(tmp_path, 1)
+
+    assert said(tmp_path) == ["line_torn", "entry 0"]
+    assert check(tmp_path).problems == ()
+
+
+@pytest.mark.parametrize("octets", [b"nonsense\n", b'\xff{"n":3}\n'])
+def test_an_end_that_makes_no_sense_is_left_as_evidence_and_a_new_chain_begun(
+    tmp_path: Path, octets: bytes
+) -> None:
+    write(tmp_path, 2)
+    with segment_path(tmp_path, 1).open("ab") as file:
+        file.write(octets)
+
+    write(tmp_path, 1)
+
+    assert segments(tmp_path) == [1, 2]
+    assert segment_path(tmp_path, 1).read_bytes().endswith(octets)
+    assert len(check(tmp_path).problems) == 2
+    last = [read_line(line)[0] for _, line in list(lines(tmp_path))[-2:]]
+    assert [entry.get("code") for entry in last] == ["chain_begun_anew", None]
+
+
+def test_a_segment_removed_while_the_gateway_writes_shows_in_the_chain(tmp_path: Path) -> None:
+    with writer(tmp_path) as one:
+        one.append([{"what": "a"}], note=note)
+        segment_path(tmp_path, 1).unlink()
+        one.append([{"what": "b"}], note=note)
+
+    assert said(tmp_path) == ["b"]
+    assert check(tmp_path).problems
+
+
+def test_a_folder_emptied_while_the_disk_was_away_is_told(tmp_path: Path) -> None:
+    with writer(tmp_path) as one:
+        one.append([{"what": "a"}], note=note)
+        one.close()
+        segment_path(tmp_path, 1).unlink()
+        one.append([{"what": "b"}], note=note)
+
+    assert said(tmp_path) == ["chain_begun_anew", "b"]
+
+
+def test_two_gateways_do_not_write_into_one_folder(tmp_path: Path) -> None:
+    with writer(tmp_path) as one, writer(tmp_path) as other:
+        one.append([{"what": "a"}], note=note)
+
+        with pytest.raises(OSError, match="in use by another"):
+            other.append([{"what": "b"}], note=note)
+
+        one.append([{"what": "c"}], note=note)
+    assert said(tmp_path) == ["a", "c"]
+
+
+def test_after_a_failed_write_the_entries_are_written_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(fd: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    with writer(tmp_path) as one:
+        one.append([{"what": "a"}], note=note)
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "fsync", fail)
+            with pytest.raises(OSError, match="No space"):
+                one.append([{"what": "b"}], note=note)
+        one.close()
+        one.append([{"what": "b"}], note=note)
+
+    assert said(tmp_path) == ["a", "b"]
+    assert check(tmp_path).problems == ()
+
+
+@pytest.mark.parametrize("text", ["", "nonsense", "[]", "{}", '{"segment": null, "n": 1, "hash": "x"}'])
+def test_a_damaged_anchor_anchors_nothing(tmp_path: Path, text: str) -> None:
+    (tmp_path / ANCHOR).write_text(text)
+
+    assert read_anchor(tmp_path) == Anchor(0, None)
+
+
+def test_an_anchor_is_read_as_it_was_written(tmp_path: Path) -> None:
+    for anchor in (Anchor(3, Head(7, "abc")), Anchor(4, None)):
+        write_anchor(tmp_path, anchor)
+
+        assert read_anchor(tmp_path) == anchor
+
+
+def test_without_an_anchor_the_chain_begins_at_its_beginning(tmp_path: Path) -> None:
+    assert read_anchor(tmp_path) == Anchor(0, Head())
+
+
+def test_a_damaged_anchor_without_segments_is_told_when_the_chain_begins(tmp_path: Path) -> None:
+    (tmp_path / ANCHOR).write_text("nonsense")
+
+    write(tmp_path, 1)
+
+    assert said(tmp_path) == ["chain_begun_anew", "entry 0"]
+
+
+def test_a_segment_that_vanishes_while_it_is_read_is_passed_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write(tmp_path, 1)
+    monkeypatch.setattr("gateway.durable.audit_files.segments", lambda folder: [1, 2])
+
+    assert len(list(lines(tmp_path))) == 1

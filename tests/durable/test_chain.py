@@ -1,0 +1,159 @@
+from __future__ import annotations
+
+import enum
+import json
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gateway.durable.chain import FIRST_HASH, MOST_PROBLEMS, Head, canonical, link, read_line, verify
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=8,
+)
+
+
+class Colour(enum.StrEnum):
+    RED = "red"
+
+
+def chain(count: int, head: Head = Head()) -> list[str]:  # noqa: B008 - frozen
+    lines = []
+    for number in range(count):
+        line, head = link(head, {"what": f"entry {number}"})
+        lines.append(line)
+    return lines
+
+
+def placed(lines: list[str]) -> list[tuple[str, str]]:
+    return [(f"line {number}", line) for number, line in enumerate(lines, 1)]
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        ({"b": 1, "a": 2.0}, '{"a":2.0,"b":1}'),
+        ({"t": (1, [True, None])}, '{"t":[1,[true,null]]}'),
+        (float("nan"), "null"),
+        (float("inf"), "null"),
+        (Colour.RED, '"red"'),
+        ("°C", '"°C"'),
+        ("\ud800", '"?"'),
+        ({2, 1}, '["1","2"]'),
+        (b"\x01", "\"b'\\\\x01'\""),
+        ({1: "one"}, '{"1":"one"}'),
+    ],
+)
+def test_a_value_has_one_canonical_text(value: Any, text: str) -> None:
+    assert canonical(value) == text
+
+
+@given(JSON)
+def test_what_is_read_back_has_the_same_canonical_text(value: Any) -> None:
+    text = canonical(value)
+
+    assert canonical(json.loads(text)) == text
+
+
+def test_a_line_carries_its_number_the_hash_before_it_and_its_own() -> None:
+    line, head = link(Head(), {"what": "first"})
+
+    entry, stated = read_line(line)
+
+    assert (entry["n"], entry["prev"], entry["what"]) == (1, FIRST_HASH, "first")
+    assert stated == head
+
+
+def test_the_hash_is_sha_256_over_the_previous_hash_and_the_canonical_json() -> None:
+    line, _ = link(Head(), {"what": "first"})
+
+    # printf '%064d{"n":1,"what":"first"}' 0 | sha256sum
+    assert json.loads(line)["hash"] == "1cce82bf4c562891f3db91553f352606fef3dfda2c58a057fd34fc731a0f0b44"
+
+
+def test_an_untouched_chain_is_whole() -> None:
+    lines = chain(5)
+
+    verdict = verify(placed(lines), after=Head())
+
+    assert (verdict.count, verdict.problems) == (5, ())
+    assert verdict.head == read_line(lines[-1])[1]
+
+
+def test_an_empty_chain_is_whole() -> None:
+    assert verify([], after=Head()).problems == ()
+    assert verify([], after=None).head == Head()
+
+
+@given(st.integers(0, 4), st.data())
+def test_no_changed_octet_goes_unnoticed(place: int, data: st.DataObject) -> None:
+    lines = chain(5)
+    position = data.draw(st.integers(0, len(lines[place]) - 1))
+    other = data.draw(st.characters(exclude_characters=lines[place][position], codec="utf-8"))
+    lines[place] = lines[place][:position] + other + lines[place][position + 1 :]
+
+    assert verify(placed(lines), after=Head()).problems
+
+
+@pytest.mark.parametrize("gone", [0, 2])
+def test_a_removed_line_shows(gone: int) -> None:
+    lines = chain(5)
+    del lines[gone]
+
+    (problem,) = verify(placed(lines), after=Head()).problems
+
+    assert "does not follow" in problem
+
+
+def test_an_inserted_line_shows() -> None:
+    lines = chain(5)
+    lines.insert(2, link(Head(), {"what": "forged"})[0])
+
+    assert verify(placed(lines), after=Head()).problems
+
+
+def test_exchanged_lines_show() -> None:
+    lines = chain(5)
+    lines[1], lines[2] = lines[2], lines[1]
+
+    assert verify(placed(lines), after=Head()).problems
+
+
+def test_a_line_that_was_changed_with_its_own_hash_recomputed_breaks_the_next() -> None:
+    lines = chain(5)
+    _, before = read_line(lines[1])
+    lines[2] = link(before, {"what": "forged"})[0]
+
+    problems = verify(placed(lines), after=Head()).problems
+
+    assert problems == ("line 4: does not follow line 3: something was removed, inserted or exchanged",)
+
+
+def test_a_chain_whose_beginning_was_given_up_is_checked_against_the_anchor() -> None:
+    lines = chain(5)
+    _, anchor = read_line(lines[1])
+
+    assert verify(placed(lines[2:]), after=anchor).problems == ()
+    assert verify(placed(lines[3:]), after=anchor).problems
+    assert verify(placed(lines[3:]), after=None).problems == ()
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["", "nonsense", "[]", '{"n": 1}', '{"hash":"x","n":true}', '{"n":1}', '{"hash":"x"}', '{"a":1,"a":1}'],
+)
+def test_what_is_no_line_of_ours_is_named(line: str) -> None:
+    (problem,) = verify([("here", line)], after=Head()).problems
+
+    assert problem.startswith("here: ")
+
+
+def test_only_so_many_problems_are_told() -> None:
+    verdict = verify([("here", "nonsense")] * 100, after=Head())
+
+    assert len(verdict.problems) == MOST_PROBLEMS + 1
+    assert verdict.problems[-1] == "and 80 more"

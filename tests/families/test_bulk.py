@@ -1,0 +1,112 @@
+"""Many rows in few requests."""
+
+from __future__ import annotations
+
+import pytest
+
+from gateway.families.bulk import bulk_reads, halves, is_set_by_people, is_setting, readable_codes
+from gateway.families.load import FAMILIES, load_profile
+from gateway.families.procedure import Read
+from gateway.families.schema import Access
+from gateway.modbus.reads import ReadHoldingRegisters
+
+
+def count(read: Read) -> int:
+    return int(read.request.count)  # type: ignore[attr-defined]  # all reads but FC43 have one
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_readable_row_is_read_once_and_within_the_limits(family: str) -> None:
+    profile = load_profile(family)
+    codes = readable_codes(profile)
+
+    reads = bulk_reads(profile, codes)
+
+    read = [code for each in reads for code in each.codes]
+    assert sorted(read) == sorted(codes)
+    assert not any(profile.parameters[code].access is Access.NONE for code in codes)
+    longest = max(profile.limits.read_registers, profile.limits.read_bits)
+    assert all(count(each) <= longest for each in reads)
+    assert all(not each.request.is_write for each in reads)
+
+
+def test_a_limit_on_the_length_is_kept_and_longer_rows_stay_whole() -> None:
+    profile = load_profile("ssw900")
+
+    reads = bulk_reads(profile, readable_codes(profile), longest=24)
+
+    assert max(count(each) for each in reads) <= 24
+    owners = {row.code: row for row in profile.parameters.values()}
+    for read in reads:
+        start = read.request.address  # type: ignore[attr-defined]
+        ends = [owners[code].address + owners[code].words for code in read.codes]
+        assert start + count(read) == max(ends)
+
+
+def test_a_row_of_which_the_manual_is_not_sure_is_read_alone_where_unknown_registers_read_0() -> None:
+    reads = bulk_reads(load_profile("ssw900"), ["S3.1.1", "S3.1.2"])
+
+    assert [each.codes for each in reads] == [("S3.1.2",), ("S3.1.1",)]
+
+
+def test_the_parameters_that_no_manual_names_are_read_one_by_one_as_raw_words() -> None:
+    profile = load_profile("ssw07")
+
+    codes = readable_codes(profile, with_unnamed=True)
+    reads = bulk_reads(profile, codes)
+
+    assert "P500" in codes
+    assert "P089" not in codes
+    assert "P200" not in codes
+    assert ReadHoldingRegisters(500, 1) in [each.request for each in reads]
+
+
+def test_a_family_without_raw_words_has_no_more_than_it_names() -> None:
+    profile = load_profile("sst")
+
+    assert readable_codes(profile, with_unnamed=True) == readable_codes(profile)
+
+
+def test_a_refused_read_is_halved_down_to_its_rows() -> None:
+    profile = load_profile("ssw06")
+    (read,) = bulk_reads(profile, ["P030", "P031", "P032"])
+
+    first, second = halves(profile, read)
+
+    assert (first.codes, second.codes) == (("P030",), ("P031", "P032"))
+    assert halves(profile, first) == ()
+
+
+def test_two_names_of_one_register_are_still_told_apart() -> None:
+    profile = load_profile("ssw900")
+    (read,) = bulk_reads(profile, ["S6.4.1", "C11.3.1", "S6.4.2"])
+
+    first, second = halves(profile, read)
+
+    assert set(first.codes) == {"S6.4.1", "C11.3.1"}
+    assert second.codes == ("S6.4.2",)
+    assert [len(part.codes) for part in halves(profile, first)] == [1, 1]
+
+
+@pytest.mark.parametrize(
+    ("family", "code", "expected"),
+    [
+        ("ssw07", "P314", (True, True)),
+        ("ssw07", "P003", (False, False)),
+        ("ssw07", "VB08", (False, False)),
+        ("ssw900", "C3.1", (True, True)),
+        ("ssw900", "S5.3.1", (False, False)),
+        ("ssw900", "S5.2.5", (False, False)),
+        ("ssw900", "C8.1.1.5", (True, False)),
+        ("ssw900", "C11.3.1", (True, False)),
+        ("ssw900", "C6.3.1", (False, False)),
+        ("sst", "R41", (True, True)),
+        ("sst", "COIL1", (False, False)),
+    ],
+)
+def test_settings_are_told_from_readings_outputs_and_commands(
+    family: str, code: str, expected: tuple[bool, bool]
+) -> None:
+    row = load_profile(family).parameters[code]
+
+    assert (is_setting(row), is_set_by_people(row)) == expected

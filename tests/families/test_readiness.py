@@ -1,0 +1,200 @@
+"""Is a starter ready for remote control: what its own settings mean, rule by rule."""
+
+from __future__ import annotations
+
+import pytest
+
+from gateway.families.finding import Finding, Topic, Weight
+from gateway.families.load import FAMILIES, load_profile
+from gateway.families.readiness import readiness, readiness_codes, refuses_start
+from gateway.families.schema import Variant
+from gateway.families.watchdog import watchdogs
+
+SSW07 = {"P220": 6, "P229": 0, "P230": 2, "P277": 0, "P278": 0, "P313": 1, "P314": 0, "P630": 0}
+SSW06 = {**SSW07, "P279": 0, "P313": 0, "VB06": 0}
+SSW900 = {"C3.1": 10, "C3.2": 0, "C3.3": 4, "C8.2.5.1": 0, "C8.2.5.2": 1, "C8.2.5.3": 0}
+SST = {"COIL5": 1, "COIL7": 0, "COIL8": 0, "COIL26": 1, "R41": 0, "R42": 0}
+GOOD = {"ssw06": SSW06, "ssw07": SSW07, "ssw900": SSW900, "sst": SST}
+
+
+def look(
+    family: str,
+    changes: dict[str, int | None] | None = None,
+    *,
+    gap_s: float | None = None,
+    slot: int | None = 1,
+) -> tuple[Finding, ...]:
+    """Return the findings for good settings with some changes; None takes a reading away."""
+    numbers = {**GOOD[family], **(changes or {})}
+    rows = {code: (number,) for code, number in numbers.items() if number is not None}
+    variant = Variant.model_validate({"slot": slot if family == "ssw900" else None})
+    return readiness(load_profile(family), variant, rows, gap_s=gap_s)
+
+
+def biting(findings: tuple[Finding, ...]) -> list[str]:
+    return [finding.text for finding in findings if finding.weight is not Weight.NOTE]
+
+
+def dogs(family: str, changes: dict[str, int], *, slot: int | None = 1) -> list[tuple[str, float, bool]]:
+    rows = {code: (number,) for code, number in {**GOOD[family], **changes}.items()}
+    variant = Variant.model_validate({"slot": slot if family == "ssw900" else None})
+    found = watchdogs(load_profile(family), variant, rows)
+    return [(dog.code, dog.after_s, dog.is_felt) for dog in found]
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_starter_that_is_set_up_for_the_network_is_ready(family: str) -> None:
+    findings = look(family)
+
+    assert biting(findings) == []
+    assert not refuses_start(findings)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_row_that_is_looked_at_is_one_of_the_family(family: str) -> None:
+    assert set(GOOD[family]) == set(readiness_codes(load_profile(family)))
+    assert set(readiness_codes(load_profile(family))) <= set(load_profile(family).parameters)
+
+
+def test_a_family_without_rules_has_no_findings() -> None:
+    invented = load_profile("sst").model_copy(update={"family": "invented", "parameters": {}})
+
+    assert readiness_codes(invented) == ()
+    assert readiness(invented, Variant(), {}) == ()
+
+
+@pytest.mark.parametrize(
+    ("family", "changes", "named"),
+    [
+        ("ssw06", {"P230": 1}, "P230 = 1 (DI)"),
+        ("ssw07", {"P230": 0}, "P230 = 0 (Keypad)"),
+        ("ssw07", {"P220": 0}, "P220 = 0 (Always Local)"),
+        ("ssw06", {"VB06": 2}, "VB06 = 2"),
+        ("ssw900", {"C3.3": 5}, "C3.3 = 5 (Slot 2)"),
+        ("ssw900", {"C3.1": 0}, "C3.1 = 0 (Always LOC)"),
+        ("sst", {"COIL7": 1}, "coil 7"),
+        ("sst", {"COIL8": 1}, "coil 8"),
+        ("sst", {"COIL5": 0}, "configure"),
+        ("sst", {"COIL26": 0}, "coil 26"),
+    ],
+)
+def test_a_setting_that_would_refuse_a_start_is_an_error_that_names_it(
+    family: str, changes: dict[str, int | None], named: str
+) -> None:
+    findings = look(family, changes)
+
+    assert refuses_start(findings)
+    assert findings[0].weight is Weight.ERROR
+    assert named in findings[0].text
+
+
+def test_an_accessory_in_slot_2_is_its_own_source() -> None:
+    assert biting(look("ssw900", {"C3.1": 12, "C3.3": 5}, slot=2)) == []
+    assert refuses_start(look("ssw900", slot=2))
+
+
+def test_an_unknown_slot_refuses_every_command() -> None:
+    assert "slot" in look("ssw900", slot=None)[0].text
+
+
+@pytest.mark.parametrize(("family", "code"), [("ssw07", "P220"), ("ssw900", "C3.1")])
+def test_somebody_else_who_chooses_local_or_remote_is_noted(family: str, code: str) -> None:
+    findings = look(family, {code: 4})
+
+    assert biting(findings) == []
+    assert any("somebody else chooses" in finding.text and code in finding.text for finding in findings)
+
+
+@pytest.mark.parametrize(("family", "code"), [("ssw07", "P220"), ("ssw900", "C3.1")])
+def test_local_mode_is_no_matter_where_it_is_always_remote(family: str, code: str) -> None:
+    assert not any(finding.topic is Topic.LOCAL for finding in look(family, {code: 1}))
+
+
+def test_the_start_delay_is_noted_when_it_is_set() -> None:
+    assert any("P630 = 5" in finding.text for finding in look("ssw06", {"P630": 5}))
+
+
+@pytest.mark.parametrize(("family", "code"), [("ssw07", "P230"), ("ssw900", "C3.3"), ("sst", "COIL8")])
+def test_what_could_not_be_read_is_a_warning_and_never_taken_for_good(family: str, code: str) -> None:
+    assert any(f"{code} could not be read" in text for text in biting(look(family, {code: None})))
+
+
+def test_an_unread_relay_function_is_left_out() -> None:
+    findings = look("ssw07", {"P277": None, "P278": None})
+
+    assert not any(finding.topic is Topic.OUTPUT for finding in findings)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_no_watchdog_is_worth_a_note(family: str) -> None:
+    assert any("no watchdog is on" in finding.text for finding in look(family))
+
+
+def test_unread_watchdog_settings_are_not_taken_for_no_watchdog() -> None:
+    findings = look("ssw07", {"P314": None})
+
+    assert not any("no watchdog" in finding.text for finding in findings)
+    assert any("P314 could not be read" in text for text in biting(findings))
+
+
+@pytest.mark.parametrize(
+    ("family", "changes", "expected"),
+    [
+        ("ssw06", {"P314": 3, "P313": 0}, [("P314", 3.0, False)]),
+        ("ssw06", {"P314": 3, "P313": 4}, [("P314", 3.0, False)]),
+        ("ssw06", {"P314": 3, "P313": 5}, [("P314", 3.0, True)]),
+        ("ssw07", {"P314": 3, "P313": 1}, [("P314", 3.0, True)]),
+        ("ssw07", {"P314": 3, "P313": 1, "P230": 1}, [("P314", 3.0, False)]),
+        ("ssw07", {"P314": 3, "P313": 2, "P230": 1}, [("P314", 3.0, True)]),
+        ("ssw07", {"P314": 3, "P313": 3}, [("P314", 3.0, True)]),
+        ("ssw07", {"P314": 3, "P313": 3, "P220": 2}, [("P314", 3.0, False)]),
+        ("ssw900", {"C8.2.5.1": 1, "C8.2.5.3": 15}, [("C8.2.5.3", 1.5, True)]),
+        ("ssw900", {"C8.2.5.1": 2, "C8.2.5.3": 15}, [("C8.2.5.3", 1.5, True)]),
+        ("ssw900", {"C8.2.5.1": 2, "C8.2.5.2": 0, "C8.2.5.3": 15}, [("C8.2.5.3", 1.5, False)]),
+        ("ssw900", {"C8.2.5.1": 2, "C8.2.5.3": 15, "C3.3": 1}, [("C8.2.5.3", 1.5, False)]),
+        ("ssw900", {"C8.2.5.1": 2, "C8.2.5.3": 0}, []),
+        ("sst", {"R41": 9, "R42": 4}, [("R42", 4.0, True), ("R41", 9.0, True)]),
+    ],
+)
+def test_a_watchdog_is_told_with_its_time_and_whether_the_motor_feels_it(
+    family: str, changes: dict[str, int], expected: list[tuple[str, float, bool]]
+) -> None:
+    assert dogs(family, changes) == expected
+
+
+def test_an_action_that_is_not_known_to_be_idle_is_taken_to_be_felt() -> None:
+    rows = {"P314": (3,)}
+    no_source = {"P314": (3,), "P313": (1,)}
+
+    assert [dog.is_felt for dog in watchdogs(load_profile("ssw07"), Variant(), rows)] == [True]
+    assert [dog.is_felt for dog in watchdogs(load_profile("ssw07"), Variant(), no_source)] == [True]
+    assert dogs("ssw900", {"C8.2.5.1": 2, "C8.2.5.3": 15}, slot=None) == [("C8.2.5.3", 1.5, True)]
+
+
+def test_a_timeout_of_zero_seconds_that_is_on_is_a_warning() -> None:
+    assert any("0.0 s" in text for text in biting(look("ssw900", {"C8.2.5.1": 1})))
+
+
+@pytest.mark.parametrize(("stop_s", "restart_s", "is_warned"), [(5, 5, True), (5, 4, True), (5, 6, False)])
+def test_e_23_a_restart_that_comes_before_the_stop_is_a_warning(
+    stop_s: int, restart_s: int, *, is_warned: bool
+) -> None:
+    findings = look("sst", {"R41": stop_s, "R42": restart_s})
+
+    assert any("R42" in text and "R41" in text for text in biting(findings)) is is_warned
+
+
+@pytest.mark.parametrize(
+    ("gap_s", "weight"), [(None, Weight.NOTE), (1.0, Weight.NOTE), (2.5, Weight.WARNING), (3.0, Weight.ERROR)]
+)
+def test_the_poll_plan_is_held_against_the_watchdog(gap_s: float | None, weight: Weight) -> None:
+    (finding,) = [f for f in look("ssw07", {"P314": 3}, gap_s=gap_s) if f.topic is Topic.WATCHDOG]
+
+    assert finding.weight is weight
+    assert "after 3 s" in finding.text
+
+
+def test_a_watchdog_that_the_motor_does_not_feel_is_never_an_error() -> None:
+    findings = look("ssw06", {"P314": 3}, gap_s=9.0)
+
+    assert [f.weight for f in findings if f.topic is Topic.WATCHDOG] == [Weight.WARNING]

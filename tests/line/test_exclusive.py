@@ -1,0 +1,88 @@
+"""A port for oneself: without polls, or with reads only."""
+
+from __future__ import annotations
+
+import pytest
+
+from gateway.errors import PortError
+from gateway.line.exclusive import exclusive_line
+from gateway.line.job import Lane
+from gateway.line.outcome import Answered, Silent
+from gateway.line.survey import Survey, silent_cost_s
+from gateway.modbus.reads import ReadHoldingRegisters
+from gateway.modbus.timing import Framing, LineTiming
+from gateway.modbus.writes import WriteRegister
+from gateway.sim.factory import make_unit
+from gateway.sim.line import SimulatedLine
+from tests.starters.rig import virtually
+
+TIMING = LineTiming(19200, Framing.parse("8N2"))
+READ = ReadHoldingRegisters(5001, 1)
+
+
+def make_bus() -> SimulatedLine:
+    return SimulatedLine(TIMING, [make_unit("ssw07", 1)])
+
+
+@virtually
+async def test_a_line_for_oneself_carries_what_is_asked_and_nothing_else() -> None:
+    bus = make_bus()
+
+    async with exclusive_line("pumps", bus.opener(), TIMING) as line:
+        outcome = await line.transact(1, READ, response_time_s=0.05, lane=Lane.READ_BACK)
+
+    assert isinstance(outcome, Answered)
+    assert len(bus.transcript) == 2
+    assert bus.violations == []
+
+
+@virtually
+async def test_a_port_that_is_in_use_is_an_error_at_once_and_one_that_was_used_is_free_again() -> None:
+    bus = make_bus()
+
+    async with exclusive_line("pumps", bus.opener(), TIMING):
+        with pytest.raises(PortError):
+            await exclusive_line("pumps", bus.opener(), TIMING).__aenter__()
+
+    async with exclusive_line("pumps", bus.opener(), TIMING):
+        assert bus.opened == 2
+
+
+@virtually
+async def test_a_port_that_is_lost_stays_lost() -> None:
+    bus = make_bus()
+    async with exclusive_line("pumps", bus.opener(), TIMING) as line:
+        bus.unplug()
+        await line.transact(1, READ, response_time_s=0.05, lane=Lane.READ_BACK)
+        bus.plug_in()
+
+        outcome = await line.transact(1, READ, response_time_s=0.05, lane=Lane.READ_BACK)
+
+    assert isinstance(outcome, Silent)
+    assert not outcome.is_sent
+    assert bus.opened == 1
+
+
+@virtually
+async def test_a_survey_only_reads_and_closes_its_port() -> None:
+    bus = make_bus()
+
+    async with Survey(bus.opener(), TIMING) as survey:
+        assert isinstance(await survey.ask(1, READ, response_time_s=0.05), Answered)
+        with pytest.raises(ValueError, match="only reads"):
+            await survey.ask(1, WriteRegister(220, 1), response_time_s=0.05)
+
+    bus.open(TIMING).close()
+    assert list(bus.unit(1).writes) == []
+
+
+@virtually
+async def test_a_survey_must_have_begun() -> None:
+    with pytest.raises(ValueError, match="not begun"):
+        await Survey(make_bus().opener(), TIMING).ask(1, READ, response_time_s=0.05)
+
+
+def test_a_silent_unit_costs_the_request_twice_the_response_time_and_the_allowance() -> None:
+    cost_s = silent_cost_s(READ, TIMING, response_time_s=0.05)
+
+    assert 0.12 < cost_s < 0.14

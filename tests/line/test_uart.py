@@ -1,0 +1,43 @@
+"""The UART's own error counters, by a driver that has them and by one that has not."""
+
+from __future__ import annotations
+
+import os
+import struct
+
+from gateway.line.serial_port import SerialOpener
+from gateway.line.uart import CountsErrors, uart_errors
+from gateway.modbus.timing import Framing
+
+
+def test_the_counters_are_taken_from_the_kernels_struct() -> None:
+    asked = []
+
+    def ioctl(fd: int, request: int, octets: bytes) -> bytes:
+        asked.append((fd, request, len(octets)))
+        return struct.pack("20i", 1, 2, 3, 4, 50, 60, 7, 8, 9, 10, 11, *[0] * 9)
+
+    assert uart_errors(5, ioctl) == {
+        "frame": 7,
+        "overrun": 8,
+        "parity": 9,
+        "break": 10,
+        "buffer_overrun": 11,
+    }
+    assert asked == [(5, 0x545D, 80)]
+
+
+def test_a_pseudo_terminal_counts_nothing() -> None:
+    ours, theirs = os.openpty()
+    try:
+        assert uart_errors(theirs) is None
+    finally:
+        os.close(ours)
+        os.close(theirs)
+
+
+def test_an_opener_without_an_open_port_has_no_counters() -> None:
+    opener = SerialOpener("/dev/ttyNONE", 19200, Framing.parse("8E1"))
+
+    assert isinstance(opener, CountsErrors)
+    assert opener.uart_errors() is None

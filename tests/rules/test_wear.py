@@ -1,0 +1,150 @@
+"""The non-volatile memory of a starter is not worn out, however often a program sets something."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+
+import pytest
+
+from gateway.starters.records import Phase
+from gateway.starters.wear import HOUR_S, MOST_PER_HOUR, Wear
+from tests.starters.rig import CommandRig, virtually
+
+P313, P314 = 313, 314
+
+
+def test_as_many_writes_as_the_limit_go_within_an_hour_and_the_next_must_wait_for_the_first_to_age() -> None:
+    wear = Wear(3)
+
+    waits = [wear.take("pump", 1, now_s=now_s) for now_s in (0.0, 600.0, 1200.0, 1800.0)]
+
+    assert waits == [None, None, None, HOUR_S - 1800.0]
+    assert wear.take("pump", 1, now_s=HOUR_S) is None
+    assert wear.total("pump") == 4
+
+
+def test_several_writes_wait_until_there_is_room_for_all() -> None:
+    wear = Wear(3)
+    wear.take("pump", 1, now_s=0.0)
+    wear.take("pump", 1, now_s=100.0)
+
+    assert wear.take("pump", 3, now_s=200.0) == HOUR_S - 100.0
+    assert wear.total("pump") == 2
+
+
+def test_more_writes_than_the_limit_never_go() -> None:
+    wait_s = Wear(3).take("pump", 4, now_s=0.0)
+
+    assert wait_s == math.inf
+    assert "these are more at once" in Wear(3).refusal(math.inf)
+
+
+def test_each_starter_has_its_own_count() -> None:
+    wear = Wear(1)
+
+    assert wear.take("pump", 1, now_s=0.0) is None
+    assert wear.take("fan", 1, now_s=0.0) is None
+    assert wear.total("mixer") == 0
+
+
+def test_what_writes_nothing_that_is_kept_is_never_refused() -> None:
+    wear = Wear(1)
+    wear.take("pump", 1, now_s=0.0)
+
+    assert wear.take("pump", 0, now_s=0.0) is None
+
+
+def test_a_refusal_says_when_to_try_again() -> None:
+    assert Wear(3).refusal(61.0).endswith("try again in 2 min")
+
+
+async def ready(family: str = "ssw07") -> CommandRig:
+    rig = CommandRig(family)
+    await rig.online()
+    rig.unit.holding.update({P313: 0, P314: 0})
+    return rig
+
+
+@virtually
+async def test_a_program_that_sets_to_and_fro_is_stopped_by_the_limit() -> None:
+    rig = await ready()
+
+    for count in range(MOST_PER_HOUR + 1):
+        rig.submit("set", id_=f"c{count}", args={"parameter": "P314", "value": 1 + count % 2})
+        await asyncio.sleep(2.0)
+
+    ends = [(end.phase, end.code) for end in map(rig.sink.final, ("c0", f"c{MOST_PER_HOUR}"))]
+    assert ends == [(Phase.CONFIRMED, "ok"), (Phase.REJECTED, "wear_limit")]
+    assert len(rig.line.writes) == MOST_PER_HOUR
+
+
+@virtually
+async def test_a_start_and_a_stop_do_not_count() -> None:
+    rig = await ready()
+
+    for count in range(MOST_PER_HOUR):
+        rig.submit("set", id_=f"c{count}", args={"parameter": "P314", "value": 1 + count % 2})
+        await asyncio.sleep(2.0)
+    rig.submit("start", id_="go")
+    await asyncio.sleep(5.0)
+    rig.submit("stop", id_="halt")
+    await asyncio.sleep(5.0)
+
+    assert [rig.sink.final(id_).phase for id_ in ("go", "halt")] == [Phase.CONFIRMED, Phase.CONFIRMED]
+
+
+@virtually
+async def test_several_rows_are_told_each_with_value_unit_label_and_raw_words() -> None:
+    rig = await ready()
+
+    rig.submit("set", id_="s", args={"parameters": {"P314": 30, "P313": 1}})
+    await asyncio.sleep(2.0)
+    rig.submit("read", id_="r", args={"parameters": ["P314", "P313"]})
+    await asyncio.sleep(2.0)
+
+    told = {
+        "P314": {"value": 30.0, "unit": "s", "label": None, "raw": [30]},
+        "P313": {
+            "value": 1,
+            "unit": "",
+            "label": rig.sink.final("s").values["values"]["P313"]["label"],
+            "raw": [1],
+        },
+    }
+    assert rig.sink.final("s").values == {"values": told}
+    assert rig.sink.final("r").values == {"values": told}
+    assert told["P313"]["label"]
+    assert len(rig.line.writes) == 1
+
+
+@pytest.mark.parametrize("family", ["ssw06", "ssw07"])
+@virtually
+async def test_what_a_result_does_not_prove_stands_in_its_text(family: str) -> None:
+    rig = await ready(family)
+    rig.unit.holding.update({277: 3, 5008: 0})
+
+    rig.submit("output", id_="o", args={"output": "RL1", "value": True})
+    await asyncio.sleep(5.0)
+
+    end = rig.sink.final("o")
+    assert (end.phase, end.values["parameter"], end.values["raw"]) == (Phase.CONFIRMED, "VB08", [1])
+    assert "only if P277 (relay RL1 function) is set to Serial, which reads 3" in end.text
+    rig.submit("output", id_="again", args={"output": "RL1", "value": True})
+    await asyncio.sleep(5.0)
+    assert rig.sink.final("again").code == "unchanged"
+    assert "P277" in rig.sink.final("again").text
+
+
+@virtually
+async def test_an_output_that_does_not_follow_is_unconfirmed_and_says_what_it_needs() -> None:
+    rig = await ready()
+    rig.unit.holding.update({277: 3, 5008: 0})
+    rig.unit.on_write = lambda request: rig.unit.holding.update({5008: 0})
+
+    rig.submit("output", id_="o", args={"output": "RL1", "value": True})
+    await asyncio.sleep(5.0)
+
+    end = rig.sink.final("o")
+    assert (end.phase, end.code) == (Phase.UNCONFIRMED, "not_seen")
+    assert "P277" in end.text

@@ -1,0 +1,161 @@
+"""What follows for the gateway (X-xx), shown by its own commands on simulated starters."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from gateway.families.blocks import plan_blocks
+from gateway.families.command import build, prepare, verbs
+from gateway.families.load import FAMILIES, load_profile
+from gateway.families.schema import Variant
+from gateway.modbus.pdu import Request
+from gateway.modbus.server import decode_request
+from gateway.modbus.timing import Framing, LineTiming
+from gateway.modbus.writes import WriteRegister, WriteRegisters
+from gateway.sim.factory import make_unit
+from gateway.sim.power import MotorState
+from gateway.starters.setup import StarterSetup
+from tests.rules.acting import Actor
+from tests.sim.wire import Talk
+
+
+@pytest.mark.parametrize(("family", "runs"), [("ssw06", False), ("ssw07", True)])
+def test_x_01_the_same_word_runs_one_family_and_not_the_other(family: str, *, runs: bool) -> None:
+    talk = Talk(make_unit(family, 1, settings={229: 2, 220: 0}))  # local mode, commanded by serial
+
+    talk.ask(WriteRegister(5003, 0x0003))
+
+    assert talk.unit.motor.is_turned_on is runs
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_x_01_a_start_of_any_family_starts_no_motor_of_another(family: str) -> None:
+    (start,) = [request for request in start_requests(family) if request.is_write]
+    for other in FAMILIES:
+        talk = Talk(make_unit(other, 1))
+        talk.pdu(start)
+        talk.wait(1.0)
+        if other != family and {family, other} != {"ssw06", "ssw07"}:
+            assert not talk.unit.starts
+
+
+def start_requests(family: str) -> list[Request]:
+    actor = Actor(family)
+    assert actor.act("start").end == "confirmed"
+    return [decode_request(write.pdu) for write in actor.unit.writes]
+
+
+@pytest.mark.parametrize("family", ["ssw07", "ssw900"])
+def test_x_02_a_reset_leaves_all_other_commands_as_they_are(family: str) -> None:
+    actor = Actor(family)
+    actor.act("direction", {"value": "reverse"})
+    actor.unit.trip(3)
+
+    assert actor.act("reset").end == "confirmed"
+
+    points = actor.points(actor.read(prepared_status(actor)))
+    assert (points["general_enabled"], points["remote"], points["reverse"]) == (True, True, True)
+
+
+def prepared_status(actor: Actor) -> Any:
+    return prepare(actor.profile, actor.variant, "start", {}).reads
+
+
+@pytest.mark.parametrize("family", ["ssw06", "ssw07"])
+def test_x_03_a_start_that_is_answered_and_not_carried_out_is_not_confirmed(family: str) -> None:
+    actor = Actor(family, settings={630: 60})  # no start within 60 s of a stop
+    actor.unit.motor.standstill_s = 1.0
+
+    done = actor.act("start")
+
+    assert (done.end, len(done.written)) == ("unconfirmed", 1)
+
+
+def test_x_03_a_start_for_a_source_that_is_not_active_is_not_confirmed() -> None:
+    actor = Actor("ssw900", settings={230: 0})  # C3.3: the keys of the HMI
+
+    assert actor.act("start").end == "unconfirmed"
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_x_04_a_start_is_written_once(family: str) -> None:
+    actor = Actor(family)
+
+    assert actor.act("start").end == "confirmed"
+    assert len(actor.unit.start_frames) == 1
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_x_05_polls_only_read(family: str) -> None:
+    blocks = plan_blocks(load_profile(family), Variant())
+
+    assert blocks
+    assert not any(block.request.is_write for block in blocks)
+
+
+@pytest.mark.parametrize(("verb", "args", "restarts"), [("reset", {}, True), ("start", {}, False)])
+def test_x_06_the_silence_after_a_reset_of_an_ssw06_is_expected(
+    verb: str, args: dict[str, Any], restarts: bool
+) -> None:
+    steps = build(load_profile("ssw06"), Variant(), verb, args, seen={}).steps
+
+    assert steps[-1].is_silence_expected is restarts
+
+
+def test_x_06_a_restart_that_swallows_the_answer_is_waited_out() -> None:
+    actor = Actor("ssw06", answers_before_restart=False, restart_s=8.0)
+    actor.unit.trip(3)
+
+    assert actor.act("reset").end == "confirmed"
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_x_08_no_verb_names_a_unit_and_none_is_a_broadcast(family: str) -> None:
+    assert all(
+        not set(command.args) & {"unit", "address"} for command in load_profile(family).commands.values()
+    )
+    assert not any("broadcast" in verb for verb in verbs(load_profile(family)))
+
+
+def test_x_09_a_32_bit_value_is_read_with_its_two_registers_in_one_request() -> None:
+    blocks = plan_blocks(load_profile("ssw900"), Variant())
+    long_rows = [(block, row) for block in blocks for row in block.rows if row.words == 2]
+
+    assert len(long_rows) >= 3
+    for block, row in long_rows:
+        count = int.from_bytes(block.request.encode()[3:5], "big")
+        assert block.address <= row.address
+        assert row.address + 2 <= block.address + count
+
+
+def test_x_10_values_are_checked_before_and_only_differences_are_written() -> None:
+    actor = Actor("sst")
+
+    assert actor.act("configure", {"R41": 0x0130}).end == "out_of_range"
+    assert actor.act("configure", {"R41": 30}).written == ["050001ff00", "060029001e", "0500010000"]
+    assert actor.act("configure", {"R41": 30}).written == ["050001ff00", "0500010000"]
+
+
+@pytest.mark.parametrize("baud", [19200, 38400, 57600])
+def test_x_11_frames_are_at_least_2_005_ms_apart(baud: int) -> None:
+    assert LineTiming(baud, Framing.parse("8E1")).silence_s >= 0.002005
+
+
+def test_x_11_a_write_of_many_registers_is_given_its_time_for_each() -> None:
+    setup = StarterSetup("pump", "line", 1, profile=load_profile("ssw07"), variant=Variant())
+
+    assert setup.response_time_of(WriteRegisters(313, (0,) * 10)) >= 10 * 0.020
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_x_04_a_stop_may_be_repeated(family: str) -> None:
+    actor = Actor(family)
+    actor.act("start")
+    actor.talk.wait(10.0)
+
+    ends = [actor.act("stop", seen=actor.rows).end for _ in range(3)]
+
+    assert ends == ["confirmed"] * 3
+    assert actor.unit.motor.state is not MotorState.BYPASS

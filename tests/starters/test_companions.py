@@ -1,0 +1,207 @@
+"""What goes along with a running starter: its readiness, and who turned its keypad."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import pytest
+
+from gateway.families.load import FAMILIES, load_profile
+from gateway.families.schema import Variant
+from gateway.line.client import LocalLineClient
+from gateway.line.outcome import Outcome
+from gateway.line.scheduler import Scheduler
+from gateway.modbus.timing import Framing, LineTiming
+from gateway.sim.factory import make_unit
+from gateway.sim.impair import Reply
+from gateway.sim.line import SimulatedLine
+from gateway.sim.unit import Unit
+from gateway.starters.commander import Commander
+from gateway.starters.companions import Companions
+from gateway.starters.polling import polls_of
+from gateway.starters.records import AvailabilityRecord, EventRecord
+from gateway.starters.request import CommandRequest
+from gateway.starters.rights import Operator, Rights
+from gateway.starters.sequence import Sequence
+from gateway.starters.setup import StarterSetup
+from gateway.starters.telemetry import StarterTelemetry
+from tests.starters.fakes import RecordingSink
+from tests.starters.rig import virtually
+from tests.virtual_time import VirtualClock
+
+TIMING = LineTiming(19200, Framing.parse("8N2"))
+LAP_S = 1.0  # between two blocks of the patrol
+
+
+@dataclass
+class Site:
+    """One running starter with its companions."""
+
+    bus: SimulatedLine
+    commander: Commander
+    sink: RecordingSink
+
+    @property
+    def unit(self) -> Any:
+        return self.bus.unit(1)
+
+    def events(self, code: str) -> list[EventRecord]:
+        return [event for event in self.sink.of(EventRecord) if event.code == code]
+
+
+class Router:
+    """A LineListener that tells everything to one starter."""
+
+    starter: StarterTelemetry
+
+    def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
+        self.starter.on_poll(key, outcome)
+
+    def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:
+        self.starter.on_unit(is_answering=is_answering, reason=reason, frames=frames)
+
+    def on_port(self, line: str, is_open: bool, reason: str) -> None:
+        pass
+
+
+@asynccontextmanager
+async def site(unit: Unit) -> AsyncIterator[Site]:
+    clock, sink, sequence = VirtualClock(asyncio.get_running_loop()), RecordingSink(), Sequence()
+    bus = SimulatedLine(TIMING, [unit])
+    setup = StarterSetup("pump", "pumps", 1, load_profile(unit.family), Variant())
+    router = Router()
+    scheduler = Scheduler(
+        name="pumps", opener=bus.opener(), timing=TIMING, polls=polls_of(setup), listener=router
+    )
+    telemetry = StarterTelemetry(
+        setup, line=LocalLineClient(scheduler), sink=sink, clock=clock, sequence=sequence
+    )
+    companions = Companions(sink, patrol_every_s=LAP_S)
+    companions.add(telemetry)
+    router.starter = telemetry
+    rights = Rights([Operator("alice", ("*",), ("*",))])
+    commander = Commander({"pump": telemetry}, rights=rights, sink=companions, clock=clock, sequence=sequence)
+    telemetry.start()
+    companions.start()
+    task = asyncio.create_task(scheduler.run())
+    yield Site(bus, commander, sink)
+    await commander.close()
+    await telemetry.close()
+    await companions.close()
+    task.cancel()
+    await asyncio.wait((task,))
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+@virtually
+async def test_a_starter_says_once_after_its_identification_whether_it_is_ready(family: str) -> None:
+    async with site(make_unit(family, 1)) as here:
+        await asyncio.sleep(60.0)
+
+        (event,) = here.events("readiness")
+        assert set(event.data) == {"would_refuse_start", "findings", "watchdogs"}
+        assert list(here.unit.writes) == []
+
+
+@virtually
+async def test_what_would_refuse_a_start_and_which_watchdog_acts_stands_in_the_event() -> None:
+    async with site(make_unit("ssw07", 1, settings={230: 1, 314: 9, 313: 2})) as here:
+        await asyncio.sleep(10.0)
+
+        (event,) = here.events("readiness")
+        assert event.severity.value == "error"
+        assert "P230 = 1 (DI)" in event.text
+        assert event.data["would_refuse_start"] is True
+        (watchdog,) = event.data["watchdogs"]
+        assert (watchdog["parameter"], watchdog["after_s"]) == ("P314", 9.0)
+
+
+@virtually
+async def test_a_starter_that_comes_back_as_it_was_says_nothing_new() -> None:
+    async with site(make_unit("ssw07", 1)) as here:
+        await asyncio.sleep(10.0)
+        here.unit.power_off()
+        await asyncio.sleep(30.0)
+        here.unit.power_on()
+        await asyncio.sleep(60.0)
+
+        assert len(here.sink.of(AvailabilityRecord)) == 4
+        assert len(here.events("readiness")) == 1
+
+
+class LostReads:
+    """An impairment: reads of parameters stay unanswered."""
+
+    def apply(self, reply: Reply, dice: object) -> tuple[Reply, ...]:
+        return ()
+
+
+@virtually
+async def test_readiness_that_could_not_be_read_is_looked_at_again() -> None:
+    async with site(make_unit("ssw07", 1)) as here:
+        here.bus.impair(1, LostReads(), chance=0.4)
+        await asyncio.sleep(40.0)
+        here.bus.heal(1)
+        await asyncio.sleep(200.0)
+
+        assert len(here.events("readiness")) == 1
+
+
+@pytest.mark.parametrize(
+    ("family", "register", "code"),
+    [("ssw07", 314, "P314"), ("ssw06", 314, "P314"), ("ssw900", 734, "C8.2.5.3")],
+)
+@virtually
+async def test_a_setting_that_is_changed_at_the_starter_is_told_and_readiness_looked_at_anew(
+    family: str, register: int, code: str
+) -> None:
+    async with site(make_unit(family, 1)) as here:
+        await asyncio.sleep(60.0)
+        here.unit._write_registers(register, [70])
+        await asyncio.sleep(60.0)
+
+        (event,) = here.events("parameter_changed")
+        assert event.data["parameter"] == code
+        assert len(here.events("readiness")) == 2
+
+
+@virtually
+async def test_a_setting_that_an_operator_set_through_us_is_not_told() -> None:
+    async with site(make_unit("ssw07", 1)) as here:
+        await asyncio.sleep(30.0)
+        args = {"parameter": "P314", "value": 30}
+        here.commander.submit(CommandRequest("pump", "alice", "set", "1", args))
+        await asyncio.sleep(60.0)
+
+        assert here.sink.phases("1")[-1] == ("confirmed", "ok")
+        assert here.events("parameter_changed") == []
+
+
+@virtually
+async def test_a_row_that_the_starter_refuses_is_not_asked_for_for_ever() -> None:
+    unit: Any = make_unit("ssw07", 1)
+    del unit.settings[277]
+    async with site(unit) as here:
+        await asyncio.sleep(60.0)
+        here.bus.transcript.clear()
+        await asyncio.sleep(60.0)
+
+        refused = [frame for frame in here.bus.transcript if frame.sender == 1 and frame.data[1] & 0x80]
+        assert refused == []
+
+
+@virtually
+async def test_the_patrol_leaves_a_silent_starter_alone_and_goes_on_when_it_is_back() -> None:
+    async with site(make_unit("ssw07", 1)) as here:
+        await asyncio.sleep(30.0)
+        here.unit.power_off()
+        await asyncio.sleep(60.0)
+        here.unit.settings[314] = 7
+        here.unit.power_on()
+        await asyncio.sleep(90.0)
+
+        assert [event.data["parameter"] for event in here.events("parameter_changed")] == ["P314"]

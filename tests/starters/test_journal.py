@@ -1,0 +1,417 @@
+"""What the commander keeps, when, and what it says after a crash."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass, field
+
+import pytest
+
+from gateway.starters.commander import Commander
+from gateway.starters.journal import UNAVAILABLE, NoJournal, Remembered
+from gateway.starters.records import AuditRecord, EventRecord, Phase, ResultRecord
+from gateway.starters.rights import Operator, Rights
+from tests.starters.fake_journal import FakeDisk, FakeJournal
+from tests.starters.fakes import AT_SPEED, TRANSACTION_S, VB01
+from tests.starters.rig import CommandRig, virtually
+
+RIGHTS = Rights([Operator("alice", ("*",), ("*",)), Operator("victor", ("stop",), ("*",))])
+
+
+@dataclass
+class JournalRig(CommandRig):
+    """A commander with a journal; `crash` ends it as a power cut would, `restart` begins another one."""
+
+    disk: FakeDisk = field(default_factory=FakeDisk)
+    takes_s: float = 0.002
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.begin_run()
+
+    def begin_run(self) -> None:
+        self.journal = FakeJournal(self.disk, takes_s=self.takes_s, now_s=self.clock.utc_s)
+        self.commander = Commander(
+            {self.setup.name: self.telemetry},
+            rights=RIGHTS,
+            sink=self.sink,
+            clock=self.clock,
+            sequence=self.sequence,
+            journal=self.journal,
+        )
+
+    async def until_written(self) -> None:
+        while not self.line.writes:  # noqa: ASYNC110 - virtual time
+            await asyncio.sleep(TRANSACTION_S / 4)
+
+    def crash(self) -> None:
+        """Nothing of this run goes on: no write, no record, no result."""
+        self.journal.is_dead = True
+        for task in list(self.commander._tasks):
+            task.cancel()
+
+    def restart(self) -> None:
+        self.sink.clear()
+        self.begin_run()
+        self.commander.recall(self.disk.remembered())
+
+
+async def rig_online(**options: object) -> JournalRig:
+    rig = JournalRig(**options)  # type: ignore[arg-type]  # the fields of the rig
+    await rig.online()
+    return rig
+
+
+@virtually
+async def test_the_intent_is_kept_before_the_start_goes_out() -> None:
+    rig = await rig_online()
+    kept_at_write: list[Remembered] = []
+    obey = rig.unit.on_write
+    rig.unit.on_write = lambda request: (kept_at_write.extend(rig.disk.remembered()), obey(request))[1]
+
+    rig.submit("start", "1")
+    await asyncio.sleep(5.0)
+
+    assert [(kept.result.id, kept.may_be_written) for kept in kept_at_write] == [("1", True)]
+    assert rig.sink.final("1").phase is Phase.CONFIRMED
+
+
+@virtually
+async def test_a_read_waits_for_no_disk() -> None:
+    rig = await rig_online(takes_s=30.0)
+
+    rig.submit("read", "1", args={"parameter": "P003"})
+    await asyncio.sleep(1.0)
+
+    assert rig.journal.intended == []
+    assert len(rig.line.sent) > 0
+
+
+@virtually
+async def test_a_start_whose_intent_cannot_be_kept_is_refused_unwritten() -> None:
+    rig = await rig_online()
+    rig.journal.is_failing = True
+
+    rig.submit("start", "1")
+    await asyncio.sleep(5.0)
+
+    final = rig.sink.final("1")
+    assert (final.phase, final.code) == (Phase.REJECTED, UNAVAILABLE)
+    assert "nothing was written" in final.text
+    assert rig.line.writes == []
+
+
+@pytest.mark.parametrize("verb", ["start", "reset", "read", "set"])
+@virtually
+async def test_without_the_ledger_everything_but_stop_is_refused(verb: str) -> None:
+    rig = await rig_online()
+    rig.journal.trouble = "the disk is full"
+    args = {"parameter": "P102", "value": 5} if verb == "set" else {"parameter": "P003"}
+
+    rig.submit(verb, "1", args=args if verb in ("read", "set") else {})
+    rig.submit("stop", "2")
+    await asyncio.sleep(5.0)
+
+    assert rig.sink.phases("1") == [("rejected", UNAVAILABLE)]
+    assert rig.sink.final("2").phase is Phase.CONFIRMED
+    assert len(rig.stops()) > 0
+
+
+@virtually
+async def test_a_command_refused_for_lack_of_the_ledger_may_be_sent_again() -> None:
+    rig = await rig_online()
+    rig.journal.trouble = "it has not been read yet"
+    rig.submit("start", "1")
+    rig.journal.trouble = ""
+
+    rig.submit("start", "1")
+    await asyncio.sleep(5.0)
+
+    assert rig.sink.phases("1")[-1] == ("confirmed", "ok")
+    assert rig.starts() == 1
+
+
+@virtually
+async def test_a_known_id_is_answered_even_without_the_ledger() -> None:
+    rig = await rig_online()
+    rig.submit("start", "1")
+    await asyncio.sleep(5.0)
+    rig.journal.trouble = "the disk is full"
+
+    rig.submit("start", "1")
+
+    assert rig.sink.of(ResultRecord)[-1].is_duplicate
+    assert rig.sink.of(ResultRecord)[-1].phase is Phase.CONFIRMED
+
+
+@virtually
+async def test_a_stop_waits_for_no_disk_and_its_result_neither() -> None:
+    rig = await rig_online(takes_s=60.0)
+    rig.unit.holding[VB01] = AT_SPEED
+
+    rig.submit("stop", "1")
+    await asyncio.sleep(5.0)
+
+    assert rig.stops()[0].at_s < rig.clock.now_s() - 4.0
+    assert rig.sink.final("1").phase is Phase.CONFIRMED
+
+
+@virtually
+async def test_a_stop_overtakes_a_start_that_waits_for_the_disk() -> None:
+    rig = await rig_online(takes_s=0.9)
+    rig.submit("start", "1")
+    await asyncio.sleep(0.5)
+
+    rig.submit("stop", "2")
+    await asyncio.sleep(5.0)
+
+    assert rig.sink.final("1").code == "stopped_first"
+    assert rig.starts() == 0
+    assert rig.sink.final("2").phase is Phase.CONFIRMED
+
+
+@virtually
+async def test_after_a_slow_disk_the_starter_is_read_again_before_it_is_written() -> None:
+    rig = await rig_online(takes_s=0.9)
+    rig.submit("start", "1")
+    await asyncio.sleep(0.5)
+    rig.unit.holding[VB01] = 0x4002  # someone switched it to local meanwhile
+
+    await asyncio.sleep(5.0)
+
+    assert rig.sink.final("1").code == "remote"
+    assert rig.line.writes == []
+
+
+@virtually
+async def test_after_a_quick_disk_nothing_is_read_twice() -> None:
+    slow, quick = await rig_online(takes_s=0.9), await rig_online()
+
+    for rig in (slow, quick):
+        rig.submit("start", "1")
+    await asyncio.sleep(5.0)
+
+    def reads_before_write(rig: JournalRig) -> int:
+        return next(number for number, sent in enumerate(rig.line.sent) if sent.request.is_write)
+
+    assert reads_before_write(quick) < reads_before_write(slow)
+
+
+@virtually
+async def test_a_final_result_is_told_only_when_it_is_kept() -> None:
+    rig = await rig_online(takes_s=0.2)
+    rig.submit("start", "1")
+    await rig.until_written()
+
+    while not [result for result in rig.sink.of(ResultRecord) if result.phase.is_final]:
+        kept_before = rig.disk.kept["alice", "1"].result.phase
+        await asyncio.sleep(TRANSACTION_S)
+
+    assert rig.disk.kept["alice", "1"].result.phase is Phase.CONFIRMED
+    assert kept_before is Phase.WRITTEN
+    assert rig.clock.utc_s() - rig.sink.final("1").time_s >= 0.2 - 1e-6
+
+
+@virtually
+async def test_a_repeat_after_a_restart_gets_the_stored_result() -> None:
+    rig = await rig_online()
+    rig.submit("start", "1")
+    await asyncio.sleep(5.0)
+    rig.crash()
+
+    rig.restart()
+    rig.submit("start", "1")
+    await asyncio.sleep(5.0)
+
+    (result,) = rig.sink.of(ResultRecord)
+    assert (result.phase, result.is_duplicate) == (Phase.CONFIRMED, True)
+    assert rig.starts() == 1
+
+
+@virtually
+async def test_an_intent_without_outcome_is_told_once_with_the_state_and_never_carried_out() -> None:
+    rig = await rig_online()
+    rig.submit("start", "1", operator="Alice A.")
+    await rig.until_written()
+    rig.crash()
+    rig.poll()
+
+    rig.restart()
+    await asyncio.sleep(15.0)
+    first = rig.sink.final("1")
+    events = rig.sink.events()
+    decisions = [(audit.decision, audit.code, audit.id) for audit in rig.sink.of(AuditRecord)]
+    rig.crash()
+    rig.restart()
+    await asyncio.sleep(15.0)
+    again = rig.sink.of(ResultRecord)
+    rig.submit("start", "1")
+    await asyncio.sleep(5.0)
+
+    assert (first.phase, first.code, first.values) == (Phase.UNCONFIRMED, "crashed", {"state": "running"})
+    assert not first.is_duplicate
+    assert "the starter is now running" in first.text
+    assert events == ["command_cut_short"]
+    assert decisions == [("unconfirmed", "crashed", "1")]
+    assert again == []
+    assert rig.starts() == 1
+    assert rig.sink.of(ResultRecord)[-1].is_duplicate
+
+
+@virtually
+async def test_a_command_cut_short_before_its_intent_was_kept_wrote_nothing_and_says_so() -> None:
+    rig = await rig_online()
+    rig.submit("start", "1")
+    await asyncio.sleep(TRANSACTION_S)
+    rig.crash()
+
+    rig.restart()
+    await asyncio.sleep(15.0)
+
+    final = rig.sink.final("1")
+    assert (final.phase, final.code) == (Phase.REJECTED, "crashed")
+    assert "nothing was written" in final.text
+    assert rig.sink.events() == []
+    assert rig.starts() == 0
+
+
+@virtually
+async def test_a_stop_cut_short_is_unconfirmed_and_can_be_sent_again_at_once() -> None:
+    rig = await rig_online()
+    rig.unit.holding[VB01] = AT_SPEED
+    rig.submit("stop", "1")
+    await asyncio.sleep(TRANSACTION_S / 2)
+    rig.crash()
+    rig.lose()
+
+    rig.restart()
+    rig.submit("stop", "1")
+    await asyncio.sleep(20.0)
+
+    phases = rig.sink.phases("1")
+    assert ("unconfirmed", "crashed") in phases
+    assert ("confirmed", "ok") in phases
+    assert rig.disk.kept["alice", "1"].result.phase is Phase.CONFIRMED
+    assert not rig.unit.holding[VB01] & 1
+
+
+@virtually
+async def test_the_report_of_a_crash_waits_for_the_first_status_but_not_for_ever() -> None:
+    rig = await rig_online()
+    rig.submit("start", "1")
+    await rig.until_written()
+    rig.crash()
+    rig.lose()
+
+    rig.restart()
+    await asyncio.sleep(9.0)
+    early = rig.sink.of(ResultRecord)
+    rig.submit("start", "1")  # meanwhile the ledger answers with what is known already
+    await asyncio.sleep(2.0)
+
+    repeated, final = rig.sink.of(ResultRecord)
+    assert early == []
+    assert (repeated.phase, repeated.code, repeated.is_duplicate) == (Phase.UNCONFIRMED, "crashed", True)
+    assert (final.phase, final.code, final.values) == (Phase.UNCONFIRMED, "crashed", {})
+    assert "not known yet" in final.text
+
+
+@virtually
+async def test_closing_hurries_the_report_of_a_crash() -> None:
+    rig = await rig_online()
+    rig.submit("start", "1")
+    await rig.until_written()
+    rig.crash()
+    rig.lose()
+    rig.restart()
+    began_s = rig.clock.now_s()
+
+    await rig.commander.close()
+    await asyncio.sleep(1.0)
+
+    assert rig.sink.final("1").code == "crashed"
+    assert rig.clock.now_s() - began_s < 2.0
+
+
+@virtually
+async def test_a_command_for_a_starter_that_is_configured_no_more_is_told_too() -> None:
+    rig = await rig_online()
+    gone = ResultRecord("pump-9", "alice", "1", "start", Phase.ACCEPTED, "ok", "", 0.0)
+
+    rig.commander.recall([Remembered(gone, may_be_written=True, since_s=rig.clock.utc_s())])
+    await asyncio.sleep(1.0)
+
+    assert rig.sink.final("1").code == "crashed"
+    assert rig.sink.of(EventRecord) == []
+
+
+@virtually
+async def test_what_came_before_the_ledger_could_be_read_is_not_overwritten_by_it() -> None:
+    rig = await rig_online()
+    rig.unit.holding[VB01] = AT_SPEED
+    old = ResultRecord("pump-1", "alice", "1", "start", Phase.WRITTEN, "ok", "", 0.0)
+    rig.submit("stop", "1")
+
+    rig.commander.recall([Remembered(old, may_be_written=True, since_s=rig.clock.utc_s())])
+    await asyncio.sleep(20.0)
+
+    assert {result.verb for result in rig.sink.of(ResultRecord)} == {"stop"}
+
+
+@virtually
+async def test_the_ledgers_age_is_carried_over_a_restart() -> None:
+    rig = await rig_online()
+    old = ResultRecord("pump-1", "alice", "old", "start", Phase.CONFIRMED, "ok", "", 0.0)
+    week_s = 7 * 24 * 3600.0
+
+    rig.commander.recall([Remembered(old, may_be_written=True, since_s=rig.clock.utc_s() - week_s + 10)])
+    await asyncio.sleep(11.0)
+    rig.submit("read", "new", args={"parameter": "P003"})
+    await asyncio.sleep(5.0)
+    rig.submit("start", "old")
+    await asyncio.sleep(5.0)
+
+    assert not rig.sink.of(ResultRecord)[-1].is_duplicate  # forgotten, as any after seven days
+
+
+@virtually
+async def test_a_gateway_without_a_journal_tells_at_once() -> None:
+    told: list[str] = []
+    result = ResultRecord("pump-1", "alice", "1", "start", Phase.CONFIRMED, "ok", "", 0.0)
+
+    NoJournal().note(result)
+    NoJournal().note(result, then=lambda: told.append("told"))
+    await NoJournal().intend(result)
+
+    assert told == ["told"]
+
+
+# A crash at every moment of a start's life: the start frame goes out at most once per id, whatever follows.
+MOMENTS_S = [round(TRANSACTION_S * step / 4, 4) for step in range(40)]
+
+
+@pytest.mark.parametrize("takes_s", [0.0, 0.015, 0.3])
+@virtually
+async def test_at_most_one_start_frame_per_id_goes_out_whenever_the_gateway_crashes(takes_s: float) -> None:
+    for moment_s in MOMENTS_S:
+        rig = await rig_online(takes_s=takes_s)
+        finals: list[ResultRecord] = []
+        rig.submit("start", "1")
+        await asyncio.sleep(moment_s)
+        accepted = rig.sink.of(ResultRecord)
+        finals += [r for r in accepted if r.phase.is_final]
+        rig.crash()
+        await asyncio.sleep(1.0)
+        rig.poll()
+        before = rig.starts()
+
+        rig.restart()
+        await asyncio.sleep(12.0)
+        rig.submit("start", "1")
+        await asyncio.sleep(12.0)
+        finals += [r for r in rig.sink.of(ResultRecord) if r.phase.is_final and not r.is_duplicate]
+
+        assert rig.starts() <= 1, moment_s
+        assert len(finals) == 1, (moment_s, finals)
+        if before:
+            assert finals[0].phase in (Phase.CONFIRMED, Phase.UNCONFIRMED), moment_s

@@ -1,0 +1,78 @@
+"""A restore that is interrupted leaves the starter safe."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from gateway.families.load import load_profile
+from gateway.families.schema import Variant
+from gateway.line.exclusive import exclusive_line
+from gateway.modbus.timing import Framing, LineTiming
+from gateway.sim.factory import make_unit
+from gateway.sim.line import SimulatedLine
+from gateway.starters.bench import Bench
+from gateway.starters.parameter_set import Entry, ParameterSet
+from gateway.starters.restore import Restore, RestoreEnd
+from gateway.starters.restoring import plan_restore
+from gateway.starters.sequence import Sequence
+from gateway.starters.setup import StarterSetup
+from tests.starters.fakes import RecordingSink
+from tests.virtual_time import VirtualClock, run_virtually
+
+TIMING = LineTiming(19200, Framing.parse("8N2"))
+
+
+def interrupted_restore(unit: Any, values: dict[str, int], *, after_s: float) -> RestoreEnd:
+    """Restore these values, and interrupt that so long after its beginning."""
+
+    async def run() -> RestoreEnd:
+        clock = VirtualClock(asyncio.get_running_loop())
+        profile = load_profile(unit.family)
+        setup = StarterSetup("pump", "pumps", 1, profile, Variant())
+        async with exclusive_line("pumps", SimulatedLine(TIMING, [unit]).opener(), TIMING) as line:
+            bench = Bench(setup, line=line, sink=RecordingSink(), clock=clock, sequence=Sequence())
+            await bench.identify()
+            entries = {code: Entry(value=value) for code, value in values.items()}
+            wanted = ParameterSet("pump", unit.family, parameters=entries)
+            seen = dict.fromkeys(values, (0,))
+            plan = plan_restore(profile, bench.variant, wanted=wanted, seen=seen)
+            work = Restore(bench, plan, clock=clock)
+            if after_s:
+                asyncio.get_running_loop().call_later(after_s, work.interrupt)
+            else:
+                work.interrupt()
+            return await work.run(lambda _: None)
+
+    return run_virtually(run())
+
+
+def test_nothing_is_tried_after_an_interruption() -> None:
+    unit = make_unit("ssw07", 1)
+
+    end = interrupted_restore(unit, {"P314": 3}, after_s=0.0)
+
+    assert [change.code for change in end.untried] == ["P314"]
+    assert list(unit.writes) == []
+
+
+@pytest.mark.parametrize("after_s", [0.05, 0.1, 0.2, 0.3, 0.5])
+def test_an_sst_is_never_left_in_its_configuration_mode(after_s: float) -> None:
+    unit: Any = make_unit("sst", 1)
+
+    end = interrupted_restore(unit, {"R41": 9, "R42": 20}, after_s=after_s)
+
+    assert not unit.is_configuring
+    assert end.done or end.failure is not None
+
+
+def test_what_was_done_before_an_interruption_stays_and_is_told() -> None:
+    unit: Any = make_unit("ssw07", 1)
+
+    end = interrupted_restore(unit, {"P314": 3, "P313": 0}, after_s=0.25)
+
+    assert unit.settings[314] == 3
+    assert "P314" in [change.code for change in (*end.done, *end.failed)]
+    assert len(end.done) < 2

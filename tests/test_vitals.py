@@ -1,0 +1,149 @@
+"""What feeds the service watchdog, and what is told of delays; in virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from dataclasses import dataclass, field
+from typing import Any
+
+import pytest
+
+from gateway.hangs import HangWatch
+from gateway.lag import LagMeter
+from gateway.line.client import LineClient
+from gateway.starters.records import LineRecord, Severity
+from gateway.vitals import Vitals
+from tests.virtual_time import run_virtually
+
+LIMIT_S = 10.0
+
+
+class Line:
+    """A LineClient as far as Vitals asks."""
+
+    name = "pumps"
+
+    def figures(self) -> dict[str, Any]:
+        return {"polls": 7}
+
+
+@dataclass
+class World:
+    """Stands for the lines, systemd and the publisher around Vitals."""
+
+    moves: bool = True
+    steps: int = 0
+    fed_s: list[float] = field(default_factory=list)
+    armed_s: list[float] = field(default_factory=list)
+    told: list[tuple[str, Severity]] = field(default_factory=list)
+    records: list[LineRecord] = field(default_factory=list)
+    lag: LagMeter = field(default_factory=LagMeter)
+    shortest_watchdog_s: float | None = 6.0
+
+    def progress(self) -> dict[str, int]:
+        self.steps += self.moves
+        return {"pumps": self.steps}
+
+    # Notifier
+    def watchdog(self) -> None:
+        self.fed_s.append(asyncio.get_running_loop().time())
+
+    def ready(self, status: str) -> None:
+        pass
+
+    def status(self, text: str) -> None:
+        pass
+
+    # Publisher
+    def set_status(self, state: str, reason: str | None) -> None:
+        pass
+
+    def put(self, record: LineRecord) -> None:
+        self.records.append(record)
+
+    def arm(self, after_s: float, *, file: Any) -> None:
+        self.armed_s.append(after_s)
+
+    def tell(self, code: str, severity: Severity, text: str) -> None:
+        self.told.append((code, severity))
+
+    def vitals(self) -> Vitals:
+        line: LineClient = Line()  # type: ignore[assignment] # all that is asked of it
+        return Vitals(
+            [line],
+            progress=self.progress,
+            publisher=self,  # type: ignore[arg-type] # all that is asked of it
+            notifier=self,  # type: ignore[arg-type] # the same
+            watchdog_every_s=LIMIT_S / 2,
+            lines_lag=self.lag,
+            shortest_watchdog_s=self.shortest_watchdog_s,
+            tell=self.tell,
+            hangs=HangWatch(LIMIT_S / 2, arm=self.arm, disarm=lambda: None),
+        )
+
+
+async def watched(world: World, *steps: tuple[float, Any]) -> None:
+    """Let Vitals run; after each pause do something."""
+    running = asyncio.create_task(world.vitals().run())
+    for pause_s, act in steps:
+        await asyncio.sleep(pause_s)
+        if act is not None:
+            act()
+    running.cancel()
+    await asyncio.wait([running])
+
+
+def test_the_watchdog_is_fed_well_within_its_limit_while_every_line_moves() -> None:
+    world = World()
+
+    run_virtually(watched(world, (21.0, None)))
+
+    gaps_s = [after - before for before, after in zip(world.fed_s, world.fed_s[1:], strict=False)]
+    assert max(gaps_s) <= LIMIT_S / 8 + 0.25
+    assert set(world.armed_s) == {LIMIT_S / 2}
+
+
+def test_a_line_that_stands_still_starves_the_watchdog() -> None:
+    world = World()
+
+    def stop() -> None:
+        world.moves = False
+
+    run_virtually(watched(world, (10.0, stop), (20.0, None)))
+
+    assert world.fed_s[-1] <= 10.0 + LIMIT_S / 8 + 0.25
+
+
+def test_a_late_loop_warns_once_and_stands_in_the_figures(caplog: pytest.LogCaptureFixture) -> None:
+    world = World()
+
+    def late() -> None:
+        world.lag.note(0.06, 0.0)
+
+    with caplog.at_level(logging.WARNING):
+        run_virtually(watched(world, (1.0, late), (1.0, late), (40.0, None)))
+
+    assert caplog.text.count("was 0.060 s late") == 1
+    assert world.told == []
+    assert world.records[-1].figures["polls"] == 7
+    assert world.records[-1].figures["lag_s"] == {"line": 0.06, "gateway": 0.0}
+
+
+def test_a_delay_that_a_starters_watchdog_may_feel_is_an_event_once_a_minute() -> None:
+    world = World()
+
+    def late() -> None:
+        world.lag.note(2.1, 0.0)
+
+    run_virtually(watched(world, (1.0, late), (1.0, late), (61.0, late), (1.0, None)))
+
+    assert world.told == [("lag", Severity.ERROR)] * 2
+
+
+def test_without_any_stated_watchdog_nothing_alarms() -> None:
+    world = World(shortest_watchdog_s=None)
+
+    run_virtually(watched(world, (1.0, lambda: world.lag.note(30.0, 0.0)), (1.0, None)))
+
+    assert world.told == []
