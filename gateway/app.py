@@ -9,9 +9,9 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 
 from gateway import __version__
-from gateway.clock import Clock, SystemClock
+from gateway.clock import Clock, ClockWatch, SystemClock
 from gateway.config.schema import Config
-from gateway.config.setups import rights_of, setups_of, timing_of
+from gateway.config.setups import policy_of, rights_of, setups_of, timing_of
 from gateway.durable.keeper import Keeper
 from gateway.line.client import LineClient
 from gateway.line.deafness import DEAF
@@ -19,6 +19,7 @@ from gateway.line.gaps import start_order
 from gateway.line.host import LineHost
 from gateway.line.outcome import Outcome
 from gateway.line.serial_port import SerialOpener
+from gateway.mqtt.boot import Boot
 from gateway.mqtt.broker import BrokerConnection
 from gateway.mqtt.intake import MAX_AHEAD_S, MAX_TTL_S, Incoming, Intake, Rejection
 from gateway.mqtt.outbox import Outbox
@@ -28,7 +29,9 @@ from gateway.mqtt.settings import BrokerSettings, TlsSettings
 from gateway.mqtt.topics import Topics
 from gateway.starters.commander import Commander
 from gateway.starters.companions import Companions
+from gateway.starters.memory import FileMemory, NoMemory
 from gateway.starters.polling import polls_of
+from gateway.starters.precautions import Precautions
 from gateway.starters.records import EventRecord, Severity
 from gateway.starters.sequence import Sequence
 from gateway.starters.telemetry import StarterTelemetry
@@ -39,6 +42,7 @@ log = logging.getLogger(__name__)
 
 RESTART_PAUSE_S = 1.0
 FAREWELL_S = 3.0
+MEMORY_FILE, IDENTITIES_FILE = "precautions.json", "identities.json"  # in state_dir
 
 
 class App:
@@ -55,14 +59,16 @@ class App:
         clock: Clock | None = None,
     ) -> None:
         self._clock = clock or SystemClock()
+        self._clock_watch = ClockWatch(config.gateway.clock)
         self._sequence = Sequence()
         boot = secrets.token_hex(8)
         topics = Topics(config.base)
-        payloads = Payloads(topics, boot)
+        self._boot = Boot(boot)
+        payloads = Payloads(topics, self._boot)
         outbox = Outbox(last_topic=topics.gateway_status, pack=payloads.history)
         self._publisher = Publisher(payloads, outbox, self._clock)
         self._publisher.set_info(_info(config))
-        self._intake = Intake(topics, boot)
+        self._intake = Intake(topics, self._boot)
         self._broker = BrokerConnection(
             _broker_settings(config, folder=folder, password=password),
             outbox,
@@ -77,6 +83,7 @@ class App:
         self._starters: dict[str, StarterTelemetry] = {}
         self._by_unit: dict[tuple[str, int], StarterTelemetry] = {}
         self._companions = Companions(self._publisher)
+        self._precautions = self._build_precautions(config, folder / config.gateway.state_dir)
         self._build_lines(config)
         self._keeper = Keeper(
             folder / config.gateway.state_dir,
@@ -94,6 +101,15 @@ class App:
             clock=self._clock,
             sequence=self._sequence,
             journal=self._keeper.journal,
+            precautions=self._precautions,
+        )
+        self._companions.add_fast_lanes(
+            self._starters.values(),
+            wear=self._precautions.wear,
+            sink=self._keeper.sink(self._companions),
+            clock=self._clock,
+            sequence=self._sequence,
+            may_write=bool(config.operators),
         )
         self._vitals = Vitals(
             self._lines,
@@ -129,6 +145,7 @@ class App:
             for starter in self._starters.values():
                 await starter.close()
             await self._companions.close()
+            await self._precautions.identities.close()
             await self._keeper.close(reason)
             await self._broker.close(self._publisher.farewell(reason), within_s=FAREWELL_S)
         finally:
@@ -170,6 +187,18 @@ class App:
                     starter.on_unit(is_answering=False, reason=reason)
         self._vitals.note_port(line, "" if is_open else reason)
 
+    def _build_precautions(self, config: Config, state_dir: Path) -> Precautions:
+        return Precautions(
+            policy_of(config),
+            [starter.name for line in config.lines for starter in line.starters],
+            rights=rights_of(config),
+            sink=self._publisher,
+            clock=self._clock,
+            sequence=self._sequence,
+            memory=FileMemory(state_dir / MEMORY_FILE) if config.operators else NoMemory(),
+            identities_memory=FileMemory(state_dir / IDENTITIES_FILE) if config.operators else NoMemory(),
+        )
+
     def _build_lines(self, config: Config) -> None:
         for line in config.lines:
             setups = setups_of(line)
@@ -187,7 +216,12 @@ class App:
             self._lines.append(client)
             for setup in setups:
                 starter = StarterTelemetry(
-                    setup, line=client, sink=self._publisher, clock=self._clock, sequence=self._sequence
+                    setup,
+                    line=client,
+                    sink=self._precautions.witness,
+                    clock=self._clock,
+                    sequence=self._sequence,
+                    identities=self._precautions.identities,
                 )
                 self._starters[setup.name] = self._by_unit[line.name, setup.address] = starter
                 self._companions.add(starter)
@@ -198,7 +232,7 @@ class App:
             incoming,
             utc_s=self._clock.utc_s(),
             received_s=self._clock.now_s(),
-            clock_is_synchronised=True,
+            clock_is_synchronised=self._clock_watch.is_synchronised(),
         )
         match verdict:
             case Rejection():
@@ -210,8 +244,11 @@ class App:
 
     def _note_link(self, is_connected: bool, trouble: str) -> None:  # noqa: FBT001 - the callback's shape
         if is_connected:
+            self._boot.connected(self._clock.now_s())
             self.tell("broker_connected", Severity.INFO, "connected to the broker")
         else:
+            self._boot.disconnected()
+            self._publisher.restate()  # with the boot token of the next connection
             self.tell("broker_away", Severity.WARNING, trouble)
         self._vitals.note_link(trouble)
 
@@ -240,6 +277,7 @@ def _info(config: Config) -> GatewayInfo:
         starters=tuple(starter.name for line in config.lines for starter in line.starters),
         lines=tuple(line.name for line in config.lines),
         operators=tuple(Operator(each.client, each.may, each.starters) for each in config.operators),
+        groups=policy_of(config).groups,
     )
 
 

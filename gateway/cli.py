@@ -63,12 +63,21 @@ class _Parser(argparse.ArgumentParser):
         self.exit(USAGE, f"{PROGRAM}: {message} (see {self.prog} --help)\n")
 
 
+class _Help(argparse.HelpFormatter):
+    """Keeps each command on one line; argparse forgets that they stand two columns further in."""
+
+    def __init__(self, prog: str) -> None:
+        super().__init__(prog)
+        self._action_max_length = 4 + max(map(len, COMMANDS))
+
+
 def _parser(chosen: str | None) -> argparse.ArgumentParser:
     """Return a parser that knows the chosen command's arguments; the other commands are not even imported."""
     parser = _Parser(
         prog=PROGRAM,
         description="Motor soft-starters on RS-485 lines, by MQTT. It is not a safety function.",
         epilog="exit codes: 0 done, 1 failed, 2 usage, 78 bad configuration",
+        formatter_class=_Help,
     )
     parser.add_argument("--version", action="version", version=f"{PROGRAM} {__version__}")
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)

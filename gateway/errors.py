@@ -1,19 +1,20 @@
 """Every exception of the gateway, split by what the caller does next.
 
-    GatewayError
-    ├── ConfigError          the configuration is wrong: print all problems, exit 78
-    ├── ProfileError         a shipped family profile is wrong: a bug, exit 1
-    ├── UsageError           a command line asks for what does not exist: exit 2
-    ├── PortError            the port cannot be opened (now): report, wait, try again
-    │   └── PortLostError    an open port is gone: report, reopen
-    ├── CodecError           bytes that are no valid Modbus: `transaction` turns it into an outcome
-    │   ├── BadFrameError    wrong CRC, too short, too long
-    │   ├── BadReplyError    a valid frame that does not answer this request
-    │   └── BadRequestError  a request that no starter could accept; the simulator answers an exception
-    ├── CommandError         a command that cannot be carried out as asked: `rejected`, with a code
-    ├── StoreError           nothing can be kept on the disk (now): report, do without, try again
-    │   └── DamagedError     what is on the disk is not what was kept there: put it aside, begin afresh
-    └── BrokerError          the broker refuses or is away: report, wait, try again
+GatewayError
+├── ConfigError          the configuration is wrong: print all problems, exit 78
+├── ProfileError         a shipped family profile is wrong: a bug, exit 1
+├── UsageError           a command line asks for what does not exist: exit 2
+├── PortError            the port cannot be opened (now): report, wait, try again
+│   └── PortLostError    an open port is gone: report, reopen
+├── CodecError           bytes that are no valid Modbus: `transaction` turns it into an outcome
+│   ├── BadFrameError    wrong CRC, too short, too long
+│   ├── BadReplyError    a valid frame that does not answer this request
+│   └── BadRequestError  a request that no starter could accept; the simulator answers an exception
+├── CommandError         a command that cannot be carried out as asked: `rejected`, with a code
+├── StoreError           nothing can be kept on the disk (now): report, do without, try again
+│   └── DamagedError     what is on the disk is not what was kept there: put it aside, begin afresh
+├── BrokerError          the broker refuses or is away: report, wait, try again
+└── NoResultError        a command was sent and nobody knows its end: look at the starter
 """
 
 from __future__ import annotations
@@ -120,3 +121,11 @@ class BrokerError(GatewayError):
         self.reason = reason
         self.mend = mend
         super().__init__(reason + (f" ({mend})" if mend else ""))
+
+
+class NoResultError(GatewayError):
+    """A command was sent, and its final result did not come; with its `id` it can be asked for again."""
+
+    def __init__(self, id_: str, text: str) -> None:
+        self.id = id_
+        super().__init__(text)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 import pytest
 
 from gateway.clock import ClockWatch, is_kernel_clock_synchronised, is_synchronised_state
@@ -47,7 +50,16 @@ def test_this_machines_kernel_can_be_asked() -> None:
     assert is_kernel_clock_synchronised() in (True, False)
 
 
-def test_a_kernel_that_cannot_be_asked_vouches_for_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("age_s", [None, 0.0, 7000.0, 7300.0, -60.0])
+def test_where_the_kernel_may_not_be_asked_timesyncds_fresh_mark_does(
+    age_s: float | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mark = tmp_path / "synchronized"
     monkeypatch.setattr("ctypes.CDLL", lambda name: object())
+    monkeypatch.setattr("gateway.clock.TIMESYNC_MARK", mark)
+    monkeypatch.setattr("time.time", lambda: 1e9)
+    if age_s is not None:
+        mark.touch()
+        os.utime(mark, (1e9 - age_s, 1e9 - age_s))
 
-    assert not is_kernel_clock_synchronised()
+    assert is_kernel_clock_synchronised() is (age_s in (0.0, 7000.0))

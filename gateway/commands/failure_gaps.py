@@ -20,13 +20,13 @@ from gateway.line.gaps import (
 SHORTEST_LIMIT_S = 2.0  # of the service watchdog: a slow line needs most of a second for one transaction
 
 
-def gaps_of_starter(line: LineProspect, starter: StarterProspect) -> Gaps:
-    """Return the longest gaps of a starter, with the shipped unit's times."""
+def gaps_of_starter(line: LineProspect, starter: StarterProspect, restart: Restart | None = None) -> Gaps:
+    """Return the longest gaps of a starter, with the shipped unit's times unless others are given."""
     limits_s = {each.address: each.watchdog_s for each in line.table.starters if each.watchdog_s}
     polls = start_order((each.poll for each in line.forecast.polls), limits_s)
     allowance_s = line.table.adapter_allowance_s
     first_s = first_request_s(polls, timing_of(line.table), starter.table.address, allowance_s=allowance_s)
-    return gaps_of(starter.gap_s, first_s)
+    return gaps_of(starter.gap_s, first_s, restart)
 
 
 def print_gaps(line: LineProspect) -> None:

@@ -22,7 +22,7 @@ _TYPES = {
     "finite_number": "a finite number",
     "bool_type": "true or false",
 }
-_ARRAYS_OF_TABLES = ("line", "starter", "operator")
+_ARRAYS_OF_TABLES = ("line", "starter", "operator", "rules", "group")
 
 
 def explain(error: ValidationError) -> list[Mistake]:

@@ -34,6 +34,8 @@ def broken_rules(document: Document) -> list[Mistake]:
         *_duplicates(document),
         *_families(document),
         *_patterns(document),
+        *_groups(document),
+        *_feeders(document),
     ]
 
 
@@ -135,6 +137,8 @@ def _families(document: Document) -> Iterator[Mistake]:
         for starter_key, starter in _starters(key, line):
             if "slot" in starter and _is_family(starter):
                 yield from _slot(starter_key, load_profile(starter["family"]))
+            if starter.get("fast_words") is True and _is_family(starter):
+                yield from _fast_words(starter_key, load_profile(starter["family"]))
 
 
 def _is_family(starter: Document) -> bool:
@@ -158,16 +162,52 @@ def _slot(key: Key, profile: Profile) -> Iterator[Mistake]:
         yield Mistake((*key, "slot"), f"{profile.family} has no slots", "leave it out")
 
 
+def _fast_words(key: Key, profile: Profile) -> Iterator[Mistake]:
+    if profile.fast_words is None:
+        yield Mistake((*key, "fast_words"), f"{profile.family} has no words to map", "leave it out")
+
+
 def _patterns(document: Document) -> Iterator[Mistake]:
     starters = [starter for key, line in _lines(document) for _, starter in _starters(key, line)]
     names = [_text(starter, "name") for starter in starters if _text(starter, "name")]
-    for index, operator in enumerate(_list(document, "operator")):
-        patterns = _list(operator, "starters") if isinstance(operator, Mapping) else []
-        for position, pattern in enumerate(patterns):
-            if isinstance(pattern, str) and not fnmatch.filter(names, pattern):
-                key = ("operator", index, "starters", position)
-                mend = choose(pattern, names) if names else ""
-                yield Mistake(key, f"{short(pattern)} fits no starter", mend)
+    for where in ("operator", "rules", "group"):
+        for index, table in enumerate(_list(document, where)):
+            patterns = _list(table, "starters") if isinstance(table, Mapping) else []
+            for position, pattern in enumerate(patterns):
+                if isinstance(pattern, str) and not fnmatch.filter(names, pattern):
+                    mend = choose(pattern, names) if names else ""
+                    key = (where, index, "starters", position)
+                    yield Mistake(key, f"{short(pattern)} fits no starter", mend)
+
+
+def _groups(document: Document) -> Iterator[Mistake]:
+    """Tell groups whose name is taken: a command's topic must say which is meant."""
+    seen: dict[object, Key] = {}
+    for key, line in _lines(document):
+        for starter_key, starter in _starters(key, line):
+            seen.setdefault(_text(starter, "name"), (*starter_key, "name"))
+    for index, group in enumerate(_list(document, "group")):
+        if isinstance(group, Mapping):
+            mend = "each group needs a name that no starter and no other group has"
+            yield from _again(seen, ("group", index, "name"), _text(group, "name"), mend)
+
+
+def _feeders(document: Document) -> Iterator[Mistake]:
+    """Tell starters for which a feeder is named without a time, or a time without a feeder."""
+    shared = [table for table in _list(document, "rules") if isinstance(table, Mapping)]
+    for key, line in _lines(document):
+        for starter_key, starter in _starters(key, line):
+            name = _text(starter, "name")
+            tables = [t for t in shared if any(_fits(name, p) for p in _list(t, "starters"))]
+            own = {named for table in (*tables, _table(starter, "rules")) for named in table}
+            for one, other in (("feeder", "stagger_s"), ("stagger_s", "feeder")):
+                if one in own and other not in own:
+                    mend = "a feeder and the time between two starts on it go together"
+                    yield Mistake((*starter_key, "name"), f"{short(name)} has {one} without {other}", mend)
+
+
+def _fits(name: str, pattern: object) -> bool:
+    return isinstance(pattern, str) and fnmatch.fnmatchcase(name, pattern)
 
 
 def _lines(document: Document) -> Iterator[tuple[Key, Document]]:

@@ -1,4 +1,4 @@
-"""The shape of the configuration: frozen models of `[gateway]`, `[mqtt]`, `[[line]]`, `[[operator]]`.
+"""The shape of the configuration: frozen models of its tables, from `[gateway]` to `[[operator]]`.
 
 What one value may be stands here; what several values may be together stands in `rules.py`.
 """
@@ -34,8 +34,16 @@ Verb = Literal[
     "general_enable",
     "output",
     "configure",
+    "select",  # nobody needs it: who may do something may also select it
+    "cancel",
+    "lock",
+    "unlock",
+    "accept",
     "*",
 ]
+TwoStepVerb = Literal[
+    "start", "reset", "set", "jog", "direction", "local_remote", "general_enable", "output", "configure"
+]  # never stop
 
 
 class Table(BaseModel):
@@ -49,6 +57,7 @@ class GatewayTable(Table):
 
     name: Name  # a level in the topics, and the MQTT client id
     state_dir: Path = Field(default=Path("/var/lib/starter-gateway"), strict=False)
+    clock: Literal["auto", "trusted", "untrusted"] = "auto"  # auto: synchronised when the kernel says so
 
 
 class MqttTable(Table):
@@ -82,6 +91,29 @@ class MqttTable(Table):
         return urlsplit(self.url).scheme == "mqtts"
 
 
+class RulesTable(Table):
+    """`[line.starter.rules]`: what the gateway demands of commands to one starter; nothing by default."""
+
+    starts_per_hour: int | None = Field(default=None, ge=1, le=1000)  # local starts count as well
+    minimum_pause_s: float | None = Field(default=None, ge=0, le=86400)  # from standstill to the next start
+    feeder: Name | None = None  # its starters, of all lines, do not start at the same time
+    stagger_s: float | None = Field(default=None, gt=0, le=3600)  # after another start on the feeder
+    two_step: tuple[TwoStepVerb, ...] | None = Field(default=None, strict=False)  # select first, then operate
+
+
+class SharedRulesTable(RulesTable):
+    """`[[rules]]`: the same for several starters; a later table wins, a starter's own over all."""
+
+    starters: tuple[Glob, ...] = Field(strict=False, min_length=1)  # names, * and ? as in a shell
+
+
+class GroupTable(Table):
+    """`[[group]]`: starters that can be stopped by one command; no other verb works on a group."""
+
+    name: Name  # stands where a starter's name stands in command and result topics
+    starters: tuple[Glob, ...] = Field(strict=False, min_length=1)
+
+
 class StarterTable(Table):
     """`[[line.starter]]`: one machine on a line."""
 
@@ -93,7 +125,9 @@ class StarterTable(Table):
     slot: int | None = Field(default=None, ge=1, le=2)  # SSW900: of the RS-485 accessory
     response_time_s: float | None = Field(default=None, gt=0, le=10)  # None: as the manual says
     watchdog_s: float | None = Field(default=None, ge=0, le=1000)  # as set in the starter; 0: off
+    fast_words: bool = False  # SSW900: map the points onto 1500-1549 (written at standstill), one request reads all
     enabled: bool = True  # False: never asked, availability "disabled"
+    rules: RulesTable | None = None
 
 
 class LineTable(Table):
@@ -123,6 +157,8 @@ class Config(Table):
     mqtt: MqttTable
     lines: tuple[LineTable, ...] = Field(alias="line", strict=False, min_length=1)
     operators: tuple[OperatorTable, ...] = Field(default=(), alias="operator", strict=False)
+    rules: tuple[SharedRulesTable, ...] = Field(default=(), strict=False)
+    groups: tuple[GroupTable, ...] = Field(default=(), alias="group", strict=False)
 
     @property
     def base(self) -> str:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import fnmatch
 from pathlib import Path
 
-from gateway.config.schema import Config, LineTable, StarterTable
+from gateway.config.schema import Config, LineTable, RulesTable, StarterTable
 from gateway.families.load import load_profile
 from gateway.families.schema import Variant
 from gateway.modbus.timing import Framing, LineTiming
+from gateway.starters.policy import Policy
 from gateway.starters.rights import Operator, Rights
+from gateway.starters.rules import RuleSet
 from gateway.starters.setup import StarterSetup
 
 
@@ -27,6 +30,18 @@ def rights_of(config: Config) -> Rights:
     return Rights(Operator(each.client, each.may, each.starters) for each in config.operators)
 
 
+def policy_of(config: Config) -> Policy:
+    """Return what is demanded of commands, and which starters stop together."""
+    starters = [starter for line in config.lines for starter in line.starters]
+    return Policy(
+        rules={starter.name: _rules(config, starter) for starter in starters},
+        groups={
+            group.name: tuple(starter.name for starter in starters if _is_among(starter, group.starters))
+            for group in config.groups
+        },
+    )
+
+
 def tls_files_of(config: Config, folder: Path) -> tuple[str | None, str | None, str | None]:
     """Return the paths of `ca_file`, `cert_file` and `key_file`; `folder` is the configuration's."""
     mqtt = config.mqtt
@@ -34,6 +49,22 @@ def tls_files_of(config: Config, folder: Path) -> tuple[str | None, str | None, 
         None if name is None else str(folder / name) for name in (mqtt.ca_file, mqtt.cert_file, mqtt.key_file)
     )
     return ca, cert, key
+
+
+def _rules(config: Config, starter: StarterTable) -> RuleSet:
+    """Return the rules of a starter, key by key: its own, else those of the last table that names it."""
+    shared = [table for table in config.rules if _is_among(starter, table.starters)]
+    tables: list[RulesTable] = [*shared, starter.rules or RulesTable()]
+    given = {
+        name: value
+        for table in tables
+        for name, value in table.model_dump(exclude={"starters"}, exclude_none=True).items()
+    }
+    return RuleSet(**{**given, "two_step": frozenset(given.get("two_step", ()))})
+
+
+def _is_among(starter: StarterTable, patterns: tuple[str, ...]) -> bool:
+    return any(fnmatch.fnmatchcase(starter.name, pattern) for pattern in patterns)
 
 
 def _setup(line: LineTable, starter: StarterTable) -> StarterSetup:
@@ -46,4 +77,7 @@ def _setup(line: LineTable, starter: StarterTable) -> StarterSetup:
         every_s=starter.every_s,
         response_time_s=starter.response_time_s,
         is_enabled=starter.enabled,
+        watchdog_s=starter.watchdog_s,
+        timing=timing_of(line),
+        has_fast_words=starter.fast_words,
     )

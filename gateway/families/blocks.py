@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
 from gateway.families.decode import is_present
+from gateway.families.joining import cheapest_runs
 from gateway.families.parameters import read_run
 from gateway.families.schema import Confidence, Limits, Parameter, Profile, Table, Variant
 from gateway.modbus.pdu import Request
+from gateway.modbus.timing import LineTiming
 
 GROUPS = ("status", "values", "slow")
 
-_SURE = (Confidence.MANUAL, Confidence.REPAIRED)
+SURE = (Confidence.MANUAL, Confidence.REPAIRED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,14 +44,19 @@ class Block:
         return self.rows[0].address
 
 
-def plan_blocks(profile: Profile, variant: Variant) -> tuple[Block, ...]:
+def plan_blocks(
+    profile: Profile, variant: Variant, *, without: Collection[str] = (), timing: LineTiming | None = None
+) -> tuple[Block, ...]:
     """Return the reads that cover every point of this starter, in the order of `GROUPS`.
+
+    Rows `without` which it is planned are read in another way. On a line of this timing reads are joined over
+    registers that nobody wants where those take less time than another request.
 
     A row is never cut, and never shares a read with one that the manual does not vouch for: where a single
     unknown register refuses a read, it must not take known ones with it.
     """
     planned: list[Block] = []
-    seen: set[str] = set()
+    seen: set[str] = set(without)
     for group in GROUPS:
         codes = {
             point.code
@@ -58,7 +65,7 @@ def plan_blocks(profile: Profile, variant: Variant) -> tuple[Block, ...]:
         }
         rows = [profile.parameters[code] for code in codes - seen]
         seen |= codes
-        planned += [_block(group, run) for run in _runs(rows, profile.limits)]
+        planned += [_block(group, run) for run in _runs(rows, profile.limits, timing)]
     return tuple(planned)
 
 
@@ -84,12 +91,15 @@ def _block(group: str, rows: Sequence[Parameter]) -> Block:
     return Block(name=f"{group}:{first.code}", group=group, request=request, rows=tuple(rows))
 
 
-def _runs(rows: Iterable[Parameter], limits: Limits) -> list[list[Parameter]]:
+def _runs(rows: Iterable[Parameter], limits: Limits, timing: LineTiming | None) -> list[list[Parameter]]:
     def kind(row: Parameter) -> tuple[str, bool]:
-        return row.table, row.confidence not in _SURE
+        return row.table, row.confidence not in SURE
 
     runs: list[list[Parameter]] = []
     for (table, _), alike in groupby(sorted(rows, key=lambda row: (*kind(row), row.address)), key=kind):
+        if timing is not None and table is not Table.COIL and limits.max_gap:
+            runs += cheapest_runs(list(alike), timing, longest=limits.read_registers)
+            continue
         longest = limits.read_bits if table is Table.COIL else limits.read_registers
         run: list[Parameter] = []
         for row in alike:

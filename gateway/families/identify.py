@@ -34,6 +34,7 @@ class Identity:
     firmware: str | None = None
     serial: str | None = None
     rated_current_a: float | None = None
+    rating: str | None = None  # SSW900: the range of currents of its size (S3.3.1)
     slot: Literal[1, 2] | None = None  # SSW900: where the RS-485 accessory sits
     reason: str = ""
 
@@ -147,6 +148,7 @@ def _with_slots(profile: Profile, seen: Identity, answers: Mapping[str, Any]) ->
         model=seen.model or "SSW900",
         firmware=_package_version(answers.get("firmware")) or seen.firmware,
         serial=_double_word(answers.get("model")),
+        rating=_rating(profile, answers.get("model")),
         slot=_slot(slots),
         reason=f"{seen.reason}; slots 1 and 2 hold {slots}" if slots else seen.reason,
     )
@@ -166,6 +168,11 @@ def _package_version(answer: tuple[int, ...] | None) -> str | None:
 def _double_word(answer: tuple[int, ...] | None) -> str | None:
     """Return S3.3.4 out of registers 294-299, low word first."""
     return None if answer is None else str(answer[4] | answer[5] << 16)
+
+
+def _rating(profile: Profile, answer: tuple[int, ...] | None) -> str | None:
+    """Return S3.3.1 in words."""
+    return None if answer is None else profile.enums["S3.3.1"].get(answer[0])
 
 
 def _identify_sst(registers: tuple[int, ...] | None, name: tuple[int, ...] | None) -> Identity:

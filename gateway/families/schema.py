@@ -193,6 +193,14 @@ class Alarm(Model):
     text: str
 
 
+class FastWords(Model):
+    """Registers that read whatever parameters are mapped onto them (ssw900 7.2.3)."""
+
+    read: int = Field(ge=0, le=0xFFFF)  # the first of these registers
+    map: int = Field(ge=0, le=0xFFFF)  # of the first one's own register, which holds a parameter's address
+    words: int = Field(ge=1)  # how many there are
+
+
 class Identification(Model):
     """How to learn who answers: by FC43 object 1, by registers, or both."""
 
@@ -218,6 +226,7 @@ class Profile(Model):
     command_word: tuple[str, ...] = ()  # code of the command word per slot (SSW900), one otherwise
     points: dict[str, Point]
     commands: dict[str, Command]
+    fast_words: FastWords | None = None  # None: the family has none
     outputs: dict[str, Output] = {}  # by the name of their terminals: RL1, AO1, DO1
     parameters: dict[str, Parameter]  # by code
     enums: dict[str, dict[int, str]] = {}

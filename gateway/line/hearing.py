@@ -8,7 +8,7 @@ from gateway.modbus import adu
 from gateway.modbus.codes import EXCEPTION_BIT
 from gateway.modbus.pdu import Request, exception_code
 
-_SHORTEST_REPLY = 5  # bytes: an exception
+SHORTEST_REPLY = 5  # bytes: an exception
 
 
 class Hearing:
@@ -50,8 +50,8 @@ class Hearing:
     def lacking(self) -> int:
         """Return how many bytes are missing at least before it can be told more than now."""
         received = self._received
-        if len(received) < _SHORTEST_REPLY:
-            return _SHORTEST_REPLY - len(received)
+        if len(received) < SHORTEST_REPLY:
+            return SHORTEST_REPLY - len(received)
         if self.may_be_echo():
             return 1
         reply = self.reply()

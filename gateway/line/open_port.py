@@ -20,10 +20,15 @@ from gateway.errors import PortLostError
 from gateway.line.uart import uart_errors
 
 KEPT_BYTES = 4096  # unread; more than the longest frame many times over
-SPIN_S = 0.00015  # a wait sleeps until so long before its end; what wakes it then is some 100 us late
+EARLY_S = 0.00012  # a read ends so long before its time, at first; what wakes it is about as late
+EARLY_LEAST_S, EARLY_MOST_S = 0.00005, 0.0003
 DOZE_FROM = 3  # bytes still lacking from which on their arrival one by one is not watched
 
+_JUST_IN_TIME_S = 0.00003  # left after waking up: as long as it takes to get to the write
+_EARLIER_S, _LATER_S = 0.000010, 0.000001  # the steps of learning: about one in ten then is later than that
+
 _READ_SIZE = 4096
+_AT_ONCE_S = 0.00004
 _AWAKE_S = 0.00005  # before the last byte but one is there: waking up takes a little longer
 _CLOSED_BY_OTHER = "lost: closed by the other side"
 
@@ -40,6 +45,8 @@ class OpenPort(asyncio.Protocol, abc.ABC):
         self._wanted = 1  # bytes for which whoever reads is woken
         self._last_byte_s = -inf
         self._waiter: asyncio.Future[None] | None = None
+        self._early_s = EARLY_S
+        self._hold_s = -inf  # until then nothing is written
         self._lost: str | None = None  # the reason
         self._closed = asyncio.Event()
 
@@ -53,16 +60,21 @@ class OpenPort(asyncio.Protocol, abc.ABC):
         """Hand one whole frame to the wire; raise PortLostError when the port is gone or stuck."""
 
     async def read(self, *, until_s: float, count: int = 1) -> bytes:
-        """Return what has arrived, once it is `count` bytes or at `until_s`; b"" when nothing came."""
+        """Return what has arrived, once it is `count` bytes or right before `until_s`; b"" when nothing came.
+
+        A write that follows waits for the rest of the time, so that all that is done between the two is free.
+        """
         while len(self._received) < count:
-            if self._lost is not None and not self._received:
-                raise PortLostError(self._name, self._lost)
-            left_s = until_s - self._time()
-            if left_s <= SPIN_S or self._lost is not None:
-                if left_s > 0 and self._lost is None:
-                    self._spin(until_s)
+            if self._lost is not None:
+                if not self._received:
+                    raise PortLostError(self._name, self._lost)
                 break
-            await self._wait(until_s - SPIN_S, count)
+            if until_s - self._time() <= self._early_s:
+                self._fetch()
+                self._hold_s = until_s
+                break
+            if await self._wait(until_s - self._early_s, count):
+                self._learn_to_wake(until_s - self._time())
         chunk = bytes(self._received)
         self._received.clear()
         return chunk
@@ -93,24 +105,33 @@ class OpenPort(asyncio.Protocol, abc.ABC):
         self._wake()
         self._loop.call_soon(self._closed.set)
 
-    def _take(self, data: bytes) -> None:
-        """Keep bytes that have just been handed over."""
-        self._last_byte_s = self._time()
+    def _take(self, data: bytes, asked_s: float) -> None:
+        """Keep bytes that have just been handed over, the driver being asked for them at `asked_s`."""
+        now_s = self._time()
+        # What is here was here when we asked, unless that took us so long that more can have come meanwhile.
+        self._last_byte_s = asked_s if now_s - asked_s < _AT_ONCE_S else now_s
         self._received += data
         del self._received[:-KEPT_BYTES]
 
-    def _spin(self, until_s: float) -> None:
-        """Wait for the last moment of a wait without letting go: no sleep ends as exactly."""
-        time = self._time
+    def _hold(self) -> None:
+        """Wait for the end of a read that ended early without letting go: no sleep ends as exactly."""
+        time, until_s = self._time, self._hold_s
         while time() < until_s:
             pass
-        self._fetch()
+
+    def _learn_to_wake(self, left_s: float) -> None:
+        """Learn how early a wait must be woken on this machine."""
+        if left_s < _JUST_IN_TIME_S:
+            self._early_s = min(self._early_s + _EARLIER_S, EARLY_MOST_S)
+        else:
+            self._early_s = max(self._early_s - _LATER_S, EARLY_LEAST_S)
 
     @abc.abstractmethod
     def _fetch(self) -> None:
         """Take what has arrived, without waiting."""
 
-    async def _wait(self, until_s: float, count: int) -> None:
+    async def _wait(self, until_s: float, count: int) -> bool:
+        """Wait until then, or for so many bytes; return whether it was the time that ended it."""
         self._wanted = count
         self._waiter = self._loop.create_future()
         timer = self._loop.call_at(until_s, self._wake)
@@ -120,6 +141,7 @@ class OpenPort(asyncio.Protocol, abc.ABC):
             timer.cancel()
             self._waiter = None
             self._wanted = 1
+        return len(self._received) < count and self._lost is None
 
     def _wake(self) -> None:
         if self._waiter is not None and not self._waiter.done():
@@ -150,6 +172,7 @@ class TtyPort(OpenPort):
         """Hand one whole frame to the wire; raise PortLostError when the port is gone or stuck."""
         if self._lost is not None:
             raise PortLostError(self._name, self._lost)
+        self._hold()
         try:
             count = os.write(self._fd, frame)
         except BlockingIOError:
@@ -192,6 +215,7 @@ class TtyPort(OpenPort):
     def _fetch(self) -> None:
         if self._lost is not None:
             return
+        asked_s = self._time()
         try:
             data = os.read(self._fd, _READ_SIZE)
         except BlockingIOError:
@@ -200,7 +224,7 @@ class TtyPort(OpenPort):
             self._give_up(f"lost: {error.strerror}")
             return
         if data:
-            self._take(data)
+            self._take(data, asked_s)
         else:
             self._give_up(_CLOSED_BY_OTHER)
 
@@ -241,6 +265,7 @@ class SocketPort(OpenPort):
         """Hand one whole frame to the connection; raise PortLostError when it is gone or stuck."""
         if self._lost is not None:
             raise PortLostError(self._name, self._lost)
+        self._hold()
         transport = cast(asyncio.Transport, self._transport)
         if transport.get_write_buffer_size() > 0:
             raise PortLostError(self._name, "stuck: takes no more bytes", "restart the serial server")
@@ -248,7 +273,7 @@ class SocketPort(OpenPort):
 
     def data_received(self, data: bytes) -> None:
         """Take bytes; asyncio calls this."""
-        self._take(data)
+        self._take(data, self._time())
         if len(self._received) >= self._wanted:
             self._wake()
 

@@ -17,13 +17,17 @@ class Port(Protocol):
         ...
 
     def write(self, frame: bytes) -> None:
-        """Hand one whole frame to the wire, without waiting; raise PortLostError when the port is gone."""
+        """Hand one whole frame to the wire, at once; raise PortLostError when the port is gone.
+
+        When the read before ended a moment before its time, the frame waits for that time.
+        """
         ...
 
     async def read(self, *, until_s: float, count: int = 1) -> bytes:
         """Return what has arrived, waiting for at least one byte until `until_s`; b"" when none came.
 
-        A port may wait for `count` bytes before it wakes its caller, but need not.
+        A port may wait for `count` bytes before it wakes its caller, but need not. It may end a wait in which
+        nothing came some 0.1 ms early.
         Raises PortLostError when the port is gone.
         """
         ...

@@ -13,6 +13,10 @@ import os
 import selectors
 import time
 
+LOOK_EVERY_S = 0.0005  # at files, while there is something else to do
+
+_COARSE_FROM_S, _COARSE_REST_S = 0.006, 0.003  # epoll waits for whole ms, which costs less than the timer
+
 _CLOCK_MONOTONIC = time.CLOCK_MONOTONIC
 _NANOSECONDS = 1_000_000_000
 
@@ -44,16 +48,33 @@ class PreciseSelector(selectors.EpollSelector):
         if self._timer_fd < 0:
             self.close()
             raise OSError(ctypes.get_errno(), "timerfd_create")
+        self._looked_s = -math.inf  # when files were looked at last
         self.register(self._timer_fd, selectors.EVENT_READ)
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        """Return what is ready, as every selector does, but never before `timeout` when nothing is."""
+        """Return what is ready, as every selector does, but never before `timeout` when nothing is.
+
+        A loop that has callbacks to run asks without waiting between them; files then are looked at only
+        every so often, since the next true wait will tell of them anyway.
+        """
         if timeout is not None and timeout <= 0:
+            if time.monotonic() - self._looked_s < LOOK_EVERY_S:
+                return []
             ready = super().select(0)
         else:
-            self._arm(0 if timeout is None else max(math.ceil(timeout * _NANOSECONDS), 1))
-            ready = super().select(None)
-        return [(key, events) for key, events in ready if key.fd != self._timer_fd]
+            ready = self._wait(timeout)
+        self._looked_s = time.monotonic()
+        return [each for each in ready if each[0].fd != self._timer_fd]
+
+    def _wait(self, timeout: float | None) -> list[tuple[selectors.SelectorKey, int]]:
+        if timeout is not None and timeout > _COARSE_FROM_S:
+            until_s = time.monotonic() + timeout
+            ready = super().select(timeout - _COARSE_REST_S)  # most waits for a reply end in this one
+            timeout = until_s - time.monotonic()
+            if ready or timeout <= 0:
+                return ready
+        self._arm(0 if timeout is None else max(math.ceil(timeout * _NANOSECONDS), 1))
+        return super().select(None)
 
     def close(self) -> None:
         """Close the epoll set and its timer."""

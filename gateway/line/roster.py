@@ -9,15 +9,17 @@ from gateway.line.agenda import Listed
 from gateway.line.health import UnitHealth, UnitState
 from gateway.line.job import Poll
 from gateway.line.silence import BACK_OFF_FLOOR_S
-from gateway.line.stretch import Share
+
+GUESSED_COST_S = 0.03  # of a poll that has not been answered yet
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
-class Entry(Listed, Share):
+class Entry(Listed):
     """One poll and when it is due; `release_s` is that time, `deadline_s` when it should have been asked."""
 
     poll: Poll
     unit: Unit
+    every_s: float
     soonest_s: float = -inf  # due without any stretching: an idle line may ask it from then on
     rhythm_s: float = -inf  # from which its next due time is counted
     is_out: bool = False  # under way, or about to be repeated
@@ -25,6 +27,11 @@ class Entry(Listed, Share):
     is_repetition: bool = False
     is_first: bool = False  # of its unit, and not asked since the port was opened
     is_watchdogs: bool = False  # asked for its unit's watchdog more often than in its own rhythm
+    cost_s: float = GUESSED_COST_S  # of the line's time
+    is_measured: bool = False
+    is_counted: bool = False  # in what the line is asked for
+    load: float = 0.0  # share of the line's time, as counted at present
+    is_free: bool = False  # counted as one without a period
 
 
 @dataclass(slots=True, eq=False, kw_only=True)

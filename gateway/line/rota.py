@@ -61,7 +61,11 @@ class Rota:
     def next_s(self) -> float:
         """Return when `first` will return something; a little early at times, never late."""
         return min(
-            _next_s(self._timed), self._early_s(), _next_s(self._free), _next_s(self._suspect), self._probe_s()
+            _next_s(self._timed),
+            self._early_s(),
+            _next_s(self._free),
+            _next_s(self._suspect),
+            self._probe_s(),
         )
 
     def _of_answering(self, now_s: float) -> Entry | None:

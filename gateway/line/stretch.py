@@ -7,26 +7,15 @@ polls cost, measured, against what jobs and silent units leave of the line.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
-GUESSED_COST_S = 0.03  # of a poll that has not been answered yet
+from gateway.line.roster import Entry
+
 SLACK = 1.05  # the stretched periods leave this much, so that a jam dissolves; idle time is not left idle
 FREE_ROOM = 0.1  # of the line's time is left to polls without a period, where there are any
 
 _WEIGHT = 0.125  # of the newest cost
 _OTHERS_OVER_S = 10.0  # the share of jobs and silent units is that of about the last so many seconds
 _LEAST_ROOM = 0.05
-
-
-@dataclass(slots=True, eq=False, kw_only=True)
-class Share:
-    """What one poll costs of the line's time; for a poll with a period that is asked in its rhythm."""
-
-    every_s: float
-    cost_s: float = GUESSED_COST_S
-    is_measured: bool = False
-    load: float = 0.0  # as counted at present
-    is_free: bool = False  # counted at present as one without a period
 
 
 def stretch_of(load: float, *, others: float, has_free: bool) -> float:
@@ -49,23 +38,23 @@ class Stretch:
         self._noted_s: float | None = None
         self._free_count = 0
 
-    def count(self, share: Share, *, is_counted: bool) -> None:
+    def count(self, entry: Entry, *, is_counted: bool) -> None:
         """Take over a poll's period, and whether it is asked in its rhythm at present."""
-        is_free = is_counted and not share.every_s
-        self._free_count += is_free - share.is_free
-        share.is_free = is_free
-        load = share.cost_s / share.every_s if is_counted and share.every_s else 0.0
-        self._load += load - share.load
-        share.load = load
+        is_free = is_counted and not entry.every_s
+        self._free_count += is_free - entry.is_free
+        entry.is_free = is_free
+        load = entry.cost_s / entry.every_s if is_counted and entry.every_s else 0.0
+        self._load += load - entry.load
+        entry.load, entry.is_counted = load, is_counted
         self._set_factor()
 
-    def measure(self, share: Share, took_s: float) -> None:
+    def measure(self, entry: Entry, took_s: float) -> None:
         """Learn what one transaction of a poll has cost; the first tells more than the guess."""
-        weight = _WEIGHT if share.is_measured else 1.0
-        share.is_measured = True
-        share.cost_s += weight * (took_s - share.cost_s)
-        if share.load:
-            self.count(share, is_counted=True)
+        weight = _WEIGHT if entry.is_measured else 1.0
+        entry.is_measured = True
+        entry.cost_s += weight * (took_s - entry.cost_s)
+        if entry.is_counted:
+            self.count(entry, is_counted=True)
 
     def pass_time(self, now_s: float, others_s: float) -> None:
         """Take over that time has passed, of which jobs, watchdogs and silent units took so much."""
@@ -76,9 +65,9 @@ class Stretch:
             self._set_factor()
         self._noted_s = now_s
 
-    def recount(self, shares: Iterable[Share]) -> None:
+    def recount(self, entries: Iterable[Entry]) -> None:
         """Add up anew, so that rounding does not."""
-        self._load = sum(share.load for share in shares)
+        self._load = sum(entry.load for entry in entries)
         self._set_factor()
 
     def _set_factor(self) -> None:

@@ -7,8 +7,9 @@ from collections.abc import Callable
 from math import inf
 from typing import assert_never
 
+from gateway.errors import BadReplyError
 from gateway.line.budget import ALLOWANCE_S
-from gateway.line.hearing import Hearing, judge
+from gateway.line.hearing import SHORTEST_REPLY, Hearing, judge
 from gateway.line.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.port import Port
 from gateway.line.prepared import MIRRORED, Prepared
@@ -16,6 +17,7 @@ from gateway.line.quarantine import Quarantine
 from gateway.line.suspicion import Suspicions
 from gateway.line.trace import Trace
 from gateway.modbus import adu
+from gateway.modbus.crc import crc16
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import BROADCAST_TURNAROUND_S, LineTiming
 
@@ -52,6 +54,7 @@ class Transactor:
         self._stray = bytearray()
         self._asked = adu.BROADCAST  # the unit of the latest request
         self._is_echoing = False
+        self._began_s = inf  # the first byte of the reply under way
         self.suspicions = Suspicions()
         self.is_on_wire = False  # from the moment a request is written until its outcome is known
         self.written_s = -inf  # when the latest request was written
@@ -142,11 +145,17 @@ class Transactor:
         sent_end_s = self._own_end_s
         reply_s = (prepared.reply_size or adu.MAX_ADU_SIZE) * self._character_s
         deadline_s = sent_end_s + response_time_s + reply_s + self._allowance_s
+        heard = b""
+        if prepared.reply_size is not None and not (prepared.is_mirrored or self._is_echoing):
+            heard = await self._expect(prepared, prepared.reply_size, deadline_s)
+            answered = self._plain_answer(prepared, heard, sent_end_s)
+            if answered is not None:
+                return answered
         first_by_s = deadline_s
         if prepared.reply_size is None:
             first_by_s += _FIRST_CHUNK_SIZE * self._character_s - reply_s
         hearing = Hearing(prepared.adu, is_mirrored=prepared.is_mirrored, is_echoing=self._is_echoing)
-        began_s = await self._listen(hearing, first_by_s=first_by_s, deadline_s=deadline_s)
+        began_s = await self._listen(hearing, heard, first_by_s=first_by_s, deadline_s=deadline_s)
         at_s = self._port.last_byte_s
         if hearing.received:
             self._trace.received(at_s, hearing.received)
@@ -158,6 +167,35 @@ class Transactor:
         unit_until_s = sent_end_s + LATE_FACTOR * late_s + reply_s + self._allowance_s
         self._guard(prepared.unit, outcome, deadline_s, deadline_s + response_time_s, unit_until_s)
         return outcome
+
+    async def _expect(self, prepared: Prepared, size: int, until_s: float) -> bytes:
+        """Return what is heard as soon as it has the size of the normal reply, or cannot become one."""
+        heard = await self._port.read(until_s=until_s, count=SHORTEST_REPLY)
+        self._began_s = self._port.last_byte_s - len(heard) * self._character_s
+        while SHORTEST_REPLY <= len(heard) < size and not prepared.adu.startswith(heard):
+            if heard[1] != prepared.adu[1]:
+                break
+            more = await self._port.read(until_s=until_s, count=size - len(heard))
+            if not more:
+                break
+            heard += more
+        return heard
+
+    def _plain_answer(self, prepared: Prepared, frame: bytes, sent_end_s: float) -> Answered | None:
+        """Return the answer that a frame is beyond doubt, as nearly all are; None leaves it to the judge."""
+        if len(frame) != prepared.reply_size or frame[0] != prepared.unit or crc16(frame):
+            return None
+        unit = prepared.unit
+        if self._quarantine.owes(unit) or self.suspicions.is_doubling(unit):
+            return None
+        try:
+            value = prepared.request.decode_reply(frame[1:-2])
+        except BadReplyError:
+            return None
+        at_s = self._port.last_byte_s
+        self._trace.received(at_s, frame)
+        self.suspicions.note_answer(unit, frame, at_s=at_s)
+        return Answered(value, at_s, max(self._began_s - sent_end_s, 0.0))
 
     def _judge(self, prepared: Prepared, hearing: Hearing, *, at_s: float, took_s: float) -> Outcome:
         """Return what was heard, and take note of what else was."""
@@ -186,13 +224,16 @@ class Transactor:
             self._judge_stray(reply[len(frame) :])
         return outcome
 
-    async def _listen(self, hearing: Hearing, *, first_by_s: float, deadline_s: float) -> float:
-        """Read until the reply is whole or will not come; return when its first byte began.
+    async def _listen(
+        self, hearing: Hearing, heard: bytes, *, first_by_s: float, deadline_s: float
+    ) -> float:
+        """Read on until the reply is whole or will not come; return when its first byte began.
 
         Where the first byte is due before the deadline, only further bytes keep us listening so long.
         """
         gap_s = self._silence_s + self._allowance_s
-        began_s = inf
+        hearing.feed(heard)
+        began_s = inf if hearing.may_be_echo() else self._began_s
         until_s = first_by_s
         while self._time() < until_s and hearing.whole_reply() is None:
             chunk = await self._port.read(until_s=until_s, count=hearing.lacking())

@@ -5,10 +5,10 @@ from __future__ import annotations
 import asyncio
 import uuid
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-from gateway.errors import BrokerError
+from gateway.errors import BrokerError, GatewayError, NoResultError
 from gateway.mqtt.intake import Incoming
 from gateway.mqtt.json_in import read_object
 from gateway.mqtt.json_out import rfc3339, to_payload
@@ -19,7 +19,10 @@ from gateway.mqtt.settings import BrokerSettings
 from gateway.mqtt.topics import Topics
 from gateway.starters.records import Phase
 
+STOP = "stop"
 STATUS_WITHIN_S = 5.0  # the retained status comes with the subscription
+STOP_STATUS_WITHIN_S = 0.25  # a stop does not wait for it
+TROUBLED_WITHIN_S = 2.0  # for the result of a stop that was sent although no gateway seemed to be there
 _FINAL = frozenset(phase.value for phase in Phase if phase.is_final)
 _REFUSED = 0x80  # reason codes from here on [MQTT5 2.4]
 
@@ -33,6 +36,11 @@ class Order:
     verb: str
     args: Mapping[str, Any] = field(default_factory=dict)
     operator: str | None = None  # a claim
+    reason: str | None = None
+    id: str | None = None  # None: a new one
+    ttl_s: float | None = None  # None: as the gateway has it
+    expect: Mapping[str, Any] = field(default_factory=dict)  # what must be so still, e.g. {"state": "ready"}
+    select: str | None = None  # the token of a selection
 
 
 class Sender:
@@ -50,17 +58,23 @@ class Sender:
 
         `now_s` is the wall time. BrokerError when the broker or the gateway is away, or writing is forbidden.
         """
+        order = replace(order, id=order.id or uuid.uuid4().hex)
         session = await self._connected()
         try:
-            boot = await self._boot(session)
+            boot, trouble = await self._boot(session, order)
             if not await session.subscribe(self._topics.result(order.starter, order.client)):
-                raise self._forbidden(f"read the results of {order.client}")
+                trouble = self._forbidden(f"read the results of {order.client}")
+            if trouble is not None and order.verb != STOP:
+                raise trouble
             message = self._message(order, boot=boot, now_s=now_s)
             session.publish(1, message)
+            within_s = min(within_s, TROUBLED_WITHIN_S) if trouble is not None else within_s
             try:
                 async with asyncio.timeout(within_s):
                     return await self._final(order, message, on_phase)
             except TimeoutError:
+                if trouble is not None:
+                    raise BrokerError(f"the stop was sent, and nobody answered: {trouble}") from None
                 return None
         finally:
             await session.disconnect()
@@ -85,13 +99,22 @@ class Sender:
                 session.lost.add_done_callback(lambda _: self._news.put_nowait(None))
                 return session
 
-    async def _boot(self, session: Session) -> str:
-        """Return the token of the gateway's present run, which proves a command fresh."""
+    async def _boot(self, session: Session, order: Order) -> tuple[str | None, BrokerError | None]:
+        """Return the token that proves a command fresh; a stop does without, and hears why there is none."""
+        is_stop = order.verb == STOP
+        try:
+            return await self._told_boot(session, STOP_STATUS_WITHIN_S if is_stop else STATUS_WITHIN_S), None
+        except BrokerError as error:
+            if not is_stop or session.lost.done():
+                raise
+            return None, error
+
+    async def _told_boot(self, session: Session, within_s: float) -> str:
         topic = self._topics.gateway_status
         if not await session.subscribe(topic, with_retained=True):
             raise self._forbidden(f"read {topic}")
         try:
-            async with asyncio.timeout(STATUS_WITHIN_S):
+            async with asyncio.timeout(within_s):
                 while True:
                     status = await self._next(topic)
                     if status is not None:
@@ -122,9 +145,7 @@ class Sender:
         news = await self._news.get()
         match news:
             case None:
-                raise BrokerError(
-                    f"the connection to {self._settings.address} was lost", "look at the starter"
-                )
+                raise self._lost(order)
             case int() if news >= _REFUSED and order is not None:
                 raise self._forbidden(
                     f"write {self._topics.command(order.starter, order.client, order.verb)}"
@@ -137,16 +158,29 @@ class Sender:
             case _:
                 return None
 
-    def _message(self, order: Order, *, boot: str, now_s: float) -> Message:
-        body = {
-            "id": uuid.uuid4().hex,
-            "issued_at": rfc3339(now_s),
+    def _message(self, order: Order, *, boot: str | None, now_s: float) -> Message:
+        optional = {
             "boot": boot,
+            "operator": order.operator,
+            "reason": order.reason,
+            "ttl_s": order.ttl_s,
+            "expect": order.expect,
+            "select": order.select,
+        }
+        body = {
+            "id": order.id,
+            "issued_at": rfc3339(now_s),
             "args": order.args,
-            **({"operator": order.operator} if order.operator else {}),
+            **{name: value for name, value in optional.items() if value},
         }
         topic = self._topics.command(order.starter, order.client, order.verb)
         return Message(topic, to_payload(body), qos=1, retain=False)
+
+    def _lost(self, order: Order | None) -> GatewayError:
+        text = f"the connection to {self._settings.address} was lost"
+        if order is None:
+            return BrokerError(text, "nothing was sent")
+        return NoResultError(str(order.id), f"{text} before the end was told: look at the starter")
 
     def _forbidden(self, what: str) -> BrokerError:
         who = f"user {self._settings.username}" if self._settings.username else "a client without login"

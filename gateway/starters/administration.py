@@ -1,4 +1,4 @@
-"""Carries out the verbs that concern the gateway alone: select, cancel, lock, unlock. Nothing is written."""
+"""Carries out the verbs that concern the gateway alone: select, cancel, lock, unlock, accept. Nothing is written."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gateway.clock import Clock
 from gateway.errors import CommandError
 from gateway.families.command import verbs
 from gateway.families.state import state_of
-from gateway.starters.admission import CANCEL, LOCK, SELECT, UNLOCK, Admission
+from gateway.starters.admission import ACCEPT, CANCEL, LOCK, SELECT, Admission
 from gateway.starters.control import StarterControlView
 from gateway.starters.errand import STOP, End, Errand
 from gateway.starters.maintenance import NOTICE, reason_in, refusal
@@ -37,6 +37,7 @@ class Administration:
         self._admission = admission
         self._logbook = precautions.logbook
         self._selections = precautions.selections
+        self._identities = precautions.identities
         self._saver = precautions.saver
         self._witness = precautions.witness
         self._clock = clock
@@ -51,6 +52,9 @@ class Administration:
         elif request.verb == CANCEL:
             _require_names(request.args, ())
             self._selections.check_own(request.starter, request.client, now_s=self._clock.now_s())
+        elif request.verb == ACCEPT:
+            _require_names(request.args, ())
+            self._identities.waiting(request.starter)
         elif request.verb == LOCK:
             reason_in(request.args, request.reason)
             if lock is not None and lock.by != request.client:
@@ -70,6 +74,8 @@ class Administration:
             self._selections.end(name)
             errand.finish(End(Phase.CONFIRMED, "ok", "the selection is cancelled"))
             return None
+        if request.verb == ACCEPT:
+            return self._accept(errand)
         before = self._logbook.lock_of(name)
         if request.verb == LOCK:
             reason = reason_in(request.args, request.reason)
@@ -93,6 +99,22 @@ class Administration:
         else:
             self._set_lock(request.starter, before)
             errand.finish(End(Phase.FAILED, "not_kept", "still locked: it could not be kept on the disk"))
+
+    async def _accept(self, errand: Errand) -> None:
+        """Take the one who answers for right, at once, and say so once it is on the disk."""
+        try:
+            stranger = self._identities.accept(errand.request.starter)
+        except CommandError as error:  # it went silent a moment ago
+            errand.finish(End(Phase.REJECTED, error.code, error.text))
+            return
+        errand.before = stranger.known.as_data()
+        seen = stranger.seen.as_data()
+        if await self._identities.kept():
+            end = End(Phase.CONFIRMED, "ok", "the present identity is accepted", seen, seen)
+        else:
+            text = "accepted as long as this gateway runs, but that could not be kept on the disk"
+            end = End(Phase.FAILED, "not_kept", text, seen, seen)
+        errand.finish(end)
 
     def _set_lock(self, starter: str, lock: LockRecord | None) -> None:
         self._logbook.set_lock(starter, lock)

@@ -21,8 +21,8 @@ from gateway.starters.precautions import Precautions
 from gateway.starters.request import CommandRequest
 from gateway.starters.rights import Rights
 
-SELECT, CANCEL, LOCK, UNLOCK = "select", "cancel", "lock", "unlock"
-OWN_VERBS = (SELECT, CANCEL, LOCK, UNLOCK)  # of every family: they concern the gateway alone
+SELECT, CANCEL, LOCK, UNLOCK, ACCEPT = "select", "cancel", "lock", "unlock", "accept"
+OWN_VERBS = (SELECT, CANCEL, LOCK, UNLOCK, ACCEPT)  # of every family: they concern the gateway alone
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class Admission:
         self._clock = clock
 
     def check_sender(self, request: CommandRequest) -> None:
-        """Demand that starter or group and verb exist, that this client has the right, and that there is an id."""
+        """Demand a starter or group, a verb that it has, this client's right to it, and an id."""
         if request.starter in self._groups:
             self._check_group_sender(request)
             return

@@ -53,11 +53,16 @@ class Commander:
         self._rights = rights
         self._ledger = Ledger()
         self._journal = journal or NoJournal()
-        self._desk = Desk(
-            sink=sink, clock=clock, sequence=sequence, ledger=self._ledger, journal=self._journal
-        )
         self._precautions = precautions or Precautions(
             Policy(), starters.keys(), rights=rights, sink=sink, clock=clock, sequence=sequence
+        )
+        self._desk = Desk(
+            sink=sink,
+            clock=clock,
+            sequence=sequence,
+            ledger=self._ledger,
+            wear=self._precautions.wear,
+            journal=self._journal,
         )
         self._groups = self._precautions.policy.groups
         self._admission = Admission(

@@ -1,11 +1,17 @@
-"""What goes along with a starter's telemetry: whether it is ready for remote control, and its keypad."""
+"""What goes along with a starter's telemetry: its readiness, its keypad, and its fast words."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
+from gateway.clock import Clock
+from gateway.starters.fast_lane import FastLane
 from gateway.starters.keypad_patrol import EVERY_S, VERBS, KeypadPatrol
 from gateway.starters.readiness_watch import ReadinessWatch
 from gateway.starters.records import AuditRecord, Record, Sink
+from gateway.starters.sequence import Sequence
 from gateway.starters.telemetry import StarterTelemetry
+from gateway.starters.wear import Wear
 
 
 class Companions:
@@ -16,6 +22,7 @@ class Companions:
         self._patrol_every_s = patrol_every_s
         self._watches: list[ReadinessWatch] = []
         self._patrols: dict[str, KeypadPatrol] = {}
+        self._lanes: list[FastLane] = []
 
     def add(self, starter: StarterTelemetry) -> None:
         """Go along with this starter."""
@@ -26,6 +33,32 @@ class Companions:
             starter, on_change=watch.begin, every_s=self._patrol_every_s
         )
 
+    def add_fast_lanes(
+        self,
+        starters: Iterable[StarterTelemetry],
+        *,
+        wear: Wear,
+        sink: Sink,
+        clock: Clock,
+        sequence: Sequence,
+        may_write: bool,
+    ) -> None:
+        """Map the points of those starters, added before, for which the configuration wants it."""
+        for starter in starters:
+            if starter.setup.has_fast_words and starter.setup.is_enabled:
+                lane = FastLane(
+                    starter,
+                    wear=wear,
+                    sink=sink,
+                    clock=clock,
+                    sequence=sequence,
+                    may_write=may_write,
+                    on_written=self._patrols[starter.setup.name].note_written,
+                )
+                starter.when_identified(lane.begin)
+                starter.when_fast_words_are_lost(lane.lose)
+                self._lanes.append(lane)
+
     def start(self) -> None:
         """Begin; once, on the app's loop."""
         for patrol in self._patrols.values():
@@ -33,6 +66,8 @@ class Companions:
 
     async def close(self) -> None:
         """Do nothing more."""
+        for lane in self._lanes:
+            await lane.close()
         for watch in self._watches:
             await watch.close()
         for patrol in self._patrols.values():

@@ -1,4 +1,4 @@
-"""Refuses commands that are too many: one by one while that is bearable, else in one word with their number."""
+"""Refuses commands that are too many: one by one while that is bearable, else together, by their number."""
 
 from __future__ import annotations
 

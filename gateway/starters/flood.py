@@ -57,7 +57,7 @@ class Flood:
         self._everyone = Bucket(limits.everyone)
 
     def admits(self, *, client: Hashable, starter: Hashable, now_s: float) -> bool:
-        """Count a command and return whether it is within all limits; what is too much costs others nothing."""
+        """Count a command and return whether it is within all limits; one too many costs others nothing."""
         of_client = self._clients.setdefault(client, Bucket(self._limits.client))
         of_starter = self._starters.setdefault((client, starter), Bucket(self._limits.starter))
         return of_client.take(now_s) and of_starter.take(now_s) and self._everyone.take(now_s)

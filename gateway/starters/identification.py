@@ -27,6 +27,7 @@ class Standing(enum.Enum):
     UNKNOWN = "unknown"
     MATCHING = "matching"
     MISMATCHED = "mismatch"
+    CHANGED = "changed"  # the family matches, but it is another starter than before; see `Identities`
 
 
 def standing_of(setup: StarterSetup, identity: Identity) -> Standing:
@@ -44,6 +45,7 @@ class Identification:
         self._line = line
         self._tell = tell
         self._task: asyncio.Task[None] | None = None
+        self.is_settled = False  # no question is open any more, or it has been asked often enough
 
     def begin(self) -> None:
         """Ask from the beginning, in a task of its own."""
@@ -75,11 +77,12 @@ class Identification:
         while True:
             outcomes = {q.tag: await self._transact(q) for q in identify_requests(self._setup.profile)}
             identity = identify(self._setup.profile, {tag: _answer(out) for tag, out in outcomes.items()})
-            self._tell(identity)
             rounds += 1
             is_complete = all(isinstance(outcome, (Answered, Refused)) for outcome in outcomes.values())
+            self.is_settled = is_complete or rounds >= MOST_ROUNDS
+            self._tell(identity)
             is_matching = standing_of(self._setup, identity) is Standing.MATCHING
-            if is_matching and (is_complete or rounds >= MOST_ROUNDS):
+            if is_matching and self.is_settled:
                 return
             await asyncio.sleep(pause_s)
             pause_s = min(2 * pause_s, LONGEST_PAUSE_S)

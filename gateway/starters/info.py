@@ -6,6 +6,7 @@ from typing import Any
 
 from gateway.families.command import verbs
 from gateway.families.schema import Profile, Variant
+from gateway.starters.admission import OWN_VERBS
 from gateway.starters.decoding import type_of, unit_of
 from gateway.starters.records import InfoRecord
 from gateway.starters.setup import StarterSetup
@@ -23,7 +24,7 @@ def info_of(setup: StarterSetup, variant: Variant, *, serial: str | None) -> Inf
         line=setup.line,
         address=setup.address,
         points={name: _describe(profile, name) for name in profile.points},
-        commands=verbs(profile),
+        commands=(*verbs(profile), *OWN_VERBS),
     )
 
 

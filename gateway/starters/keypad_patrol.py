@@ -63,6 +63,10 @@ class KeypadPatrol:
         if verb in VERBS:
             self._watch.note_command(self._starter.variant, verb, args, is_over=is_over)
 
+    def note_written(self, rows: Mapping[str, tuple[int, ...]]) -> None:
+        """Take over that the gateway itself writes these rows now."""
+        self._watch.note_written(rows)
+
     async def _run(self) -> None:
         while self._reads:
             await asyncio.sleep(self._every_s)

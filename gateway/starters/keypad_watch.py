@@ -47,6 +47,11 @@ class KeypadWatch:
             else:
                 self._settled.discard(row.code)
 
+    def note_written(self, rows: Mapping[str, tuple[int, ...]]) -> None:
+        """Take over that the gateway itself writes these rows now."""
+        self._ours.update(rows)
+        self._settled.update(rows)
+
     def note_reading(self, variant: Variant, rows: Mapping[str, tuple[int, ...]]) -> tuple[Change, ...]:
         """Take over settings that were just read and return what somebody else has changed."""
         found = []

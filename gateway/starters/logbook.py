@@ -113,7 +113,7 @@ class Logbook:
         }
 
     def restore(self, document: Mapping[str, Any], *, now_s: float, utc_s: float) -> None:
-        """Take over what was kept, as far as its starters are configured; DamagedError when it is not ours."""
+        """Take over what was kept of the starters that are configured; DamagedError when it is not ours."""
         try:
             kept = _Kept.model_validate(document)
         except ValidationError as error:

@@ -27,7 +27,7 @@ def refusal(lock: LockRecord) -> CommandError:
 
 
 def reason_in(args: Mapping[str, Any], reason: str | None) -> str:
-    """Return why someone locks: the argument `reason`, else the command's; CommandError when there is none."""
+    """Return why someone locks: the argument `reason`, else the command's; CommandError without one."""
     strange = sorted(set(args) - {"reason"})
     if strange:
         raise CommandError("bad_arguments", f"{strange[0][:40]!r} is unknown; there is only reason")

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from gateway.families.blocks import Block, plan_blocks, split
+from gateway.families.blocks import Block, split
+from gateway.families.fast_words import FastBlock, fast_block, plan_with
 from gateway.families.schema import Variant
 from gateway.line.client import LineClient
 from gateway.line.job import Poll
@@ -23,6 +24,12 @@ def polls_of(setup: StarterSetup) -> tuple[Poll, ...]:
     if not setup.is_enabled:
         return ()
     return tuple(_poll(setup, block) for block in _planned(setup, setup.variant))
+
+
+def fast_polls_of(setup: StarterSetup) -> tuple[Poll, ...]:
+    """Return the polls of a starter whose points are all mapped; those of `polls_of` where none can be."""
+    fast = fast_block(setup.profile, setup.variant)
+    return tuple(_poll(setup, block) for block in plan_with(setup.profile, setup.variant, fast, timing=setup.timing))
 
 
 @dataclass(slots=True)
@@ -48,6 +55,8 @@ class Polling:
         self._setup = setup
         self._line = line
         self._is_fast = False
+        self._variant = setup.variant
+        self._fast_words: FastBlock | None = None
         self._plan = _planned(setup, setup.variant) if setup.is_enabled else ()
         self._polled = {_key(setup, block): self._begin(block) for block in self._plan}
 
@@ -87,10 +96,21 @@ class Polling:
 
     def replan(self, variant: Variant) -> None:
         """Ask for what a starter of this variant has."""
-        plan = _planned(self._setup, variant)
+        self._variant = variant
+        plan = plan_with(self._setup.profile, variant, self._fast_words, timing=self._setup.timing)
         if plan != self._plan:
             self._plan = plan
             self._replace(plan)
+
+    def use_fast_words(self, block: FastBlock | None) -> None:
+        """Read these rows in one request from now on; None: all rows as they stand in the starter."""
+        self._fast_words = block
+        before = {code: polled.last_s for polled in self._polled.values() for code in polled.block.codes}
+        self.replan(self._variant)
+        for polled in self._polled.values():  # what was read before becomes overdue as it would have
+            times_s = [last_s for code in polled.block.codes if (last_s := before.get(code)) is not None]
+            if polled.last_s is None and times_s:
+                polled.last_s = min(times_s)
 
     def hurry(self, *, is_fast: bool) -> None:
         """Read status and values faster while something happens, and as configured otherwise."""
@@ -155,7 +175,7 @@ class Polling:
 
 
 def _planned(setup: StarterSetup, variant: Variant) -> tuple[Block, ...]:
-    return plan_blocks(setup.profile, variant)  # status first
+    return plan_with(setup.profile, variant, None, timing=setup.timing)  # status first
 
 
 def _key(setup: StarterSetup, block: Block) -> str:
@@ -173,4 +193,6 @@ def _poll(setup: StarterSetup, block: Block, *, every_s: float | None = None) ->
         request=block.request,
         every_s=_every_s(setup, block) if every_s is None else every_s,
         response_time_s=setup.response_time_of(block.request),
+        deadline_s=setup.watchdog_s,
+        group=block.group,
     )

@@ -8,6 +8,7 @@ from gateway.clock import Clock
 from gateway.errors import DamagedError
 from gateway.starters.expectation import Expectation
 from gateway.starters.guard import Guard
+from gateway.starters.identities import Identities
 from gateway.starters.logbook import Logbook
 from gateway.starters.maintenance import NOTICE
 from gateway.starters.memory import Memory, NoMemory, Saver
@@ -18,6 +19,7 @@ from gateway.starters.rights import Rights
 from gateway.starters.rules import Rulebook
 from gateway.starters.selection import Selections
 from gateway.starters.sequence import Sequence as Numbers
+from gateway.starters.wear import Wear
 from gateway.starters.witness import Witness
 
 GATEWAY = "gateway"  # who locks when the locks are not known any more
@@ -36,11 +38,14 @@ class Precautions:
         clock: Clock,
         sequence: Numbers,
         memory: Memory | None = None,
+        identities_memory: Memory | None = None,
     ) -> None:
         self.policy = policy
         self.logbook = Logbook(starters)
         self.rulebook = Rulebook(policy.rules, self.logbook)
         self.selections = Selections()
+        self.identities = Identities(sink=sink, clock=clock, sequence=sequence, memory=identities_memory)
+        self.wear = Wear()
         self.saver = Saver(memory or NoMemory(), self._document, on_trouble=self._tell_trouble)
         self.witness = Witness(sink, self.logbook, clock=clock, sequence=sequence, on_change=self.saver.touch)
         self._sink = sink

@@ -1,4 +1,4 @@
-"""The rules of the gateway for starts: how many, how soon after another; each with its reading and its mend."""
+"""The gateway's rules for starts: how many, how soon; each refusal with its reading and its mend."""
 
 from __future__ import annotations
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from gateway.families.identify import Identity
 from gateway.families.schema import Profile, Variant
 from gateway.modbus.pdu import Request
+from gateway.modbus.timing import LineTiming
 from gateway.modbus.writes import WriteRegisters
 
 
@@ -22,6 +23,9 @@ class StarterSetup:
     every_s: float = 1.0  # status and electrical values; 0 = as often as the line allows
     response_time_s: float | None = None  # None: as the manual says
     is_enabled: bool = True
+    watchdog_s: float | None = None  # of the communication, as set in the starter; 0: off; None: not stated
+    timing: LineTiming | None = None  # of its line; None: reads are not joined by what they cost
+    has_fast_words: bool = False  # its points are mapped so that one request reads all (SSW900)
 
     def response_time_of(self, request: Request) -> float:
         """Return the longest time from a request's end to its reply's first byte."""

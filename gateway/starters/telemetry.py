@@ -8,7 +8,8 @@ from collections.abc import Callable, Mapping
 from typing import assert_never
 
 from gateway.clock import Clock
-from gateway.families.blocks import rows_of
+from gateway.families.blocks import Block
+from gateway.families.fast_words import FastBlock, rows_from
 from gateway.families.gather import rows_of_points
 from gateway.families.identify import Identity, why_not
 from gateway.families.schema import Profile, Variant
@@ -19,6 +20,7 @@ from gateway.modbus.codes import ExceptionCode, exception_name
 from gateway.starters.changes import UNKNOWN
 from gateway.starters.decoding import Sources, unit_of
 from gateway.starters.identification import Identification, Standing, standing_of
+from gateway.starters.identities import Identities
 from gateway.starters.info import info_of
 from gateway.starters.polling import Polling, polls_of
 from gateway.starters.publisher import Publisher
@@ -47,7 +49,14 @@ class StarterTelemetry:
     """Reads one starter and tells what it reads; everything happens on the app's loop."""
 
     def __init__(
-        self, setup: StarterSetup, *, line: LineClient, sink: Sink, clock: Clock, sequence: Sequence
+        self,
+        setup: StarterSetup,
+        *,
+        line: LineClient,
+        sink: Sink,
+        clock: Clock,
+        sequence: Sequence,
+        identities: Identities | None = None,
     ) -> None:
         profile = setup.profile
         self.setup = setup
@@ -63,13 +72,15 @@ class StarterTelemetry:
         self._status = Status(profile, self.publisher)
         self._report = Report({name: point.deadband for name, point in profile.points.items()})
         self._identification = Identification(setup, line, self._take_identity)
+        self._identities = identities or Identities(sink=sink, clock=clock, sequence=sequence)
         self._identity = Identity(reason="not yet asked")
         self._info: InfoRecord | None = None
         self._is_answering = False
         self._was_lost = False
         self._never_answered = "not yet read"  # why, as last told
         self._state = UNKNOWN
-        self._on_identified: Callable[[], None] = lambda: None
+        self._on_identified: list[Callable[[], None]] = []
+        self._on_fast_words_lost: Callable[[str], None] = lambda reason: None
         self._timer: asyncio.TimerHandle | None = None
         self._where = f"line={setup.line} unit={setup.address} starter={setup.name}"
 
@@ -85,13 +96,15 @@ class StarterTelemetry:
 
     @property
     def identity_standing(self) -> Standing:
-        """Return whether the one who answers has proved to be the configured family."""
-        return standing_of(self.setup, self._identity)
+        """Return whether the one who answers has proved to be the configured family, and the same as before."""
+        standing = standing_of(self.setup, self._identity)
+        is_held = standing is Standing.MATCHING and self._identities.trouble(self.setup.name)
+        return Standing.CHANGED if is_held else standing
 
     @property
     def identity_reason(self) -> str:
         """Return in words why the identity is not matching; empty when it is."""
-        return why_not(self.profile, self._identity) or ""
+        return why_not(self.profile, self._identity) or self._identities.trouble(self.setup.name)
 
     @property
     def status_period_s(self) -> float:
@@ -104,7 +117,15 @@ class StarterTelemetry:
 
     def when_identified(self, call: Callable[[], None]) -> None:
         """Have something done each time the starter has proved to be what is configured."""
-        self._on_identified = call
+        self._on_identified.append(call)
+
+    def when_fast_words_are_lost(self, call: Callable[[str], None]) -> None:
+        """Have something done with the reason when the mapped words must not be read any more."""
+        self._on_fast_words_lost = call
+
+    def use_fast_words(self, block: FastBlock | None) -> None:
+        """Read the points of this block in one request from now on; None: as they stand in the starter."""
+        self._polling.use_fast_words(block)
 
     def start(self) -> None:
         """Publish what is known before the first answer; call once, on the app's loop."""
@@ -128,11 +149,10 @@ class StarterTelemetry:
             return
         match outcome:
             case Answered():
-                self._polling.note_answer(key, at_s=outcome.at_s)
-                self.take_rows(rows_of(self.profile, block, outcome.value), at_s=outcome.at_s)
+                self._take_answer(key, block, outcome)
             case Refused():
                 self._come_online()
-                self._take_refusal(key, outcome)
+                self._take_refusal(key, block, outcome)
             case Silent() | Garbled():
                 self._publish()  # time has passed: something may be overdue
             case _:
@@ -162,8 +182,27 @@ class StarterTelemetry:
         self.snapshot.refuse(untold)
         self._publish(at_s)
 
-    def _take_refusal(self, key: str, refusal: Refused) -> None:
+    def _take_answer(self, key: str, block: Block, answer: Answered) -> None:
+        rows = rows_from(self.profile, block, answer.value)
+        if rows is None:
+            self._come_online()
+            self._lose_fast_words("they are not mapped as they were")
+            return
+        self._polling.note_answer(key, at_s=answer.at_s)
+        self.take_rows(rows, at_s=answer.at_s)
+
+    def _lose_fast_words(self, reason: str) -> None:
+        """Read everything as it stands in the starter again, at once."""
+        self._polling.use_fast_words(None)
+        self._polling.hasten()
+        self._on_fast_words_lost(reason)
+        self._publish()
+
+    def _take_refusal(self, key: str, block: Block, refusal: Refused) -> None:
         """Give up what will never be answered; after a passing refusal the values may become overdue."""
+        if refusal.code in LASTING_REFUSALS and isinstance(block, FastBlock):
+            self._lose_fast_words(f"they are refused ({exception_name(refusal.code)})")
+            return
         if refusal.code in LASTING_REFUSALS:
             given_up = self._polling.note_refusal(key)
             self.snapshot.refuse(self._sources.fed_by(given_up))
@@ -185,6 +224,7 @@ class StarterTelemetry:
         self._is_answering, self._was_lost = False, True
         self._identification.cancel()
         self._identity = Identity(reason="it has not been asked since it went silent")
+        self._identities.forget(self.setup.name)
         self.publisher.availability("offline", reason=reason)
         data = {"reason": reason, "frames": list(frames)}
         self.publisher.event("went_silent", Severity.WARNING, f"the starter went silent: {reason}", data)
@@ -195,12 +235,15 @@ class StarterTelemetry:
     def _take_identity(self, identity: Identity) -> None:
         before = self._identity
         self._identity = identity
-        if self.identity_standing is Standing.MATCHING:
+        if standing_of(self.setup, identity) is Standing.MATCHING:
+            is_settled = self._identification.is_settled
+            self._identities.note(self.setup, identity, is_settled=is_settled)
             if standing_of(self.setup, before) is not Standing.MATCHING:
                 self._polling.restore()  # another device may have refused what this one has
             self._take_variant(merged(self.setup.variant, identity))
             self._publish_info()
-            self._on_identified()
+            for call in self._on_identified:
+                call()
         elif self.identity_reason != why_not(self.profile, before):
             self._tell_held()
 

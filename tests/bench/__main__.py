@@ -10,9 +10,9 @@ from pathlib import Path
 from tests.bench.costs import cpu, start, stop, sweep
 from tests.bench.pictures import efficiency_picture, line_time_picture
 from tests.bench.report import Goal, table
-from tests.bench.rows import MASTERS, dead, efficiencies, efficiency, judge, measured, spec_of
+from tests.bench.rows import MASTERS, dead, efficiencies, efficiency, judge, measured, spec_of, strict
 
-ROWS = {each.__name__: each for each in (judge, efficiency, dead, cpu, start, stop, sweep)}
+ROWS = {each.__name__: each for each in (judge, efficiency, strict, dead, cpu, start, stop, sweep)}
 
 
 def main() -> int:

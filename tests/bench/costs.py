@@ -11,7 +11,7 @@ from tests.bench.report import Goal, table
 from tests.bench.rows import HEAD, OURS, Row, cells, measured
 from tests.bench.runs import Run, run_subject
 
-FLATNESS = 1.15 / 0.85
+FLATNESS = 1.15 / 0.85  # all within 15 % of one figure
 MANY = 247
 
 
@@ -28,14 +28,17 @@ def cpu() -> Row:
             if master == "gateway":
                 goals.append(Goal(f"CPU: {what}", costs_ms[-1], 0.8, is_most=True, unit=" ms"))
                 goals.append(Goal(f"memory: {what}", _mib(run), 80, is_most=True, unit=" MiB"))
-        dearest = max(costs_ms) / min(costs_ms)
-        goals.append(Goal(f"CPU, dearest / cheapest: {master}", dearest, FLATNESS, is_most=True))
+        few_ms, many_ms = costs_ms[:4], costs_ms[4:]
+        spread = max(few_ms) / min(few_ms)
+        goals.append(Goal(f"CPU, 1 to 247 starters, most / least: {master}", spread, FLATNESS, is_most=True))
+        growth = max(many_ms) / costs_ms[1]
+        goals.append(Goal(f"CPU, more lines / one: {master}", growth, 1.15, is_most=True))
     for master in ("pymodbus", "minimalmodbus"):
         run = measured(master, Spec())
         rows.append([f"{master}, 1 x 8", *cells(run), f"{_mib(run):.0f}"])
     note = (
         "A request's. Here the gateway reads SSW-07s whose motors run: 1 to 3 registers a request, so some 60"
-        "\nrequests a second, each decoded and published."
+        "\nrequests a second, each decoded and published. More lines cost less each: caches stay warm."
     )
     head = ["master, lines x starters", *HEAD, "MiB"]
     return Row(table("Cost of a transaction, 19200", head, rows, note=note), goals)

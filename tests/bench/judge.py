@@ -29,7 +29,7 @@ from gateway.modbus.server import decode_request
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.sim.factory import make_unit
 from gateway.sim.unit import Unit
-from tests.bench.account import Seen
+from tests.bench.account import Law, Seen
 
 BUSY_S = 0.0002  # before something is due, sleeping is over
 BEFORE_S = 0.0001  # so long before a silence is over, and so long after it, no sleep hides a request
@@ -50,6 +50,7 @@ class Spec:
     dead: tuple[int, ...] = ()
     family: str = ""  # simulated starters of this family; "": ten registers or what else is asked for
     is_bytewise: bool = False
+    is_strict: bool = False  # a request that breaks the silence is not understood
     delay_s: float = 0.005
 
     @property
@@ -77,6 +78,7 @@ class Judge:
     def __init__(self, spec: Spec) -> None:
         self._spec = spec
         self._timing = spec.timing
+        self._law = Law(spec.timing, spec.delay_s)
         self._taps = {tap.ours: tap for tap in (self._open(number) for number in range(spec.lines))}
         self._due: list[tuple[float, int, _Tap, bytes, Seen | None]] = []
         self._serial = 0
@@ -144,13 +146,15 @@ class Judge:
         gap_s = tap.began_s - tap.quiet_s
         tap.quiet_s = max(tap.began_s, tap.quiet_s) + self._timing.wire_s(size)
         unit, pdu = adu.decode(request)
-        reply = self._reply(tap, unit, pdu, now_s)
-        seen = Seen(tap.number, tap.began_s, unit, pdu[0], size, len(reply), tap.quiet_s, gap_s, 0.0)
+        seen = Seen(tap.number, tap.began_s, unit, pdu[0], size, 0, tap.quiet_s, gap_s, 0.0)
+        reply = b""
+        if not (self._spec.is_strict and self._law.is_too_soon(seen)):
+            reply = self._reply(tap, unit, pdu, now_s)
         if not reply:
             self.seen.append(seen)
             return
         tap.is_replying = True
-        self._plan(tap, reply, seen)
+        self._plan(tap, reply, seen._replace(reply_size=len(reply)))
 
     def _plan(self, tap: _Tap, reply: bytes, seen: Seen) -> None:
         first_s = tap.quiet_s + self._spec.delay_s

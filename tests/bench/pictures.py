@@ -21,14 +21,16 @@ _LOWEST = 0.94  # where the bars begin
 _HIGHEST = 1.0
 
 
-def efficiency_picture(found: Mapping[tuple[str, int, bool], Account]) -> str:
+def efficiency_picture(
+    found: Mapping[tuple[str, int, bool], Account], colours: Mapping[str, str] = COLOURS
+) -> str:
     """Draw efficiency by speed: full bars in one chunk, light ones byte by byte; broken silences in words."""
     masters = list(dict.fromkeys(master for master, _, _ in found))
     bauds = sorted({baud for _, baud, _ in found})
     parts = [_text(16, 24, "Efficiency: physical limit / elapsed, median of transactions", size=15)]
     parts += _scale()
     for place, master in enumerate(masters):
-        parts.append(_box(16 + 170 * place, 40, 12, 12, COLOURS[master]))
+        parts.append(_box(16 + 170 * place, 40, 12, 12, colours[master]))
         parts.append(_text(34 + 170 * place, 50, master))
     for group, baud in enumerate(bauds):
         left = 60 + group * 230
@@ -36,7 +38,7 @@ def efficiency_picture(found: Mapping[tuple[str, int, bool], Account]) -> str:
         for place, master in enumerate(masters):
             for is_bytewise in (False, True):
                 at = left + place * 48 + (20 if is_bytewise else 0)
-                parts += _bar(at, found[master, baud, is_bytewise], COLOURS[master], is_light=is_bytewise)
+                parts += _bar(at, found[master, baud, is_bytewise], colours[master], is_light=is_bytewise)
     parts.append(_text(16, 340, "Left bar: replies in one chunk; right bar: byte by byte. From 0.94 to 1."))
     parts.append(_text(16, 358, "Red: requests that broke the silence; such a line has no efficiency."))
     return _drawing(770, 372, parts)

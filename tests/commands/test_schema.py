@@ -11,13 +11,15 @@ from gateway.families.command import verbs
 from gateway.families.load import FAMILIES, load_profile
 from tests.config.sites import SITE
 
+TABLES = {"gateway", "mqtt", "line", "operator", "rules", "group"}
+
 
 def test_the_schema_names_the_keys_as_the_file_has_them(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["schema"]) == 0
 
     schema = json.loads(capsys.readouterr().out)
     assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
-    assert set(tomllib.loads(SITE)) <= set(schema["properties"]) == {"gateway", "mqtt", "line", "operator"}
+    assert set(tomllib.loads(SITE)) <= set(schema["properties"]) == TABLES
     assert schema["required"] == ["gateway", "mqtt", "line"]
     assert schema["additionalProperties"] is False
     assert schema["$defs"]["StarterTable"]["properties"]["address"]["maximum"] == 247

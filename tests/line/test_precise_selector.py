@@ -42,8 +42,28 @@ def test_a_ready_file_is_reported_and_the_timer_never(selector: PreciseSelector)
         selector.select(0.00001)  # the timer has fired once
         os.write(writer, b"x")
 
-        for timeout_s in (None, 0, 10.0):
+        for timeout_s in (None, 10.0):
             assert [key.data for key, _ in selector.select(timeout_s)] == ["pipe"]
+    finally:
+        os.close(reader)
+        os.close(writer)
+
+
+def test_between_two_callbacks_files_are_looked_at_only_every_so_often(
+    selector: PreciseSelector, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_s = 100.0
+    monkeypatch.setattr(precise_selector.time, "monotonic", lambda: now_s)
+    reader, writer = os.pipe()
+    try:
+        selector.register(reader, selectors.EVENT_READ, "pipe")
+        assert selector.select(0) == []
+        os.write(writer, b"x")
+
+        now_s += 0.9 * precise_selector.LOOK_EVERY_S
+        assert selector.select(0) == []
+        now_s += 0.2 * precise_selector.LOOK_EVERY_S
+        assert [key.data for key, _ in selector.select(0)] == ["pipe"]
     finally:
         os.close(reader)
         os.close(writer)

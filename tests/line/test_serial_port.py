@@ -102,13 +102,44 @@ async def test_a_tty_carries_bytes_both_ways(pty: Pty) -> None:
     await settled(port)
 
 
-async def test_a_read_ends_at_its_time_when_nothing_comes(pty: Pty) -> None:
+async def test_a_read_ends_a_moment_before_its_time_and_the_write_after_it_not_before(pty: Pty) -> None:
     port = await opener(pty.path)()
-    until_s = asyncio.get_running_loop().time() + 0.01
+    loop = asyncio.get_running_loop()
 
-    assert await port.read(until_s=until_s) == b""
+    for _ in range(20):
+        until_s = loop.time() + 0.003
+        assert await port.read(until_s=until_s) == b""
+        assert loop.time() >= until_s - open_port.EARLY_MOST_S
+        port.write(b"request")
+        assert loop.time() >= until_s
 
-    assert asyncio.get_running_loop().time() >= until_s
+    await settled(port)
+
+
+async def test_a_port_learns_how_early_it_must_be_woken(pty: Pty) -> None:
+    port = await opener(pty.path)()
+
+    for _ in range(1000):
+        port._learn_to_wake(0.0)
+    assert port._early_s == open_port.EARLY_MOST_S
+    for _ in range(1000):
+        port._learn_to_wake(0.0001)
+    assert port._early_s == open_port.EARLY_LEAST_S
+
+    await settled(port)
+
+
+async def test_a_reply_that_comes_byte_by_byte_wakes_its_reader_once(pty: Pty) -> None:
+    port = await opener(pty.path)()
+    loop = asyncio.get_running_loop()
+    reading = asyncio.create_task(port.read(until_s=loop.time() + LONG_S, count=20))
+    await asyncio.sleep(0)
+
+    for number in range(20):
+        os.write(pty.master, bytes((number,)))
+        await asyncio.sleep(0.0005)
+
+    assert await reading == bytes(range(20))
     await settled(port)
 
 

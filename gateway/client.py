@@ -1,0 +1,168 @@
+"""Commands from another Python program: `Client` does ids, freshness, phases and time-outs as they must be.
+
+client = Client("mqtt://127.0.0.1", base="starters/mcc1", client="alice")
+result = await client.command("pump-1", "start")
+if not result.is_confirmed:
+    print(result.phase, result.text, result.what_to_do)
+"""
+
+from __future__ import annotations
+
+import time
+import uuid
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from gateway.config.schema import split_url
+from gateway.errors import NoResultError, UsageError
+from gateway.mqtt.sender import Order, Sender
+from gateway.mqtt.settings import BrokerSettings, TlsSettings
+from gateway.mqtt.topics import Topics, is_level
+from gateway.starters.codes import explain
+from gateway.starters.records import Phase
+
+WITHIN_S = 30.0
+
+_OWN_FIELDS = frozenset({"id", "verb", "phase", "code", "text", "time", "duplicate"})
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """One phase of a command, as the gateway told it."""
+
+    id: str
+    phase: str
+    code: str
+    text: str
+    time: str | None  # RFC 3339, UTC
+    is_duplicate: bool  # the stored result of an earlier command with this id
+    values: Mapping[str, Any]  # what else it carries: value, unit, label, raw, state ...
+
+    @property
+    def is_confirmed(self) -> bool:
+        """Return whether the starter was seen to do it; nothing else is success."""
+        return self.phase == Phase.CONFIRMED
+
+    @property
+    def may_have_acted(self) -> bool:
+        """Return whether it may have reached the starter without being seen to act: somebody must look."""
+        return self.phase in (Phase.WRITTEN, Phase.UNCONFIRMED)
+
+    @property
+    def what_to_do(self) -> str:
+        """Return what an operator should do about it."""
+        return explain(self.code).mend
+
+
+class Client:
+    """One operator's way to one gateway.
+
+    Each command has a connection of its own, so that nothing is ever queued for later: what cannot be sent
+    now is not sent, and BrokerError says why. Any number of commands may be under way at the same time.
+    """
+
+    def __init__(
+        self,
+        url: str,
+        *,
+        base: str,
+        client: str,
+        username: str | None = None,
+        password: str | None = None,
+        ca_file: str | None = None,
+        operator: str | None = None,
+    ) -> None:
+        """`client` is the level in the command topic, `operator` a claim for the audit; or UsageError."""
+        parts = split_url(url)
+        if parts is None:
+            raise UsageError(f"{url!r} is no broker (mqtt://host[:port] or mqtts://host[:port])")
+        if not is_level(client):
+            raise UsageError(f"{client!r} is no client (only a-z, 0-9, _ and -)")
+        split, self._port = parts
+        self._host = split.hostname or ""
+        self._tls = TlsSettings(ca_file) if split.scheme == "mqtts" else None
+        self._topics = Topics(base)
+        self._client = client
+        self._login = username, password
+        self._operator = operator
+
+    async def command(
+        self,
+        starter: str,
+        verb: str,
+        args: Mapping[str, Any] | None = None,
+        *,
+        id_: str | None = None,
+        reason: str | None = None,
+        expect: Mapping[str, Any] | None = None,
+        select: str | None = None,
+        ttl_s: float | None = None,
+        within_s: float = WITHIN_S,
+        on_phase: Callable[[Result], None] | None = None,
+    ) -> Result:
+        """Return the final result. BrokerError: not sent. NoResultError: sent, and nobody knows its end.
+
+        To ask again what became of a command, send it again with its `id_`: it is never carried out twice.
+        """
+        order = Order(
+            starter=starter,
+            client=self._client,
+            verb=verb,
+            args=args or {},
+            operator=self._operator,
+            reason=reason,
+            id=id_ or uuid.uuid4().hex,
+            ttl_s=ttl_s,
+            expect=expect or {},
+            select=select,
+        )
+        tell = on_phase or (lambda _: None)
+        final = await Sender(self._settings(), self._topics).send(
+            order, now_s=time.time(), within_s=within_s, on_phase=lambda fields: tell(_result(fields))
+        )
+        if final is None:
+            text = f"no final result of {verb} {starter} within {within_s:g} s: look at the starter"
+            raise NoResultError(str(order.id), text)
+        return _result(final)
+
+    async def start(self, starter: str, *, reason: str | None = None) -> Result:
+        """Start a motor."""
+        return await self.command(starter, "start", reason=reason)
+
+    async def stop(self, starter: str, *, reason: str | None = None) -> Result:
+        """Stop a motor, or all motors of a group; it is sent even when no gateway seems to be there."""
+        return await self.command(starter, "stop", reason=reason)
+
+    async def read(self, starter: str, parameter: str) -> Result:
+        """Read a parameter, by its manual's code."""
+        return await self.command(starter, "read", {"parameter": parameter})
+
+    async def set(
+        self, starter: str, parameter: str, value: float | str, *, reason: str | None = None
+    ) -> Result:
+        """Set a parameter to a number, or to an enum's label."""
+        return await self.command(starter, "set", {"parameter": parameter, "value": value}, reason=reason)
+
+    def _settings(self) -> BrokerSettings:
+        username, password = self._login
+        return BrokerSettings(
+            host=self._host,
+            port=self._port,
+            client_id=f"{self._client}-{uuid.uuid4().hex[:12]}",
+            username=username,
+            password=password,
+            tls=self._tls,
+        )
+
+
+def _result(fields: Mapping[str, Any]) -> Result:
+    return Result(
+        id=str(fields.get("id")),
+        phase=str(fields.get("phase")),
+        code=str(fields.get("code")),
+        text=str(fields.get("text")),
+        time=fields.get("time"),
+        is_duplicate=fields.get("duplicate") is True,
+        values={name: value for name, value in fields.items() if name not in _OWN_FIELDS},
+    )

@@ -1,0 +1,64 @@
+"""How old values get at the worst, when the earliest deadline is served first and periods are stretched."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from gateway.line.demand import Demand
+from gateway.line.rota import TIMED_IN_ROW
+from gateway.line.stretch import stretch_of
+
+_LEAST_LEFT = 0.05
+
+
+class Asked(NamedTuple):
+    """One poll in numbers."""
+
+    every_s: float  # 0: as often as the line allows
+    cost_s: float  # of the line's time at most
+    least_s: float  # at least
+
+
+def ages_s(asked: Sequence[Asked], urgent: Sequence[tuple[float, float]]) -> list[float]:
+    """Return the longest time between two answers of each; `urgent` (cost, period) come before all of them.
+
+    The first of the two answers came at once; then the other requests come first, by their rhythm or all at
+    once out of it, as far as their deadlines are earlier.
+    """
+    free_s = [each.cost_s for each in asked if not each.every_s]
+    extra_s = max(free_s, default=0.0) / TIMED_IN_ROW  # one without a period after so many with one
+    timed = [(each.cost_s + extra_s, each.every_s) for each in asked if each.every_s]
+    load = sum(cost_s / every_s for cost_s, every_s in timed)
+    others = sum(cost_s / period_s for cost_s, period_s in urgent)
+    factor = stretch_of(load, others=others, has_free=bool(free_s))
+    demand = Demand([*((cost_s, every_s * factor) for cost_s, every_s in timed), *urgent])
+    urgent_s = sum(cost_s for cost_s, _ in urgent)  # these may come once more at any time
+    longest_s = max((each.cost_s for each in asked), default=0.0)
+    behind_s = _longest_behind(timed, max(free_s, default=0.0))
+    all_free_s = sum(free_s)
+    round_s = (2 * all_free_s + 2 * sum(cost_s for cost_s, _ in timed) + urgent_s) / max(
+        1.0 - demand.load, _LEAST_LEFT
+    )
+    ages = []
+    for each in asked:
+        if not each.every_s:
+            ages.append(round_s)
+            continue
+        period_s = each.every_s * factor
+        quiet_s = behind_s[each.every_s] + demand.response_s(period_s)
+        storm_s = longest_s + demand.storm_s(period_s) + all_free_s
+        ages.append(period_s + max(quiet_s, storm_s) + urgent_s - each.least_s)
+    return ages
+
+
+def _longest_behind(timed: Sequence[tuple[float, float]], free_s: float) -> dict[float, float]:
+    """Return by period the longest request of a longer one, which may just have begun."""
+    found_s: dict[float, float] = {}
+    longest_s = equal_s = free_s
+    for cost_s, every_s in sorted(timed, key=lambda each: -each[1]):
+        if every_s not in found_s:
+            longest_s = max(longest_s, equal_s)
+            found_s[every_s] = longest_s
+        equal_s = max(equal_s, cost_s)
+    return found_s

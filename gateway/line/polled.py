@@ -1,0 +1,237 @@
+"""The polls of all units, and what their units' health does to them."""
+
+from __future__ import annotations
+
+import itertools
+import random
+from math import inf
+
+from gateway.line.agenda import NOWHERE
+from gateway.line.health import Sign, UnitState
+from gateway.line.job import Poll
+from gateway.line.outcome import Outcome
+from gateway.line.roster import Entry, Unit
+from gateway.line.rota import Rota
+from gateway.line.silence import back_off_s
+from gateway.line.stretch import Stretch
+from gateway.line.watchdogs import Watchdogs
+
+NEIGHBOUR_S = 5.0  # units that went silent within so long probably did for one reason
+
+
+class Polled:
+    """Keeps each poll's due time; a unit that does not answer is asked by its first poll only, the probe."""
+
+    def __init__(self, *, seed: int, jitter: float) -> None:
+        places = itertools.count(1)
+        self.stretch = Stretch()
+        self.rota = Rota(places, self.stretch)
+        self.watchdogs = Watchdogs(places)
+        self._chance = random.Random(seed)
+        self._jitter = jitter
+        self._entries: dict[str, Entry] = {}
+        self._units: dict[int, Unit] = {}
+        self._asked: tuple[Poll, ...] | None = None
+
+    def begin(self, now_s: float) -> None:
+        """Begin on an opened port: overdue polls are due now, once, each unit's first before the others."""
+        self.rota.budget.begin(now_s)
+        self.stretch.recount(self._entries.values())
+        for unit in self._units.values():
+            unit.told = None
+        for entry in self._entries.values():
+            entry.is_first = entry is entry.unit.entries[0]
+            if entry.unit.is_asked(entry):
+                self._put(entry, max(entry.release_s, now_s))
+
+    def add(self, poll: Poll, now_s: float) -> None:
+        """Take a poll; ValueError when its key is taken."""
+        if poll.key in self._entries:
+            raise ValueError(f"there is a poll {poll.key!r} already")
+        unit = self.unit(poll.unit)
+        entry = Entry(poll=poll, unit=unit, every_s=poll.every_s)
+        unit.entries.append(entry)
+        self._entries[poll.key] = entry
+        self._asked = None
+        if poll.deadline_s is not None:
+            self.watchdogs.set(poll.unit, poll.deadline_s)
+        self._count(entry)
+        if unit.is_asked(entry):
+            self._put(entry, now_s)
+
+    def remove(self, key: str) -> None:
+        """Forget a poll; KeyError when there is no such poll."""
+        entry = self._entries.pop(key)
+        unit = entry.unit
+        was_probe = unit.entries[0] is entry
+        unit.entries.remove(entry)
+        self._asked = None
+        self.rota.drop(entry)
+        self.stretch.count(entry, is_counted=False)
+        if unit.is_held and was_probe and unit.entries:
+            unit.entries[0].release_s = entry.release_s
+            self.rota.put(unit.entries[0])
+
+    def set_every(self, key: str, every_s: float, now_s: float) -> None:
+        """Change a poll's period; a shorter one takes effect at once. KeyError when there is no such poll."""
+        entry = self._entries[key]
+        entry.every_s = every_s
+        self._count(entry)
+        if entry.is_out or entry.unit.is_held:
+            return
+        deadline_s = entry.deadline_s
+        self._put(entry, min(entry.release_s, now_s + every_s * self.stretch.factor))
+        if every_s and deadline_s < entry.deadline_s:
+            entry.deadline_s = deadline_s
+            self.rota.put(entry)
+
+    def hasten(self, key: str, now_s: float) -> None:
+        """Make a poll due now, or the probe of a unit that does not answer; KeyError as above."""
+        entry = self._entries[key]
+        self._hasten(entry.unit.entries[0] if entry.unit.is_held else entry, now_s)
+
+    def unit(self, number: int) -> Unit:
+        """Return a unit, a new one when nothing was known of it."""
+        unit = self._units.get(number)
+        if unit is None:
+            unit = self._units[number] = Unit(number=number)
+        return unit
+
+    def state_of(self, number: int) -> UnitState:
+        """Return what is known of a unit."""
+        return self._units[number].health.state if number in self._units else UnitState.NEW
+
+    def entry_of(self, poll: Poll | None) -> Entry | None:
+        """Return the entry of a poll; None when it was removed, or another has its key."""
+        entry = None if poll is None else self._entries.get(poll.key)
+        return entry if entry is not None and entry.poll is poll else None
+
+    def asked(self) -> tuple[Poll, ...]:
+        """Return the polls that are asked at present."""
+        if self._asked is None:
+            self._asked = tuple(each.poll for each in self._entries.values() if each.unit.is_asked(each))
+        return self._asked
+
+    def barking(self, now_s: float) -> Entry | None:
+        """Return the first poll of the unit whose watchdog needs it to be asked now, the earliest deadline's."""
+        while (number := self.watchdogs.first(now_s)) is not None:
+            unit = self.unit(number)
+            if unit.entries:
+                return unit.entries[0]
+            self.watchdogs.rest(number)
+        return None
+
+    def take(self, entry: Entry, now_s: float, *, for_watchdog: bool) -> None:
+        """Take out the poll that is asked now, in its rhythm or only because its unit's watchdog needs it."""
+        entry.rhythm_s = min(entry.release_s, now_s)
+        if for_watchdog is not entry.is_watchdogs:
+            entry.is_watchdogs = for_watchdog
+            self._count(entry)
+        self.rota.take(entry)
+        entry.is_hastened = entry.is_first = False
+
+    def put_back(self, entry: Entry, until_s: float) -> None:
+        """Let a poll wait until its unit may be asked."""
+        entry.release_s = entry.soonest_s = until_s
+        entry.deadline_s = max(entry.deadline_s, until_s)
+        self.rota.put(entry)
+        self.watchdogs.tried(entry.unit.number, until_s)
+
+    def plan_next(self, entry: Entry, now_s: float) -> None:
+        """Keep a poll's rhythm after its turn, or as much of it as the line has time for."""
+        unit = entry.unit
+        if unit.is_held:
+            if entry is unit.entries[0] and entry.place == NOWHERE:
+                self._put(entry, now_s + unit.pace_s)
+        elif entry.is_hastened:
+            entry.release_s = entry.deadline_s = entry.soonest_s = now_s
+            self.rota.put(entry)
+        else:
+            due_s = max(entry.rhythm_s + entry.every_s * self.stretch.factor, now_s)
+            self._put(entry, due_s)
+            entry.soonest_s = min(max(entry.rhythm_s + entry.every_s, now_s), due_s)
+
+    def learn(self, unit: Unit, outcome: Outcome, *, poll: Poll | None, since_s: float, now_s: float) -> None:
+        """Move a unit's health on after a turn that began at `since_s` and held the line until now."""
+        was_silent, was_suspect = unit.is_silent, unit.is_suspect
+        sign = unit.health.take(outcome, now_s)
+        self.rota.is_after_silence = sign is Sign.MISS
+        if sign is Sign.ANSWER:
+            self.watchdogs.heard(unit.number, since_s)
+            self._release(unit, poll, now_s)
+            if was_silent:
+                self._wake_neighbours(unit, now_s)
+        else:
+            self.watchdogs.tried(unit.number, now_s)
+            if unit.is_held and poll is not None:
+                self.rota.budget.spend(now_s - since_s, now_s)
+                unit.probed_s = now_s
+        if sign is Sign.MISS:
+            if not was_suspect and not was_silent:
+                unit.missed_s = now_s
+            unit.miss_cost_s = now_s - since_s
+            self._miss(unit, now_s, is_probe=poll is not None or not was_silent)
+        if unit.is_suspect is not was_suspect and not unit.is_held:
+            for entry in unit.entries:
+                if not entry.is_out:
+                    self.rota.put(entry)
+
+    def _miss(self, unit: Unit, now_s: float, *, is_probe: bool) -> None:
+        if unit.health.is_forgiven(now_s):
+            self._hold(unit, now_s + unit.pace_s)
+        elif unit.is_silent and is_probe:
+            unit.probes += 1
+            pause_s = back_off_s(unit.pace_s, unit.probes, jitter=self._jitter, chance=self._chance)
+            self._hold(unit, now_s + pause_s)
+
+    def _hold(self, unit: Unit, probe_due_s: float) -> None:
+        """Ask only the unit's first poll, and that at its time."""
+        if not unit.is_held:
+            unit.is_held, self._asked = True, None
+        self.watchdogs.rest(unit.number)
+        for entry in unit.entries:
+            self.rota.drop(entry)
+            entry.release_s, entry.is_hastened = inf, False
+            self._count(entry)
+        if unit.entries:
+            self._put(unit.entries[0], probe_due_s)
+
+    def _release(self, unit: Unit, poll: Poll | None, now_s: float) -> None:
+        """Ask everything of a unit that answers again; the poll that was answered keeps its own time."""
+        unit.probes = 0
+        if not unit.is_held:
+            return
+        unit.is_held, self._asked = False, None
+        for entry in unit.entries:
+            self._count(entry)
+            if entry.poll is not poll:
+                self._put(entry, min(entry.release_s, now_s))
+
+    def _wake_neighbours(self, unit: Unit, now_s: float) -> None:
+        """Ask those next that went silent at about the same time, once."""
+        near_s = max(NEIGHBOUR_S, 2 * unit.pace_s)
+        for other in self._units.values():
+            is_near = other.is_silent and abs(other.missed_s - unit.missed_s) <= near_s
+            if is_near and other.entries and other.probed_s < now_s - NEIGHBOUR_S:
+                other.probed_s = now_s
+                self._hasten(other.entries[0], now_s)
+
+    def _hasten(self, entry: Entry, now_s: float) -> None:
+        is_next = entry.release_s <= now_s and (entry.is_hastened or entry.deadline_s <= now_s)
+        entry.is_hastened = True
+        if entry.is_out or is_next:
+            return
+        entry.release_s = entry.soonest_s = min(entry.release_s, now_s)
+        entry.deadline_s = min(entry.deadline_s, now_s)
+        self.rota.put(entry)
+
+    def _put(self, entry: Entry, due_s: float) -> None:
+        """Let a poll wait for its time, by a deadline that is a period later."""
+        entry.release_s = entry.soonest_s = due_s
+        entry.deadline_s = due_s + entry.every_s * self.stretch.factor if entry.every_s else inf
+        if entry.is_first:
+            entry.deadline_s = due_s
+        self.rota.put(entry)
+
+    def _count(self, entry: Entry) -> None:
+        self.stretch.count(entry, is_counted=not entry.unit.is_held and not entry.is_watchdogs)

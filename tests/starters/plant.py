@@ -1,0 +1,181 @@
+"""Several starters, each on a fake line of its own, under one commander with a policy and a memory."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+from typing import Any
+
+from gateway.errors import DamagedError, StoreError
+from gateway.families.load import load_profile
+from gateway.families.schema import Variant
+from gateway.modbus.pdu import Request
+from gateway.modbus.writes import WriteCoil
+from gateway.starters.commander import Commander
+from gateway.starters.policy import Policy
+from gateway.starters.precautions import Precautions
+from gateway.starters.records import StateRecord
+from gateway.starters.request import CommandRequest
+from gateway.starters.rights import Operator, Rights
+from gateway.starters.rules import RuleSet
+from gateway.starters.sequence import Sequence
+from gateway.starters.setup import StarterSetup
+from gateway.starters.telemetry import StarterTelemetry
+from tests.starters.fakes import AT_SPEED, READY, RUN_COIL, VB01, FakeLineClient, RecordingSink, make_unit
+from tests.virtual_time import VirtualClock
+
+OPERATORS = (
+    Operator("alice", ("*",), ("*",)),
+    Operator("bob", ("start", "stop", "read"), ("pump-1", "pump-2")),
+    Operator("victor", ("stop",), ("pump-1",)),
+)
+
+
+class FakeMemory:
+    """A memory in memory, which can be damaged, slow or away."""
+
+    def __init__(self, document: Mapping[str, Any] | None = None) -> None:
+        self.document = document
+        self.is_damaged = False
+        self.is_away = False
+        self.save_s = 0.0
+        self.set_asides = 0
+        self.saves = 0
+
+    def load(self) -> Mapping[str, Any] | None:
+        if self.is_damaged:
+            raise DamagedError("x.json is damaged")
+        return self.document
+
+    def set_aside(self) -> None:
+        self.set_asides += 1
+
+    async def save(self, document: Mapping[str, Any]) -> None:
+        await asyncio.sleep(self.save_s)
+        if self.is_away:
+            raise StoreError("no space left")
+        self.saves += 1
+        self.document = document
+
+
+class Machine:
+    """One starter of the plant: its registers, its line, what is read of it."""
+
+    def __init__(self, name: str, plant: Plant, line: str) -> None:
+        self.name = name
+        self.unit = make_unit("ssw07")
+        self.unit.on_write = self._obey
+        self.line = FakeLineClient(self.unit)
+        self.line.name = line  # type: ignore[misc]  # each fake line has its own
+        setup = StarterSetup(name, line, 7, load_profile("ssw07"), Variant())
+        self.telemetry = StarterTelemetry(
+            setup,
+            line=self.line,
+            sink=plant.precautions.witness,
+            clock=plant.clock,
+            sequence=plant.sequence,
+        )
+        for poll in self.telemetry.polls():
+            self.line.add_poll(poll)
+
+    def poll(self) -> None:
+        for key in tuple(self.line.polls):
+            request = self.line.polls[key].request
+            at_s = asyncio.get_running_loop().time()
+            self.telemetry.on_poll(key, self.line.outcome_of(request, at_s=at_s))
+
+    def turn(self, is_on: bool) -> None:
+        """Switch the motor at the machine, and let that be read."""
+        self.unit.holding[VB01] = AT_SPEED if is_on else READY
+        self.poll()
+
+    def writes(self, *, is_start: bool) -> int:
+        return sum(
+            isinstance(write, WriteCoil) and write.address == RUN_COIL and write.is_on is is_start
+            for write in self.line.writes
+        )
+
+    def _obey(self, request: Request) -> None:
+        if isinstance(request, WriteCoil) and request.address == RUN_COIL:
+            self.unit.holding[VB01] = AT_SPEED if request.is_on else READY
+
+
+class Plant:
+    """Three pumps on three lines, or as many as are named (two with the same line as `name@line`)."""
+
+    def __init__(
+        self,
+        rules: Mapping[str, RuleSet] | None = None,
+        *names: str,
+        policy: Policy | None = None,
+        memory: FakeMemory | None = None,
+        operators: tuple[Operator, ...] = OPERATORS,
+    ) -> None:
+        self.clock = VirtualClock(asyncio.get_running_loop())
+        self.sink, self.sequence = RecordingSink(), Sequence()
+        self.memory = memory or FakeMemory()
+        places = [place.partition("@") for place in names or ("pump-1", "pump-2", "pump-3")]
+        rights = Rights(operators)
+        self.precautions = Precautions(
+            policy or Policy(rules=rules or {}),
+            [name for name, _, _ in places],
+            rights=rights,
+            sink=self.sink,
+            clock=self.clock,
+            sequence=self.sequence,
+            memory=self.memory,
+        )
+        self.machines = {name: Machine(name, self, line or f"line-{name}") for name, _, line in places}
+        self.commander = Commander(
+            {name: machine.telemetry for name, machine in self.machines.items()},
+            rights=rights,
+            sink=self.sink,
+            clock=self.clock,
+            sequence=self.sequence,
+            precautions=self.precautions,
+        )
+
+    async def online(self) -> Plant:
+        """Be read and identified; then forget what was said."""
+        for machine in self.machines.values():
+            machine.telemetry.start()
+            machine.poll()
+        await asyncio.sleep(0.5)
+        self.poll()
+        self.sink.clear()
+        for machine in self.machines.values():
+            machine.line.sent.clear()
+        return self
+
+    def poll(self) -> None:
+        for machine in self.machines.values():
+            machine.poll()
+
+    async def wait(self, seconds: float) -> None:
+        """Let time pass while everything is polled every second."""
+        until_s = self.clock.now_s() + seconds
+        while self.clock.now_s() < until_s:
+            await asyncio.sleep(min(1.0, until_s - self.clock.now_s()))
+            self.poll()
+
+    def submit(self, verb: str, id_: str | None = "1", *, starter: str = "pump-1", **more: Any) -> None:
+        fields = {"client": "alice", "args": {}, "received_s": self.clock.now_s(), **more}
+        self.commander.submit(CommandRequest(starter=starter, verb=verb, id=id_, **fields))
+
+    async def do(self, verb: str, id_: str | None = "1", *, starter: str = "pump-1", **more: Any) -> str:
+        """Send a command, wait for its end, and return its code."""
+        self.submit(verb, id_, starter=starter, **more)
+        await self.wait(3.0)
+        return self.sink.final(id_).code
+
+    def starts(self, starter: str = "pump-1") -> int:
+        return self.machines[starter].writes(is_start=True)
+
+    def stops(self, starter: str = "pump-1") -> int:
+        return self.machines[starter].writes(is_start=False)
+
+    def locks(self, starter: str = "pump-1") -> list[str | None]:
+        """Return by whom the starter was locked in each state that was told."""
+        told = [each for each in self.sink.of(StateRecord) if each.starter == starter]
+        assert all(each.is_lock_told for each in told)
+        return [None if each.lock is None else each.lock.by for each in told]

@@ -1,0 +1,157 @@
+"""The small document that outlives the process."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.errors import DamagedError, StoreError
+from gateway.starters.memory import MOST_BYTES, RETRY_S, FileMemory, NoMemory, Saver
+from tests.starters.plant import FakeMemory
+from tests.starters.rig import virtually
+
+
+async def test_what_was_saved_is_loaded_again(tmp_path: Path) -> None:
+    memory = FileMemory(tmp_path / "new" / "x.json")
+
+    await memory.save({"a": 1})
+    await memory.save({"a": 2})
+
+    assert FileMemory(tmp_path / "new" / "x.json").load() == {"a": 2}
+    assert [path.name for path in (tmp_path / "new").iterdir()] == ["x.json"]
+
+
+def test_a_file_that_is_not_there_is_no_document(tmp_path: Path) -> None:
+    assert FileMemory(tmp_path / "x.json").load() is None
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[]", b"\xff", b"[" * 100_000, b" " * (MOST_BYTES + 1)])
+def test_a_damaged_file_is_set_aside_and_stays_damaged_until_it_is_replaced(
+    content: bytes, tmp_path: Path
+) -> None:
+    path = tmp_path / "x.json"
+    path.write_bytes(content)
+    memory = FileMemory(path)
+
+    for _ in range(2):
+        with pytest.raises(DamagedError):
+            memory.load()
+        memory.set_aside()
+
+    assert (tmp_path / "x.json.damaged").read_bytes() == content
+    asyncio.run(memory.save({"a": 1}))
+    assert json.loads(path.read_bytes()) == {"a": 1}
+    assert (tmp_path / "x.json.damaged").read_bytes() == content
+
+
+def test_a_file_that_cannot_be_read_is_damaged(tmp_path: Path) -> None:
+    with pytest.raises(DamagedError):
+        FileMemory(tmp_path).load()
+
+
+def test_what_cannot_be_set_aside_is_only_logged(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    FileMemory(tmp_path / "x.json").set_aside()
+
+    assert "cannot be set aside" in caplog.text
+
+
+async def test_what_cannot_be_written_says_so_and_leaves_the_old(tmp_path: Path) -> None:
+    (tmp_path / "x.json.new").mkdir()
+    (tmp_path / "x.json").write_text("{}")
+
+    with pytest.raises(StoreError):
+        await FileMemory(tmp_path / "x.json").save({"a": 1})
+
+    assert FileMemory(tmp_path / "x.json").load() == {}
+
+
+async def test_no_memory_keeps_nothing() -> None:
+    memory = NoMemory()
+    await memory.save({"a": 1})
+    memory.set_aside()
+
+    assert memory.load() is None
+
+
+class Desk:
+    """A saver of a document that counts its changes."""
+
+    def __init__(self, save_s: float = 0.0) -> None:
+        self.memory = FakeMemory()
+        self.memory.save_s = save_s
+        self.number = 0
+        self.troubles: list[str] = []
+        self.saver = Saver(self.memory, self.document, on_trouble=self.troubles.append)
+
+    def document(self) -> Mapping[str, Any]:
+        return {"number": self.number}
+
+    def change(self) -> None:
+        self.number += 1
+        self.saver.touch()
+
+
+@virtually
+async def test_a_change_is_saved_and_many_changes_at_once_few_times() -> None:
+    desk = Desk(save_s=0.1)
+    for _ in range(10):
+        desk.change()
+        await asyncio.sleep(0.01)
+
+    assert await desk.saver.kept(within_s=1.0)
+
+    assert desk.memory.document == {"number": 10}
+    assert desk.memory.saves == 2
+
+
+@virtually
+async def test_nothing_to_save_is_kept_already() -> None:
+    desk = Desk()
+
+    assert await desk.saver.kept(within_s=1.0)
+    assert desk.memory.saves == 0
+
+
+@virtually
+async def test_a_disk_that_takes_too_long_is_not_waited_for() -> None:
+    desk = Desk(save_s=60.0)
+    desk.change()
+
+    assert not await desk.saver.kept(within_s=1.0)
+    assert asyncio.get_running_loop().time() == 1.0
+    await asyncio.sleep(60.0)
+    assert await desk.saver.kept(within_s=1.0)
+
+
+@virtually
+async def test_what_could_not_be_saved_is_told_once_and_tried_again() -> None:
+    desk = Desk()
+    desk.memory.is_away = True
+    desk.change()
+    assert not await desk.saver.kept(within_s=1.0)
+    desk.change()
+    await asyncio.sleep(2.5 * RETRY_S)
+
+    desk.memory.is_away = False
+    await asyncio.sleep(RETRY_S)
+
+    assert desk.memory.document == {"number": 2}
+    assert desk.troubles == ["no space left", ""]
+
+
+@virtually
+async def test_closing_saves_what_it_can_and_then_tries_no_more() -> None:
+    desk = Desk()
+    desk.memory.is_away = True
+    desk.change()
+
+    await desk.saver.close(within_s=1.0)
+    desk.memory.is_away = False
+    await asyncio.sleep(10 * RETRY_S)
+
+    assert desk.memory.saves == 0

@@ -1,0 +1,107 @@
+"""The broker is away, killed, flapping, or takes the connection and says nothing."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import time
+from pathlib import Path
+
+from tests.torture.scenario import Place, Scenario
+from tests.torture.waiting import until
+from tests.torture.world import KEEPALIVE_S, World
+
+FIRST_LIVE_S = 2.0  # after the broker takes connections again, beside the back-off that had been reached
+LONGEST_RETRY_S = 30.0
+RATE_TOLERANCE = 0.02
+SHORT_RATE_TOLERANCE = 0.1  # a few seconds are too few polls for two per cent
+
+
+async def away(w: World, seconds: int) -> None:
+    """Stop the broker in order; things happen at the starters meanwhile, and are told afterwards."""
+    before = await w.rate(max(seconds / 4, 4.0))
+    w.broker.stop()
+    stopped_s = time.monotonic()
+    known = len(w.recorder.events)
+    for _ in range(3):
+        await w.starters.order("fault", starter="mill", number=5)
+        await asyncio.sleep(1.0)
+        await w.starters.order("keypad_reset", starter="mill")
+        await asyncio.sleep(1.0)
+    during = await w.rate(max(seconds - (time.monotonic() - stopped_s), 4.0))
+    w.broker.start()
+    back_s = time.monotonic()
+    await w.right(since_s=back_s, within_s=LONGEST_RETRY_S + FIRST_LIVE_S)
+
+    def faults() -> int:
+        return sum(event["code"] == "fault" for event in w.recorder.events[known:])
+
+    await _told(w, lambda: faults() >= 3, "all faults of the outage are told")
+    w.figures |= {"polls/s before": round(before, 2), "during": round(during, 2), "faults told": faults()}
+    tolerance = RATE_TOLERANCE if seconds >= 60 else SHORT_RATE_TOLERANCE
+    w.check(abs(during / before - 1.0) <= tolerance, f"the line's rate changed: {before} -> {during}")
+    w.check(faults() == 3, f"3 faults happened, {faults()} were told")
+
+
+async def killed(w: World, count: int) -> None:
+    """Kill the broker: sessions and retained messages are gone."""
+    slowest_s = 0.0
+    for _ in range(count):
+        await asyncio.sleep(w.dice.uniform(0.2, 2.0))
+        w.broker.kill()
+        await asyncio.sleep(w.dice.uniform(0.0, 1.0))
+        w.broker.start()
+        back_s = time.monotonic()
+        slowest_s = max(slowest_s, await w.right(since_s=back_s, within_s=LONGEST_RETRY_S))
+    w.figures["right again s"] = round(slowest_s, 2)
+
+
+async def flapping(w: World, seconds: int) -> None:
+    """A broker that is there for a second and away for the next."""
+    w.sample()
+    end_s = time.monotonic() + seconds
+    while time.monotonic() < end_s:
+        w.broker.kill()
+        await asyncio.sleep(1.0)
+        w.broker.start()
+        await asyncio.sleep(1.0)
+    w.figures["right again s"] = round(await w.right(since_s=end_s, within_s=LONGEST_RETRY_S), 2)
+    w.sample()
+
+
+async def half_open(w: World, count: int) -> None:
+    """A broker that stands still: connections stay, nothing is answered."""
+    for _ in range(count):
+        known = len(w.recorder.events)
+        _signal(w, signal.SIGSTOP)
+        await asyncio.sleep(1.5 * KEEPALIVE_S + 2.0)
+        _signal(w, signal.SIGCONT)
+        back_s = time.monotonic()
+        await w.right(since_s=back_s, within_s=LONGEST_RETRY_S)
+
+        def is_noticed(known: int = known) -> bool:
+            return any(event["code"] == "broker_away" for event in w.recorder.events[known:])
+
+        await _told(w, is_noticed, "a broker that stood still was noticed")
+
+
+async def _told(w: World, is_true: object, what: str) -> None:
+    try:
+        await until(is_true, what, within_s=10.0)  # type: ignore[arg-type] # a function
+    except TimeoutError as error:
+        w.check(False, str(error))
+
+
+def _signal(w: World, number: signal.Signals) -> None:
+    process = w.broker._process
+    assert process is not None
+    assert Path(f"/proc/{process.pid}").exists()
+    process.send_signal(number)
+
+
+SCENARIOS = (
+    Scenario("broker away", Place.CRASH, away, 600, 6, "s"),
+    Scenario("broker killed", Place.CRASH, killed, 50, 1, "times"),
+    Scenario("broker flapping", Place.CRASH, flapping, 600, 4, "s"),
+    Scenario("broker half-open", Place.CRASH, half_open, 20, 1, "times"),
+)

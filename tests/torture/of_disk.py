@@ -1,0 +1,137 @@
+"""The disk is full or read-only, and what is kept there is damaged."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import random
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from tests.torture.scenario import Place, Scenario
+from tests.torture.world import World
+
+DISK_BYTES = 4 * 2**20
+USABLE_WITHIN_S = 15.0  # after the disk is
+
+
+@contextmanager
+def small_disk(folder: Path) -> Iterator[None]:
+    """Mount a small disk there; only root can."""
+    folder.mkdir(parents=True, exist_ok=True)
+    subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={DISK_BYTES}", "tmpfs", folder], check=True)
+    try:
+        yield
+    finally:
+        subprocess.run(["umount", "-l", folder], check=True)
+
+
+def may_mount() -> bool:
+    """Return whether this process may mount a disk."""
+    return os.geteuid() == 0
+
+
+async def full(w: World, seconds: int) -> None:
+    """Not a byte is left."""
+    await w.start("pump")
+    ballast = w.state_dir / "ballast"
+    _fill(ballast)
+    await _without_a_disk(w, seconds)
+    ballast.unlink()
+    await _usable_again(w)
+
+
+async def read_only(w: World, seconds: int) -> None:
+    """The disk is remounted read-only, as ext4 does after an error."""
+    await w.start("pump")
+    subprocess.run(["mount", "-o", "remount,ro", w.state_dir], check=False)
+    await _without_a_disk(w, seconds)
+    subprocess.run(["mount", "-o", "remount,rw", w.state_dir], check=True)
+    await _usable_again(w)
+
+
+async def damaged(w: World, count: int) -> None:
+    """Kill the gateway, damage its files in some way, and let it start."""
+    for _ in range(count):
+        w.begin_start("fan")
+        w.gateway.signal(signal.SIGKILL)
+        for path in sorted(w.state_dir.rglob("*")):
+            if path.is_file():
+                damage(path, w.dice)
+        lives = len(w.gateway.lives)
+        await w.gateway.until_up(lives=lives + 1, within_s=10.0)
+        ready_s = time.monotonic()
+        await w.right(since_s=ready_s - 0.5)
+        await w.stop("fan")
+        await _usable_again(w)
+    w.figures["files"] = len(list(w.state_dir.rglob("*")))
+
+
+def damage(path: Path, dice: random.Random) -> None:
+    """Do to a file what disks, programs and people do."""
+    content = bytearray(path.read_bytes())
+    match dice.randrange(6):
+        case 0:
+            content.clear()
+        case 1:
+            del content[dice.randrange(len(content) + 1) :]
+        case 2:
+            content[:100] = dice.randbytes(100)
+        case 3 if content:
+            at = dice.randrange(len(content))
+            content[at : at + 4096] = dice.randbytes(4096)
+        case 4:
+            for _ in range(20):
+                if content:
+                    content[dice.randrange(len(content))] = dice.randrange(256)
+        case _:
+            path.unlink()
+            return
+    path.write_bytes(content)
+
+
+async def _without_a_disk(w: World, seconds: int) -> None:
+    await asyncio.sleep(seconds)
+    await w.stop("pump")
+    result = await w.recorder.final(w.begin_start("mill"))
+    w.check(result["phase"] == "rejected", f"a start without a ledger ended as {result}")
+    w.figures["start refused"] = result["code"]
+    await w.right_still()
+    w.figures["gap s"] = await w.longest_gap_s()
+    w.check(w.figures["gap s"] <= w.gaps.regular_s, "the line waited for the disk")
+
+
+async def _usable_again(w: World) -> None:
+    """Check that commands are carried out again, without anybody's help."""
+    begun_s = time.monotonic()
+    result = {"phase": "none", "code": "none"}
+    while time.monotonic() - begun_s < USABLE_WITHIN_S:
+        w.ids += 1
+        w.recorder.command("belt", "read", f"read-{w.ids}", parameter="R41")
+        result = await w.recorder.final(f"read-{w.ids}")
+        if result["phase"] == "confirmed":
+            break
+        await asyncio.sleep(0.5)
+    w.check(result["phase"] == "confirmed", f"commands are still refused: {result}")
+    w.figures["usable again s"] = round(time.monotonic() - begun_s, 2)
+
+
+def _fill(path: Path) -> None:
+    with path.open("wb") as file:
+        try:
+            while True:
+                file.write(b"x" * 4096)
+                file.flush()
+        except OSError:
+            return
+
+
+SCENARIOS = (
+    Scenario("disk full", Place.DISK, full, 60, 2, "s"),
+    Scenario("disk read-only", Place.DISK, read_only, 60, 2, "s"),
+    Scenario("store damaged", Place.DISK, damaged, 200, 2, "times"),
+)

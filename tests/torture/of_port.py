@@ -1,0 +1,97 @@
+"""The port goes and comes back, goes deaf, or is flooded."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+
+from tests.torture.scenario import Place, Scenario
+from tests.torture.waiting import until
+from tests.torture.world import World
+
+DEAF_AFTER_S = 3.0
+CPU_SHARE = 0.5
+ROUND_S = 2.5  # all starters asked again, from the first poll of a line that works again
+
+
+async def replugged(w: World, count: int) -> None:
+    """Unplug; everything is shown as stale; plug in again under another number."""
+    w.sample()
+    slowest_s = 0.0
+    for _ in range(count):
+        begun_s = time.monotonic()
+        await w.starters.order("unplug")
+        await until(lambda: _is_all_away(w), "all starters are shown as away", within_s=2.0)
+        w.check(_good_values(w, begun_s + 0.5) == [], f"still good: {_good_values(w, begun_s + 0.5)[:3]}")
+        await asyncio.sleep(w.dice.uniform(0.0, 3.0))
+        await w.starters.order("plug")
+        slowest_s = max(slowest_s, await w.right(since_s=time.monotonic()))
+    w.sample()
+    w.figures |= {"right again s": round(slowest_s, 2), "files": w.samples[-1].files}
+
+
+async def deaf(w: World, count: int) -> None:
+    """The port hears nothing until it is closed and opened again."""
+    w.sample()
+    slowest_s = 0.0
+    for _ in range(count):
+        known = len(w.recorder.events)
+        begun_s = time.monotonic()
+        await w.starters.order("deafen")
+        await w.recorder.until("gateway/event", since_s=begun_s, code="port_deaf", within_s=4 * DEAF_AFTER_S)
+        told_s = time.monotonic()
+        await w.right(since_s=told_s)
+        slowest_s = max(slowest_s, time.monotonic() - begun_s)
+        codes = [event["code"] for event in w.recorder.events[known:]]
+        w.check(codes.count("port_deaf") == 1, f"a deaf port was told {codes.count('port_deaf')} times")
+    w.sample()
+    w.figures["heard again s"] = round(slowest_s, 2)
+
+
+async def garbage(w: World, seconds: int) -> None:
+    """Random bytes, as fast as the line carries them."""
+    await _flooded(w, seconds)
+
+
+async def endless_break(w: World, seconds: int) -> None:
+    """Zeros without end, as a broken wire or a shorted line looks to a UART."""
+    await _flooded(w, seconds, byte=0)
+
+
+async def _flooded(w: World, seconds: int, **options: int) -> None:
+    first = w.sample()
+    begun_s = time.monotonic()
+    await w.starters.order("flood", seconds=seconds, **options)
+    await asyncio.sleep(seconds)
+    ended_s = time.monotonic()
+    last = w.sample()
+    share = (last.cpu_s - first.cpu_s) / (ended_s - begun_s)
+    w.figures |= {"CPU": f"{share:.0%}", "right again s": round(await w.right(since_s=ended_s), 2)}
+    w.check(share < CPU_SHARE, f"a flood takes {share:.0%} of a core")
+
+
+def _is_all_away(w: World) -> bool:
+    latest = w.recorder.latest
+    topics = [topic for topic in latest if topic.startswith("starter/") and topic.endswith("/availability")]
+    return bool(topics) and all(latest[topic]["state"] == "offline" for topic in topics)
+
+
+def _good_values(w: World, since_s: float) -> list[str]:
+    """Return what is shown as good although it was not told as anything else since then."""
+    return (
+        [
+            topic
+            for topic, body in w.recorder.latest.items()
+            if "/value/" in topic and body.get("quality") == "good"
+        ]
+        if time.monotonic() > since_s
+        else []
+    )
+
+
+SCENARIOS = (
+    Scenario("port replugged", Place.PORT, replugged, 100, 2, "times", may_trip=True),
+    Scenario("port deaf", Place.PORT, deaf, 20, 1, "times", may_trip=True),
+    Scenario("garbage at line rate", Place.PORT, garbage, 300, 4, "s", may_trip=True),
+    Scenario("endless break", Place.PORT, endless_break, 300, 3, "s", may_trip=True),
+)

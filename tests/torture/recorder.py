@@ -1,0 +1,123 @@
+"""A SCADA that forgets nothing: subscribed at QoS 1 to everything, it keeps books and gives commands."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import Counter
+from typing import Any
+
+from paho.mqtt import client as paho
+from paho.mqtt.enums import CallbackAPIVersion
+
+from tests.torture.waiting import until
+
+BASE = "starters/plant"
+
+
+class Recorder:
+    """One client with a session that outlives its connections; paho's thread takes the messages."""
+
+    def __init__(self, port: int) -> None:
+        self.latest: dict[str, Any] = {}
+        self.received_s: dict[str, float] = {}
+        self.events: list[dict[str, Any]] = []
+        self.results: list[dict[str, Any]] = []
+        self.good: set[tuple[str, str, str]] = set()  # starter, point, value as JSON
+        self.seqs: set[int] = set()
+        self.messages = 0
+        self.bad: list[str] = []  # what no consumer could read
+        self._port = port
+        self._client = paho.Client(
+            CallbackAPIVersion.VERSION2, client_id="recorder", protocol=paho.MQTTv311, clean_session=False
+        )
+        self._client.on_connect = self._connected
+        self._client.on_message = self._take
+        self._client.reconnect_delay_set(1, 1)
+        self._subscribed_s = 0.0
+
+    def start(self) -> None:
+        self._client.connect("127.0.0.1", self._port, keepalive=30)
+        self._client.loop_start()
+
+    def stop(self) -> None:
+        self._client.disconnect()
+        self._client.loop_stop()
+
+    def publish(self, topic: str, payload: str, *, retain: bool = False) -> None:
+        self._client.publish(f"{BASE}/{topic}", payload, qos=1, retain=retain)
+
+    def command(self, starter: str, verb: str, id_: str, **args: Any) -> None:
+        boot = self.latest.get("gateway/status", {}).get("boot", "")
+        payload = json.dumps({"id": id_, "boot": boot, "args": args})
+        self.publish(f"command/{starter}/alice/{verb}", payload)
+
+    async def until(
+        self, topic: str, *, since_s: float = 0.0, within_s: float = 10.0, **wanted: Any
+    ) -> float:
+        """Wait for a message that came after `since_s` and has these fields; return when it came."""
+
+        def fits() -> bool:
+            latest = self.latest.get(topic)
+            is_new = self.received_s.get(topic, 0.0) >= since_s
+            return is_new and latest is not None and all(latest.get(k) == v for k, v in wanted.items())
+
+        await until(fits, f"{topic} has {wanted}", within_s=within_s)
+        return self.received_s[topic]
+
+    async def final(self, id_: str, *, within_s: float = 20.0) -> dict[str, Any]:
+        """Wait for a command's final result."""
+
+        def finals() -> list[dict[str, Any]]:
+            return [
+                r for r in self.results[:] if r["id"] == id_ and r["phase"] not in ("accepted", "written")
+            ]
+
+        await until(lambda: bool(finals()), f"command {id_} has a final result", within_s=within_s)
+        return finals()[0]
+
+    def repeated_events(self) -> int:
+        """Return how many events came more than once (boot and seq are the same)."""
+        return sum(count - 1 for count in Counter((e["boot"], e["seq"]) for e in self.events).values())
+
+    def finals_of_ids(self) -> Counter[str]:
+        """Return how many final results each id has had, duplicates that say so left out."""
+        return Counter(
+            each["id"]
+            for each in self.results
+            if each["id"] and each["phase"] not in ("accepted", "written") and not each["duplicate"]
+        )
+
+    def _connected(self, client: paho.Client, *_: Any) -> None:
+        client.subscribe(f"{BASE}/#", qos=1)
+
+    def _take(self, client: paho.Client, userdata: Any, message: paho.MQTTMessage) -> None:
+        topic = message.topic.removeprefix(f"{BASE}/")
+        if topic.startswith("command/"):
+            return
+        self.messages += 1
+        try:
+            body = json.loads(message.payload) if message.payload else {}
+        except ValueError:
+            self.bad.append(f"{topic}: {message.payload[:100]!r}")
+            return
+        self.latest[topic] = body
+        self.received_s[topic] = time.monotonic()
+        self._book(topic, body)
+
+    def _book(self, topic: str, body: dict[str, Any]) -> None:
+        if "seq" in body:
+            self.seqs.add(body["seq"])
+        if topic.endswith("/event"):
+            self.events.append({**body, "topic": topic})
+        elif topic.startswith("result/"):
+            self.results.append(body)
+        elif "/value/" in topic and body.get("quality") == "good":
+            _, starter, _, point = topic.split("/")
+            self.good.add((starter, point, json.dumps(body["value"])))
+        elif topic.endswith("/history"):
+            starter = topic.split("/")[1]
+            for item in body["items"]:
+                self.seqs.add(item["seq"])
+                if item["quality"] == "good":
+                    self.good.add((starter, item["point"], json.dumps(item["value"])))

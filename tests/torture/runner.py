@@ -1,0 +1,58 @@
+"""Runs scenarios place by place and writes a row for each."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+from collections.abc import Iterable
+from contextlib import AsyncExitStack
+from pathlib import Path
+from typing import Any
+
+from gateway.line.gaps import Restart
+from tests.torture import of_broker, of_disk, of_port, of_process
+from tests.torture.scenario import Place, Row, Scenario
+from tests.torture.supervisor import restart_of_unit
+from tests.torture.world import World, world
+
+SCENARIOS = (*of_process.SCENARIOS, *of_broker.SCENARIOS, *of_port.SCENARIOS, *of_disk.SCENARIOS)
+
+SHORT_RESTART = Restart(restart_s=0.5, watchdog_s=3.0, abort_s=2.0, start_up_s=2.0)  # a hang ends sooner
+
+
+async def run_place(place: Place, scenarios: Iterable[Scenario], *, is_short: bool, seed: int) -> list[Row]:
+    """Run the scenarios of one place in one world."""
+    rows: list[Row] = []
+    folder = Path(tempfile.mkdtemp(prefix=f"torture-{place.value}-"))
+    restart = SHORT_RESTART if is_short else restart_of_unit()
+    options: dict[str, Any] = {"seed": seed, "outlasts_hang": place is Place.HANG}
+    async with AsyncExitStack() as stack:
+        if place is Place.PORT:
+            options["deaf_after_s"] = of_port.DEAF_AFTER_S
+        if place is Place.DISK:
+            options["state_dir"] = folder / "disk"
+            stack.enter_context(of_disk.small_disk(folder / "disk"))
+        if place is Place.LOG:
+            reading, writing = of_process.full_pipe()
+            options["stderr"] = writing
+            stack.callback(os.close, reading)
+            stack.callback(os.close, writing)
+        here = await stack.enter_async_context(world(folder, restart, **options))
+        for scenario in scenarios:
+            rows.append(await _row(here, scenario, scenario.short if is_short else scenario.whole))
+    return rows
+
+
+async def _row(here: World, scenario: Scenario, count: int) -> Row:
+    """Run one scenario and judge it."""
+    here.failures, here.figures, here.samples, here.stops_s = [], {}, [], []
+    await here.starters.order("mark")
+    begun_s = time.monotonic()
+    try:
+        await scenario.run(here, count)
+        await here.judge(may_trip=scenario.may_trip)
+    except TimeoutError as error:
+        here.check(False, str(error) or "something never came about")
+    took_s = time.monotonic() - begun_s
+    return Row(scenario.name, f"{count} {scenario.unit}", here.failures, here.figures, took_s)

@@ -1,0 +1,49 @@
+"""What a scenario is, and which world it needs."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from tests.torture.world import World
+
+
+class Place(enum.Enum):
+    """The worlds that scenarios share; those of one place run one after the other in one world."""
+
+    CRASH = "crash"  # watchdogs outlast 1.5 times a crash's gap
+    HANG = "hang"  # watchdogs outlast 1.5 times a hang's gap
+    PORT = "port"  # a deaf port is noticed early; the line itself may be cut off, so watchdogs may act
+    DISK = "disk"  # the state is kept on a small disk of its own
+    LOG = "log"  # nobody reads the log
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A fault with real processes; `run` is given the world and how much of it."""
+
+    name: str
+    place: Place
+    run: Callable[[World, int], Awaitable[None]]
+    whole: int
+    short: int
+    unit: str  # of the count: times, s
+    may_trip: bool = False  # the way to the starters is cut, so their watchdogs must act
+
+
+@dataclass
+class Row:
+    """One line of the report."""
+
+    name: str
+    count: str
+    failures: list[str] = field(default_factory=list)
+    figures: dict[str, Any] = field(default_factory=dict)
+    took_s: float = 0.0
+
+    def __str__(self) -> str:
+        shown = ", ".join(f"{key} {value}" for key, value in self.figures.items())
+        verdict = "FAILS" if self.failures else "holds"
+        return f"{self.name:22} {self.count:>12}  {verdict}  {self.took_s:6.1f} s  {shown}"

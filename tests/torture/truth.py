@@ -1,0 +1,76 @@
+"""What a simulated starter has ever said, decoded: nothing else may be shown as good."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gateway.errors import GatewayError
+from gateway.families.identify import identify, identify_requests
+from gateway.families.load import load_profile
+from gateway.families.schema import Table, Variant
+from gateway.modbus.codes import EXCEPTION_BIT, Function
+from gateway.modbus.server import decode_request
+from gateway.mqtt.topics import to_level
+from gateway.sim.unit import Unit
+from gateway.starters.decoding import Sources
+from gateway.starters.setup import StarterSetup, merged
+
+_TABLES = {
+    Function.READ_COILS: Table.COIL,
+    Function.READ_HOLDING_REGISTERS: Table.HOLDING,
+    Function.READ_INPUT_REGISTERS: Table.INPUT,
+}
+
+
+class Truth:
+    """Listens to one unit's requests and replies, before anything on the line can spoil them."""
+
+    def __init__(self, unit: Unit, name: str, family: str, twin: Unit) -> None:
+        """Wrap the unit's `handle`; `twin` is one like it that may be asked who it is."""
+        self.name = name
+        self.values: dict[str, set[Any]] = {}
+        self.heard_s: list[float] = []  # of every request
+        self._profile = load_profile(family)
+        self._sources = Sources(self._profile)
+        self._variants = (Variant(), self._identified(twin))
+        self._known: dict[str, tuple[int, ...]] = {}
+        self._handle = unit.handle
+        unit.handle = self.handle  # type: ignore[method-assign] # that is the point of it
+
+    def handle(self, pdu: bytes, now_s: float) -> bytes | None:
+        reply = self._handle(pdu, now_s)
+        if reply is not None:
+            self.heard_s.append(now_s)
+            if not reply[0] & EXCEPTION_BIT:
+                self._learn(pdu, reply)
+        return reply
+
+    def _learn(self, pdu: bytes, reply: bytes) -> None:
+        table = _TABLES.get(Function(pdu[0])) if pdu[0] in iter(Function) else None
+        if table is None:
+            return
+        request: Any = decode_request(pdu)
+        words = [int(word) for word in request.decode_reply(reply)]
+        rows = {
+            row.code: tuple(words[at : at + row.words])
+            for at in range(request.count)
+            for row in self._profile.rows_at.get((table, request.address + at), ())
+            if at + row.words <= request.count
+        }
+        self._known.update(rows)
+        for variant in self._variants:
+            told, _ = self._sources.tell(variant, rows, known=self._known)
+            for point, decoded in told.items():
+                self.values.setdefault(to_level(point), set()).add(decoded.value)
+
+    def _identified(self, twin: Unit) -> Variant:
+        answers: dict[str, Any] = {}
+        twin.advance(1000.0)
+        for question in identify_requests(self._profile):
+            reply = twin.handle(question.request.encode(), 1000.0)
+            try:
+                answers[question.tag] = question.request.decode_reply(reply or b"")
+            except GatewayError:
+                answers[question.tag] = None
+        setup = StarterSetup(self.name, "line", 1, self._profile, Variant())
+        return merged(setup.variant, identify(self._profile, answers))
