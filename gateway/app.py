@@ -105,7 +105,7 @@ class App:
         )
         self._companions.add_fast_lanes(
             self._starters.values(),
-            wear=self._precautions.wear,
+            precautions=self._precautions,
             sink=self._keeper.sink(self._companions),
             clock=self._clock,
             sequence=self._sequence,

@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from gateway.commands.command import Subparsers
 from gateway.commands.failure_gaps import as_json, print_gaps, tight_watchdogs
+from gateway.config.fast_gain import fast_gains, fast_lines
 from gateway.config.load import load
 from gateway.config.prospects import LineProspect, StarterProspect, prospects_of
 from gateway.config.schema import Config
@@ -83,6 +85,8 @@ def _print_line(line: LineProspect) -> None:
         each = starter.table
         ages = "  ".join(_age(starter.ages_s.get(group)) for group in _GROUPS)
         print(f"  {each.name:{width}}  {each.address:4}  {each.family:6}       {ages}   {_watchdog(starter)}")
+    for text in fast_lines(table):
+        print(text)
 
 
 def _age(age_s: float | None) -> str:
@@ -134,6 +138,7 @@ def _as_json(line: LineProspect) -> dict[str, Any]:
         "is_overloaded": line.forecast.is_overloaded,
         "sweep_s": round(line.forecast.sweep_s, 4),
         "stop_latency_s": round(line.stop_latency_s, 4),
+        "fast_words": [asdict(gain) for gain in fast_gains(line.table)],
         "starters": [
             {
                 "starter": starter.table.name,

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isinf
 
-from gateway.config.locate import Key
+from gateway.config.mending import mend_of
 from gateway.config.mistake import Mistake
 from gateway.config.schema import Config, LineTable, StarterTable
 from gateway.config.setups import setups_of, timing_of
@@ -43,18 +44,22 @@ def prospects_of(config: Config) -> tuple[LineProspect, ...]:
 
 def missed_deadlines(config: Config) -> list[Mistake]:
     """Return the watchdogs that would trip although everything works."""
-    return [
-        _missed(("line", index, "starter", line.table.starters.index(starter.table)), starter)
-        for index, line in enumerate(prospects_of(config))
-        for starter in line.starters
-        if starter.margin_s is not None and starter.margin_s < 0
-    ]
+    mistakes = []
+    for index, line in enumerate(prospects_of(config)):
+        missed = [each for each in line.starters if each.margin_s is not None and each.margin_s < 0]
+        mend = mend_of(line.table) if missed else ""
+        for starter in missed:
+            key = ("line", index, "starter", line.table.starters.index(starter.table), "watchdog_s")
+            mistakes.append(Mistake(key, _miss(line, starter), mend))
+    return mistakes
 
 
-def _missed(key: Key, starter: StarterProspect) -> Mistake:
-    what = f"would trip: up to {starter.gap_s:.2f} s pass between two requests"
-    mend = "a longer watchdog, a shorter every_s, or fewer starters on the line"
-    return Mistake((*key, "watchdog_s"), what, mend)
+def _miss(line: LineProspect, starter: StarterProspect) -> str:
+    limit_s, gap_s = starter.table.watchdog_s, starter.gap_s
+    if limit_s is None or isinf(gap_s):
+        share = f"{line.forecast.watchdog_load:.0%} of the line's time"
+        return f"{starter.table.name}: {limit_s:g} s cannot be kept: the watchdogs on this line need {share}"
+    return f"{starter.table.name}: {limit_s:g} s is missed by {gap_s - limit_s:.2f} s: a gap may be {gap_s:.2f} s"
 
 
 def _line(line: LineTable) -> LineProspect:
@@ -79,8 +84,7 @@ def _starter(table: StarterTable, setup: StarterSetup, whole: Forecast) -> Start
     ages_s: dict[str, float] = {}
     for each in whole.polls:
         if each.poll.unit == setup.address:
-            group = each.poll.key.removeprefix(f"{setup.name}/").partition(":")[0]
-            ages_s[group] = max(ages_s.get(group, 0.0), each.age_s)
+            ages_s[each.poll.group] = max(ages_s.get(each.poll.group, 0.0), each.age_s)
     gap_s = longest_gap_s(whole, setup.address)
     return StarterProspect(table, ages_s, gap_s, table.watchdog_s - gap_s if table.watchdog_s else None)
 

@@ -125,7 +125,7 @@ class StarterTable(Table):
     slot: int | None = Field(default=None, ge=1, le=2)  # SSW900: of the RS-485 accessory
     response_time_s: float | None = Field(default=None, gt=0, le=10)  # None: as the manual says
     watchdog_s: float | None = Field(default=None, ge=0, le=1000)  # as set in the starter; 0: off
-    fast_words: bool = False  # SSW900: map the points onto 1500-1549 (written at standstill), one request reads all
+    fast_words: bool = False  # SSW900: points mapped onto 1500-1549, at standstill; one request reads all
     enabled: bool = True  # False: never asked, availability "disabled"
     rules: RulesTable | None = None
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from gateway.families.numbers import TYPE_LIMITS, from_words
@@ -175,6 +176,7 @@ def _raw_json(table: Table, word: int) -> dict[str, Any]:
     return {"point": None, "value": value, "unit": "", "label": None, "raw": [word]}
 
 
+@lru_cache(maxsize=256)  # asked for every point of every reply
 def _version(text: str) -> tuple[int, int] | None:
     """Return major and the two digits after the point, so that 1.4 is 1.40."""
     found = _VERSION.search(text)

@@ -1,4 +1,4 @@
-"""All that is read often in one request: a starter's points, mapped onto registers made for that (ssw900 7.2.3).
+"""All that is read often in one request: points mapped onto registers made for that (ssw900 7.2.3).
 
 Each mapped word has a companion in the same reply that reads the map itself (C8.1.1.x is a parameter like
 any other). So a reply proves what it is made of: whoever changes the map, no value is taken for another.
@@ -70,7 +70,7 @@ def plan_with(
 
 
 def rows_from(profile: Profile, block: Block, value: Sequence[Any]) -> dict[str, tuple[int, ...]] | None:
-    """Return the raw words by code of any block's answer; None when its words are not those that we mapped."""
+    """Return the raw words by code of any block's answer; None when the map is not ours any more."""
     if not isinstance(block, FastBlock):
         return rows_of(profile, block, value)
     half = len(block.map) // 2

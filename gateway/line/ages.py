@@ -37,9 +37,8 @@ def ages_s(asked: Sequence[Asked], urgent: Sequence[tuple[float, float]]) -> lis
     longest_s = max((each.cost_s for each in asked), default=0.0)
     behind_s = _longest_behind(timed, max(free_s, default=0.0))
     all_free_s = sum(free_s)
-    round_s = (2 * all_free_s + 2 * sum(cost_s for cost_s, _ in timed) + urgent_s) / max(
-        1.0 - demand.load, _LEAST_LEFT
-    )
+    round_s = _round_s(timed, free_s, load=demand.load, others=others) + urgent_s
+    busy_s = demand.busy_s(longest_s + all_free_s)
     ages = []
     for each in asked:
         if not each.every_s:
@@ -48,8 +47,20 @@ def ages_s(asked: Sequence[Asked], urgent: Sequence[tuple[float, float]]) -> lis
         period_s = each.every_s * factor
         quiet_s = behind_s[each.every_s] + demand.response_s(period_s)
         storm_s = longest_s + demand.storm_s(period_s) + all_free_s
-        ages.append(period_s + max(quiet_s, storm_s) + urgent_s - each.least_s)
+        waits_s = min(max(quiet_s, storm_s), busy_s) + urgent_s
+        ages.append(period_s + waits_s - each.least_s)
     return ages
+
+
+def _round_s(
+    timed: Sequence[tuple[float, float]], free_s: Sequence[float], *, load: float, others: float
+) -> float:
+    """Return the longest round of the polls without a period: limited by the others' load, and by turns."""
+    timed_s = sum(cost_s for cost_s, _ in timed)
+    by_load_s = 2 * (sum(free_s) + timed_s) / max(1.0 - load, _LEAST_LEFT)
+    longest_s = max([*free_s, *(cost_s for cost_s, _ in timed)], default=0.0)
+    by_turns_s = sum(free_s) + TIMED_IN_ROW * (len(free_s) + 1) * longest_s
+    return min(by_load_s, by_turns_s / max(1.0 - others, _LEAST_LEFT))
 
 
 def _longest_behind(timed: Sequence[tuple[float, float]], free_s: float) -> dict[float, float]:

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 from math import floor, inf
 
 _POINTS = 4000  # of the demand are looked at; beyond them its straight upper bound counts
+_ROUNDS = 100  # towards the length of a jam; beyond them its straight upper bound counts
 _SAME_S = 1e-9
 
 
@@ -48,6 +49,24 @@ class Demand:
         return sum(
             cost_s * max(1, floor(period_s / other_s + _SAME_S)) for other_s, cost_s in self._costs_s.items()
         )
+
+    def busy_s(self, begun_s: float) -> float:
+        """Return for how long there is something to do when everything is asked for at once, and this besides.
+
+        Nobody waits for longer, however late its deadline.
+        """
+        if self.load >= 1.0:
+            return inf
+        all_s = sum(self._costs_s.values())
+        busy_s = begun_s + all_s
+        for _ in range(_ROUNDS):
+            longer_s = begun_s + sum(
+                cost_s * (1 + floor(busy_s / period_s + _SAME_S)) for period_s, cost_s in self._costs_s.items()
+            )
+            if longer_s <= busy_s:
+                return busy_s
+            busy_s = longer_s
+        return (begun_s + all_s) / (1.0 - self.load)
 
 
 def _steps(costs_s: dict[float, float], *, limit: int) -> Iterator[tuple[float, float]]:

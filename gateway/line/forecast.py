@@ -16,7 +16,7 @@ from gateway.line.budget import ALLOWANCE_S, longest_s, reply_within_s, request_
 from gateway.line.demand import Demand
 from gateway.line.job import Poll
 from gateway.line.plan import WATCHDOGS_IN_ROW
-from gateway.line.stretch import room_of
+from gateway.line.stretch import room_of, stretch_of
 from gateway.line.watchdogs import KEPT_SHARE
 from gateway.modbus.timing import LineTiming
 
@@ -90,7 +90,9 @@ def _periods_s(polls: Sequence[Poll], costs_s: Sequence[float]) -> list[float]:
         room = room_of(others=others, has_free=free_s > 0)
         timed = [at for at, poll in enumerate(polls) if poll.every_s and at not in kept_s]
         load = sum(costs_s[at] / polls[at].every_s for at in timed)
-        factor = max(1.0, load / room)
+        factor = max(1.0, load / room)  # without slack, which is not left idle
+        if free_s:
+            factor = stretch_of(load, others=others, has_free=True)
         left = max(1.0 - others - load / factor, 1.0 - room)
         for at, poll in enumerate(polls):
             period_s = poll.every_s * factor if poll.every_s else free_s / left

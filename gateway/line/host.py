@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import gc
 import logging
 import sys
 import threading
@@ -77,6 +78,8 @@ class LineHost:
     async def start(self) -> None:
         """Start the thread; returns once its loop takes calls."""
         self._courier.loop = asyncio.get_running_loop()
+        gc.collect()
+        gc.freeze()  # what lives as long as the gateway is not looked through again and again
         self._stopping = asyncio.Event()
         started = threading.Event()
         self._thread = threading.Thread(target=self._run_thread, args=(started,), name="lines", daemon=True)
@@ -91,6 +94,7 @@ class LineHost:
         self.to_line(self._stopping.set)
         await asyncio.to_thread(thread.join)
         self._loop = None
+        gc.unfreeze()
 
     def progress(self) -> dict[str, int]:
         """Return each line's count of steps; one that stands still for long is stuck."""
@@ -118,7 +122,7 @@ class LineHost:
 
     def _run_thread(self, started: threading.Event) -> None:
         sys.setswitchinterval(SWITCH_INTERVAL_S)
-        with asyncio.Runner(loop_factory=new_precise_loop) as runner:
+        with asyncio.Runner(loop_factory=lambda: new_precise_loop(self.lag.note)) as runner:
             runner.run(self._main(started))
 
     async def _main(self, started: threading.Event) -> None:
@@ -129,7 +133,6 @@ class LineHost:
             for scheduler in self._schedulers
         ]
         tasks.append(asyncio.create_task(self._keep_figures(), name="figures"))
-        tasks.append(asyncio.create_task(self.lag.run(), name="lag"))
         started.set()
         await self._stopping.wait()
         for task in tasks:

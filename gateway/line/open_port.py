@@ -20,12 +20,12 @@ from gateway.errors import PortLostError
 from gateway.line.uart import uart_errors
 
 KEPT_BYTES = 4096  # unread; more than the longest frame many times over
-EARLY_S = 0.00012  # a read ends so long before its time, at first; what wakes it is about as late
+EARLY_S = 0.0001  # a read ends so long before its time, at first; what wakes it is about as late
 EARLY_LEAST_S, EARLY_MOST_S = 0.00005, 0.0003
 DOZE_FROM = 3  # bytes still lacking from which on their arrival one by one is not watched
 
 _JUST_IN_TIME_S = 0.00003  # left after waking up: as long as it takes to get to the write
-_EARLIER_S, _LATER_S = 0.000010, 0.000001  # the steps of learning: about one in ten then is later than that
+_EARLIER_S, _LATER_S = 0.000016, 0.000002  # the steps of learning: about one in ten then is later than that
 
 _READ_SIZE = 4096
 _AT_ONCE_S = 0.00004
@@ -163,9 +163,10 @@ class TtyPort(OpenPort):
         """Take the transport; asyncio calls this, and gives it the descriptor right afterwards."""
         super().connection_made(transport)
         if self._lost is None:
-            attributes = termios.tcgetattr(self._fd)
-            attributes[6][termios.VMIN] = 1  # or an empty read could mean both "nothing yet" and "gone"
-            termios.tcsetattr(self._fd, termios.TCSANOW, attributes)
+            with contextlib.suppress(termios.error):  # gone already: the first read will tell
+                attributes = termios.tcgetattr(self._fd)
+                attributes[6][termios.VMIN] = 1  # or an empty read could mean both "nothing yet" and "gone"
+                termios.tcsetattr(self._fd, termios.TCSANOW, attributes)
             self._loop.call_soon(self._take_over)
 
     def write(self, frame: bytes) -> None:
@@ -213,8 +214,8 @@ class TtyPort(OpenPort):
             self._doze(lacking)
 
     def _fetch(self) -> None:
-        if self._lost is not None:
-            return
+        if self._lost is not None or self._transport is None:
+            return  # gone, or not quite open: until then an empty read means nothing
         asked_s = self._time()
         try:
             data = os.read(self._fd, _READ_SIZE)

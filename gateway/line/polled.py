@@ -221,7 +221,7 @@ class Polled:
         entry.is_hastened = True
         if entry.is_out or is_next:
             return
-        entry.release_s = entry.soonest_s = min(entry.release_s, now_s)
+        entry.release_s = entry.soonest_s = now_s  # its rhythm begins anew
         entry.deadline_s = min(entry.deadline_s, now_s)
         self.rota.put(entry)
 

@@ -59,7 +59,7 @@ class Serving:
             self._voice.flush()
 
     def submit(self, job: Job) -> None:
-        """Queue a job; a stop goes before whatever has been chosen, others before a poll, but not for ever."""
+        """Queue a job: a stop goes before whatever has been chosen, others before a poll, not for ever."""
         self._plan.submit(job, self._time())
         if job.lane is Lane.STOP:
             self._is_overtaken = True

@@ -224,9 +224,7 @@ class Transactor:
             self._judge_stray(reply[len(frame) :])
         return outcome
 
-    async def _listen(
-        self, hearing: Hearing, heard: bytes, *, first_by_s: float, deadline_s: float
-    ) -> float:
+    async def _listen(self, hearing: Hearing, heard: bytes, *, first_by_s: float, deadline_s: float) -> float:
         """Read on until the reply is whole or will not come; return when its first byte began.
 
         Where the first byte is due before the deadline, only further bytes keep us listening so long.

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
+from json.encoder import encode_basestring
 from typing import Any
 
 
 def to_json(value: Any) -> str:
     """Return compact JSON; what JSON cannot say becomes null (NaN, infinity) or its text."""
+    if type(value) is str:  # most are, and in each value that is published there are a dozen
+        return encode_basestring(value)
     match value:
         case None:
             return "null"
@@ -21,7 +23,7 @@ def to_json(value: Any) -> str:
         case float():
             return _float(value)
         case str():
-            return json.dumps(str(value), ensure_ascii=False)
+            return encode_basestring(str(value))
         case Mapping():
             return "{" + ",".join(f"{to_json(str(key))}:{to_json(item)}" for key, item in value.items()) + "}"
         case list() | tuple() | set() | frozenset():

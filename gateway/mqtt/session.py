@@ -231,7 +231,17 @@ class Session:
 
     def _write_wanted(self, _client: paho.Client, _userdata: Any, _sock: Any) -> None:
         if self._sock is not None:
-            self._loop.add_writer(self._sock, self._client.loop_write)
+            self._loop.call_soon(self._write)
+
+    def _write(self) -> None:
+        """Hand over what waits, as one piece: each on its own would wake the broker."""
+        if self._sock is not None:
+            self._sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_CORK, 1)
+            self._client.loop_write()
+        if self._sock is not None:
+            self._sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_CORK, 0)
+            if self._client.want_write():  # more than the socket takes
+                self._loop.add_writer(self._sock, self._client.loop_write)
 
     def _write_done(self, _client: paho.Client, _userdata: Any, _sock: Any) -> None:
         if self._sock is not None:

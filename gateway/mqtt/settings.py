@@ -64,7 +64,7 @@ class BrokerSettings:
     guess_s: float = 3.0  # the same while the version is a guess: some brokers do not answer a wrong one
     ack_s: float = 30.0  # how long for a PUBACK
     first_retry_s: float = 0.5
-    last_retry_s: float = 30.0
+    last_retry_s: float = 4.0  # one client: what SCADA misses weighs more than what a broker has to refuse
     steady_s: float = 5.0  # a connection that held this long makes the next pause short again
     seed: int = 0  # of the retries' jitter
 

@@ -1,4 +1,4 @@
-"""Carries out the verbs that concern the gateway alone: select, cancel, lock, unlock, accept. Nothing is written."""
+"""Carries out select, cancel, lock, unlock and accept: the gateway's own verbs. Nothing is written."""
 
 from __future__ import annotations
 

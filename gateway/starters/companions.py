@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import partial
 
 from gateway.clock import Clock
 from gateway.starters.fast_lane import FastLane
 from gateway.starters.keypad_patrol import EVERY_S, VERBS, KeypadPatrol
+from gateway.starters.precautions import Precautions
 from gateway.starters.readiness_watch import ReadinessWatch
 from gateway.starters.records import AuditRecord, Record, Sink
 from gateway.starters.sequence import Sequence
 from gateway.starters.telemetry import StarterTelemetry
-from gateway.starters.wear import Wear
 
 
 class Companions:
@@ -37,7 +38,7 @@ class Companions:
         self,
         starters: Iterable[StarterTelemetry],
         *,
-        wear: Wear,
+        precautions: Precautions,
         sink: Sink,
         clock: Clock,
         sequence: Sequence,
@@ -46,14 +47,16 @@ class Companions:
         """Map the points of those starters, added before, for which the configuration wants it."""
         for starter in starters:
             if starter.setup.has_fast_words and starter.setup.is_enabled:
+                name = starter.setup.name
                 lane = FastLane(
                     starter,
-                    wear=wear,
+                    wear=precautions.wear,
                     sink=sink,
                     clock=clock,
                     sequence=sequence,
                     may_write=may_write,
-                    on_written=self._patrols[starter.setup.name].note_written,
+                    is_locked=partial(_is_locked, precautions, name),
+                    on_written=self._patrols[name].note_written,
                 )
                 starter.when_identified(lane.begin)
                 starter.when_fast_words_are_lost(lane.lose)
@@ -79,3 +82,7 @@ class Companions:
             is_over = record.decision not in ("accepted", "written")
             self._patrols[record.starter].note_command(record.verb, record.args, is_over=is_over)
         self._sink.put(record)
+
+
+def _is_locked(precautions: Precautions, starter: str) -> bool:
+    return precautions.logbook.lock_of(starter) is not None

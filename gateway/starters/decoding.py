@@ -11,18 +11,27 @@ from gateway.families.schema import Profile, Type, Variant
 TEXT_TYPES = (Type.DATE, Type.IP_ADDRESS, Type.MAC_ADDRESS, Type.STRING)
 ENUM_TYPES = (Type.ENUM, Type.LOW_ENUM)
 
+_MOST_KEPT = 64
+
 
 class Sources:
     """Which rows each point of a family is told from."""
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
+        self._fed_by: dict[frozenset[str], tuple[str, ...]] = {}  # the same few blocks come again
         self._codes_of = {name: frozenset(rows_of_points(profile, (name,))) for name in profile.points}
 
     def fed_by(self, codes: Iterable[str]) -> tuple[str, ...]:
         """Return the points that depend on one of these rows."""
         wanted = frozenset(codes)
-        return tuple(name for name, sources in self._codes_of.items() if not wanted.isdisjoint(sources))
+        fed = self._fed_by.get(wanted)
+        if fed is None:
+            if len(self._fed_by) >= _MOST_KEPT:
+                self._fed_by.clear()
+            fed = tuple(name for name, sources in self._codes_of.items() if not wanted.isdisjoint(sources))
+            self._fed_by[wanted] = fed
+        return fed
 
     def tell(
         self, variant: Variant, rows: Mapping[str, tuple[int, ...]], *, known: Mapping[str, tuple[int, ...]]

@@ -62,7 +62,8 @@ class FastLane:
         clock: Clock,
         sequence: Sequence,
         may_write: bool,
-        on_written: Callable[[Mapping[str, tuple[int, ...]]], None] = lambda rows: None,
+        is_locked: Callable[[], bool] = lambda: False,
+        on_written: Callable[[Mapping[str, tuple[int, ...]]], None] = lambda _: None,
     ) -> None:
         self._starter = starter
         self._wear = wear
@@ -70,6 +71,7 @@ class FastLane:
         self._clock = clock
         self._sequence = sequence
         self._may_write = may_write
+        self._is_locked = is_locked
         self._on_written = on_written
         self._wire = Wire(starter)
         self._task: asyncio.Task[None] | None = None
@@ -100,18 +102,20 @@ class FastLane:
 
     async def _run(self) -> None:
         try:
-            while not await self._attempted():
+            while True:
+                if await self._attempted():
+                    return
                 await asyncio.sleep(self._pause_s)
-                while self._needs_standstill and self._is_turning():
-                    await asyncio.sleep(RETRY_S)
         except Exception:  # the guard at the task's top
             logger.exception("starter=%s fast words ended by a bug", self._starter.setup.name)
 
     async def _attempted(self) -> bool:
         """Return whether there is nothing left to try."""
-        self._pause_s, self._needs_standstill = RETRY_S, False
         if not self._starter.is_answering:
             return True  # begun anew once it is identified again
+        if self._needs_standstill and self._is_turning():
+            return False
+        self._pause_s, self._needs_standstill = RETRY_S, False
         try:
             block = await self._planned()
             if block is None:
@@ -126,7 +130,7 @@ class FastLane:
 
     async def _planned(self) -> FastBlock | None:
         """Return what to map: only rows that this starter has, since others would read 0."""
-        missing = []
+        missing: list[str] = []
         starter = self._starter
         for probe in probes(starter.profile, starter.variant):
             try:
@@ -161,16 +165,20 @@ class FastLane:
         return rows, build_map(profile, block, seen=rows)
 
     def _is_forbidden(self, rows: Rows) -> bool:
-        """Return whether nothing may be written now: the motor turns, or it is not certain who answers."""
+        """Return whether nothing may be written now: locked, the motor turns, or who answers is in doubt."""
         is_known = self._starter.identity_standing is Standing.MATCHING
-        return not is_known or bool(check(self._starter.profile, RULES, self._wire.values(rows)))
+        return (
+            not is_known
+            or self._is_locked()
+            or bool(check(self._starter.profile, RULES, self._wire.values(rows)))
+        )
 
     def _is_turning(self) -> bool:
         """Return whether the motor was last read to turn, or it is not known whether it does."""
         return bool(check(self._starter.profile, RULES, self._starter.snapshot.good_values()))
 
     async def _write(self, block: FastBlock, before: Rows, procedure: Procedure) -> bool:
-        """Write what differs, and return whether it reads back; nothing follows a write that was not taken."""
+        """Write what differs, and return whether it reads back; nothing follows a write that failed."""
         self._writings += 1
         wanted = mapped(self._starter.profile, block)
         changed = {code: wanted[code] for code in procedure.subjects}
@@ -207,9 +215,9 @@ class FastLane:
         return True
 
     def _is_over(self) -> bool:
-        """Return whether there is no sense in trying again; said when the map does not take what is written."""
+        """Return whether there is no sense in trying again; said when the map takes nothing."""
         if self._writings >= MOST_WRITINGS:
-            text = f"the map did not take what was written {self._writings} times; everything is read as before"
+            text = f"the map did not take {self._writings} writings; everything is read as before"
             self._tell("fast_words_unusable", Severity.WARNING, text)
         return self._writings >= MOST_WRITINGS or self._is_contested or not self._may_write
 

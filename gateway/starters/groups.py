@@ -18,7 +18,6 @@ class GroupStop:
         self._missing = set(members)
         self._ends: dict[str, End] = {}
         self._desk = desk
-        self.is_over = False
 
     def member(self, name: str) -> Errand:
         """Return the stop of one member: reported to the same client, with the same id, but kept nowhere."""
@@ -34,7 +33,6 @@ class GroupStop:
         self._ends[name] = end
         self._missing.discard(name)
         if not self._missing:
-            self.is_over = True
             self._errand.finish(self._end())
 
     def _end(self) -> End:

@@ -47,9 +47,7 @@ class Identities:
     A starter that was never seen is taken as it is. All calls on the app's loop.
     """
 
-    def __init__(
-        self, *, sink: Sink, clock: Clock, sequence: Sequence, memory: Memory | None = None
-    ) -> None:
+    def __init__(self, *, sink: Sink, clock: Clock, sequence: Sequence, memory: Memory | None = None) -> None:
         self._sink = sink
         self._clock = clock
         self._sequence = sequence
@@ -124,10 +122,7 @@ class Identities:
 
     def _restore(self, memory: Memory) -> None:
         try:
-            document = memory.load() or {}
-            starters = document.get("starters", {})
-            if not isinstance(starters, Mapping):
-                raise DamagedError("the fingerprints of the starters are damaged")
+            starters = _starters_in(memory.load() or {})
         except DamagedError as error:
             memory.set_aside()
             self._tell("", "memory_damaged", Severity.ERROR, f"{error}: every starter counts as new", {})
@@ -145,11 +140,16 @@ class Identities:
             text = "the starters' fingerprints are kept again"
             self._tell("", "identities_back", Severity.INFO, text, {})
 
-    def _tell(
-        self, starter: str, code: str, severity: Severity, text: str, data: Mapping[str, Any]
-    ) -> None:
+    def _tell(self, starter: str, code: str, severity: Severity, text: str, data: Mapping[str, Any]) -> None:
         utc_s, seq = self._clock.utc_s(), self._sequence.take()
         self._sink.put(EventRecord(starter, code, severity, text, utc_s, seq, data))
+
+
+def _starters_in(document: Mapping[str, Any]) -> Mapping[str, Any]:
+    starters = document.get("starters", {})
+    if not isinstance(starters, Mapping):
+        raise DamagedError("the fingerprints of the starters are damaged")
+    return starters
 
 
 def _stranger(known: Known | None, seen: Fingerprint, model: str | None) -> Stranger | None:

@@ -29,7 +29,8 @@ def polls_of(setup: StarterSetup) -> tuple[Poll, ...]:
 def fast_polls_of(setup: StarterSetup) -> tuple[Poll, ...]:
     """Return the polls of a starter whose points are all mapped; those of `polls_of` where none can be."""
     fast = fast_block(setup.profile, setup.variant)
-    return tuple(_poll(setup, block) for block in plan_with(setup.profile, setup.variant, fast, timing=setup.timing))
+    blocks = plan_with(setup.profile, setup.variant, fast, timing=setup.timing)
+    return tuple(_poll(setup, block) for block in blocks)
 
 
 @dataclass(slots=True)

@@ -80,8 +80,8 @@ class StarterTelemetry:
         self._never_answered = "not yet read"  # why, as last told
         self._state = UNKNOWN
         self._on_identified: list[Callable[[], None]] = []
-        self._on_fast_words_lost: Callable[[str], None] = lambda reason: None
-        self._timer: asyncio.TimerHandle | None = None
+        self._on_fast_words_lost: Callable[[str], None] = lambda _: None
+        self._timer, self._wake_s = cast("asyncio.TimerHandle | None", None), 0.0  # when it fires
         self._where = f"line={setup.line} unit={setup.address} starter={setup.name}"
 
     @property
@@ -96,7 +96,7 @@ class StarterTelemetry:
 
     @property
     def identity_standing(self) -> Standing:
-        """Return whether the one who answers has proved to be the configured family, and the same as before."""
+        """Return whether the one who answers has proved to be the configured family, as before."""
         standing = standing_of(self.setup, self._identity)
         is_held = standing is Standing.MATCHING and self._identities.trouble(self.setup.name)
         return Standing.CHANGED if is_held else standing
@@ -285,8 +285,15 @@ class StarterTelemetry:
         self._wake_at(min(self._report.next_due_s(), self._status.next_due_s, self._polling.next_overdue_s()))
 
     def _wake_at(self, due_s: float) -> None:
-        """Publish again at `due_s`, by the one timer of this starter."""
+        """Publish again at `due_s`, by the one timer of this starter; one that fires sooner looks again."""
+        if self._timer is not None and self._wake_s <= due_s:
+            return
         if self._timer is not None:
             self._timer.cancel()
+        self._wake_s = due_s
         pause_s = max(due_s - self._clock.now_s(), SHORTEST_PAUSE_S)
-        self._timer = asyncio.get_running_loop().call_later(pause_s, self._publish)
+        self._timer = asyncio.get_running_loop().call_later(pause_s, self._on_time)
+
+    def _on_time(self) -> None:
+        self._timer = None
+        self._publish()

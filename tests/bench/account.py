@@ -95,6 +95,14 @@ def sweeps_s(seen: Iterable[Seen]) -> list[float]:
     return [later_s - sooner_s for times_s in starts_s.values() for sooner_s, later_s in pairwise(times_s)]
 
 
+class Submitted(NamedTuple):
+    """A stop as it was given, on the clock that all processes share."""
+
+    sent_s: float
+    at_s: float  # when it reached the master, as far as that can be seen from outside
+    unit: int
+
+
 @dataclass(frozen=True, slots=True)
 class Stop:
     """One stop: how long it waited, and how much of that the line did not ask for."""
@@ -104,21 +112,18 @@ class Stop:
     under_way_s: float  # the length of that transaction, silence included
 
 
-def stops(seen: Sequence[Seen], submitted: Iterable[tuple[float, int]], law: Law) -> list[Stop]:
-    """Match submitted stops (time, unit) of one line with the first write to that unit afterwards."""
+def stops(seen: Sequence[Seen], submitted: Iterable[Submitted], law: Law) -> list[Stop]:
+    """Match the stops of one line, each with the first write to its unit after it was sent."""
     found: list[Stop] = []
-    for at_s, unit in submitted:
-        before = [each for each in seen if each.start_s <= at_s]
-        after = [
-            each
-            for each in seen
-            if each.start_s > at_s and each.unit == unit and each.function in (5, 6, 15, 16)
-        ]
-        if not before or not after:
+    for stop in submitted:
+        after = (each for each in seen if each.start_s > stop.sent_s)
+        first = next((each for each in after if each.unit == stop.unit and each.is_write), None)
+        before = [each for each in seen if each.start_s <= stop.at_s and each is not first]
+        if not before or first is None:
             continue
-        free_s = max(at_s, before[-1].end_s + law.timing.silence_s)
-        under_way_s = before[-1].end_s + law.timing.silence_s - before[-1].start_s
-        found.append(Stop(after[0].start_s - at_s, after[0].start_s - free_s, under_way_s))
+        free_s = before[-1].end_s + law.timing.silence_s
+        under_way_s = free_s - before[-1].start_s
+        found.append(Stop(first.start_s - stop.at_s, first.start_s - max(stop.at_s, free_s), under_way_s))
     return found
 
 

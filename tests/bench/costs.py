@@ -70,8 +70,8 @@ def stop() -> Row:
         goals.append(Goal(f"stops seen: {what}", len(found), len(run.span.stops)))
     head = ["master", "stops", "p50 ms", "most", "transaction", "p50 / it", "beyond p50", "most"]
     note = (
-        "Milliseconds from the submission (gateway: from publish(), so the broker's way counts) to the first"
-        "\nbyte on the wire. Transaction: the one under way and its silence, p50. Beyond: later than its end."
+        "Milliseconds from submission (gateway: the message's arrival at another subscriber) to the"
+        "\nfirst byte on the wire. Transaction: the one under way and its silence, p50. Beyond: after its end."
     )
     return Row(table("Stop, 19200, saturated", head, rows, note=note), goals)
 

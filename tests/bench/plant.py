@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import queue
 import random
 import tempfile
 import time
@@ -13,6 +14,7 @@ from pathlib import Path
 import paho.mqtt.client as paho
 from paho.mqtt.enums import CallbackAPIVersion
 
+from tests.bench.account import Submitted
 from tests.bench.judge import Spec
 from tests.bench.runs import Process, Run, Watched, gateway
 from tests.bench.subjects import Span
@@ -20,6 +22,7 @@ from tests.mosquitto import MosquittoBroker
 
 BASE = "starters/bench"
 OPERATOR = "bench"
+PATIENCE_S = 5.0
 
 
 def run_gateway(
@@ -64,7 +67,7 @@ def name(line: int, unit: int) -> str:
     return f"s{line}-{unit}"
 
 
-def _measure(process: Process, warm_s: float, operate: Callable[[], list[tuple[float, int]]]) -> Span:
+def _measure(process: Process, warm_s: float, operate: Callable[[], list[Submitted]]) -> Span:
     time.sleep(warm_s)
     process.rss_kib()
     from_s, cpu_s = time.monotonic(), process.cpu_s()
@@ -72,25 +75,29 @@ def _measure(process: Process, warm_s: float, operate: Callable[[], list[tuple[f
     return Span(from_s, time.monotonic(), process.cpu_s() - cpu_s, process.rss_kib(), stops)
 
 
-def _operate(port: int, spec: Spec, *, seconds: float, stops: int) -> list[tuple[float, int]]:
-    """Let the time pass, with stops at random moments; return when each was published, and of which unit."""
+def _operate(port: int, spec: Spec, *, seconds: float, stops: int) -> list[Submitted]:
+    """Let the time pass, with stops at random moments; they reach the gateway when they reach us again."""
     if not stops:
         time.sleep(seconds)
         return []
+    arrived: queue.SimpleQueue[float] = queue.SimpleQueue()
     client = paho.Client(CallbackAPIVersion.VERSION2)
+    client.on_message = lambda *_: arrived.put(time.monotonic())
     client.connect("127.0.0.1", port)
     client.loop_start()
+    client.subscribe(f"{BASE}/command/#")
     chance = random.Random(1)
-    sent: list[tuple[float, int]] = []
+    submitted: list[Submitted] = []
     for _ in range(stops):
         time.sleep(chance.uniform(0.5, 1.5) * seconds / stops * 0.9)
         unit = chance.randint(1, spec.units)
-        sent.append((time.monotonic(), unit))
+        sent_s = time.monotonic()
         client.publish(f"{BASE}/command/{name(0, unit)}/{OPERATOR}/stop", "")
+        submitted.append(Submitted(sent_s, arrived.get(timeout=PATIENCE_S), unit))
     time.sleep(seconds / stops)
     client.disconnect()
     client.loop_stop()
-    return sent
+    return submitted
 
 
 @contextmanager

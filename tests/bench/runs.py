@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import TracebackType
 
-from tests.bench.account import Law, Seen, between
+from tests.bench.account import Law, Seen, Submitted, between
 from tests.bench.judge import Spec
 from tests.bench.subjects import Span, Task
 
@@ -132,5 +132,5 @@ class Process:
 
 def _span(told: dict[str, object]) -> Span:
     span = Span(**told)  # type: ignore[arg-type]  # it is what `subjects` printed
-    span.stops = [(at_s, unit) for at_s, unit in span.stops]
+    span.stops = [Submitted(*each) for each in span.stops]
     return span

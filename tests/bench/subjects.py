@@ -20,6 +20,8 @@ import tty
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from tests.bench.account import Submitted
+
 REGISTERS = 10
 TIMEOUT_S = 0.1  # of the other masters; ours reckons its own
 
@@ -40,13 +42,13 @@ class Task:
 
 @dataclass
 class Span:
-    """What a master reports; stops are (time of submission, unit)."""
+    """What a master reports."""
 
     from_s: float
     to_s: float
     cpu_s: float
     rss_kib: int
-    stops: list[tuple[float, int]] = field(default_factory=list)
+    stops: list[Submitted] = field(default_factory=list)
     marks: list[tuple[float, float]] = field(default_factory=list)  # of the pinger: (written, read)
 
 
@@ -93,12 +95,13 @@ async def line(task: Task) -> Span:
     clock = _Clock(task)
     clock.note_begin()
     end_s = clock.from_s + task.seconds
-    stops: list[tuple[float, int]] = []
+    stops: list[Submitted] = []
     chance = random.Random(1)
     for _ in range(task.stops):
         await asyncio.sleep(chance.uniform(0.5, 1.5) * task.seconds / task.stops * 0.9)
         unit = chance.randint(1, task.units)
-        stops.append((time.monotonic(), unit))
+        now_s = time.monotonic()
+        stops.append(Submitted(now_s, now_s, unit))
         await clients[0].transact(
             unit, WriteCoil(100, False), response_time_s=task.response_s, lane=Lane.STOP
         )

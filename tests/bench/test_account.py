@@ -7,7 +7,7 @@ import math
 import pytest
 
 from gateway.modbus.timing import Framing, LineTiming
-from tests.bench.account import Law, Seen, account, between, quantile, stops, sweeps_s
+from tests.bench.account import Law, Seen, Submitted, account, between, quantile, stops, sweeps_s
 from tests.bench.pictures import efficiency_picture, line_time_picture
 from tests.bench.report import Goal, table
 
@@ -73,14 +73,14 @@ def test_a_stop_is_charged_only_for_what_it_need_not_have_waited() -> None:
     seen = line(0.0)
     write = Seen(0, seen[-1].end_s + SILENCE_S + 0.002, 7, 5, 8, 8, 0.0, SILENCE_S + 0.002, 0.0)
 
-    (found,) = stops([*seen, write], [(seen[-1].start_s + 0.001, 7)], LAW)
+    (found,) = stops([*seen, write], [Submitted(0.0, seen[-1].start_s + 0.001, 7)], LAW)
 
     assert found.excess_s == pytest.approx(0.002)
     assert found.latency_s == pytest.approx(found.under_way_s - 0.001 + 0.002)
 
 
 def test_a_stop_that_never_came_is_not_counted() -> None:
-    assert stops(line(0.0), [(100.001, 7), (99.0, 1)], LAW) == []
+    assert stops(line(0.0), [Submitted(0.0, 100.001, 7), Submitted(0.0, 99.0, 1)], LAW) == []
 
 
 def test_sweeps_are_the_times_between_requests_to_one_unit() -> None:

@@ -1,4 +1,4 @@
-"""A process that writes ledger rows as fast as it can and tells each one that is on the disk: to be killed."""
+"""Writes ledger rows as fast as it can, and tells each one that is on the disk: a process to be killed."""
 
 from __future__ import annotations
 

@@ -274,6 +274,7 @@ async def test_the_broker_says_offline_for_a_gateway_that_vanished(
         "boot": "boot-1",
         "since": None,
         "reason": "connection lost",
+        "run": "boot-1",
     }
 
 

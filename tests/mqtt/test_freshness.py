@@ -59,6 +59,15 @@ def test_a_lost_connection_takes_its_token_along() -> None:
     assert len({*tokens, boot.token}) == 4
 
 
+def test_a_connection_is_as_old_as_when_it_was_first_told() -> None:
+    boot = Boot("run")
+    boot.connected(1.0)
+    boot.connected(5.0)
+
+    assert boot.is_before_connection(0.5)
+    assert not boot.is_before_connection(3.0)
+
+
 def test_attempts_to_connect_that_fail_leave_the_token_as_it_is() -> None:
     boot = Boot("run")
     boot.connected(1.0)

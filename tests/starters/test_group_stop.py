@@ -6,6 +6,7 @@ import asyncio
 
 import pytest
 
+from gateway.line.outcome import Outcome, Refused, Silent
 from gateway.starters.policy import Policy
 from gateway.starters.records import Phase, ResultRecord
 from tests.starters.fakes import AT_SPEED, READY, VB01
@@ -151,15 +152,32 @@ async def test_a_group_stop_at_the_end_of_the_gateway_is_rejected_as_a_whole() -
     assert plant.sink.phases("1") == [("rejected", "shutting_down")]
 
 
+@pytest.mark.parametrize("outcome", [Silent("no port", is_sent=False), Refused(2, at_s=0.0)])
 @virtually
-async def test_a_group_whose_members_could_all_not_be_reached_is_rejected() -> None:
+async def test_a_group_to_which_nothing_could_be_written_is_not_called_stopped(outcome: Outcome) -> None:
     plant = await running()
+    for machine in plant.machines.values():
+        machine.line.rules.append(lambda request: outcome if request.is_write else None)
+
     plant.submit("stop", "1", starter="hall")
+    await plant.wait(15.0)
 
-    await plant.commander.close()  # before anything went out
-
-    assert phases(plant, "hall")[-1] in [("rejected", "not_all"), ("unconfirmed", "not_all")]
+    phase = "failed" if isinstance(outcome, Refused) else "rejected"
+    assert phases(plant, "hall") == [ACCEPTED, (phase, "not_all")]
     assert len([r for r in plant.sink.of(ResultRecord) if r.phase.is_final]) == 4
+
+
+@virtually
+async def test_only_the_first_few_members_that_did_not_stop_are_told_in_words() -> None:
+    names = tuple(f"p{number}" for number in range(7))
+    plant = await Plant(None, *names, policy=Policy(groups={"hall": names})).online()
+
+    plant.submit("stop", "1", starter="hall")
+    await plant.commander.close()
+
+    text = plant.sink.of(ResultRecord)[-1].text
+    assert text.startswith("7 of 7 not confirmed: p0: shutting_down")
+    assert text.endswith("; and 2 more")
 
 
 @virtually

@@ -9,13 +9,13 @@ import signal
 import subprocess
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from tests.torture.scenario import Place, Scenario
 from tests.torture.world import World
 
-DISK_BYTES = 4 * 2**20
+DISK_BYTES = 64 * 2**20
 USABLE_WITHIN_S = 15.0  # after the disk is
 
 
@@ -48,9 +48,9 @@ async def full(w: World, seconds: int) -> None:
 async def read_only(w: World, seconds: int) -> None:
     """The disk is remounted read-only, as ext4 does after an error."""
     await w.start("pump")
-    subprocess.run(["mount", "-o", "remount,ro", w.state_dir], check=False)
+    _remount(w.state_dir, "ro")
     await _without_a_disk(w, seconds)
-    subprocess.run(["mount", "-o", "remount,rw", w.state_dir], check=True)
+    _remount(w.state_dir, "rw")
     await _usable_again(w)
 
 
@@ -120,14 +120,18 @@ async def _usable_again(w: World) -> None:
     w.figures["usable again s"] = round(time.monotonic() - begun_s, 2)
 
 
+def _remount(folder: Path, how: str) -> None:
+    """Remount a disk whose files are in use; `ro` then needs the kernel's emergency way."""
+    subprocess.run(["mount", "-o", f"remount,{how}", folder], check=True)
+
+
 def _fill(path: Path) -> None:
-    with path.open("wb") as file:
-        try:
-            while True:
-                file.write(b"x" * 4096)
-                file.flush()
-        except OSError:
-            return
+    """Write until not a byte is left."""
+    with path.open("wb", buffering=0) as file, suppress(OSError):
+        for size in (65536, 512, 1):
+            with suppress(OSError):
+                while file.write(bytes(size)):
+                    pass
 
 
 SCENARIOS = (

@@ -69,9 +69,7 @@ class Recorder:
         """Wait for a command's final result."""
 
         def finals() -> list[dict[str, Any]]:
-            return [
-                r for r in self.results[:] if r["id"] == id_ and r["phase"] not in ("accepted", "written")
-            ]
+            return [each for each in self.results[:] if each["id"] == id_ and is_final(each)]
 
         await until(lambda: bool(finals()), f"command {id_} has a final result", within_s=within_s)
         return finals()[0]
@@ -83,9 +81,7 @@ class Recorder:
     def finals_of_ids(self) -> Counter[str]:
         """Return how many final results each id has had, duplicates that say so left out."""
         return Counter(
-            each["id"]
-            for each in self.results
-            if each["id"] and each["phase"] not in ("accepted", "written") and not each["duplicate"]
+            each["id"] for each in self.results if each["id"] and is_final(each) and not each["duplicate"]
         )
 
     def _connected(self, client: paho.Client, *_: Any) -> None:
@@ -121,3 +117,8 @@ class Recorder:
                 self.seqs.add(item["seq"])
                 if item["quality"] == "good":
                     self.good.add((starter, item["point"], json.dumps(item["value"])))
+
+
+def is_final(result: dict[str, Any]) -> bool:
+    """Return whether nothing follows this result."""
+    return result["phase"] not in ("accepted", "written")

@@ -23,7 +23,6 @@ SHORT_RESTART = Restart(restart_s=0.5, watchdog_s=3.0, abort_s=2.0, start_up_s=2
 
 async def run_place(place: Place, scenarios: Iterable[Scenario], *, is_short: bool, seed: int) -> list[Row]:
     """Run the scenarios of one place in one world."""
-    rows: list[Row] = []
     folder = Path(tempfile.mkdtemp(prefix=f"torture-{place.value}-"))
     restart = SHORT_RESTART if is_short else restart_of_unit()
     options: dict[str, Any] = {"seed": seed, "outlasts_hang": place is Place.HANG}
@@ -39,9 +38,7 @@ async def run_place(place: Place, scenarios: Iterable[Scenario], *, is_short: bo
             stack.callback(os.close, reading)
             stack.callback(os.close, writing)
         here = await stack.enter_async_context(world(folder, restart, **options))
-        for scenario in scenarios:
-            rows.append(await _row(here, scenario, scenario.short if is_short else scenario.whole))
-    return rows
+        return [await _row(here, each, each.short if is_short else each.whole) for each in scenarios]
 
 
 async def _row(here: World, scenario: Scenario, count: int) -> Row:

@@ -39,6 +39,7 @@ class TortureLine(PtyLine):
 
     flooded_bytes = 0
     is_deaf = False
+    is_flooded = False
     _flood: asyncio.Task[None] | None = None
 
     def go_deaf(self) -> None:
@@ -54,14 +55,21 @@ class TortureLine(PtyLine):
         loop = asyncio.get_running_loop()
         dice = random.Random(0)
         end_s = loop.time() + seconds
+        self.is_flooded = True
         character_s = self.line.timing.character_s
         sent_s = loop.time()
         while loop.time() < end_s:
             await asyncio.sleep(0.005)
             count = int((loop.time() - sent_s) / character_s)
             sent_s += count * character_s
-            self._write(octets * count if octets else dice.randbytes(count), 0.0)
+            super()._write(octets * count if octets else dice.randbytes(count), 0.0)
             self.flooded_bytes += count
+        self.is_flooded = False
+
+    def _write(self, chunk: bytes, arrival_s: float) -> None:
+        """Hand a reply to the master, unless others send at the same time: then nothing is left of it."""
+        if not self.is_flooded:
+            super()._write(chunk, arrival_s)
 
     def _read(self) -> None:
         try:
@@ -73,7 +81,7 @@ class TortureLine(PtyLine):
             tty.setraw(self._theirs)
             self.is_deaf = False
             return
-        if not self.is_deaf:
+        if not self.is_deaf and not self.is_flooded:
             self.line.send(data)
 
     async def stop(self) -> None:

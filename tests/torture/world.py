@@ -32,10 +32,11 @@ STOP_WITHIN_S = 1.0  # over MQTT, beside what the line needs
 ONLINE = ("online", "degraded")
 
 
-def site(folder: Path, broker_port: int, *, deaf_after_s: float, state_dir: Path) -> str:
+def site(folder: Path, broker_port: int, *, deaf_after_s: float, state_dir: Path, watchdog_s: int = 0) -> str:
     """Return the configuration of one line with a starter of each family."""
     starters = "".join(
         f'\n[[line.starter]]\nname = "{name}"\naddress = {address}\nfamily = "{family}"\nevery_s = 0.5\n'
+        f"watchdog_s = {watchdog_s}\n"
         for address, (name, family) in enumerate(STARTERS.items(), 1)
     )
     return (
@@ -136,6 +137,20 @@ class World:
             self.check(False, f"state not right within {within_s:g} s: {error}")
         return time.monotonic() - since_s
 
+    async def calm(self) -> None:
+        """Wait until no starter is polled faster than usual."""
+
+        def is_calm() -> bool:
+            states = [self.recorder.latest.get(f"starter/{name}/state", {}) for name in STARTERS]
+            return all(each.get("state") in ("ready", "running") for each in states)
+
+        await until(is_calm, "all motors stand or run", within_s=60.0)
+        await asyncio.sleep(1.0)
+
+    async def right_still(self) -> None:
+        """Check that all states are shown as they are; the last message may be from before."""
+        await self.right(since_s=0.0)
+
     async def _state(self, starter: str, states: tuple[str, ...], *, since_s: float, end_s: float) -> None:
         topic = f"starter/{starter}/state"
 
@@ -216,9 +231,11 @@ async def world(
     broker = MosquittoBroker(folder / "broker", is_persistent=is_persistent)
     broker.start()
     config = folder / "site.toml"
-    config.write_text(site(folder, broker.port, deaf_after_s=deaf_after_s, state_dir=state_dir), "utf-8")
+    place: dict[str, Any] = {"deaf_after_s": deaf_after_s, "state_dir": state_dir}
+    config.write_text(site(folder, broker.port, **place), "utf-8")
     gaps = _computed(config, restart)
     watchdog_s = math.ceil(WIDE_FACTOR * (gaps.hang_s if outlasts_hang else gaps.crash_s))
+    config.write_text(site(folder, broker.port, **place, watchdog_s=watchdog_s), "utf-8")
     starters = Starters(config, watchdog_s)
     recorder = Recorder(broker.port)
     gateway = Supervisor(config, restart, folder, stderr)

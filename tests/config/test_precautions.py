@@ -1,0 +1,105 @@
+"""Rules, groups and the clock's trust as a site configures them."""
+
+from __future__ import annotations
+
+import pytest
+
+from gateway.config.load import parse
+from gateway.config.setups import policy_of
+from gateway.errors import ConfigError
+from gateway.starters.rules import NO_RULES, RuleSet
+from tests.config.sites import SITE, site
+
+OWN = 'family = "ssw07"\n'
+
+
+def policy(more: str = "", own: str = ""):  # type: ignore[no-untyped-def]  # a Policy
+    return policy_of(parse(SITE.replace(OWN, OWN + own) + more, "site.toml"))
+
+
+def problems(more: str = "", own: str = "") -> list[str]:
+    with pytest.raises(ConfigError) as caught:
+        policy(more, own)
+    return [str(problem).partition(": ")[2] for problem in caught.value.problems]
+
+
+def test_nothing_is_demanded_by_default() -> None:
+    assert policy().rules == {"pump-1": NO_RULES, "pump-2": NO_RULES}
+    assert policy().groups == {}
+    assert site().gateway.clock == "auto"
+
+
+def test_a_starter_has_rules_of_its_own() -> None:
+    own = "[line.starter.rules]\nstarts_per_hour = 6\nminimum_pause_s = 30.0\n"
+
+    assert policy(own=own).rules["pump-1"] == RuleSet(starts_per_hour=6, minimum_pause_s=30.0)
+
+
+def test_shared_rules_hold_for_all_that_fit_and_the_nearest_wins_key_by_key() -> None:
+    more = (
+        '[[rules]]\nstarters = ["pump-*"]\nstarts_per_hour = 10\ntwo_step = ["start"]\n'
+        '[[rules]]\nstarters = ["pump-2"]\nstarts_per_hour = 4\n'
+    )
+    own = "[line.starter.rules]\ntwo_step = []\nminimum_pause_s = 5\n"
+
+    rules = policy(more, own).rules
+
+    assert rules["pump-1"] == RuleSet(starts_per_hour=10, minimum_pause_s=5.0)
+    assert rules["pump-2"] == RuleSet(starts_per_hour=4, two_step=frozenset({"start"}))
+
+
+def test_a_group_has_all_starters_that_fit_in_the_order_of_the_lines() -> None:
+    assert policy('[[group]]\nname = "hall"\nstarters = ["pump-2", "pump-*"]\n').groups == {
+        "hall": ("pump-1", "pump-2")
+    }
+
+
+@pytest.mark.parametrize(
+    ("more", "problem"),
+    [
+        ('[[group]]\nname = "pump-1"\nstarters = ["pump-*"]', "group[0].name: 'pump-1' is also line[0]"),
+        (
+            '[[group]]\nname = "a"\nstarters = ["pump-*"]\n[[group]]\nname = "a"\nstarters = ["pump-1"]',
+            "group[1].name: 'a' is also group[0].name",
+        ),
+        ('[[group]]\nname = "a"\nstarters = ["fan"]', "group[0].starters[0]: 'fan' fits no starter"),
+        ('[[group]]\nname = "a"\nstarters = []', "group[0].starters: is empty"),
+        ('[[rules]]\nstarters = ["fan-*"]', "rules[0].starters[0]: 'fan-*' fits no starter"),
+        ("[[rules]]\nstarts_per_hour = 1", "rules[0].starters: is missing"),
+        ('[rules]\nstarters = ["pump-1"]', "rules: is not a list of tables (write [[rules]]"),
+        ('[[rules]]\nstarters = ["pump-1"]\nstart_per_hour = 1', "rules[0].start_per_hour: unknown key"),
+        ('[[rules]]\nstarters = ["pump-1"]\ntwo_step = ["stop"]', "rules[0].two_step[0]: is 'stop'"),
+        (
+            '[[rules]]\nstarters = ["pump-1"]\nfeeder = "a"',
+            "line[0].starter[0].name: 'pump-1' has feeder without stagger_s",
+        ),
+        (
+            '[[rules]]\nstarters = [7, "pump-1"]\nstagger_s = 5.0',
+            "line[0].starter[0].name: 'pump-1' has stagger_s without feeder",
+        ),
+    ],
+)
+def test_a_mistake_in_rules_or_groups_is_told(more: str, problem: str) -> None:
+    told = problems(more + "\n")
+
+    assert any(text.startswith(problem) for text in told), told
+
+
+def test_an_unknown_rule_of_a_starter_is_told_with_what_might_be_meant() -> None:
+    told = problems(own="[line.starter.rules]\nminimum_pauses_s = 5\n")
+
+    assert told == ["line[0].starter[0].rules.minimum_pauses_s: unknown key (did you mean minimum_pause_s?)"]
+
+
+def test_a_table_that_should_be_one_is_told() -> None:
+    assert problems(own="rules = 7\n")[0].startswith("line[0].starter[0].rules: is 7")
+
+
+@pytest.mark.parametrize("head", ["group = [7]", "rules = [7]", "group = 7", "rules = 7"])
+def test_what_is_no_table_is_told_and_hides_nothing_else(head: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        parse(f"{head}\n{SITE}".replace("address = 2", "address = 1"), "site.toml")
+
+    keys = {problem.key for problem in caught.value.problems}
+    assert any(key.startswith(head.split()[0]) for key in keys)
+    assert "line[0].starter[1].address" in keys

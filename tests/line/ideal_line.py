@@ -1,0 +1,117 @@
+"""A line in virtual time on which every transaction takes what it is said to: the plan alone is tried."""
+
+from __future__ import annotations
+
+import random
+from collections import defaultdict
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from math import inf
+
+from gateway.line.budget import reply_within_s, request_wire_s
+from gateway.line.job import Poll
+from gateway.line.outcome import Answered, Outcome, Silent
+from gateway.line.plan import Plan, Turn
+from gateway.modbus.reads import ReadHoldingRegisters
+from gateway.modbus.timing import Framing, LineTiming
+
+READ = ReadHoldingRegisters(0, 1)
+
+
+def cost_s(poll: Poll, timing: LineTiming, *, allowance_s: float = 0.0) -> float:
+    """Return what an answered poll takes of the line at most."""
+    within_s = reply_within_s(
+        poll.request, timing, response_time_s=poll.response_time_s, allowance_s=allowance_s
+    )
+    return timing.silence_s + request_wire_s(poll.request, timing) + within_s
+
+
+class IdealLine:
+    """Serves a plan; `took_s` says what a turn takes, `outcome_of` what becomes of it."""
+
+    def __init__(
+        self,
+        polls: Iterable[Poll],
+        took_s: Callable[[Turn], float],
+        outcome_of: Callable[[Turn, float], Outcome] | None = None,
+        *,
+        seed: int = 0,
+    ) -> None:
+        self.polls = tuple(polls)
+        self.plan = Plan(self.polls, seed=seed)
+        self.plan.begin(0.0)
+        self.now_s = 0.0
+        self.turns: list[tuple[float, Turn]] = []  # when each began
+        self.answered_s: dict[str, float] = {}
+        self.gaps_s: defaultdict[str, list[float]] = defaultdict(list)  # between two answers of a poll
+        self.heard_s: dict[int, float] = {}  # the start of the latest request that a unit was reached by
+        self.unheard_s: defaultdict[int, float] = defaultdict(float)  # the longest time between two of those
+        self.busy_s: defaultdict[str, float] = defaultdict(float)  # by class of outcome
+        self._took_s = took_s
+        self._outcome_of = outcome_of or (lambda turn, at_s: Answered((), at_s, 0.0))
+
+    def step(self, until_s: float = inf) -> Turn | None:
+        """Do one turn, or wait for the next, at most until then."""
+        turn = self.plan.pick(self.now_s)
+        if turn is None:
+            due_s = self.plan.next_due_s()
+            assert due_s < inf or until_s < inf
+            self.now_s = max(min(due_s, until_s), self.now_s)
+            return None
+        self.turns.append((self.now_s, turn))
+        began_s = self.now_s
+        self.now_s += self._took_s(turn)
+        outcome = self._outcome_of(turn, self.now_s)
+        self.busy_s[type(outcome).__name__] += self.now_s - began_s
+        self.plan.record(turn, outcome, self.now_s)
+        if not isinstance(outcome, Silent):
+            self._note_answer(turn, began_s)
+        return turn
+
+    def run(self, until_s: float) -> None:
+        """Serve until then."""
+        while self.now_s < until_s:
+            self.step(until_s)
+
+    def run_until_answered(self, key: str) -> None:
+        """Serve until a poll is answered once more."""
+        before = len(self.gaps_s[key]), self.answered_s.get(key)
+        while (len(self.gaps_s[key]), self.answered_s.get(key)) == before:
+            self.step()
+
+    def _note_answer(self, turn: Turn, began_s: float) -> None:
+        if turn.unit in self.heard_s:
+            gap_s = began_s - self.heard_s[turn.unit]
+            self.unheard_s[turn.unit] = max(self.unheard_s[turn.unit], gap_s)
+        self.heard_s[turn.unit] = began_s
+        if turn.poll is None:
+            return
+        key = turn.poll.key
+        if key in self.answered_s:
+            self.gaps_s[key].append(self.now_s - self.answered_s[key])
+        self.answered_s[key] = self.now_s
+
+
+def random_site(seed: int, *, units: Iterable[int] = (1, 2, 4, 8, 16, 24)) -> tuple[LineTiming, list[Poll]]:
+    """Return a line and its polls: three blocks each starter, of one period or of many."""
+    chance = random.Random(seed)
+    timing = LineTiming(chance.choice([9600, 19200, 57600]), Framing.parse("8E1"))
+    is_mixed = chance.random() < 0.5
+    base_s = chance.choice([0.5, 1.0, 2.0, 5.0])
+    polls = []
+    for unit in range(1, chance.choice(list(units)) + 1):
+        every_s = chance.choice([0.5, 1.0, 2.0, 5.0, 20.0]) if is_mixed else base_s
+        response_time_s = chance.choice([0.01, 0.02, 0.1])
+        for block, most in enumerate((8, 24, 4)):
+            period_s = max(10.0, 10 * every_s) if block == 2 else every_s
+            request = ReadHoldingRegisters(0, chance.randint(1, most))
+            polls.append(Poll(f"{unit}/{block}", unit, request, period_s, response_time_s))
+    return timing, polls
+
+
+def as_often_as_possible(polls: Iterable[Poll], units: set[int]) -> list[Poll]:
+    """Return polls of which those of some units, slow ones apart, have no period."""
+    return [
+        replace(poll, every_s=0.0) if poll.unit in units and not poll.key.endswith("/2") else poll
+        for poll in polls
+    ]

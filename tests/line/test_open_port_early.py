@@ -1,0 +1,30 @@
+"""A tty that is read before it is quite open is not taken for one that is gone."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import tty
+
+from gateway.line.serial_port import SerialOpener
+from gateway.modbus.timing import Framing
+
+
+async def test_a_read_right_after_opening_finds_nothing_and_loses_nothing() -> None:
+    ours, theirs = os.openpty()
+    tty.setraw(theirs)
+    try:
+        port = await SerialOpener(os.ttyname(theirs), 19200, Framing.parse("8N1"))()
+        loop = asyncio.get_running_loop()
+
+        early = await port.read(until_s=loop.time() + 0.0001)  # too short to let the loop go on
+        os.write(ours, b"\x01\x02")
+        later = await port.read(until_s=loop.time() + 5.0)
+
+        port.close()
+        await asyncio.sleep(0)
+        await asyncio.sleep(0)
+        assert (early, later) == (b"", b"\x01\x02")
+    finally:
+        os.close(ours)
+        os.close(theirs)

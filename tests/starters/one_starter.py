@@ -1,0 +1,183 @@
+"""One simulated starter under a running gateway floor, with memory, fast words and a commander."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Mapping
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+from gateway.errors import DamagedError, StoreError
+from gateway.families.load import load_profile
+from gateway.families.schema import Variant
+from gateway.line.client import LocalLineClient
+from gateway.line.outcome import Outcome
+from gateway.line.scheduler import Scheduler
+from gateway.modbus.timing import Framing, LineTiming
+from gateway.sim.line import SimulatedLine
+from gateway.sim.unit import Unit
+from gateway.starters.commander import Commander
+from gateway.starters.companions import Companions
+from gateway.starters.policy import Policy
+from gateway.starters.polling import polls_of
+from gateway.starters.precautions import Precautions
+from gateway.starters.records import AuditRecord, EventRecord
+from gateway.starters.request import CommandRequest
+from gateway.starters.rights import Operator, Rights
+from gateway.starters.sequence import Sequence
+from gateway.starters.setup import StarterSetup
+from gateway.starters.telemetry import StarterTelemetry
+from tests.starters.fakes import RecordingSink
+from tests.virtual_time import VirtualClock
+
+TIMING = LineTiming(19200, Framing.parse("8N2"))
+
+
+class TestMemory:
+    """A document in memory; it can be damaged, and the disk can be full."""
+
+    __test__ = False
+
+    def __init__(self, document: Mapping[str, Any] | None = None) -> None:
+        self.document = document
+        self.is_damaged = False
+        self.is_full = False
+        self.aside: list[Mapping[str, Any] | None] = []
+
+    def load(self) -> Mapping[str, Any] | None:
+        if self.is_damaged:
+            raise DamagedError("identities.json is damaged")
+        return self.document
+
+    def set_aside(self) -> None:
+        self.aside.append(self.document)
+
+    async def save(self, document: Mapping[str, Any]) -> None:
+        await asyncio.sleep(0.01)
+        if self.is_full:
+            raise StoreError("no space left")
+        self.document = document
+
+
+class Router:
+    """A LineListener that tells everything to one starter."""
+
+    starter: StarterTelemetry
+
+    def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
+        self.starter.on_poll(key, outcome)
+
+    def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:
+        self.starter.on_unit(is_answering=is_answering, reason=reason, frames=frames)
+
+    def on_port(self, line: str, is_open: bool, reason: str) -> None:
+        pass
+
+
+@dataclass
+class Here:
+    """What a test sees of it."""
+
+    bus: SimulatedLine
+    telemetry: StarterTelemetry
+    commander: Commander
+    precautions: Precautions
+    sink: RecordingSink = field(default_factory=RecordingSink)
+
+    @property
+    def unit(self) -> Any:
+        return self.bus.unit(1)
+
+    def events(self, *codes: str) -> list[EventRecord]:
+        return [event for event in self.sink.of(EventRecord) if event.code in codes]
+
+    def fast_events(self) -> list[str]:
+        return [event.code for event in self.sink.of(EventRecord) if event.code.startswith("fast_words")]
+
+    def audits(self) -> list[AuditRecord]:
+        return [record for record in self.sink.of(AuditRecord) if record.verb == "fast_words"]
+
+    def requests(self) -> list[bytes]:
+        """Return the PDUs of all requests that went out since the transcript was cleared."""
+        return [frame.data[1:-2] for frame in self.bus.transcript if frame.sender == 0]
+
+    def submit(self, verb: str, id_: str, **args: Any) -> None:
+        self.commander.submit(CommandRequest("pump", "alice", verb, id_, args))
+
+    async def replace(self, unit: Unit) -> None:
+        """Put another device in the place of the present one, and let it be identified."""
+        self.bus.remove(self.unit)
+        await asyncio.sleep(30.0)
+        self.bus.add(unit)
+        await asyncio.sleep(60.0)
+
+
+@asynccontextmanager
+async def one_starter(
+    unit: Unit,
+    *,
+    model: str | None = None,
+    has_fast_words: bool = False,
+    may_write: bool = True,
+    memory: TestMemory | None = None,
+    lap_s: float = 60.0,
+    every_s: float = 1.0,
+) -> AsyncIterator[Here]:
+    """Run it; nothing has been asked yet."""
+    clock, sink, sequence = VirtualClock(asyncio.get_running_loop()), RecordingSink(), Sequence()
+    bus = SimulatedLine(TIMING, [unit])
+    variant = Variant(model=model)
+    profile = load_profile(unit.family)
+    setup = StarterSetup("pump", "pumps", 1, profile, variant, every_s=every_s, has_fast_words=has_fast_words)
+    router = Router()
+    scheduler = Scheduler(
+        name="pumps", opener=bus.opener(), timing=TIMING, polls=polls_of(setup), listener=router
+    )
+    rights = Rights([Operator("alice", ("*",), ("*",))])
+    precautions = Precautions(
+        Policy(),
+        ["pump"],
+        rights=rights,
+        sink=sink,
+        clock=clock,
+        sequence=sequence,
+        identities_memory=memory,
+    )
+    telemetry = StarterTelemetry(
+        setup,
+        line=LocalLineClient(scheduler),
+        sink=precautions.witness,
+        clock=clock,
+        sequence=sequence,
+        identities=precautions.identities,
+    )
+    companions = Companions(sink, patrol_every_s=lap_s)
+    companions.add(telemetry)
+    commander = Commander(
+        {"pump": telemetry},
+        rights=rights,
+        sink=companions,
+        clock=clock,
+        sequence=sequence,
+        precautions=precautions,
+    )
+    companions.add_fast_lanes(
+        [telemetry],
+        precautions=precautions,
+        sink=companions,
+        clock=clock,
+        sequence=sequence,
+        may_write=may_write,
+    )
+    router.starter = telemetry
+    telemetry.start()
+    companions.start()
+    task = asyncio.create_task(scheduler.run())
+    yield Here(bus, telemetry, commander, precautions, sink)
+    await commander.close()
+    await telemetry.close()
+    await companions.close()
+    await precautions.identities.close()
+    task.cancel()
+    await asyncio.wait((task,))

@@ -1,0 +1,219 @@
+"""A whole gateway floor over two simulated starters that outlive it, with every record and its moment."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import random
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Any
+
+from gateway.families.load import load_profile
+from gateway.families.schema import Variant
+from gateway.line.client import LocalLineClient
+from gateway.line.scheduler import Scheduler
+from gateway.modbus.adu import decode
+from gateway.modbus.timing import Framing, LineTiming
+from gateway.modbus.writes import WriteCoil
+from gateway.mqtt.boot import Boot
+from gateway.mqtt.intake import Incoming, Intake, Rejection
+from gateway.mqtt.topics import Topics
+from gateway.sim.factory import make_unit
+from gateway.sim.impair import Reply
+from gateway.sim.line import SimulatedLine
+from gateway.sim.power import MotorData
+from gateway.starters.commander import Commander
+from gateway.starters.journal import Remembered
+from gateway.starters.policy import Policy
+from gateway.starters.polling import polls_of
+from gateway.starters.precautions import Precautions
+from gateway.starters.records import Record, ResultRecord
+from gateway.starters.rights import Operator, Rights
+from gateway.starters.rules import RuleSet
+from gateway.starters.sequence import Sequence
+from gateway.starters.setup import StarterSetup
+from gateway.starters.telemetry import StarterTelemetry
+from tests.starters.fakes import RUN_COIL
+from tests.starters.plant import FakeMemory
+from tests.starters.test_on_a_line import LostWrites, Router
+from tests.virtual_time import VirtualClock
+
+TIMING = LineTiming(19200, Framing.parse("8N2"))
+NAMES = ("a", "b")
+PAUSE_S, STAGGER_S, STARTS_PER_HOUR = 2.0, 1.5, 4
+RULES = RuleSet(starts_per_hour=STARTS_PER_HOUR, minimum_pause_s=PAUSE_S, feeder="f", stagger_s=STAGGER_S)
+OPERATORS = (Operator("alice", ("*",), ("*",)), Operator("bob", ("start", "stop"), ("a",)))
+START_PDU, STOP_PDU = WriteCoil(RUN_COIL, True).encode(), WriteCoil(RUN_COIL, False).encode()
+
+
+class TimedSink:
+    """Keeps all records with the moment they were told."""
+
+    def __init__(self) -> None:
+        self.records: list[tuple[float, Record]] = []
+
+    def put(self, record: Record) -> None:
+        self.records.append((asyncio.get_running_loop().time(), record))
+
+    def of(self, kind: type[Any]) -> list[tuple[float, Any]]:
+        return [(at_s, record) for at_s, record in self.records if isinstance(record, kind)]
+
+
+class FakeJournal:
+    """Keeps commands as the ledger does, in memory; it outlives the gateway."""
+
+    trouble = ""
+
+    def __init__(self) -> None:
+        self.kept: dict[tuple[str, str], Remembered] = {}
+
+    def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:
+        if result.id:
+            key = (result.client, result.id)
+            earlier = self.kept.get(key, Remembered(result, may_be_written=False, since_s=result.time_s))
+            self.kept[key] = replace(earlier, result=result)
+        if then is not None:
+            then()
+
+    async def intend(self, result: ResultRecord) -> None:
+        assert result.id
+        key = (result.client, result.id)
+        self.kept[key] = replace(self.kept[key], may_be_written=True)
+
+
+class LostReplies:
+    """An impairment: the unit acts, but nothing of what it answers arrives."""
+
+    def apply(self, reply: Reply, dice: random.Random) -> tuple[Reply, ...]:
+        assert decode(reply.adu)
+        return ()
+
+
+class World:
+    """The starters on their line, the gateway of the moment, and the broker's connection to it."""
+
+    def __init__(self) -> None:
+        motor = MotorData(ramp_up_s=0.6, full_voltage_s=0.2, ramp_down_s=0.4, coast_s=0.5)
+        units = [make_unit("ssw07", number, motor=motor) for number in (1, 2)]
+        self.bus = SimulatedLine(TIMING, units)
+        self.units = dict(zip(NAMES, units, strict=True))
+        self.clock = VirtualClock(asyncio.get_running_loop())
+        self.sink, self.memory, self.journal = TimedSink(), FakeMemory(), FakeJournal()
+        self.is_plugged = True
+        self.plugs: list[tuple[float, bool]] = [(0.0, True)]
+        self.disturbances_s: list[float] = []  # crashes, and the port going away
+        self.connected_s = 0.0
+        self._runs = 0
+        self._boot()
+
+    def _boot(self) -> None:
+        self._runs += 1
+        sequence, rights, router = Sequence(), Rights(OPERATORS), Router()
+        self.boot = Boot(f"run{self._runs}")
+        self.connect()
+        self.intake = Intake(Topics("t"), self.boot)
+        self.precautions = Precautions(
+            Policy(rules=dict.fromkeys(NAMES, RULES), groups={"both": NAMES}),
+            NAMES,
+            rights=rights,
+            sink=self.sink,
+            clock=self.clock,
+            sequence=sequence,
+            memory=self.memory,
+        )
+        profile = load_profile("ssw07")
+        setups = [StarterSetup(name, "x", number, profile, Variant()) for number, name in enumerate(NAMES, 1)]
+        polls = [poll for setup in setups for poll in polls_of(setup)]
+        scheduler = Scheduler(name="x", opener=self.bus.opener(), timing=TIMING, polls=polls, listener=router)
+        self.telemetries = {
+            setup.name: StarterTelemetry(
+                setup,
+                line=LocalLineClient(scheduler),
+                sink=self.precautions.witness,
+                clock=self.clock,
+                sequence=sequence,
+            )
+            for setup in setups
+        }
+        self.commander = Commander(
+            self.telemetries,
+            rights=rights,
+            sink=self.sink,
+            clock=self.clock,
+            sequence=sequence,
+            journal=self.journal,
+            precautions=self.precautions,
+        )
+        self.commander.recall(sorted(self.journal.kept.values(), key=lambda each: each.since_s))
+        for telemetry in self.telemetries.values():
+            router.starters[telemetry.setup.address] = telemetry
+            telemetry.start()
+        self._serving = asyncio.create_task(scheduler.run())
+
+    def connect(self) -> None:
+        self.boot.connected(self.clock.now_s())
+        self.connected_s = self.clock.now_s()
+
+    async def crash(self) -> None:
+        """End the gateway in the middle of whatever it does, and start it again at once."""
+        self.disturbances_s.append(self.clock.now_s())
+        tasks = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        for telemetry in self.telemetries.values():
+            await telemetry.close()
+        self._boot()
+
+    async def close(self) -> None:
+        await self.commander.close()
+        for telemetry in self.telemetries.values():
+            await telemetry.close()
+        self._serving.cancel()
+        await asyncio.wait((self._serving,))
+
+    def publish(
+        self, starter: str, client: str, verb: str, *, is_retained: bool = False, **body: Any
+    ) -> None:
+        """Let a message arrive from the broker."""
+        incoming = Incoming(f"t/command/{starter}/{client}/{verb}", json.dumps(body).encode(), is_retained)
+        verdict = self.intake.judge(
+            incoming, utc_s=self.clock.utc_s(), received_s=self.clock.now_s(), clock_is_synchronised=True
+        )
+        assert verdict is not None
+        if isinstance(verdict, Rejection):
+            self.commander.reject(verdict, verdict.code, verdict.text)
+        else:
+            self.commander.submit(verdict)
+
+    def plug(self, *, is_plugged: bool) -> None:
+        self.disturbances_s.append(self.clock.now_s())
+        self.is_plugged = is_plugged
+        self.plugs.append((self.clock.now_s(), is_plugged))
+        if is_plugged:
+            self.bus.plug_in()
+        else:
+            self.bus.unplug()
+
+    def impair(self, starter: str, kind: str) -> None:
+        address = self.units[starter].address
+        self.bus.heal(address)
+        if kind != "none":
+            self.bus.impair(address, LostWrites() if kind == "writes" else LostReplies())
+
+    def operate_locally(self, starter: str, *, is_start: bool) -> None:
+        """Switch to local, press a key, switch back to remote."""
+        unit: Any = self.units[starter]
+        unit._set_remote(is_remote=False)
+        (unit.keypad_start if is_start else unit.keypad_stop)()
+        unit._set_remote(is_remote=True)
+
+    def frames(self, starter: str, pdu: bytes) -> list[float]:
+        """Return when such a write reached a starter."""
+        return [write.at_s for write in self.units[starter].writes if write.pdu == pdu]
+
+    def results(self, starters: Iterable[str]) -> list[tuple[float, ResultRecord]]:
+        """Return what was told first-hand, without what was only sent again."""
+        told = self.sink.of(ResultRecord)
+        return [(at_s, each) for at_s, each in told if each.starter in starters and not each.is_duplicate]

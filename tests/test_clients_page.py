@@ -1,0 +1,34 @@
+"""The examples of docs/clients.md are sound."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+PAGE = (Path(__file__).parents[1] / "docs" / "clients.md").read_text("utf-8")
+
+
+def example(language: str) -> str:
+    found = re.search(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
+    assert found is not None
+    return found[1]
+
+
+def test_the_python_example_compiles() -> None:
+    compile(example("python"), "docs/clients.md", "exec")
+
+
+def test_the_flow_can_be_imported_and_its_wires_lead_somewhere() -> None:
+    nodes = {node["id"]: node for node in json.loads(example("json"))}
+
+    ends = [end for node in nodes.values() for outputs in node.get("wires", []) for end in outputs]
+    brokers = [node["broker"] for node in nodes.values() if node["type"] in ("mqtt in", "mqtt out")]
+    assert set(ends) | set(brokers) <= nodes.keys()
+
+
+def test_nothing_in_the_flow_is_retained_or_queued() -> None:
+    nodes = json.loads(example("json"))
+
+    assert {node["retain"] for node in nodes if node["type"] == "mqtt out"} == {"false"}
+    assert {node["cleansession"] for node in nodes if node["type"] == "mqtt-broker"} == {True}
