@@ -10,6 +10,7 @@ from pathlib import Path
 
 from gateway import __version__
 from gateway.clock import Clock, ClockWatch, SystemClock
+from gateway.config.prospects import computed_of, prospects_of
 from gateway.config.schema import Config
 from gateway.config.setups import policy_of, rights_of, setups_of, timing_of
 from gateway.durable.keeper import Keeper
@@ -104,7 +105,6 @@ class App:
             precautions=self._precautions,
         )
         self._companions.add_fast_lanes(
-            self._starters.values(),
             precautions=self._precautions,
             sink=self._keeper.sink(self._companions),
             clock=self._clock,
@@ -120,6 +120,7 @@ class App:
             lines_lag=self._host.lag,
             shortest_watchdog_s=_shortest_watchdog_s(config),
             tell=self.tell,
+            computed={line.table.name: computed_of(line) for line in prospects_of(config)},
         )
 
     async def run(self, ending: asyncio.Future[str]) -> None:

@@ -9,12 +9,14 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 from gateway.hangs import HangWatch
 from gateway.lag import LagMeter
 from gateway.line.client import LineClient
 from gateway.line.gaps import FEEDS, LOOK_S
 from gateway.mqtt.publisher import Publisher
+from gateway.saturation import FOR_S, Saturation
 from gateway.starters.records import LineRecord, Severity
 from gateway.systemd import Notifier
 
@@ -43,6 +45,7 @@ class Vitals:
         shortest_watchdog_s: float | None,
         tell: Tell,
         hangs: HangWatch | None = None,
+        computed: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> None:
         self._lines = lines
         self._progress = progress  # by line: grows with each step of its loop
@@ -50,6 +53,10 @@ class Vitals:
         self._notifier = notifier
         self._watchdog_every_s = watchdog_every_s  # half of systemd's limit
         self._hangs = hangs or HangWatch(watchdog_every_s)
+        self._computed = computed or {}  # by line: what its figures should be by configuration
+        paced = [name for name, figures in self._computed.items() if figures["is_paced"]]
+        self._saturations = {name: Saturation() for name in paced}  # lines that should have time to spare
+        self._tell = tell
         self._lag = LagMeter()
         self._lines_lag = lines_lag
         self._lag_watches = (
@@ -105,6 +112,7 @@ class Vitals:
                     seen, fed_s = progress, now_s
             for watch in self._lag_watches:
                 watch.look(now_s)
+            self._look_at_load(now_s)
             if self._is_changed:
                 self._is_changed = False
                 figures_due_s = min(figures_due_s, now_s + SETTLING_S)
@@ -127,10 +135,26 @@ class Vitals:
         self._publisher.set_status("degraded" if troubles else "online", "; ".join(troubles) or None)
         self._notifier.status("; ".join(troubles) or "polling")
 
+    def _look_at_load(self, now_s: float) -> None:
+        """Tell when a line has become too full for what it is asked, and when no longer."""
+        for line in self._lines:
+            saturation = self._saturations.get(line.name)
+            if saturation is None:
+                continue
+            is_full = saturation.take(line.figures().get("utilisation", 0.0), now_s)
+            if is_full:
+                text = f"line {line.name}: no time to spare for {FOR_S:g} s, values come late"
+                self._tell("line_saturated", Severity.WARNING, text)
+            elif is_full is not None:
+                self._tell("line_relieved", Severity.INFO, f"line {line.name}: has time to spare again")
+
     def _put_figures(self) -> None:
         lag_s = {"line": round(self._lines_lag.worst_s, 4), "gateway": round(self._lag.worst_s, 4)}
         for line in self._lines:
-            self._publisher.put(LineRecord(line.name, {**line.figures(), "lag_s": lag_s}))
+            self._publisher.put(LineRecord(line.name, {**line.figures(), **self._computed_of(line), "lag_s": lag_s}))
+
+    def _computed_of(self, line: LineClient) -> dict[str, Any]:
+        return {"computed": self._computed[line.name]} if line.name in self._computed else {}
 
 
 class _LagWatch:

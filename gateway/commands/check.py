@@ -105,8 +105,8 @@ def _line_warnings(prospects: tuple[LineProspect, ...]) -> Iterator[str]:
     for line in prospects:
         whole = line.forecast
         if whole.is_overloaded:
-            slowest_s = max(each.period_s for each in whole.polls if each.period_s > each.poll.every_s)
-            what = f"asked for {whole.load:.0%} of its time, short periods become {slowest_s:.2f} s"
+            factor = max(each.period_s / each.poll.every_s for each in whole.polls if each.poll.every_s)
+            what = f"asked for {whole.load:.0%} of its time, periods become {factor:.1f} times as long"
             yield f"line {line.table.name}: {what} (raise every_s or baud, or use more lines)"
         for starter in line.starters:
             limit_s, wanted_s = starter.table.watchdog_s, _SAFE_FACTOR * starter.gap_s
@@ -136,6 +136,7 @@ def _as_json(line: LineProspect) -> dict[str, Any]:
         "line": line.table.name,
         "load": round(line.forecast.load, 4),
         "is_overloaded": line.forecast.is_overloaded,
+        "watchdog_load": round(line.forecast.watchdog_load, 4),
         "sweep_s": round(line.forecast.sweep_s, 4),
         "stop_latency_s": round(line.stop_latency_s, 4),
         "fast_words": [asdict(gain) for gain in fast_gains(line.table)],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import isinf
+from typing import Any
 
 from gateway.config.mending import mend_of
 from gateway.config.mistake import Mistake
@@ -40,6 +41,23 @@ class LineProspect:
 def prospects_of(config: Config) -> tuple[LineProspect, ...]:
     """Return what every line of a configuration will be like."""
     return tuple(_line(line) for line in config.lines)
+
+
+def computed_of(line: LineProspect) -> dict[str, Any]:
+    """Return a line's figures as they should be at the worst, for `B/gateway/line/{line}`."""
+    margins_s = [each.margin_s for each in line.starters if each.margin_s is not None]
+    ages_s: dict[str, float] = {}
+    for starter in line.starters:
+        for group, age_s in starter.ages_s.items():
+            ages_s[group] = round(max(age_s, ages_s.get(group, 0.0)), 4)
+    return {
+        "load": round(line.forecast.load, 4),
+        "sweep_s": round(line.forecast.sweep_s, 4),
+        "stop_latency_s": round(line.stop_latency_s, 4),
+        "age_s": ages_s,
+        "watchdog_margin_s": round(min(margins_s), 4) if margins_s else None,
+        "is_paced": all(each.poll.every_s for each in line.forecast.polls),  # else it is to be always full
+    }
 
 
 def missed_deadlines(config: Config) -> list[Mistake]:

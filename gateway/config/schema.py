@@ -138,6 +138,7 @@ class LineTable(Table):
     baud: Baud
     framing: FramingText
     adapter_allowance_s: float = Field(default=0.02, ge=0, le=1)  # what the adapter adds to a reply's way
+    learn_response_times: bool = False  # wait no longer than starters have shown, though manuals allow more
     deaf_after_s: float = Field(default=15.0, ge=0, le=3600)  # silence of all starters; the port is reopened
     starters: tuple[StarterTable, ...] = Field(alias="starter", strict=False, min_length=1)
 

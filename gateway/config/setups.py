@@ -78,6 +78,7 @@ def _setup(line: LineTable, starter: StarterTable) -> StarterSetup:
         response_time_s=starter.response_time_s,
         is_enabled=starter.enabled,
         watchdog_s=starter.watchdog_s,
+        learns_response_times=line.learn_response_times,
         timing=timing_of(line),
         has_fast_words=starter.fast_words,
     )

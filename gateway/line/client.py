@@ -46,6 +46,10 @@ class LineClient(Protocol):
         """Make a poll due now."""
         ...
 
+    def set_deadline(self, unit: int, seconds: float | None) -> None:
+        """See to it that a unit is reached within its watchdog's time; None or 0: it has none."""
+        ...
+
     def expect_silence(self, unit: int, seconds: float) -> None:
         """Count no misses of this unit for so long: it restarts, and the gateway knows why."""
         ...
@@ -102,6 +106,10 @@ class LocalLineClient:
     def hasten(self, key: str) -> None:
         """Make a poll due now."""
         self._to_line(lambda: self._scheduler.hasten(key))
+
+    def set_deadline(self, unit: int, seconds: float | None) -> None:
+        """See to it that a unit is reached within its watchdog's time."""
+        self._to_line(lambda: self._scheduler.set_deadline(unit, seconds))
 
     def expect_silence(self, unit: int, seconds: float) -> None:
         """Count no misses of this unit for so long."""

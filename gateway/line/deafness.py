@@ -23,6 +23,7 @@ class Deafness:
         self._patience_s = self._after_s
         self._since_s: float | None = None  # nobody has answered
         self._asked_s = float("-inf")
+        self._is_back = False  # somebody has answered after a while in which nobody did
         self.is_deaf = False  # from the first attempt to cure it to the next answer
 
     def begin(self) -> None:
@@ -31,6 +32,9 @@ class Deafness:
 
     def is_time_to_ask(self, now_s: float) -> bool:
         """Return whether all should be asked now, so that a line that works again is seen to do so at once."""
+        if self._is_back:
+            self._is_back = False
+            return True
         since_s = self._since_s
         if since_s is None or now_s - max(since_s, self._asked_s) < ASK_EVERY_S:
             return False
@@ -40,6 +44,8 @@ class Deafness:
     def take(self, outcome: Outcome, now_s: float) -> bool:
         """Take over what became of a request; return whether the port should be opened afresh now."""
         if isinstance(outcome, Answered | Refused):
+            if self.is_deaf or (self._since_s is not None and now_s - self._since_s >= ASK_EVERY_S):
+                self._is_back = True
             self._since_s = None
             self._patience_s = self._after_s
             self.is_deaf = False

@@ -62,6 +62,8 @@ def forecast(polls: Sequence[Poll], timing: LineTiming, *, allowance_s: float = 
     longest = max((_silent_s(poll, timing, allowance_s=allowance_s) for poll in polls), default=0.0)
     worst_s, dogs = _worst(polls, asked)
     watchdog_load, kept_s = _kept({unit: (asked[at].cost_s, s) for unit, (at, s) in dogs.items()}, longest)
+    for unit, (at, _) in dogs.items():
+        worst_s[at] = min(worst_s[at], kept_s[unit])
     freshest_s = _freshest_s(polls, worst_s)
     gaps_s = {unit: min(freshest_s[unit], kept_s.get(unit, inf)) for unit in _dogs(polls)}
     return Forecast(

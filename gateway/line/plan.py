@@ -67,6 +67,12 @@ class Plan:
         """Make a poll due now, or the probe of a unit that does not answer; KeyError as above."""
         self._polled.hasten(key, now_s)
 
+    def hasten_all(self, now_s: float) -> None:
+        """Make all polls due now, and the probes of all that do not answer: nobody could be heard till now."""
+        self._polled.rota.budget.forgive(now_s)
+        for poll in self._polled.asked():
+            self._polled.hasten(poll.key, now_s)
+
     def expect_silence(self, unit: int, until_s: float) -> None:
         """Count no misses of this unit until then; only its probe is asked after a first one."""
         self._polled.unit(unit).health.expect_silence(until_s)
@@ -98,8 +104,10 @@ class Plan:
 
     def next_due_s(self) -> float:
         """Return when there is something to do, at times a little early; infinity when nothing is planned."""
-        if self._lanes or self._again is not None:
+        if self._lanes:
             return -inf
+        if self._again is not None:
+            return self._freed_s
         return min(self._polled.rota.next_s(), self._polled.watchdogs.next_s())
 
     def pick(self, now_s: float) -> Turn | None:
@@ -124,11 +132,16 @@ class Plan:
         return turn
 
     def put_back(self, turn: Turn, until_s: float) -> None:
-        """Take back a turn whose unit may not be asked yet: a poll lets others pass, a job does not."""
+        """Take back a turn that could not be asked, or not yet: a poll lets others pass, a job does not."""
         if turn.job is not None:
             self._lanes.put_first(turn.job, turn)
         elif (entry := self._polled.entry_of(turn.poll)) is not None:
+            if turn.is_repetition and until_s <= self._picked_s:
+                self._again = entry
+                return
             self._polled.put_back(entry, until_s)
+            if until_s > self._picked_s:
+                self._polled.watchdogs.bar(turn.unit, until_s)
 
     def record(self, turn: Turn, outcome: Outcome, now_s: float) -> Verdict:
         """Learn what became of a picked turn and plan on."""

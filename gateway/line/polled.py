@@ -128,14 +128,15 @@ class Polled:
             entry.is_watchdogs = for_watchdog
             self._count(entry)
         self.rota.take(entry)
+        entry.was_hastened, entry.was_first = entry.is_hastened, entry.is_first
         entry.is_hastened = entry.is_first = False
 
     def put_back(self, entry: Entry, until_s: float) -> None:
         """Let a poll wait until its unit may be asked."""
         entry.release_s = entry.soonest_s = until_s
         entry.deadline_s = max(entry.deadline_s, until_s)
+        entry.is_hastened, entry.is_first = entry.is_hastened or entry.was_hastened, entry.was_first
         self.rota.put(entry)
-        self.watchdogs.tried(entry.unit.number, until_s)
 
     def plan_next(self, entry: Entry, now_s: float) -> None:
         """Keep a poll's rhythm after its turn, or as much of it as the line has time for."""

@@ -26,6 +26,8 @@ class Entry(Listed):
     is_hastened: bool = False  # asked for at once; or once more, while it is out
     is_repetition: bool = False
     is_first: bool = False  # of its unit, and not asked since the port was opened
+    was_hastened: bool = False  # the same two before it was taken out
+    was_first: bool = False
     is_watchdogs: bool = False  # asked for its unit's watchdog more often than in its own rhythm
     cost_s: float = GUESSED_COST_S  # of the line's time
     is_measured: bool = False

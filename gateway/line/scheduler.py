@@ -105,6 +105,11 @@ class Scheduler:
         self._plan.hasten(key, self._time())
         self._wake()
 
+    def set_deadline(self, unit: int, seconds: float | None) -> None:
+        """See to it that a unit is reached within its watchdog's time; None or 0: it has none."""
+        self._plan.set_deadline(unit, seconds)
+        self._wake()
+
     def expect_silence(self, unit: int, seconds: float) -> None:
         """Count no misses of this unit for so long."""
         self._plan.expect_silence(unit, self._time() + seconds)

@@ -81,8 +81,7 @@ class Serving:
 
     def ask_all_anew(self) -> None:
         """Ask those at once who are only silent because nobody could be heard."""
-        for poll in self._plan.polls():
-            self._plan.hasten(poll.key, self._time())
+        self._plan.hasten_all(self._time())
 
     async def _run(self) -> None:
         line = self.line

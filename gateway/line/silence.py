@@ -38,6 +38,10 @@ class SilenceBudget:
         """Return from when on a probe of this cost may be sent."""
         return self._paid_s + cost_s / SILENT_SHARE - (2 * SAVED_S if in_advance else SAVED_S)
 
+    def forgive(self, now_s: float) -> None:
+        """Forget what was spent: while nobody answered it was nobody's time."""
+        self._paid_s = min(self._paid_s, now_s)
+
     def spend(self, cost_s: float, now_s: float) -> None:
         """Take over that a probe has cost so much, in vain."""
         self._paid_s = max(self._paid_s, now_s) + cost_s / SILENT_SHARE

@@ -23,11 +23,14 @@ class _Watchdog(Listed):
     limit_s: float
     heard_s: float = -inf  # when the latest request that reached the unit had not yet been sent
     tried_s: float = -inf
+    barred_until_s: float = -inf
     is_resting: bool = True
 
     def schedule(self) -> None:
         self.release_s = max(
-            self.heard_s + KEPT_SHARE * self.limit_s, self.tried_s + _RETRY_SHARE * self.limit_s
+            self.heard_s + KEPT_SHARE * self.limit_s,
+            self.tried_s + _RETRY_SHARE * self.limit_s,
+            self.barred_until_s,
         )
         self.deadline_s = self.heard_s + self.limit_s
 
@@ -44,12 +47,13 @@ class Watchdogs:
         old = self._watchdogs.pop(unit, None)
         if old is not None:
             old.place = NOWHERE
-        if limit_s:
-            new = self._watchdogs[unit] = _Watchdog(unit=unit, limit_s=limit_s)
-            if old is not None:
-                new.heard_s, new.tried_s, new.is_resting = old.heard_s, old.tried_s, old.is_resting
-            if not new.is_resting:
-                self._put(new)
+        if not limit_s:
+            return
+        new = self._watchdogs[unit] = _Watchdog(unit=unit, limit_s=limit_s)
+        if old is not None and not old.is_resting:
+            new.heard_s, new.tried_s, new.barred_until_s = old.heard_s, old.tried_s, old.barred_until_s
+            new.is_resting = False
+            self._put(new)
 
     def heard(self, unit: int, at_s: float) -> None:
         """Take over that a unit was reached by a request sent after `at_s`."""
@@ -62,10 +66,16 @@ class Watchdogs:
             self._put(watchdog)
 
     def tried(self, unit: int, at_s: float) -> None:
-        """Take over that a unit was asked in vain, or cannot be asked before then."""
+        """Take over that a unit was asked in vain."""
         watchdog = self._watchdogs.get(unit)
         if watchdog is not None:
-            watchdog.tried_s = max(watchdog.tried_s, at_s)
+            watchdog.tried_s = at_s
+
+    def bar(self, unit: int, until_s: float) -> None:
+        """Take over that a unit cannot be asked before then."""
+        watchdog = self._watchdogs.get(unit)
+        if watchdog is not None:
+            watchdog.barred_until_s = until_s
 
     def rest(self, unit: int) -> None:
         """Keep nothing for a unit that does not answer, until it is heard again."""

@@ -165,8 +165,7 @@ class Session:
         )
 
     def _close_socket(self) -> None:
-        sock = self._client.socket()
-        if sock is not None:
+        if (sock := self._client.socket()) is not None:
             sock.close()
 
     async def _answer(self, answer: asyncio.Future[Any], name: str) -> Any:
@@ -175,10 +174,8 @@ class Session:
         )
         if answer.done():
             return answer.result()
-        what = f"sent no {name} within {self._settings.answer_s:g} s"
-        if self.lost.done():
-            what = f"sent no {name}: {self.lost.result()}"
-        raise BrokerError(f"broker {self._settings.address} {what}")
+        why = f": {self.lost.result()}" if self.lost.done() else f" within {self._settings.answer_s:g} s"
+        raise BrokerError(f"broker {self._settings.address} sent no {name}{why}")
 
     # The loop's service of the socket.
 
@@ -191,7 +188,6 @@ class Session:
     def _release(self) -> None:
         if self._misc is not None:
             self._misc.cancel()
-            self._misc = None
         if self._sock is not None:
             self._loop.remove_reader(self._sock)
             self._loop.remove_writer(self._sock)

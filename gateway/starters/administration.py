@@ -14,6 +14,7 @@ from gateway.families.state import state_of
 from gateway.starters.admission import ACCEPT, CANCEL, LOCK, SELECT, Admission
 from gateway.starters.control import StarterControlView
 from gateway.starters.errand import STOP, End, Errand
+from gateway.starters.identities import Stranger
 from gateway.starters.maintenance import NOTICE, reason_in, refusal
 from gateway.starters.precautions import Precautions
 from gateway.starters.records import LockRecord, Phase, Severity
@@ -75,7 +76,7 @@ class Administration:
             errand.finish(End(Phase.CONFIRMED, "ok", "the selection is cancelled"))
             return None
         if request.verb == ACCEPT:
-            return self._accept(errand)
+            return self._accepted(errand, self._identities.accept(name))
         before = self._logbook.lock_of(name)
         if request.verb == LOCK:
             reason = reason_in(request.args, request.reason)
@@ -100,13 +101,8 @@ class Administration:
             self._set_lock(request.starter, before)
             errand.finish(End(Phase.FAILED, "not_kept", "still locked: it could not be kept on the disk"))
 
-    async def _accept(self, errand: Errand) -> None:
-        """Take the one who answers for right, at once, and say so once it is on the disk."""
-        try:
-            stranger = self._identities.accept(errand.request.starter)
-        except CommandError as error:  # it went silent a moment ago
-            errand.finish(End(Phase.REJECTED, error.code, error.text))
-            return
+    async def _accepted(self, errand: Errand, stranger: Stranger) -> None:
+        """Give the result of an acceptance once it is on the disk."""
         errand.before = stranger.known.as_data()
         seen = stranger.seen.as_data()
         if await self._identities.kept():

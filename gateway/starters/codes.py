@@ -106,6 +106,9 @@ CODES: Mapping[str, Mapping[str, Code]] = {
         "identity_mismatch": Code(
             "Another device answers than the one configured.", "Mend wiring or configuration."
         ),
+        "identity_changed": Code(
+            "Another starter answers than before, or another model than configured.", "Look, then accept."
+        ),
         "nothing_to_accept": Code("No change of the starter's identity waits to be accepted.", "Nothing."),
         "state_unknown": Code("The starter's state is not known now.", "Wait for a good status."),
         "not_as_expected": Code("The starter is not as the command expects.", "Look, and decide again."),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from functools import partial
 
 from gateway.clock import Clock
@@ -21,12 +20,14 @@ class Companions:
     def __init__(self, sink: Sink, *, patrol_every_s: float = EVERY_S) -> None:
         self._sink = sink
         self._patrol_every_s = patrol_every_s
+        self._starters: list[StarterTelemetry] = []
         self._watches: list[ReadinessWatch] = []
         self._patrols: dict[str, KeypadPatrol] = {}
         self._lanes: list[FastLane] = []
 
     def add(self, starter: StarterTelemetry) -> None:
         """Go along with this starter."""
+        self._starters.append(starter)
         watch = ReadinessWatch(starter)
         starter.when_identified(watch.begin)
         self._watches.append(watch)
@@ -36,7 +37,6 @@ class Companions:
 
     def add_fast_lanes(
         self,
-        starters: Iterable[StarterTelemetry],
         *,
         precautions: Precautions,
         sink: Sink,
@@ -44,8 +44,8 @@ class Companions:
         sequence: Sequence,
         may_write: bool,
     ) -> None:
-        """Map the points of those starters, added before, for which the configuration wants it."""
-        for starter in starters:
+        """Map the points of those starters added so far for which the configuration wants it."""
+        for starter in self._starters:
             if starter.setup.has_fast_words and starter.setup.is_enabled:
                 name = starter.setup.name
                 lane = FastLane(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Mapping
-from typing import Protocol
+from typing import Any, Protocol
 
 from gateway.clock import Clock
 from gateway.errors import CommandError, PortLostError
@@ -79,7 +79,7 @@ class FastLane:
         self._told = ""  # the last event, so that nothing is said twice
         self._writings = 0  # that did not read back, in a row
         self._pause_s = RETRY_S
-        self._needs_standstill = False
+        self._is_waiting = False  # until it is allowed to write; nothing is asked meanwhile
 
     def begin(self) -> None:
         """Look at the map from the beginning, because the starter has just been identified."""
@@ -113,9 +113,9 @@ class FastLane:
         """Return whether there is nothing left to try."""
         if not self._starter.is_answering:
             return True  # begun anew once it is identified again
-        if self._needs_standstill and self._is_turning():
+        if self._is_waiting and self._is_forbidden(self._starter.snapshot.good_values()):
             return False
-        self._pause_s, self._needs_standstill = RETRY_S, False
+        self._pause_s, self._is_waiting = RETRY_S, False
         try:
             block = await self._planned()
             if block is None:
@@ -149,8 +149,8 @@ class FastLane:
                 text = "the points are not mapped, and a gateway without operators writes nothing"
                 self._tell("fast_words_unmapped", Severity.WARNING, text)
             return False
-        if self._is_forbidden(rows) or await self._look(block) != (rows, procedure):
-            self._needs_standstill = True
+        if self._is_forbidden(self._wire.values(rows)) or await self._look(block) != (rows, procedure):
+            self._is_waiting = True
             return False
         wait_s = self._wear.take(self._starter.setup.name, procedure.wears, now_s=self._clock.now_s())
         if wait_s is not None:
@@ -164,18 +164,11 @@ class FastLane:
         rows = await self._wire.read(prepare_map(profile, block).reads, lane=Lane.READ_BACK)
         return rows, build_map(profile, block, seen=rows)
 
-    def _is_forbidden(self, rows: Rows) -> bool:
+    def _is_forbidden(self, points: Mapping[str, Any]) -> bool:
         """Return whether nothing may be written now: locked, the motor turns, or who answers is in doubt."""
-        is_known = self._starter.identity_standing is Standing.MATCHING
-        return (
-            not is_known
-            or self._is_locked()
-            or bool(check(self._starter.profile, RULES, self._wire.values(rows)))
-        )
-
-    def _is_turning(self) -> bool:
-        """Return whether the motor was last read to turn, or it is not known whether it does."""
-        return bool(check(self._starter.profile, RULES, self._starter.snapshot.good_values()))
+        if self._is_locked() or self._starter.identity_standing is not Standing.MATCHING:
+            return True
+        return bool(check(self._starter.profile, RULES, points))
 
     async def _write(self, block: FastBlock, before: Rows, procedure: Procedure) -> bool:
         """Write what differs, and return whether it reads back; nothing follows a write that failed."""

@@ -194,6 +194,7 @@ def _poll(setup: StarterSetup, block: Block, *, every_s: float | None = None) ->
         request=block.request,
         every_s=_every_s(setup, block) if every_s is None else every_s,
         response_time_s=setup.response_time_of(block.request),
+        response_floor_s=setup.response_floor_of(block.request),
         deadline_s=setup.watchdog_s,
         group=block.group,
     )

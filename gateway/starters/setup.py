@@ -10,6 +10,9 @@ from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
 from gateway.modbus.writes import WriteRegisters
 
+LEARNT_FLOOR_S = 0.005
+UNSTATED_FLOOR_S = 0.030  # where the manual names no time, ours is a guess on the long side
+
 
 @dataclass(frozen=True, slots=True)
 class StarterSetup:
@@ -26,6 +29,7 @@ class StarterSetup:
     watchdog_s: float | None = None  # of the communication, as set in the starter; 0: off; None: not stated
     timing: LineTiming | None = None  # of its line; None: reads are not joined by what they cost
     has_fast_words: bool = False  # its points are mapped so that one request reads all (SSW900)
+    learns_response_times: bool = False  # waits for it follow what it has shown
 
     def response_time_of(self, request: Request) -> float:
         """Return the longest time from a request's end to its reply's first byte."""
@@ -38,6 +42,15 @@ class StarterSetup:
         ):  # FC16 takes its time per register (ssw07 5.3.1, ssw06-es 5.3.1)
             return max(allowed_s, timing.write_per_register_s * len(request.words))
         return allowed_s
+
+    def response_floor_of(self, request: Request) -> float | None:
+        """Return down to what the wait for a reply may be learnt; None where the manual's time stands."""
+        if request.is_write:
+            return None
+        if self.learns_response_times:
+            return LEARNT_FLOOR_S
+        is_ours = not self.profile.timing.is_stated and self.response_time_s is None
+        return UNSTATED_FLOOR_S if is_ours else None
 
 
 def merged(configured: Variant, identity: Identity) -> Variant:

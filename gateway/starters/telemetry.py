@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import logging
 from collections.abc import Callable, Mapping
 from typing import assert_never
@@ -30,10 +29,10 @@ from gateway.starters.sequence import Sequence
 from gateway.starters.setup import StarterSetup, merged
 from gateway.starters.snapshot import Snapshot
 from gateway.starters.status import SUMMARY_FLAGS, Status
+from gateway.starters.waker import Waker
 
 logger = logging.getLogger(__name__)
 
-SHORTEST_PAUSE_S = 0.001
 BUSY_STATES = frozenset({"starting", "stopping", "fault"})  # read faster while in one of these
 LASTING_REFUSALS = frozenset(  # the starter will say the same next time [APP 7]
     {
@@ -81,7 +80,7 @@ class StarterTelemetry:
         self._state = UNKNOWN
         self._on_identified: list[Callable[[], None]] = []
         self._on_fast_words_lost: Callable[[str], None] = lambda _: None
-        self._timer, self._wake_s = cast("asyncio.TimerHandle | None", None), 0.0  # when it fires
+        self._waker = Waker(clock, self._publish)
         self._where = f"line={setup.line} unit={setup.address} starter={setup.name}"
 
     @property
@@ -139,8 +138,7 @@ class StarterTelemetry:
     async def close(self) -> None:
         """Do nothing more on its own; call once nothing is handed to it any more."""
         await self._identification.close()
-        if self._timer is not None:
-            self._timer.cancel()
+        self._waker.cancel()
 
     def on_poll(self, key: str, outcome: Outcome) -> None:
         """Take over what became of a poll; one that is not ours any more is ignored."""
@@ -282,18 +280,5 @@ class StarterTelemetry:
         self._report.offer(self.snapshot.readings, now_s=now_s)
         for point, reading in self._report.take_due(now_s).items():
             self.publisher.value(point, reading)
-        self._wake_at(min(self._report.next_due_s(), self._status.next_due_s, self._polling.next_overdue_s()))
-
-    def _wake_at(self, due_s: float) -> None:
-        """Publish again at `due_s`, by the one timer of this starter; one that fires sooner looks again."""
-        if self._timer is not None and self._wake_s <= due_s:
-            return
-        if self._timer is not None:
-            self._timer.cancel()
-        self._wake_s = due_s
-        pause_s = max(due_s - self._clock.now_s(), SHORTEST_PAUSE_S)
-        self._timer = asyncio.get_running_loop().call_later(pause_s, self._on_time)
-
-    def _on_time(self) -> None:
-        self._timer = None
-        self._publish()
+        overdue_s = self._polling.next_overdue_s()
+        self._waker.at(min(self._report.next_due_s(), self._status.next_due_s, overdue_s))

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import argparse
 import os
+import subprocess
 import time
 from pathlib import Path
 
 from tests.bench.costs import cpu, start, stop, sweep
 from tests.bench.pictures import efficiency_picture, line_time_picture
 from tests.bench.report import Goal, table
-from tests.bench.rows import MASTERS, dead, efficiencies, efficiency, judge, measured, spec_of, strict
+from tests.bench.rows import MASTERS, Row, dead, efficiencies, efficiency, judge, measured, spec_of, strict
+from tests.mosquitto import missing_programs
 
 ROWS = {each.__name__: each for each in (judge, efficiency, strict, dead, cpu, start, stop, sweep)}
 
@@ -23,16 +25,24 @@ def main() -> int:
     args = parser.parse_args()
     begun_s = time.monotonic()
     print(f"{os.cpu_count()} processors; load before: {os.getloadavg()[0]:.2f}\n", flush=True)
+    if absent := missing_programs():
+        print(f"Not installed: {', '.join(absent)} (apt-get install mosquitto mosquitto-clients)")
+        return 1
     goals: list[Goal] = []
+    is_broken = False
     for name in args.only or ROWS:
-        row = ROWS[name]()
+        try:
+            row = ROWS[name]()
+        except (RuntimeError, subprocess.SubprocessError) as error:  # the other rows are still worth having
+            is_broken = True
+            row = Row(f"## {name}\n\n{error}\n", [Goal(f"{name}: ran to its end", 0, 1)])
         goals += row.goals
         print(row.text, flush=True)
     if goals:
         print(table("Reached", ["what", "got", "limit", ""], [goal.cells() for goal in goals]))
-    if args.pictures is not None:
-        _draw(args.pictures)
     missed = [goal for goal in goals if not goal.is_met]
+    if args.pictures is not None and not is_broken:
+        _draw(args.pictures)
     print(f"{len(goals) - len(missed)} of {len(goals)} met; {time.monotonic() - begun_s:.0f} s")
     return 1 if missed else 0
 

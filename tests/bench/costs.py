@@ -71,7 +71,7 @@ def stop() -> Row:
     head = ["master", "stops", "p50 ms", "most", "transaction", "p50 / it", "beyond p50", "most"]
     note = (
         "Milliseconds from submission (gateway: the message's arrival at another subscriber) to the"
-        "\nfirst byte on the wire. Transaction: the one under way and its silence, p50. Beyond: after its end."
+        "\nfirst byte on the wire. Transaction: the one under way, its silence too, p50. Beyond: after that."
     )
     return Row(table("Stop, 19200, saturated", head, rows, note=note), goals)
 

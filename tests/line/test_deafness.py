@@ -122,3 +122,23 @@ def test_after_a_flood_everybody_is_asked_at_once() -> None:
 
     answers_s = [at_s for at_s, *_, outcome in rig.listener.polls if isinstance(outcome, Answered)]
     assert min(at_s for at_s in answers_s if at_s > ended_s) - ended_s < ASK_EVERY_S + 0.2
+
+
+def test_who_answers_first_after_a_while_of_silence_makes_everybody_be_asked_again() -> None:
+    deafness = Deafness(15.0)
+    deafness.take(Silent(), 0.0)
+    assert not deafness.is_time_to_ask(ASK_EVERY_S - 0.1)
+    assert deafness.is_time_to_ask(ASK_EVERY_S)
+
+    deafness.take(ANSWERED, ASK_EVERY_S + 0.1)
+
+    assert [deafness.is_time_to_ask(3.0), deafness.is_time_to_ask(3.0)] == [True, False]
+
+
+def test_an_answer_after_a_short_silence_is_nothing_special() -> None:
+    deafness = Deafness(15.0)
+    deafness.take(Silent(), 0.0)
+
+    deafness.take(ANSWERED, ASK_EVERY_S - 0.1)
+
+    assert not deafness.is_time_to_ask(10.0)

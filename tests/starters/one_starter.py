@@ -71,6 +71,9 @@ class Router:
     def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:
         self.starter.on_unit(is_answering=is_answering, reason=reason, frames=frames)
 
+    def on_trouble(self, line: str, code: str, unit: int, text: str, frames: tuple[str, ...]) -> None:
+        pass
+
     def on_port(self, line: str, is_open: bool, reason: str) -> None:
         pass
 
@@ -163,7 +166,6 @@ async def one_starter(
         precautions=precautions,
     )
     companions.add_fast_lanes(
-        [telemetry],
         precautions=precautions,
         sink=companions,
         clock=clock,

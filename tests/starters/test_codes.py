@@ -22,7 +22,12 @@ FLOORS = ("families", "starters", "mqtt/intake.py", "durable")
 PLACES = {"CommandError": 0, "refused": 0, "halt": 0, "_cut": 0, "End": 1}
 KEYWORDS = {"CommandError", "Expectation", "End", "replace", "Rejection"}
 
-NAMED_ELSEWHERE = {"identity_unknown", "identity_mismatch", "not_as_expected"}  # made of parts, or defaults
+NAMED_ELSEWHERE = {
+    "identity_unknown",
+    "identity_mismatch",
+    "identity_changed",
+    "not_as_expected",
+}  # made of parts, or defaults
 
 
 def sources() -> Iterator[Path]:

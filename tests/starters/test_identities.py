@@ -237,7 +237,7 @@ async def test_an_open_question_holds_commands_but_is_no_change_yet() -> None:
     async with one_starter(unit, memory=memory) as here:
         here.bus.impair(1, WithoutVersion())
         await asyncio.sleep(2.5)
-        assert here.telemetry.identity_standing is Standing.CHANGED
+        assert await ask(here, "start", "0", 0.1) == (Phase.REJECTED, "identity_changed")
         assert await ask(here, "accept", "1", 0.1) == (Phase.REJECTED, "nothing_to_accept")
 
         here.bus.heal(1)

@@ -9,7 +9,7 @@ from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegisters
 from gateway.starters.sequence import Sequence
-from gateway.starters.setup import StarterSetup, merged
+from gateway.starters.setup import LEARNT_FLOOR_S, UNSTATED_FLOOR_S, StarterSetup, merged
 
 
 def setup(response_time_s: float | None = None) -> StarterSetup:
@@ -53,3 +53,30 @@ def test_a_sequence_counts_up_from_one() -> None:
     sequence = Sequence()
 
     assert [sequence.take() for _ in range(3)] == [1, 2, 3]
+
+
+@pytest.mark.parametrize(
+    ("family", "learns", "configured_s", "expected_s"),
+    [
+        ("ssw07", False, None, None),  # the manual's 20 ms stand
+        ("ssw07", True, None, LEARNT_FLOOR_S),
+        ("ssw900", False, None, UNSTATED_FLOOR_S),  # its manual names no time
+        ("ssw900", False, 0.2, None),  # whoever configures a time means it
+        ("ssw900", True, 0.2, LEARNT_FLOOR_S),
+    ],
+)
+def test_a_manuals_response_time_is_shortened_only_when_the_line_is_told_to_learn(
+    family: str, *, learns: bool, configured_s: float | None, expected_s: float | None
+) -> None:
+    starter = StarterSetup(
+        "pump-1",
+        "pumps",
+        7,
+        load_profile(family),
+        Variant(),
+        response_time_s=configured_s,
+        learns_response_times=learns,
+    )
+
+    assert starter.response_floor_of(ReadHoldingRegisters(0, 1)) == expected_s
+    assert starter.response_floor_of(WriteCoil(100, True)) is None

@@ -13,6 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from tests.torture.scenario import Place, Scenario
+from tests.torture.waiting import until
 from tests.torture.world import World
 
 DISK_BYTES = 64 * 2**20
@@ -46,9 +47,15 @@ async def full(w: World, seconds: int) -> None:
 
 
 async def read_only(w: World, seconds: int) -> None:
-    """The disk is remounted read-only, as ext4 does after an error."""
+    """The gateway finds its disk read-only when it starts, as ext4 is after an error."""
     await w.start("pump")
+    lives = len(w.gateway.lives)
+    w.gateway.signal(signal.SIGKILL)
+    await until(lambda: w.gateway.lives[-1].ended_s is not None, "the gateway is dead", within_s=5.0)
     _remount(w.state_dir, "ro")
+    await w.gateway.until_up(lives=lives + 1, within_s=10.0)
+    await w.right(since_s=time.monotonic() - 0.5)
+    await w.starters.order("mark")
     await _without_a_disk(w, seconds)
     _remount(w.state_dir, "rw")
     await _usable_again(w)
@@ -121,7 +128,7 @@ async def _usable_again(w: World) -> None:
 
 
 def _remount(folder: Path, how: str) -> None:
-    """Remount a disk whose files are in use; `ro` then needs the kernel's emergency way."""
+    """Remount a disk; read-only is possible only while nobody has a file open there."""
     subprocess.run(["mount", "-o", f"remount,{how}", folder], check=True)
 
 

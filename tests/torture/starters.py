@@ -99,7 +99,9 @@ class Plant:
 
     def __init__(self, table: LineTable, watchdog_s: int) -> None:
         self._table = table
-        self.units = {each.name: _unit(each.family, each.address, watchdog_s) for each in table.starters}
+        self.units = {
+            each.name: watching_unit(each.family, each.address, watchdog_s) for each in table.starters
+        }
         self.truths = {
             each.name: Truth(
                 self.units[each.name],
@@ -200,7 +202,7 @@ class Plant:
         }
 
 
-def _unit(family: str, address: int, watchdog_s: int) -> Unit:
+def watching_unit(family: str, address: int, watchdog_s: int) -> Unit:
     """Return a starter that watches its line, but only says so."""
     if family in ("ssw06", "ssw07"):
         settings = {P_TIMEOUT: watchdog_s, P_ACTION: ACTION_NONE}

@@ -1,0 +1,39 @@
+"""The one timer of a starter."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+from gateway.clock import Clock
+
+SHORTEST_PAUSE_S = 0.001
+
+
+class Waker:
+    """Calls back when it is time, or somewhat sooner: whoever is called looks again and asks anew."""
+
+    def __init__(self, clock: Clock, call: Callable[[], None]) -> None:
+        self._clock = clock
+        self._call = call
+        self._timer: asyncio.TimerHandle | None = None
+        self._due_s = 0.0
+
+    def at(self, due_s: float) -> None:
+        """Call at `due_s`; a timer that runs out before that is left as it is, since most are put off."""
+        if self._timer is not None and self._due_s <= due_s:
+            return
+        self.cancel()
+        self._due_s = due_s
+        pause_s = max(due_s - self._clock.now_s(), SHORTEST_PAUSE_S)
+        self._timer = asyncio.get_running_loop().call_later(pause_s, self._run)
+
+    def cancel(self) -> None:
+        """Call no more."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _run(self) -> None:
+        self._timer = None
+        self._call()

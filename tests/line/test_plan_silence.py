@@ -1,0 +1,193 @@
+"""Units that do not answer: they take little of the line, and are back at once when they answer again."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gateway.line.job import Poll
+from gateway.line.outcome import Answered, Outcome, Silent
+from gateway.line.plan import Plan, Turn
+from gateway.line.polled import NEIGHBOUR_S
+from gateway.line.silence import SAVED_S, SILENT_SHARE, SilenceBudget
+from tests.line.fakes import poll
+from tests.line.ideal_line import IdealLine
+
+ANSWER_S, SILENCE_S = 0.03, 0.08
+
+
+class Plant(IdealLine):
+    """A line some of whose units are dead."""
+
+    def __init__(self, polls: list[Poll], dead: set[int], *, seed: int = 0) -> None:
+        self.dead = dead
+        self.dead_s = 0.0  # of the line's time, after a unit was noticed to be silent
+        super().__init__(polls, self._time_of, self._outcome_of, seed=seed)
+
+    def _time_of(self, turn: Turn) -> float:
+        if turn.unit not in self.dead:
+            return ANSWER_S
+        if self.plan.state_of(turn.unit).value == "silent":
+            self.dead_s += SILENCE_S
+        return SILENCE_S
+
+    def _outcome_of(self, turn: Turn, at_s: float) -> Outcome:
+        return Silent() if turn.unit in self.dead else Answered((), at_s, 0.0)
+
+
+def polls_of(units: int, every_s: float = 1.0) -> list[Poll]:
+    return [poll(f"{unit}/{at}", unit, every_s) for unit in range(1, units + 1) for at in range(2)]
+
+
+def state(plant: Plant, unit: int) -> str:
+    return plant.plan.state_of(unit).value
+
+
+@settings(deadline=None, max_examples=30)
+@given(
+    units=st.integers(1, 60),
+    dead_share=st.sampled_from([0.1, 0.5, 0.9, 1.0]),
+    every_s=st.sampled_from([0.0, 0.2, 1.0, 5.0]),
+    seed=st.integers(0, 3),
+)
+def test_all_silent_units_together_never_take_more_than_their_share(
+    units: int, dead_share: float, every_s: float, seed: int
+) -> None:
+    dead = set(range(1, max(int(units * dead_share), 1) + 1))
+    plant = Plant(polls_of(units, every_s), dead, seed=seed)
+
+    for until_s in range(1, 120):
+        plant.run(until_s)
+        assert plant.dead_s <= SILENT_SHARE * plant.now_s + 1e-9
+
+
+def test_the_share_is_used_when_there_are_many_of_them() -> None:
+    plant = Plant(polls_of(100), set(range(1, 100)))
+    plant.run(60.0)
+    plant.dead_s = 0.0
+
+    plant.run(360.0)
+
+    assert plant.dead_s / 300.0 == pytest.approx(SILENT_SHARE, rel=0.1)
+
+
+def test_every_silent_unit_has_its_turn() -> None:
+    plant = Plant(polls_of(50), set(range(1, 50)))
+
+    plant.run(300.0)
+
+    late = {turn.unit for at_s, turn in plant.turns if at_s > 200.0}
+    assert late == set(range(1, 51))
+
+
+def test_a_silence_is_not_followed_by_another_while_a_living_unit_is_due() -> None:
+    plant = Plant(polls_of(12, every_s=0.0), {1, 2, 3})
+
+    plant.run(60.0)
+
+    units = [turn.unit for at_s, turn in plant.turns if at_s > 2.0]
+    assert not any(one in plant.dead and other in plant.dead for one, other in itertools.pairwise(units))
+
+
+def test_a_unit_that_missed_once_is_not_asked_again_before_one_that_answers() -> None:
+    plan = Plan([poll("a", 1), poll("b", 1), poll("c", 2)])
+    plan.begin(0.0)
+    first = plan.pick(0.0)
+    assert first is not None
+
+    plan.record(first, Silent(), 0.1)
+
+    second, third = plan.pick(0.1), None
+    assert second is not None
+    plan.record(second, Answered((), 0.2, 0.0), 0.2)
+    third = plan.pick(0.2)
+    assert third is not None
+    assert (first.unit, second.unit, third.unit) == (1, 2, 1)
+
+
+def test_a_unit_that_answers_is_asked_in_full_at_once() -> None:
+    plant = Plant(polls_of(3), {1})
+    plant.run(60.0)
+    plant.dead.clear()
+    while state(plant, 1) == "silent":
+        plant.step()
+    back_s = plant.now_s
+
+    plant.run(back_s + 1.2)
+
+    keys = [turn.poll.key for at_s, turn in plant.turns if at_s >= back_s and turn.poll]
+    assert {"1/0", "1/1"} <= set(keys)
+
+
+def test_when_one_of_a_group_answers_the_others_are_asked_next() -> None:
+    plant = Plant(polls_of(60, every_s=2.0), set())
+    plant.run(20.0)
+    plant.dead |= set(range(1, 41))
+    plant.run(200.0)
+    plant.dead.clear()
+    while state(plant, 1) == "silent" and all(state(plant, unit) == "silent" for unit in range(1, 41)):
+        plant.step()
+    back_s = plant.now_s
+
+    while any(state(plant, unit) == "silent" for unit in range(1, 41)):
+        plant.step()
+
+    assert plant.now_s - back_s < 2 * 40 * 2 * ANSWER_S
+
+
+def test_a_group_that_stays_away_costs_its_share_although_one_of_it_came_back() -> None:
+    plant = Plant(polls_of(60, every_s=2.0), set())
+    plant.run(20.0)
+    plant.dead |= set(range(1, 41))
+    plant.run(100.0)
+    plant.dead.discard(7)
+    plant.dead_s = 0.0
+
+    plant.run(500.0)
+
+    assert state(plant, 7) == "answering"
+    assert plant.dead_s <= SILENT_SHARE * 400.0 + SILENT_SHARE * 2 * SAVED_S
+
+
+def test_units_that_went_silent_at_another_time_are_left_alone() -> None:
+    plant = Plant(polls_of(2), {1})
+    plant.run(30.0)
+    plant.dead.add(2)
+    plant.run(30.0 + 4 * NEIGHBOUR_S)
+    before = len(plant.turns)
+    plant.dead.discard(2)
+    while state(plant, 2) == "silent":
+        plant.step()
+    back_s = plant.now_s
+
+    plant.run(back_s + 0.5)
+
+    assert [turn.unit for at_s, turn in plant.turns[before:] if at_s >= back_s and turn.unit == 1] == []
+
+
+def test_the_budget_saves_up_no_more_than_its_limit() -> None:
+    budget = SilenceBudget()
+    budget.begin(0.0)
+    assert budget.from_s(0.1, in_advance=False) == pytest.approx(0.1 / SILENT_SHARE)
+
+    budget.spend(0.1, 1000.0)
+
+    assert budget.from_s(1.0, in_advance=False) == pytest.approx(1000.0 + 1.1 / SILENT_SHARE - SAVED_S)
+    assert budget.from_s(1.0, in_advance=True) == pytest.approx(1000.0 + 1.1 / SILENT_SHARE - 2 * SAVED_S)
+
+
+def test_a_halted_machine_is_not_taken_for_a_long_silence() -> None:
+    plan = Plan([poll("a", 1)], jitter=0.0)
+    plan.begin(0.0)
+    now_s = 0.0
+    for _ in range(3):
+        turn = plan.pick(now_s)
+        assert turn is not None
+        now_s += 1000.0
+        plan.record(turn, Silent(), now_s)
+        now_s = plan.next_due_s()
+
+    assert plan.pick(now_s + 200.0) is not None

@@ -1,0 +1,226 @@
+"""The units' communication watchdogs: they are kept whenever they can be, whatever else is asked of the line."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gateway.line.budget import ALLOWANCE_S, longest_s
+from gateway.line.forecast import forecast, longest_gap_s
+from gateway.line.job import Job, Lane, Poll
+from gateway.line.outcome import Answered, Outcome, Silent
+from gateway.line.plan import WATCHDOGS_IN_ROW, Plan, Turn
+from gateway.modbus.timing import Framing, LineTiming
+from tests.line.fakes import poll
+from tests.line.ideal_line import READ, IdealLine, cost_s
+
+TIMING = LineTiming(19200, Framing.parse("8E1"))
+ANSWERED = Answered((1,), at_s=0.0, response_time_s=0.005)
+
+
+def job(lane: Lane = Lane.COMMAND, unit: int = 99) -> Job:
+    return Job(unit, READ, 0.01, lane, lambda outcome: None)
+
+
+def begun(*polls: Poll) -> Plan:
+    plan = Plan(polls, jitter=0.0)
+    plan.begin(0.0)
+    return plan
+
+
+def take(plan: Plan, now_s: float, outcome: Outcome = ANSWERED) -> Turn | None:
+    turn = plan.pick(now_s)
+    if turn is not None:
+        plan.record(turn, outcome, now_s)
+    return turn
+
+
+def key_of(turn: Turn | None) -> str | None:
+    return None if turn is None or turn.poll is None else turn.poll.key
+
+
+def test_a_unit_is_asked_ahead_of_its_turn_when_half_of_its_watchdogs_time_has_passed() -> None:
+    plan = begun(replace(poll("a", every_s=60.0), deadline_s=10.0))
+    take(plan, 0.0)
+
+    assert plan.next_due_s() == 5.0
+    assert plan.pick(4.9) is None
+    assert key_of(take(plan, 5.0)) == "a"
+
+
+def test_any_request_that_a_unit_answered_counts() -> None:
+    plan = begun(replace(poll("a", every_s=60.0), deadline_s=10.0))
+    take(plan, 0.0)
+    plan.submit(job(Lane.READ_BACK, unit=1), 4.0)
+    take(plan, 4.0)
+
+    assert plan.pick(8.9) is None
+    assert key_of(take(plan, 9.0)) == "a"
+
+
+def test_a_broadcast_counts_for_nobody() -> None:
+    plan = begun(replace(poll("a", every_s=60.0), deadline_s=10.0))
+    take(plan, 0.0)
+    plan.submit(job(unit=0), 4.0)
+    take(plan, 4.0, Silent("broadcast"))
+
+    assert key_of(take(plan, 5.0)) == "a"
+
+
+def test_a_watchdog_goes_before_commands_and_after_stops() -> None:
+    plan = begun(replace(poll("a", every_s=60.0), deadline_s=10.0))
+    take(plan, 0.0)
+    jobs = [job(), job(Lane.STOP)]
+    for each in jobs:
+        plan.submit(each, 5.0)
+
+    turns = [take(plan, 5.0) for _ in range(3)]
+
+    assert [turn.job for turn in turns if turn] == [jobs[1], None, jobs[0]]
+
+
+def test_the_earliest_deadline_comes_first() -> None:
+    plan = begun(
+        replace(poll("a", unit=1, every_s=60.0), deadline_s=20.0),
+        replace(poll("b", unit=2, every_s=60.0), deadline_s=10.0),
+    )
+    take(plan, 0.0)
+    take(plan, 0.0)
+
+    assert [key_of(take(plan, 11.0)) for _ in range(3)] == ["b", "a", None]
+
+
+def test_a_deadline_can_be_set_changed_and_taken_away_later() -> None:
+    plan = begun(poll("a", every_s=60.0))
+    plan.set_deadline(1, 8.0)
+    take(plan, 0.0)
+    assert plan.next_due_s() == 4.0
+
+    plan.set_deadline(1, 30.0)
+    assert plan.next_due_s() == 15.0
+    plan.set_deadline(1, 0.0)
+
+    assert plan.next_due_s() == 60.0
+
+
+def test_a_deadline_of_a_unit_without_polls_waits_for_one() -> None:
+    plan = begun()
+    plan.set_deadline(1, 2.0)
+    plan.submit(job(unit=1), 0.0)
+    take(plan, 0.0)
+
+    assert plan.pick(1.0) is None
+    assert plan.next_due_s() == inf
+    plan.add_poll(poll("a", every_s=60.0), 1.0)
+    assert key_of(take(plan, 1.0)) == "a"
+    assert plan.next_due_s() == 2.0
+
+
+def test_a_unit_that_was_asked_in_vain_is_asked_again_after_another_quarter() -> None:
+    plan = begun(replace(poll("a", every_s=60.0), deadline_s=8.0))
+    take(plan, 0.0)
+
+    take(plan, 4.0, Silent())
+
+    assert plan.pick(5.9) is None
+    assert key_of(take(plan, 6.0)) == "a"
+
+
+def test_nothing_is_kept_for_a_unit_that_has_gone_silent_until_it_answers() -> None:
+    plan = begun(replace(poll("a", every_s=1.0), deadline_s=2.0))
+    take(plan, 0.0)
+    take(plan, 1.0, Silent())
+    take(plan, 2.0, Silent())
+
+    assert plan.next_due_s() == 4.0
+    assert key_of(take(plan, 4.0)) == "a"
+    assert plan.next_due_s() == 5.0
+
+
+def test_a_turn_that_is_put_back_keeps_its_hurry_unless_the_unit_must_be_waited_for() -> None:
+    plan = begun(replace(poll("a", every_s=60.0), deadline_s=10.0), poll("b", unit=2, every_s=60.0))
+    take(plan, 0.0)
+    take(plan, 0.0)
+    turn = plan.pick(5.0)
+    assert turn is not None
+    plan.put_back(turn, 5.0)
+
+    again = plan.pick(5.0)
+    assert key_of(again) == "a"
+    assert again is not None
+    plan.put_back(again, 5.4)
+
+    assert plan.pick(5.3) is None
+    assert key_of(take(plan, 5.4)) == "a"
+
+
+def test_when_the_watchdogs_alone_would_fill_the_line_others_have_a_turn_now_and_then() -> None:
+    polls = [replace(poll(f"{unit}", unit=unit, every_s=60.0), deadline_s=0.2) for unit in range(1, 11)]
+    line = IdealLine([*polls, poll("other", unit=11, every_s=1.0)], lambda turn: 0.05)
+
+    line.run(20.0)
+
+    keys = [key_of(turn) for _, turn in line.turns]
+    assert max(line.gaps_s["other"]) < 2.0
+    assert len(keys) - keys.count("other") > 0.9 * WATCHDOGS_IN_ROW / (WATCHDOGS_IN_ROW + 1) * len(keys)
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    limits_s=st.lists(st.sampled_from([1.0, 2.0, 3.5, 5.0, 30.0, None]), min_size=1, max_size=40),
+    every_s=st.sampled_from([0.0, 0.1, 1.0, 60.0]),
+    registers=st.integers(1, 60),
+    flood=st.sampled_from([None, Lane.COMMAND, Lane.READ_BACK]),
+)
+def test_a_watchdog_that_can_be_kept_is_kept(
+    limits_s: list[float | None], every_s: float, registers: int, flood: Lane | None
+) -> None:
+    polls = [
+        replace(poll(f"{unit}/{at}", unit, every_s, count=count), deadline_s=limit_s)
+        for unit, limit_s in enumerate(limits_s, 1)
+        for at, count in enumerate((1, registers))
+    ]
+    prospect = forecast(polls, TIMING)
+    gaps_s = {unit: longest_gap_s(prospect, unit) for unit in range(1, len(limits_s) + 1)}
+    longest = max(longest_s(each.request, TIMING, response_time_s=each.response_time_s) for each in polls)
+
+    def took_s(turn: Turn) -> float:
+        if flood is not None:
+            line.plan.submit(job(flood), line.now_s)
+            line.plan.submit(job(flood), line.now_s)
+        return cost_s(turn.poll, TIMING, allowance_s=ALLOWANCE_S) if turn.poll else longest
+
+    line = IdealLine(polls, took_s)
+    line.run(40.0)
+
+    for unit, limit_s in enumerate(limits_s, 1):
+        if limit_s is not None and gaps_s[unit] <= limit_s:
+            assert line.unheard_s[unit] <= limit_s
+            if limit_s / 2 < min(each.age_s for each in prospect.polls if each.poll.unit == unit):
+                assert line.unheard_s[unit] <= gaps_s[unit] + 1e-9
+
+
+@pytest.mark.parametrize("lane", [Lane.COMMAND, Lane.READ_BACK])
+def test_a_flood_of_jobs_keeps_neither_a_stop_nor_a_poll_waiting(lane: Lane) -> None:
+    polls = [poll(f"{unit}", unit=unit, every_s=1.0) for unit in range(1, 6)]
+    waits_s = []
+
+    def took_s(turn: Turn) -> float:
+        if turn.job is not None and turn.job.lane is Lane.STOP:
+            waits_s.append(line.now_s - turn.since_s)
+        elif len(line.turns) % 7 == 0:
+            line.plan.submit(job(Lane.STOP), line.now_s)
+        line.plan.submit(job(lane), line.now_s)
+        line.plan.submit(job(lane), line.now_s)
+        return 0.03
+
+    line = IdealLine(polls, took_s)
+    line.run(60.0)
+
+    assert len(waits_s) > 100
+    assert max(waits_s) == pytest.approx(0.03)  # what was under way
+    assert all(max(line.gaps_s[f"{unit}"]) < 2.0 for unit in range(1, 6))

@@ -1,0 +1,213 @@
+from __future__ import annotations
+
+import pytest
+
+from gateway.line.suspicion import (
+    ADDRESS_CONFLICT,
+    BABBLING,
+    RECENTLY_S,
+    SOMEONE,
+    TOLD_AGAIN_AFTER_S,
+    Suspicions,
+    Trouble,
+)
+from gateway.modbus import adu
+from gateway.modbus.reads import ReadHoldingRegisters
+
+READ = ReadHoldingRegisters(0, 4)
+SIZE = 13
+NOISE = b"\xa5\x5a\xa5\x5a\x00\x11"
+
+
+def reply(unit: int, value: int = 0) -> bytes:
+    return adu.encode(unit, READ.encode_reply((value,) * 4))
+
+
+class Line:
+    """Signs, one second apart unless said otherwise."""
+
+    def __init__(self) -> None:
+        self.suspicions = Suspicions()
+        self.owing: set[int] = set()
+        self.now_s = 0.0
+
+    def answer(self, unit: int, value: int = 0) -> None:
+        self.now_s += 1.0
+        self.suspicions.note_asked(unit)
+        self.suspicions.note_answer(unit, reply(unit, value), at_s=self.now_s)
+
+    def stray(self, data: bytes, *, asked: int = 1, after_s: float = 0.02) -> None:
+        self.now_s += after_s
+        self.suspicions.note_stray(data, asked=asked, owes=self.owing.__contains__, now_s=self.now_s)
+
+    def garbled(self, data: bytes, unit: int = 1) -> None:
+        self.now_s += 1.0
+        self.suspicions.note_asked(unit)
+        self.suspicions.note_garbled(
+            unit, data, reply_size=SIZE, owes=self.owing.__contains__, now_s=self.now_s
+        )
+
+    def told(self) -> list[tuple[str, int]]:
+        return [(trouble.code, trouble.unit) for trouble in self.suspicions.take_news()]
+
+
+def test_a_unit_that_is_answered_for_by_two_is_named() -> None:
+    line = Line()
+
+    for _ in range(3):
+        line.answer(7, 1)
+        line.stray(reply(7, 2), asked=7)
+
+    assert line.suspicions.take_news() == (
+        Trouble(
+            ADDRESS_CONFLICT,
+            7,
+            "address 7 seems to be given twice: what is asked of it is answered more than once",
+        ),
+    )
+    assert line.suspicions.is_doubling(7)
+    assert not line.suspicions.is_doubling(8)
+
+
+def test_two_that_say_the_same_are_named_too_but_later() -> None:
+    line = Line()
+
+    for _ in range(3):
+        line.answer(7)
+        line.stray(reply(7), asked=7)
+    assert line.told() == []
+    for _ in range(2):
+        line.answer(7)
+        line.stray(reply(7), asked=7)
+
+    assert line.told() == [(ADDRESS_CONFLICT, 7)]
+
+
+def test_a_second_reply_is_seen_while_another_unit_is_asked() -> None:
+    line = Line()
+
+    for _ in range(4):
+        line.answer(7, 1)
+        line.now_s -= 0.98
+        line.garbled(reply(7, 2), unit=8)
+
+    assert line.told() == [(ADDRESS_CONFLICT, 7)]
+
+
+@pytest.mark.parametrize("merged", [b"\xa5" * SIZE, reply(1)[:6] + reply(1, 3)])
+def test_replies_that_merge_again_and_again_are_named(merged: bytes) -> None:
+    line = Line()
+
+    for _ in range(8):
+        line.garbled(merged)
+
+    assert line.told() == [(ADDRESS_CONFLICT, 1)]
+
+
+def test_the_torn_rest_of_a_second_reply_counts() -> None:
+    line = Line()
+
+    for _ in range(10):
+        line.answer(1)
+        line.stray(reply(1, 9)[:7])
+
+    assert line.told() == [(ADDRESS_CONFLICT, 1)]
+
+
+def test_a_noisy_line_is_no_conflict() -> None:
+    line = Line()
+
+    for _ in range(100):
+        for _ in range(9):
+            line.answer(1)
+        line.garbled(b"\xa5" * SIZE)
+        line.garbled(reply(1)[:-3])
+
+    assert line.told() == []
+
+
+def test_a_doubled_reply_now_and_then_is_none_either() -> None:
+    line = Line()
+
+    for _ in range(20):
+        for _ in range(30):
+            line.answer(1)
+        line.stray(reply(1))
+
+    assert line.told() == []
+
+
+def test_a_late_reply_is_neither() -> None:
+    line = Line()
+    line.owing.add(3)
+
+    for _ in range(20):
+        line.answer(1)
+        line.stray(reply(3))
+        line.garbled(reply(3))
+
+    assert line.told() == []
+
+
+def test_a_unit_that_talks_unasked_is_named() -> None:
+    line = Line()
+
+    for _ in range(5):
+        line.answer(1)
+        line.stray(reply(9), after_s=RECENTLY_S + 1.0)
+
+    assert line.suspicions.take_news() == (Trouble(BABBLING, 9, "unit 9 talks without being asked"),)
+
+
+def test_a_frame_now_and_then_that_nobody_asked_for_is_not_told() -> None:
+    line = Line()
+
+    for _ in range(50):
+        line.stray(reply(9), after_s=60.0)
+
+    assert line.told() == []
+
+
+def test_noise_that_goes_on_is_somebody_who_talks() -> None:
+    line = Line()
+
+    for _ in range(40):
+        line.stray(NOISE, after_s=0.5)
+
+    assert line.told() == [(BABBLING, SOMEONE)]
+
+
+def test_single_bytes_are_what_drivers_make() -> None:
+    line = Line()
+
+    for _ in range(200):
+        line.stray(b"\x00", after_s=0.1)
+
+    assert line.told() == []
+
+
+@pytest.mark.parametrize(
+    ("heard", "unit", "text"),
+    [
+        (b"\x00\xff" + reply(5) + reply(5)[:4], 5, "unit 5 talks without being asked"),
+        (b"\x55" * 256, SOMEONE, "someone on the line talks without being asked"),
+    ],
+)
+def test_a_line_that_is_never_quiet_names_who_can_be_made_out(heard: bytes, unit: int, text: str) -> None:
+    suspicions = Suspicions()
+
+    suspicions.note_never_quiet(heard, now_s=1.0)
+
+    assert suspicions.take_news() == (Trouble(BABBLING, unit, text),)
+    assert suspicions.take_news() == ()
+
+
+def test_a_trouble_that_lasts_is_told_again_only_after_a_while() -> None:
+    suspicions = Suspicions()
+    times_s = []
+
+    for second in range(0, int(2.5 * TOLD_AGAIN_AFTER_S), 10):
+        suspicions.note_never_quiet(b"", now_s=float(second))
+        times_s += [second for _ in suspicions.take_news()]
+
+    assert times_s == [0, TOLD_AGAIN_AFTER_S, 2 * TOLD_AGAIN_AFTER_S]

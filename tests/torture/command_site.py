@@ -1,0 +1,209 @@
+"""A site whose starters live in this very process, so that every frame to them can be counted."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+from collections import Counter
+from collections.abc import AsyncIterator, Callable, Iterable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from gateway.commands.simulate import simulated_lines
+from gateway.config.load import load
+from gateway.line.gaps import Restart
+from gateway.sim.unit import Unit
+from tests.end_to_end.site import FOUR_FAMILIES, site_config
+from tests.mosquitto import MosquittoBroker
+from tests.torture.recorder import BASE, Recorder
+from tests.torture.supervisor import Supervisor
+from tests.torture.waiting import until
+
+STARTERS = ("pump", "fan", "mill", "belt")
+USERS = ("alice", "bob", "victor")
+AT_ONCE = Restart(restart_s=0.1, watchdog_s=10.0, abort_s=2.0, start_up_s=2.0)
+WRITES = (5, 6, 15, 16, 22, 23)
+TOLERANCE_S = 0.001  # the starters share a process with whoever floods
+PACE_S = 0.24  # between commands of one client to one starter, so that none is refused as too many
+
+
+class Listener(Recorder):
+    """Hears results and states, not the commands."""
+
+    def _connected(self, client: Any, *_: Any) -> None:
+        for topic in ("result/#", "starter/+/state", "gateway/status", "gateway/line/+"):
+            client.subscribe(f"{BASE}/{topic}", qos=1)
+
+    @property
+    def boot(self) -> str:
+        return str(self.latest["gateway/status"]["boot"])
+
+    def of(self, id_: str, *, since: int = 0) -> list[dict[str, Any]]:
+        """Return what was told of a command, from that result on."""
+        return [each for each in self.results[since:] if each["id"] == id_]
+
+
+@dataclass
+class Ear:
+    """Hears every request to a unit, before the unit itself."""
+
+    unit: Unit
+    heard: list[tuple[float, bytes]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._handle = self.unit.handle
+        self.unit.handle = self.handle  # type: ignore[method-assign] # that is the point of it
+
+    def handle(self, pdu: bytes, now_s: float) -> bytes | None:
+        self.heard.append((now_s, pdu))
+        return self._handle(pdu, now_s)
+
+    def writes(self, *, since: int = 0) -> list[tuple[float, bytes]]:
+        return [(at_s, pdu) for at_s, pdu in self.heard[since:] if pdu[0] in WRITES]
+
+
+@dataclass
+class CommandSite:
+    """Broker, starters, gateway, and one who listens."""
+
+    broker: MosquittoBroker
+    gateway: Supervisor
+    listener: Listener
+    ears: dict[str, Ear]
+    failures: list[str] = field(default_factory=list)
+    figures: dict[str, Any] = field(default_factory=dict)
+
+    def check(self, is_right: bool, what: str) -> None:
+        if not is_right:
+            self.failures.append(what)
+
+    def starts(self) -> int:
+        """Return how many start frames all starters have heard."""
+        return sum(len(ear.unit.start_frames) for ear in self.ears.values())
+
+    def writes(self) -> int:
+        """Return how many writes of any kind all starters have heard."""
+        return sum(len(ear.writes()) for ear in self.ears.values())
+
+    def mark(self, starter: str) -> int:
+        return len(self.ears[starter].heard)
+
+    def written(self, starter: str, *, since: int) -> Counter[bytes]:
+        return Counter(pdu for _, pdu in self.ears[starter].writes(since=since))
+
+    def payload(self, id_: str, **fields: Any) -> str:
+        """Return a fresh command."""
+        return json.dumps({"id": id_, "boot": self.listener.boot, **fields})
+
+    async def result(
+        self,
+        is_wanted: Callable[[dict[str, Any]], bool],
+        what: str,
+        *,
+        since: int = 0,
+        within_s: float = 20.0,
+    ) -> dict[str, Any]:
+        """Wait for a result."""
+
+        def found() -> list[dict[str, Any]]:
+            return [each for each in self.listener.results[since:] if is_wanted(each)]
+
+        await until(lambda: bool(found()), what, within_s=within_s)
+        return found()[0]
+
+    async def ready(self, starters: Iterable[str] = STARTERS) -> None:
+        """Wait until starters stand still and the present gateway says so."""
+        began_s = self.gateway.lives[-1].began_s
+        for starter in starters:
+            await self.listener.until(
+                f"starter/{starter}/state", since_s=began_s, within_s=60.0, state="ready", quality="good"
+            )
+
+    async def stop(self, starter: str) -> None:
+        """Stop a motor and wait until it stands."""
+        sent_s = time.monotonic()
+        self.listener.publish(f"command/{starter}/alice/stop", "")
+        unit = self.ears[starter].unit
+        await until(
+            lambda: any(at_s >= sent_s for at_s, _ in self.ears[starter].writes()),
+            f"a stop frame to {starter}",
+            within_s=10.0,
+        )
+        await until(lambda: not unit.motor.is_turned_on, f"{starter} is off", within_s=10.0)
+        since_s = time.monotonic()
+        await self.listener.until(
+            f"starter/{starter}/state", since_s=since_s - 0.3, within_s=60.0, state="ready", quality="good"
+        )
+
+    async def restart(self) -> None:
+        """Stop the gateway and start it again."""
+        await self.gateway.stop()
+        await self.begin()
+
+    async def begin(self) -> None:
+        lives = len(self.gateway.lives)
+        self.gateway.start()
+        await self.gateway.until_up(lives=lives + 1)
+        await self.ready()
+
+
+@asynccontextmanager
+async def command_site(folder: Path) -> AsyncIterator[CommandSite]:
+    """Set it up and wait until all is well."""
+    folder.mkdir(parents=True, exist_ok=True)
+    broker = MosquittoBroker(folder / "broker")
+    config = folder / "site.toml"
+    others = "".join(
+        f'\n[[operator]]\nclient = "{user}"\nmay = ["*"]\nstarters = ["*"]\n' for user in USERS[1:]
+    )
+    text = site_config(broker_port=broker.port, port=f"{folder}/ttyHALL", starters=FOUR_FAMILIES + others)
+    config.write_text(text.replace("[gateway]", '[gateway]\nclock = "trusted"'), "utf-8")
+    listener, gateway = Listener(broker.port), Supervisor(config, AT_ONCE, folder)
+    broker.start()
+    try:
+        async with simulated_lines(load(config)) as lines:
+            bus = lines["hall"].line
+            bus.tolerance_s = TOLERANCE_S
+            ears = {name: Ear(bus.unit(address)) for address, name in enumerate(STARTERS, 1)}
+            here = CommandSite(broker, gateway, listener, ears)
+            listener.start()
+            await here.begin()
+            yield here
+            here.check("Traceback" not in gateway.log, "an unhandled exception is in the log")
+            finals = listener.finals_of_ids()
+            here.check(max(finals.values(), default=1) == 1, f"several finals: {finals.most_common(3)}")
+            await gateway.stop()
+    finally:
+        await gateway.stop()
+        listener.stop()
+        broker.kill()
+
+
+class Pipe:
+    """A running `mosquitto_pub -l`: every line is a message, on a topic of its own."""
+
+    def __init__(self, broker: MosquittoBroker, topic: str, version: str, *options: str) -> None:
+        where = ("-h", broker.host, "-p", str(broker.port), "-V", version, "-q", "1")
+        self._command = ("mosquitto_pub", *where, "-t", f"{BASE}/{topic}", "-l", *options)
+        self._process: asyncio.subprocess.Process | None = None
+
+    async def __aenter__(self) -> Pipe:
+        self._process = await asyncio.create_subprocess_exec(
+            *self._command, stdin=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.DEVNULL
+        )
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        """Let it publish all that it was given."""
+        assert self._process is not None
+        assert self._process.stdin is not None
+        self._process.stdin.close()
+        await asyncio.wait_for(self._process.wait(), 20.0)
+
+    def say(self, line: str) -> None:
+        assert self._process is not None
+        assert self._process.stdin is not None
+        self._process.stdin.write(line.encode() + b"\n")

@@ -1,0 +1,127 @@
+"""What a bad line and bad units do to values and commands, in virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from gateway.families.load import FAMILIES
+from gateway.sim.factory import make_unit
+from gateway.sim.impair import Babbling, Late, Noisy
+from gateway.starters.records import Phase
+from tests.torture.scenario import Row
+from tests.torture.truth import Truth
+from tests.torture.virtual_line import VirtualLine, virtual_line
+from tests.virtual_time import run_virtually
+
+CYCLE_S = 60.0  # a start, a run, a stop; more starts would trip the overload
+UNDETECTED = 20_000  # one of so many spoilt frames passes a CRC-16 (1 in 51,000 of those with 1-6 wrong bits)
+STARTED = "ssw07"
+
+
+@dataclass(frozen=True)
+class NoiseScenario:
+    """A fault of the line; `spoil` brings it about."""
+
+    name: str
+    spoil: Callable[[VirtualLine], None]
+    spoilt_share: float = 0.0  # of the replies
+    names: str = ""  # the trouble that must be told
+    is_legible: bool = True  # commands can be carried out
+    whole: int = 100_000
+    short: int = 1_500
+
+    def row(self, count: int, seed: int) -> Row:
+        """Run so many transactions and judge."""
+        row = Row(self.name, f"{count} frames")
+        began_s = time.monotonic()
+        run_virtually(self._run(row, count, seed))
+        row.took_s = time.monotonic() - began_s
+        return row
+
+    async def _run(self, row: Row, count: int, seed: int) -> None:
+        async with virtual_line(seed) as line:
+            self.spoil(line)
+            starts: list[str] = []
+            while line.transactions < count or not starts:
+                line.judge.never_on -= {STARTED}
+                starts.append(line.command(STARTED, "start"))
+                await asyncio.sleep(CYCLE_S / 4)
+                self._judge_start(row, line, starts[-1])
+                line.command(STARTED, "stop")
+                await asyncio.sleep(3 * CYCLE_S / 4)
+            self._judge(row, line, starts)
+
+    def _judge_start(self, row: Row, line: VirtualLine, id_: str) -> None:
+        finals = line.judge.finals.get(id_, [])
+        is_on = any(unit.motor.is_turned_on for unit in line.bus.units if unit.family == STARTED)
+        if finals and finals[0].phase is Phase.CONFIRMED and not is_on:
+            row.failures.append(f"{id_} is said to be confirmed, but the motor stands")
+
+    def _judge(self, row: Row, line: VirtualLine, starts: list[str]) -> None:
+        judge = line.judge
+        allowed = 1 + int(self.spoilt_share * line.transactions / UNDETECTED) if self.spoilt_share else 0
+        false_values = {what: number for what, number in judge.false.items() if what.startswith("value")}
+        false_states = {what: number for what, number in judge.false.items() if what.startswith("state")}
+        confirmed = sum(
+            judge.finals[id_][0].phase is Phase.CONFIRMED for id_ in starts if id_ in judge.finals
+        )
+        frames = max(len(unit.start_frames) for unit in line.bus.units if unit.family == STARTED)
+        for is_right, what in (
+            (sum(false_values.values()) <= allowed, f"shown as good, never had: {list(false_values)[:3]}"),
+            (not false_states, f"false states: {false_states}"),
+            (not line.trips(), f"watchdogs tripped: {line.trips()[:3]}"),
+            (frames <= len(starts), f"{frames} start frames for {len(starts)} commands"),
+            (all(len(each) == 1 for each in judge.finals.values()), "a command with several final results"),
+            (not self.names or judge.codes[self.names] > 0, f"{self.names} was not told"),
+            (confirmed > 0 or not self.is_legible, "no start was confirmed"),
+        ):
+            if not is_right:
+                row.failures.append(what)
+        kinds = {each.kind for each in line.bus.violations}
+        collisions = kinds <= {"collision"} and not self.is_legible
+        if kinds and not (collisions or self.names):
+            row.failures.append(f"line violations: {line.bus.violations[:3]}")
+        row.figures = {"transactions": line.transactions, "starts": len(starts), "confirmed": confirmed}
+        row.figures |= {"false values": sum(false_values.values()), "watchdog_s": line.watchdog_s}
+
+
+def errors(share: float) -> Callable[[VirtualLine], None]:
+    """Spoil this share of all replies."""
+
+    def spoil(line: VirtualLine) -> None:
+        for unit in line.bus.units:
+            line.bus.impair(unit.address, Noisy(0.02), chance=share)
+
+    return spoil
+
+
+def late(line: VirtualLine) -> None:
+    """Let one reply in twenty come when nobody waits for it any more."""
+    for unit in line.bus.units:
+        line.bus.impair(unit.address, Late(2.0), chance=0.05)
+
+
+def babbling(line: VirtualLine) -> None:
+    """Let one starter talk without being asked."""
+    line.bus.impair(1 + FAMILIES.index("sst"), Babbling(every_s=0.5))
+
+
+def twins(line: VirtualLine) -> None:
+    """Give one address to two starters of the same family."""
+    address = 1 + FAMILIES.index("ssw06")
+    twin = make_unit("ssw06", address, seed=99)
+    line.judge.truths["ssw06"].append(Truth(twin, "ssw06", "ssw06", make_unit("ssw06", address, seed=99)))
+    line.bus.add(twin)
+
+
+SCENARIOS = (
+    NoiseScenario("errors 1 %", errors(0.01), spoilt_share=0.01),
+    NoiseScenario("errors 3 %", errors(0.03), spoilt_share=0.03),
+    NoiseScenario("errors 10 %", errors(0.10), spoilt_share=0.10),
+    NoiseScenario("late replies", late),
+    NoiseScenario("babbling starter", babbling, names="babbling"),
+    NoiseScenario("two with one address", twins, names="address_conflict"),
+)

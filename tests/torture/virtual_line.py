@@ -1,0 +1,174 @@
+"""The gateway's floors on a simulated line in virtual time, and a judge of everything they say."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections import Counter
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+
+from gateway.families.load import FAMILIES, load_profile
+from gateway.families.schema import Variant
+from gateway.line.client import LocalLineClient
+from gateway.line.deafness import DEAF_AFTER_S
+from gateway.line.forecast import forecast, longest_gap_s
+from gateway.line.gaps import WIDE_FACTOR, first_request_s, gaps_of, start_order
+from gateway.line.outcome import Outcome
+from gateway.line.scheduler import Scheduler
+from gateway.modbus.timing import Framing, LineTiming
+from gateway.mqtt.topics import to_level
+from gateway.sim.factory import make_unit
+from gateway.sim.line import SimulatedLine
+from gateway.starters.commander import Commander
+from gateway.starters.polling import polls_of
+from gateway.starters.records import Quality, Record, ResultRecord, StateRecord, ValueRecord
+from gateway.starters.request import CommandRequest
+from gateway.starters.rights import Operator, Rights
+from gateway.starters.sequence import Sequence
+from gateway.starters.setup import StarterSetup
+from gateway.starters.telemetry import StarterTelemetry
+from tests.torture.starters import SILENCE_TRIPS, watching_unit
+from tests.torture.truth import Truth
+from tests.virtual_time import VirtualClock
+
+TIMING = LineTiming(19200, Framing.parse("8N2"))
+SETTLED_S = 3.0
+MOVING = ("starting", "running", "stopping")
+
+
+@dataclass
+class Judge:
+    """A sink that keeps what is wrong, not what is said."""
+
+    truths: dict[str, list[Truth]] = field(default_factory=dict)
+    never_on: set[str] = field(default_factory=set)  # starters whose motor has not been turned on
+    false: Counter[str] = field(default_factory=Counter)
+    codes: Counter[str] = field(default_factory=Counter)
+    finals: dict[str, list[ResultRecord]] = field(default_factory=dict)
+
+    def put(self, record: Record) -> None:
+        match record:
+            case ValueRecord(quality=Quality.GOOD):
+                point = to_level(record.point)
+                if not any(
+                    record.value in truth.values.get(point, ()) for truth in self.truths[record.starter]
+                ):
+                    self.false[f"value {record.starter} {record.point} {record.value}"] += 1
+            case StateRecord(quality=Quality.GOOD) if record.state in MOVING:
+                if record.starter in self.never_on:
+                    self.false[f"state {record.starter} {record.state}"] += 1
+            case ResultRecord() if record.phase.is_final:
+                self.finals.setdefault(record.id or "", []).append(record)
+            case _:
+                self.codes[getattr(record, "code", "")] += 1
+
+
+class Ear:
+    """A LineListener of one line."""
+
+    def __init__(self, judge: Judge) -> None:
+        self.starters: dict[int, StarterTelemetry] = {}
+        self.judge = judge
+
+    def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
+        self.starters[unit].on_poll(key, outcome)
+
+    def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:
+        self.starters[unit].on_unit(is_answering=is_answering, reason=reason, frames=frames)
+
+    def on_trouble(self, line: str, code: str, unit: int, text: str, frames: tuple[str, ...]) -> None:
+        self.judge.codes[code] += 1
+
+    def on_port(self, line: str, is_open: bool, reason: str) -> None:
+        for starter in () if is_open else self.starters.values():
+            starter.on_unit(is_answering=False, reason=reason)
+
+
+@dataclass
+class VirtualLine:
+    """A running line with a starter of each family, named after it."""
+
+    bus: SimulatedLine
+    commander: Commander
+    judge: Judge
+    watchdog_s: int
+    ids: int = 0
+
+    @property
+    def transactions(self) -> int:
+        return sum(unit.handled for unit in self.bus.units)
+
+    def command(self, starter: str, verb: str) -> str:
+        self.ids += 1
+        self.commander.submit(CommandRequest(starter, "alice", verb, f"{verb}-{self.ids}", {}))
+        return f"{verb}-{self.ids}"
+
+    def trips(self) -> list[str]:
+        """Return the watchdogs that have acted since the line was settled."""
+        return [
+            f"{unit.family} {trip.code}"
+            for unit in self.bus.units
+            for trip in unit.trips
+            if trip.code in SILENCE_TRIPS and trip.at_s > SETTLED_S
+        ]
+
+
+@asynccontextmanager
+async def virtual_line(seed: int) -> AsyncIterator[VirtualLine]:
+    """Run four starters, all online and identified; each watches its line for 1.5 times a crash's gap."""
+    loop = asyncio.get_running_loop()
+    clock, sequence, judge = VirtualClock(loop), Sequence(), Judge()
+    setups = [
+        StarterSetup(family, "hall", address, load_profile(family), Variant())
+        for address, family in enumerate(FAMILIES, 1)
+    ]
+    polls = start_order(poll for setup in setups for poll in polls_of(setup))
+    watchdog_s = _watchdog_s(polls)
+    units = [watching_unit(setup.name, setup.address, watchdog_s) for setup in setups]
+    for setup, unit in zip(setups, units, strict=True):
+        judge.truths[setup.name] = [Truth(unit, setup.name, setup.name, _twin(setup))]
+    bus = SimulatedLine(TIMING, units, seed=seed)
+    ear = Ear(judge)
+    scheduler = Scheduler(
+        name="hall",
+        opener=bus.opener(),
+        timing=TIMING,
+        polls=polls,
+        listener=ear,
+        seed=seed,
+        deaf_after_s=DEAF_AFTER_S,
+    )
+    line = LocalLineClient(scheduler)
+    telemetries = {
+        setup.name: StarterTelemetry(setup, line=line, sink=judge, clock=clock, sequence=sequence)
+        for setup in setups
+    }
+    rights = Rights([Operator("alice", ("*",), ("*",))])
+    commander = Commander(telemetries, rights=rights, sink=judge, clock=clock, sequence=sequence)
+    for telemetry in telemetries.values():
+        ear.starters[telemetry.setup.address] = telemetry
+        telemetry.start()
+    task = asyncio.create_task(scheduler.run())
+    await asyncio.sleep(SETTLED_S)
+    judge.never_on = set(FAMILIES)
+    yield VirtualLine(bus, commander, judge, watchdog_s)
+    await commander.close()
+    for telemetry in telemetries.values():
+        await telemetry.close()
+    task.cancel()
+    await asyncio.wait((task,))
+
+
+def _twin(setup: StarterSetup):  # type: ignore[no-untyped-def] # a unit
+    return make_unit(setup.name, setup.address, seed=setup.address)
+
+
+def _watchdog_s(polls: list) -> int:  # type: ignore[type-arg] # of Poll
+    prospect = forecast(polls, TIMING)
+    units = range(1, len(FAMILIES) + 1)
+    gaps = [
+        gaps_of(longest_gap_s(prospect, unit), first_request_s(polls, TIMING, unit)).crash_s for unit in units
+    ]
+    return math.ceil(WIDE_FACTOR * max(gaps))
