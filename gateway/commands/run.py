@@ -39,10 +39,11 @@ def add_parser(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run until SIGTERM or SIGINT; ConfigError when the configuration is wrong."""
+    path = Path(args.config)
+    config, password = _read(path)
     faulthandler.enable()  # systemd's SIGABRT ends a hang: it is to say where
     log_to_stderr(is_verbose=args.verbose)
-    path = Path(args.config)
-    asyncio.run(serve(path, *_read(path)))
+    asyncio.run(serve(path, config, password))
     return 0
 
 

@@ -1,4 +1,4 @@
-"""What would let a line keep the watchdogs of its starters: another rate, fewer starters, longer watchdogs."""
+"""What would let a line keep the watchdogs of its starters: another rate, fewer starters, other times."""
 
 from __future__ import annotations
 

@@ -77,7 +77,8 @@ def _miss(line: LineProspect, starter: StarterProspect) -> str:
     if limit_s is None or isinf(gap_s):
         share = f"{line.forecast.watchdog_load:.0%} of the line's time"
         return f"{starter.table.name}: {limit_s:g} s cannot be kept: the watchdogs on this line need {share}"
-    return f"{starter.table.name}: {limit_s:g} s is missed by {gap_s - limit_s:.2f} s: a gap may be {gap_s:.2f} s"
+    missed = f"{limit_s:g} s is missed by {gap_s - limit_s:.2f} s"
+    return f"{starter.table.name}: {missed}: a gap may be {gap_s:.2f} s"
 
 
 def _line(line: LineTable) -> LineProspect:

@@ -1,4 +1,4 @@
-"""How long requests that come again and again wait for one another when the earliest deadline is served first."""
+"""How long repeated requests wait for one another when the earliest deadline is served first."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Demand:
         )
 
     def busy_s(self, begun_s: float) -> float:
-        """Return for how long there is something to do when everything is asked for at once, and this besides.
+        """Return for how long there is something to do when all is asked for at once, and this besides.
 
         Nobody waits for longer, however late its deadline.
         """
@@ -61,7 +61,8 @@ class Demand:
         busy_s = begun_s + all_s
         for _ in range(_ROUNDS):
             longer_s = begun_s + sum(
-                cost_s * (1 + floor(busy_s / period_s + _SAME_S)) for period_s, cost_s in self._costs_s.items()
+                cost_s * (1 + floor(busy_s / period_s + _SAME_S))
+                for period_s, cost_s in self._costs_s.items()
             )
             if longer_s <= busy_s:
                 return busy_s

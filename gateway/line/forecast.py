@@ -1,8 +1,8 @@
 """What a line's polls add up to, from numbers alone: how busy it will be, and how old its values get.
 
-The bounds follow from how `Plan` chooses. They hold while the units answer and no commands are under way, with
-every reply as late as the line waits for it, and also when all polls but one are asked for at the same moment
-out of their rhythm, as after a voltage dip that trips every motor.
+The bounds follow from how `Plan` chooses. They hold while the units answer and no commands are under way,
+with every reply as late as the line waits for it, and also when all polls but one are asked for at the same
+moment out of their rhythm, as after a voltage dip that trips every motor.
 """
 
 from __future__ import annotations

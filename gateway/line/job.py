@@ -29,7 +29,7 @@ class Poll:
     response_time_s: float  # the starter's longest time from the request's end to the reply's first byte
     response_floor_s: float | None = None  # what was learnt may shorten that down to this; None = not at all
     deadline_s: float | None = (
-        None  # its unit's watchdog: the longest time without a valid request; None, 0: off
+        None  # its unit's watchdog: the longest time unheard; None or 0: none
     )
     group: str = ""  # whose values it reads, for those who read its figures
 

@@ -145,9 +145,9 @@ class Plan:
 
     def record(self, turn: Turn, outcome: Outcome, now_s: float) -> Verdict:
         """Learn what became of a picked turn and plan on."""
-        since_s = max(self._freed_s, min(turn.since_s, self._picked_s), now_s - LONGEST_TURN_S)
-        self._freed_s = now_s
         entry = self._polled.entry_of(turn.poll)
+        since_s = self._began_s(turn, entry, now_s)
+        self._freed_s = now_s
         is_repeated = self._repeat_if_garbled(turn, entry, outcome)
         stretch = self._polled.stretch
         is_rhythmic = entry is not None and entry.is_counted
@@ -164,11 +164,16 @@ class Plan:
         is_final = not is_repeated and (turn.poll is None or entry is not None)
         return Verdict(is_final, answering)
 
+    def _began_s(self, turn: Turn, entry: Entry | None, now_s: float) -> float:
+        """Return from when on a turn kept the line busy, the silence before it included."""
+        due_s = self._picked_s if entry is not None and entry.unit.is_held else turn.since_s
+        return max(self._freed_s, min(due_s, self._picked_s), now_s - LONGEST_TURN_S)
+
     def _pick_other(self, now_s: float) -> Turn | None:
         """Return the first job, or the first poll after so many jobs in a row."""
         entry = self._polled.rota.first(now_s)
         if entry is None or self._jobs_in_row < JOBS_IN_ROW:
-            # A unit's watchdog may be waiting for its first poll: what we ask of our own accord can wait longer.
+            # A unit's watchdog may wait for its first poll: what we ask of our own accord can wait longer.
             last = Lane.COMMAND if entry is not None and entry.is_first else Lane.READ_BACK
             job = self._lanes.take(last)
             if job is not None:

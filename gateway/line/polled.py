@@ -9,7 +9,7 @@ from math import inf
 from gateway.line.agenda import NOWHERE
 from gateway.line.health import Sign, UnitState
 from gateway.line.job import Poll
-from gateway.line.outcome import Outcome
+from gateway.line.outcome import Garbled, Outcome
 from gateway.line.roster import Entry, Unit
 from gateway.line.rota import Rota
 from gateway.line.silence import back_off_s
@@ -113,7 +113,7 @@ class Polled:
         return self._asked
 
     def barking(self, now_s: float) -> Entry | None:
-        """Return the first poll of the unit whose watchdog needs it to be asked now, the earliest deadline's."""
+        """Return the first poll of the unit that has to be asked for its watchdog: the earliest deadline's."""
         while (number := self.watchdogs.first(now_s)) is not None:
             unit = self.unit(number)
             if unit.entries:
@@ -166,11 +166,12 @@ class Polled:
             self.watchdogs.tried(unit.number, now_s)
             if unit.is_held and poll is not None:
                 self.rota.budget.spend(now_s - since_s, now_s)
-                unit.probed_s = now_s
         if sign is Sign.MISS:
             if not was_suspect and not was_silent:
                 unit.missed_s = now_s
             unit.miss_cost_s = now_s - since_s
+            if isinstance(outcome, Garbled):
+                unit.probes = 0  # somebody is there, and may hear us: its watchdog is not to act
             self._miss(unit, now_s, is_probe=poll is not None or not was_silent)
         if unit.is_suspect is not was_suspect and not unit.is_held:
             for entry in unit.entries:
@@ -213,8 +214,8 @@ class Polled:
         near_s = max(NEIGHBOUR_S, 2 * unit.pace_s)
         for other in self._units.values():
             is_near = other.is_silent and abs(other.missed_s - unit.missed_s) <= near_s
-            if is_near and other.entries and other.probed_s < now_s - NEIGHBOUR_S:
-                other.probed_s = now_s
+            if is_near and other.entries and other.woken_s < now_s - NEIGHBOUR_S:
+                other.woken_s = now_s
                 self._hasten(other.entries[0], now_s)
 
     def _hasten(self, entry: Entry, now_s: float) -> None:

@@ -35,6 +35,10 @@ class Quarantine:
         """Return whether a reply of this unit is still expected, or was and never came."""
         return unit in self._unit_until_s
 
+    def owes_another(self, unit: int, now_s: float) -> bool:
+        """Return whether a late reply may still come of any unit but this."""
+        return any(other != unit and until_s > now_s for other, until_s in self._unit_until_s.items())
+
     def end(self, unit: int) -> None:
         """Expect nothing of this unit any more: it has answered."""
         self._unit_until_s.pop(unit, None)

@@ -45,7 +45,7 @@ class Unit:
     entries: list[Entry] = field(default_factory=list)
     is_held: bool = False
     probes: int = 0  # without an answer since it went silent
-    probed_s: float = -inf
+    woken_s: float = -inf  # for a neighbour that answered
     missed_s: float = -inf  # the first miss of those in a row
     miss_cost_s: float = 0.0
     told: bool | None = None  # whether it answers, as last returned by `news`

@@ -1,7 +1,7 @@
 """By how much all periods are stretched, so that what is asked of a line fits into its time.
 
-An over-full line keeps every poll's share: all periods grow by the same factor. The factor comes from what the
-polls cost, measured, against what jobs and silent units leave of the line.
+An over-full line keeps every poll's share: all periods grow by the same factor. It comes from what the polls
+cost, measured, against what jobs and silent units leave of the line.
 """
 
 from __future__ import annotations

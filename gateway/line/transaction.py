@@ -11,10 +11,11 @@ from gateway.errors import BadReplyError
 from gateway.line.budget import ALLOWANCE_S
 from gateway.line.hearing import SHORTEST_REPLY, Hearing, judge
 from gateway.line.outcome import Answered, Garbled, Outcome, Refused, Silent
+from gateway.line.pace import Pace
 from gateway.line.port import Port
 from gateway.line.prepared import MIRRORED, Prepared
 from gateway.line.quarantine import Quarantine
-from gateway.line.suspicion import Suspicions
+from gateway.line.suspicion import Suspicions, whole_frame
 from gateway.line.trace import Trace
 from gateway.modbus import adu
 from gateway.modbus.crc import crc16
@@ -52,6 +53,8 @@ class Transactor:
         self._own_end_s = self._time()  # who knows what was on the wire before the port was opened
         self._quarantine = Quarantine()
         self._stray = bytearray()
+        self._pace = Pace()
+        self._earliest_s = -inf  # the soonest that a reply to the latest request can begin
         self._asked = adu.BROADCAST  # the unit of the latest request
         self._is_echoing = False
         self._began_s = inf  # the first byte of the reply under way
@@ -125,11 +128,14 @@ class Transactor:
         short; `meanwhile` is done once the request is on its way. Raises as `transact`.
         """
         self.is_on_wire = True
+        wire_s = len(prepared.adu) * self._character_s
+        self._earliest_s = self._time() + wire_s
         self._port.write(prepared.adu)
         self.written_s = self._time()
-        self._own_end_s = self.written_s + len(prepared.adu) * self._character_s
+        self._own_end_s = self.written_s + wire_s
         self._asked = prepared.unit
         self.suspicions.note_asked(prepared.unit)
+        self._pace.note_asked(prepared.unit)
         self._trace.sent(self.written_s, prepared.adu)
         if meanwhile is not None:
             meanwhile()
@@ -155,11 +161,11 @@ class Transactor:
         if prepared.reply_size is None:
             first_by_s += _FIRST_CHUNK_SIZE * self._character_s - reply_s
         hearing = Hearing(prepared.adu, is_mirrored=prepared.is_mirrored, is_echoing=self._is_echoing)
-        began_s = await self._listen(hearing, heard, first_by_s=first_by_s, deadline_s=deadline_s)
+        await self._listen(hearing, heard, first_by_s=first_by_s, deadline_s=deadline_s)
         at_s = self._port.last_byte_s
         if hearing.received:
             self._trace.received(at_s, hearing.received)
-        outcome = self._judge(prepared, hearing, at_s=at_s, took_s=max(began_s - sent_end_s, 0.0))
+        outcome = self._judge(prepared, hearing, at_s=at_s, took_s=max(self._began_s - sent_end_s, 0.0))
         if isinstance(outcome, Answered | Refused) and not self.suspicions.is_doubling(prepared.unit):
             self._quarantine.end(prepared.unit)
             return outcome
@@ -186,7 +192,7 @@ class Transactor:
         if len(frame) != prepared.reply_size or frame[0] != prepared.unit or crc16(frame):
             return None
         unit = prepared.unit
-        if self._quarantine.owes(unit) or self.suspicions.is_doubling(unit):
+        if self._quarantine.owes(unit) or self.suspicions.is_doubling(unit) or self._is_too_soon(unit, frame):
             return None
         try:
             value = prepared.request.decode_reply(frame[1:-2])
@@ -207,6 +213,8 @@ class Transactor:
         if not frame:
             return Silent()
         outcome = judge(frame, prepared.unit, prepared.request, at_s=at_s, response_time_s=took_s)
+        if not isinstance(outcome, Garbled) and self._is_too_soon(prepared.unit, frame):
+            outcome = Garbled("it began before the request was over", frame)
         if isinstance(outcome, Answered) and not (prepared.is_mirrored or hearing.has_echo):
             self._is_echoing = False
         if isinstance(outcome, Garbled):
@@ -224,14 +232,15 @@ class Transactor:
             self._judge_stray(reply[len(frame) :])
         return outcome
 
-    async def _listen(self, hearing: Hearing, heard: bytes, *, first_by_s: float, deadline_s: float) -> float:
-        """Read on until the reply is whole or will not come; return when its first byte began.
+    async def _listen(self, hearing: Hearing, heard: bytes, *, first_by_s: float, deadline_s: float) -> None:
+        """Read on until the reply is whole or will not come, and note when its first byte began.
 
         Where the first byte is due before the deadline, only further bytes keep us listening so long.
         """
         gap_s = self._silence_s + self._allowance_s
         hearing.feed(heard)
-        began_s = inf if hearing.may_be_echo() else self._began_s
+        if hearing.may_be_echo():
+            self._began_s = inf
         until_s = first_by_s
         while self._time() < until_s and hearing.whole_reply() is None:
             chunk = await self._port.read(until_s=until_s, count=hearing.lacking())
@@ -239,9 +248,8 @@ class Transactor:
                 hearing.feed(chunk)
                 last_byte_s = self._port.last_byte_s
                 until_s = min(deadline_s, max(until_s, last_byte_s + gap_s))
-                if began_s == inf and not hearing.may_be_echo():
-                    began_s = last_byte_s - len(hearing.reply()) * self._character_s
-        return began_s
+                if self._began_s == inf and not hearing.may_be_echo():
+                    self._began_s = last_byte_s - len(hearing.reply()) * self._character_s
 
     async def _turn_around(self) -> Outcome:
         """Give every unit the time to act on a broadcast; none answers [SERIAL 2.4.1]."""
@@ -257,15 +265,28 @@ class Transactor:
         match outcome:
             case Answered() | Refused():  # of a unit whose requests are answered twice
                 self._quarantine.hold(unit, unit_until_s)
-            case Garbled(received=frame) if not self._quarantine.heard(frame):  # the reply itself, spoilt
+            case Garbled(received=frame) if self._is_own_reply(unit, frame):
                 self._quarantine.begin(unit, line_until_s=deadline_s, unit_until_s=deadline_s)
             case Silent() | Garbled():
                 self._quarantine.begin(unit, line_until_s=line_until_s, unit_until_s=unit_until_s)
             case _:
                 assert_never(outcome)
 
+    def _is_own_reply(self, unit: int, garbled: bytes) -> bool:
+        """Return whether this can only be the unit's own reply, spoilt: no frame, and nobody else is late."""
+        heard_s = self._own_end_s  # a late frame that has ended since may be in it
+        return not (self._quarantine.heard(garbled) or self._quarantine.owes_another(unit, heard_s))
+
+    def _is_too_soon(self, unit: int, frame: bytes) -> bool:
+        """Return whether a right reply answers an earlier request: it began before this one was over."""
+        reply_s = len(frame) * self._character_s
+        return self._pace.is_too_soon(unit, early_s=self._earliest_s - self._began_s, reply_s=reply_s)
+
     def _judge_stray(self, stray: bytes) -> None:
         """Find out who said what nobody waited for."""
+        frame = whole_frame(stray)
+        if frame is not None:
+            self._pace.note_stray(frame.unit)
         self.suspicions.note_stray(stray, asked=self._asked, owes=self._quarantine.owes, now_s=self._time())
         self._quarantine.heard(stray)
 

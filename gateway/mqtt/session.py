@@ -200,6 +200,8 @@ class Session:
             except Exception as error:  # noqa: BLE001 - this callback's one guard: nonsense ends the session
                 self._lose(f"the broker sent what cannot be read: {error!r}")
                 return
+            if self._sock is not None:  # else a broker that saves packets (Nagle) keeps the next message back
+                self._sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
             # What the TLS layer has decrypted already no longer makes the socket readable.
             if not isinstance(self._sock, ssl.SSLSocket) or not self._sock.pending():
                 return

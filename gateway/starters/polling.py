@@ -13,6 +13,7 @@ from gateway.line.job import Poll
 from gateway.starters.setup import StarterSetup
 
 FAST_S = 0.25  # period while the motor starts, stops or is in fault
+IDLE_FACTOR = 1  # values are read so many times less often while it stands, the status is not
 SLOWEST_FACTOR = 10  # slow rows are asked for ten times less often,
 SLOW_AT_LEAST_S = 10.0  # and never more often than this
 OVERDUE_PERIODS = 3  # a value that was not read for so many periods is stale,
@@ -55,7 +56,7 @@ class Polling:
     def __init__(self, setup: StarterSetup, line: LineClient) -> None:
         self._setup = setup
         self._line = line
-        self._is_fast = False
+        self._is_fast = self._is_idle = False
         self._variant = setup.variant
         self._fast_words: FastBlock | None = None
         self._plan = _planned(setup, setup.variant) if setup.is_enabled else ()
@@ -113,11 +114,11 @@ class Polling:
             if polled.last_s is None and times_s:
                 polled.last_s = min(times_s)
 
-    def hurry(self, *, is_fast: bool) -> None:
-        """Read status and values faster while something happens, and as configured otherwise."""
-        if is_fast is self._is_fast:
+    def hurry(self, *, is_fast: bool, is_idle: bool = False) -> None:
+        """Read status and values faster while something happens, values more slowly while nothing can."""
+        if (is_fast, is_idle) == (self._is_fast, self._is_idle):
             return
-        self._is_fast = is_fast
+        self._is_fast, self._is_idle = is_fast, is_idle
         for key, polled in self._polled.items():
             every_s = self._every_s(polled.block)
             if every_s != polled.every_s:
@@ -172,7 +173,9 @@ class Polling:
 
     def _every_s(self, block: Block) -> float:
         every_s = _every_s(self._setup, block)
-        return min(every_s, FAST_S) if self._is_fast and block.group != "slow" else every_s
+        if self._is_fast and block.group != "slow":
+            return min(every_s, FAST_S)
+        return every_s * IDLE_FACTOR if self._is_idle and block.group == "values" else every_s
 
 
 def _planned(setup: StarterSetup, variant: Variant) -> tuple[Block, ...]:

@@ -68,6 +68,7 @@ class ReadinessWatch:
             except (CommandError, PortLostError) as error:
                 logger.info("starter=%s readiness is not known: %s", self._starter.setup.name, error)
             else:
+                self._keep_watchdogs(rows)
                 self._tell(rows)
                 return
 
@@ -75,6 +76,13 @@ class ReadinessWatch:
         profile = self._starter.profile
         reads = bulk_reads(profile, readiness_codes(profile))
         return (await read_in_bulk(self._ask, profile, reads, tries=1)).rows
+
+    def _keep_watchdogs(self, rows: dict[str, tuple[int, ...]]) -> None:
+        """Have the line keep the shortest watchdog, of those set in the starter and the configuration's."""
+        starter, setup = self._starter, self._starter.setup
+        found_s = [each.after_s for each in watchdogs(starter.profile, starter.variant, rows)]
+        limits_s = [limit_s for limit_s in (setup.watchdog_s, *found_s) if limit_s]
+        starter.line.set_deadline(setup.address, min(limits_s, default=None))
 
     def _tell(self, rows: dict[str, tuple[int, ...]]) -> None:
         starter = self._starter

@@ -34,6 +34,7 @@ from gateway.starters.waker import Waker
 logger = logging.getLogger(__name__)
 
 BUSY_STATES = frozenset({"starting", "stopping", "fault"})  # read faster while in one of these
+IDLE_STATES = frozenset({"ready", "not_ready"})  # the motor stands: values read more slowly
 LASTING_REFUSALS = frozenset(  # the starter will say the same next time [APP 7]
     {
         ExceptionCode.ILLEGAL_FUNCTION,
@@ -273,7 +274,7 @@ class StarterTelemetry:
         now_s = self._clock.now_s()
         self.snapshot.mark_stale(self._sources.fed_by(self._polling.take_overdue(now_s)))
         state = self._status.tell(self.snapshot, now_s=now_s, utc_s=self._clock.utc_s(at_s))
-        self._polling.hurry(is_fast=state in BUSY_STATES)
+        self._polling.hurry(is_fast=state in BUSY_STATES, is_idle=state in IDLE_STATES)
         if state == "fault" and self._state != state:
             self._polling.hasten()  # the fault's number and the values around it, as soon as the line allows
         self._state = state

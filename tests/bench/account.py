@@ -67,7 +67,8 @@ def account(seen: Sequence[Seen], law: Law) -> Account:
     """Reckon one run; requests of several lines may be mixed."""
     pairs = list(_neighbours(seen))
     answered = [(each, following) for each, following in pairs if each.reply_size]
-    ratios = [law.ideal_s(each) / _period_s(each, following) for each, following in answered]
+    # What the judge handed over late is not the master's fault.
+    ratios = [law.ideal_s(each) / (_period_s(each, following) - each.late_s) for each, following in answered]
     total_s = sum(_period_s(*pair) for pair in pairs)
     silent_s = sum(_period_s(*pair) for pair in pairs if not pair[0].reply_size)
     return Account(

@@ -46,6 +46,12 @@ def test_idle_time_lowers_the_efficiency_by_its_share() -> None:
     assert found.idle_s == pytest.approx(0.001)
 
 
+def test_the_judges_own_lateness_is_not_the_masters() -> None:
+    late = [each._replace(late_s=0.001) for each in line(0.001, 0.001)]
+
+    assert account(late, LAW).efficiency == pytest.approx(1.0)
+
+
 def test_a_request_is_too_soon_only_beyond_the_tolerance() -> None:
     assert account(line(-0.00004, 0.0), LAW).too_soon == 0
     assert account(line(-0.00006, 0.0), LAW).too_soon == 1

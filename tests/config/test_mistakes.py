@@ -168,7 +168,7 @@ MISTAKES = [
     (
         'family = "ssw07"',
         'family = "ssw07"\nwatchdog_s = 0.5',
-        "line 17: line[0].starter[0].watchdog_s: would trip: up to ",
+        "line 17: line[0].starter[0].watchdog_s: pump-1: 0.5 s is missed by ",
     ),
     # shapes
     (

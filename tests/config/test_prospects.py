@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 from gateway.config.load import parse
-from gateway.config.prospects import prospects_of
+from gateway.config.prospects import computed_of, prospects_of
 from gateway.config.setups import rights_of, setups_of, timing_of, tls_files_of
 from gateway.errors import ConfigError
-from tests.config.sites import changed, site
+from tests.config.sites import SITE, changed, site
 
 
 def test_values_are_at_most_a_period_and_a_sweep_old() -> None:
@@ -17,8 +17,9 @@ def test_values_are_at_most_a_period_and_a_sweep_old() -> None:
     first, second = line.starters
 
     assert line.forecast.sweep_s < first.ages_s["status"] - 1.0 < 2 * line.forecast.sweep_s
-    assert first.ages_s["status"] == first.ages_s["values"] == first.gap_s
-    assert second.gap_s == pytest.approx(first.gap_s + 1.0)
+    assert first.ages_s["status"] == pytest.approx(first.ages_s["values"], rel=0.01)
+    assert first.gap_s == pytest.approx(first.ages_s["status"], rel=0.01)
+    assert second.gap_s == pytest.approx(first.gap_s + 1.0, rel=0.05)
 
 
 def test_an_identification_counts_for_the_stop_latency() -> None:
@@ -42,6 +43,19 @@ def test_a_line_of_disabled_starters_has_no_load() -> None:
     assert (line.forecast.load, line.starters, line.forecast.is_overloaded) == (0.0, (), False)
 
 
+def test_the_figures_of_a_line_are_those_of_its_worst_starter() -> None:
+    (line,) = prospects_of(site(("every_s = 2.0", "every_s = 2.0\nwatchdog_s = 10.0")))
+
+    computed = computed_of(line)
+
+    first, second = line.starters
+    assert computed["age_s"]["status"] == round(second.ages_s["status"], 4)
+    assert computed["watchdog_margin_s"] == round(10.0 - second.gap_s, 4)
+    assert computed["stop_latency_s"] == round(line.stop_latency_s, 4)
+    assert computed["is_paced"] is True
+    assert computed_of(prospects_of(site())[0])["watchdog_margin_s"] is None
+
+
 @pytest.mark.parametrize(("watchdog_s", "has_margin"), [("10", True), ("0", False)])
 def test_the_margin_of_a_watchdog_is_what_it_has_beyond_the_longest_gap(
     watchdog_s: str, *, has_margin: bool
@@ -55,11 +69,45 @@ def test_the_margin_of_a_watchdog_is_what_it_has_beyond_the_longest_gap(
 
 def test_a_watchdog_that_the_line_cannot_keep_is_a_wrong_configuration() -> None:
     with pytest.raises(ConfigError) as caught:
-        parse(changed(("every_s = 2.0", "every_s = 20.0\nwatchdog_s = 5.0")), "site.toml")
+        parse(changed(("every_s = 2.0", "every_s = 20.0\nwatchdog_s = 0.5")), "site.toml")
 
     (problem,) = caught.value.problems
     assert (problem.line, problem.key) == (23, "line[0].starter[1].watchdog_s")
-    assert "up to 21." in problem.what
+    assert "pump-2: 0.5 s is missed by 0." in problem.what
+    assert problem.mend == "1 of its 2 starters on another line, or no watchdog below 1 s"
+
+
+def test_a_watchdog_is_kept_however_long_the_periods_are() -> None:
+    (line,) = prospects_of(site(("every_s = 2.0", "every_s = 60.0\nwatchdog_s = 5.0")))
+
+    assert 2.5 < line.starters[1].gap_s < 3.0
+    assert line.starters[1].ages_s["status"] > line.starters[1].gap_s
+
+
+def test_when_a_line_cannot_keep_its_watchdogs_each_single_change_that_would_help_is_told() -> None:
+    head, tail = SITE.split("[[line.starter]]")[0], SITE[SITE.index("[[operator]]") :]
+    starters = "".join(
+        f'[[line.starter]]\nname = "pump-{at}"\naddress = {at}\nfamily = "ssw07"\nwatchdog_s = 2.0\n'
+        for at in range(1, 31)
+    )
+
+    with pytest.raises(ConfigError) as caught:
+        parse(head.replace("19200", "9600") + starters + tail, "site.toml")
+
+    assert len(caught.value.problems) == 30
+    problem = caught.value.problems[0]
+    assert "pump-1: 2 s cannot be kept: the watchdogs on this line need " in problem.what
+    assert "of its 30 starters on another line, or no watchdog below " in problem.mend
+
+
+def test_a_faster_line_is_offered_where_every_family_allows_it() -> None:
+    text = changed(
+        ("baud = 19200", "baud = 9600"), ('family = "ssw07"', 'family = "ssw07"\nwatchdog_s = 0.72')
+    )
+    with pytest.raises(ConfigError) as caught:
+        parse(text, "site.toml")
+
+    assert caught.value.problems[0].mend.startswith("baud = ")
 
 
 def test_the_lower_floors_get_plain_values() -> None:

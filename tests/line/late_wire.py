@@ -15,6 +15,7 @@ from math import inf
 from typing import Any, TypeVar
 
 from gateway.line.outcome import Answered
+from gateway.line.pace import KEPT_ENOUGH
 from gateway.line.trace import Trace
 from gateway.line.transaction import LATE_FACTOR, Transactor
 from gateway.modbus import adu
@@ -84,7 +85,7 @@ class LateWire:
         late_s = end_s + chance.uniform(EARLIEST, LATE_FACTOR) * (deadline_s - end_s)
         held, self._held = self._held, []
         kind = "in time"
-        if chance.random() < self._late_share:
+        if self.asked > KEPT_ENOUGH and chance.random() < self._late_share:
             kind = chance.choice(("late", "late", "doubled", "late and doubled", "swapped"))
         self.counts[kind] += 1
         if kind == "swapped":

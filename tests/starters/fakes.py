@@ -118,6 +118,7 @@ class FakeLineClient:
     def __init__(self, unit: FakeUnit) -> None:
         self.unit = unit
         self.sent: list[Sent] = []
+        self.deadlines_s: dict[int, float | None] = {}
         self.rules: list[Callable[[Request], Outcome | None]] = []
         self.polls: dict[str, Poll] = {}
         self.every_s: dict[str, float] = {}
@@ -176,6 +177,9 @@ class FakeLineClient:
     def hasten(self, key: str) -> None:
         assert key in self.polls
         self.hastened.append(key)
+
+    def set_deadline(self, unit: int, seconds: float | None) -> None:
+        self.deadlines_s[unit] = seconds
 
     def expect_silence(self, unit: int, seconds: float) -> None:
         self.expected_silence.append((unit, seconds))

@@ -78,8 +78,7 @@ class CommandMachine(RuleBasedStateMachine):
         if kind == "token":
             return {"boot": world.boot.token}, True
         if kind == "earlier token":
-            token = self.tokens[-1]
-            return {"boot": token}, token == world.boot.token
+            return {"boot": self.tokens[-1]}, False
         if kind == "issued":
             is_fresh = -AHEAD_S < age_s < TTL_S and now_s - age_s > world.connected_s
             return {"issued_at": rfc3339(world.clock.utc_s() - age_s)}, is_fresh
@@ -98,6 +97,19 @@ class CommandMachine(RuleBasedStateMachine):
     def start(self, starter: str, seconds: float) -> None:
         self.start_somehow(starter, "alice", "token", 0.0, retained=False)
         self.wait(seconds)
+
+    @rule(starter=starters, why=st.sampled_from(["retained", "token", "connection", "age", "nobody"]))
+    def start_unlawfully(self, starter: str, why: str) -> None:
+        """Send a start that would be right but for one thing."""
+        kind, age_s = "token", 0.0
+        if why == "token":
+            kind = "earlier token"
+        elif why in ("age", "connection"):
+            since_s = self.world.clock.now_s() - self.world.connected_s
+            kind, age_s = "issued", TTL_S + 1.0 if why == "age" else since_s + 0.5
+        client = "mallory" if why == "nobody" else "alice"
+        self.start_somehow(starter, client, kind, age_s, retained=why == "retained")
+        self.wait(0.3)
 
     @rule(starter=starters, seconds=st.sampled_from([1.0, 3.0, 6.0]))
     def stop_and_start(self, starter: str, seconds: float) -> None:
@@ -153,7 +165,7 @@ class CommandMachine(RuleBasedStateMachine):
     def disturb(self, data: st.DataObject) -> None:
         """Let one of the things happen that should not."""
         world, starter = self.world, data.draw(starters)
-        match data.draw(st.sampled_from(["gateway", "line", "people", "answers", "broker", "clock"])):
+        match data.draw(st.sampled_from(["gateway", "line", "people", "answers", "broker", "clock", "disk"])):
             case "broker":
                 self.tokens.append(world.boot.token)
                 self.do(world.boot.disconnected)
@@ -165,6 +177,8 @@ class CommandMachine(RuleBasedStateMachine):
                 self.do(lambda: world.impair(starter, kind))
             case "line":
                 self.do(lambda: world.plug(is_plugged=not world.is_plugged))
+            case "disk":
+                world.journal.disk_s = data.draw(st.sampled_from([0.0, 0.0, 0.0, 0.3, 6.0]))
             case "people":
                 is_start = data.draw(st.booleans())
                 self.do(lambda: world.operate_locally(starter, is_start=is_start))
@@ -272,7 +286,7 @@ class CommandMachine(RuleBasedStateMachine):
 
 
 CommandMachine.TestCase.settings = settings(
-    max_examples=40,
+    max_examples=60,
     stateful_step_count=40,
     deadline=None,
     derandomize=True,

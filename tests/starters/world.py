@@ -67,6 +67,7 @@ class FakeJournal:
 
     def __init__(self) -> None:
         self.kept: dict[tuple[str, str], Remembered] = {}
+        self.disk_s = 0.0  # how long the disk takes
 
     def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:
         if result.id:
@@ -78,6 +79,7 @@ class FakeJournal:
 
     async def intend(self, result: ResultRecord) -> None:
         assert result.id
+        await asyncio.sleep(self.disk_s)
         key = (result.client, result.id)
         self.kept[key] = replace(self.kept[key], may_be_written=True)
 

@@ -44,7 +44,9 @@ def _rows(args: argparse.Namespace):  # type: ignore[no-untyped-def] # rows, as 
         elif place is Place.DISK and not may_mount():
             yield Row(place.value, "-", ["only root can mount a small disk"])
         else:
-            yield from asyncio.run(run_place(place, chosen, is_short=args.short, seed=args.seed))
+            yield from asyncio.run(
+                run_place(place, chosen, is_short=args.short, seed=args.seed, count=args.count)
+            )
     for each in (*noise.SCENARIOS, *fuzz.SCENARIOS, *soak.SCENARIOS):
         if _is_wanted(each.name, args.names):
             yield each.row(args.count or (each.short if args.short else each.whole), args.seed)

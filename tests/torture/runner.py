@@ -11,18 +11,26 @@ from pathlib import Path
 from typing import Any
 
 from gateway.line.gaps import Restart
-from tests.torture import of_broker, of_disk, of_port, of_process
+from tests.torture import of_broker, of_disk, of_port, of_process, of_soak
 from tests.torture.scenario import Place, Row, Scenario
 from tests.torture.supervisor import restart_of_unit
 from tests.torture.world import World, world
 
-SCENARIOS = (*of_process.SCENARIOS, *of_broker.SCENARIOS, *of_port.SCENARIOS, *of_disk.SCENARIOS)
+SCENARIOS = (
+    *of_process.SCENARIOS,
+    *of_broker.SCENARIOS,
+    *of_soak.SCENARIOS,
+    *of_port.SCENARIOS,
+    *of_disk.SCENARIOS,
+)
 
 SHORT_RESTART = Restart(restart_s=0.5, watchdog_s=3.0, abort_s=2.0, start_up_s=2.0)  # a hang ends sooner
 
 
-async def run_place(place: Place, scenarios: Iterable[Scenario], *, is_short: bool, seed: int) -> list[Row]:
-    """Run the scenarios of one place in one world."""
+async def run_place(
+    place: Place, scenarios: Iterable[Scenario], *, is_short: bool, seed: int, count: int | None = None
+) -> list[Row]:
+    """Run the scenarios of one place in one world, with their own counts unless one is given."""
     folder = Path(tempfile.mkdtemp(prefix=f"torture-{place.value}-"))
     restart = SHORT_RESTART if is_short else restart_of_unit()
     options: dict[str, Any] = {"seed": seed, "outlasts_hang": place is Place.HANG}
@@ -38,7 +46,9 @@ async def run_place(place: Place, scenarios: Iterable[Scenario], *, is_short: bo
             stack.callback(os.close, reading)
             stack.callback(os.close, writing)
         here = await stack.enter_async_context(world(folder, restart, **options))
-        return [await _row(here, each, each.short if is_short else each.whole) for each in scenarios]
+        return [
+            await _row(here, each, count or (each.short if is_short else each.whole)) for each in scenarios
+        ]
 
 
 async def _row(here: World, scenario: Scenario, count: int) -> Row:

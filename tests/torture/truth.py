@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from typing import Any
 
 from gateway.errors import GatewayError
@@ -14,6 +15,8 @@ from gateway.mqtt.topics import to_level
 from gateway.sim.unit import Unit
 from gateway.starters.decoding import Sources
 from gateway.starters.setup import StarterSetup, merged
+
+_REMEMBERED = 50_000  # some hours of one starter's requests
 
 _TABLES = {
     Function.READ_COILS: Table.COIL,
@@ -29,7 +32,7 @@ class Truth:
         """Wrap the unit's `handle`; `twin` is one like it that may be asked who it is."""
         self.name = name
         self.values: dict[str, set[Any]] = {}
-        self.heard_s: list[float] = []  # of every request
+        self.heard_s: deque[float] = deque(maxlen=_REMEMBERED)  # when requests came
         self._profile = load_profile(family)
         self._sources = Sources(self._profile)
         self._variants = (Variant(), self._identified(twin))

@@ -51,10 +51,8 @@ class Judge:
     def put(self, record: Record) -> None:
         match record:
             case ValueRecord(quality=Quality.GOOD):
-                point = to_level(record.point)
-                if not any(
-                    record.value in truth.values.get(point, ()) for truth in self.truths[record.starter]
-                ):
+                point, truths = to_level(record.point), self.truths[record.starter]
+                if not any(record.value in truth.values.get(point, ()) for truth in truths):
                     self.false[f"value {record.starter} {record.point} {record.value}"] += 1
             case StateRecord(quality=Quality.GOOD) if record.state in MOVING:
                 if record.starter in self.never_on:
@@ -116,12 +114,12 @@ class VirtualLine:
 
 
 @asynccontextmanager
-async def virtual_line(seed: int) -> AsyncIterator[VirtualLine]:
+async def virtual_line(seed: int, *, every_s: float = 1.0) -> AsyncIterator[VirtualLine]:
     """Run four starters, all online and identified; each watches its line for 1.5 times a crash's gap."""
     loop = asyncio.get_running_loop()
     clock, sequence, judge = VirtualClock(loop), Sequence(), Judge()
     setups = [
-        StarterSetup(family, "hall", address, load_profile(family), Variant())
+        StarterSetup(family, "hall", address, load_profile(family), Variant(), every_s)
         for address, family in enumerate(FAMILIES, 1)
     ]
     polls = start_order(poll for setup in setups for poll in polls_of(setup))

@@ -1,0 +1,39 @@
+"""A unit whose replies are spoilt may hear us very well: it is asked often enough for its watchdog."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import pytest
+
+from gateway.line.outcome import Garbled, Outcome, Silent
+from gateway.line.plan import Plan
+from tests.line.fakes import poll
+
+COST_S = 0.05
+
+
+def asked_s(outcome: Outcome, *, until_s: float) -> list[float]:
+    """Return when a unit is asked whose every request ends so."""
+    plan = Plan([poll("a", every_s=1.0)], jitter=0.0)
+    plan.begin(0.0)
+    now_s, times_s = 0.0, []
+    while now_s < until_s:
+        turn = plan.pick(now_s)
+        if turn is None:
+            now_s = max(plan.next_due_s(), now_s + 0.001)
+            continue
+        times_s.append(now_s)
+        now_s += COST_S
+        plan.record(turn, outcome, now_s)
+    return times_s
+
+
+@pytest.mark.parametrize(
+    ("outcome", "longest_s"), [(Garbled("bad CRC", b"\x01\x02"), 2.5), (Silent(), 16.5)]
+)
+def test_garbage_keeps_the_pace_and_silence_does_not(outcome: Outcome, longest_s: float) -> None:
+    times_s = asked_s(outcome, until_s=200.0)
+
+    longest_found_s = max(later - earlier for earlier, later in pairwise(times_s))
+    assert longest_s / 2 < longest_found_s <= longest_s

@@ -1,0 +1,97 @@
+"""What issue-sized promises about commands are worth: kills, floods, stale and malformed commands.
+
+Also by itself: `python -m tests.torture.of_commands [--short] [--seed N] [NAME..]`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import sys
+import tempfile
+import time
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from tests.torture.command_site import CommandSite, command_site
+from tests.torture.of_flood import flood
+from tests.torture.of_kills import kills
+from tests.torture.of_malformed import malformed_in_process, malformed_through_broker
+from tests.torture.of_stale import stale
+from tests.torture.scenario import Row
+
+
+@dataclass(frozen=True)
+class Proof:
+    """A promise, and how to try it on a site of its own."""
+
+    name: str
+    prove: Callable[[CommandSite, int, int], Awaitable[None]]  # site, how much, seed
+    whole: int
+    short: int
+    unit: str  # of the count
+    every_s: float = 0.2  # of the polls; more often than this line can
+
+    def row(self, count: int, seed: int) -> Row:
+        """Try it and return what came of it."""
+        folder = Path(tempfile.mkdtemp(prefix="torture-commands-"))
+        return asyncio.run(self.on_site(folder, count, seed))
+
+    async def on_site(self, folder: Path, count: int, seed: int) -> Row:
+        """Try it in a folder."""
+        begun_s = time.monotonic()
+        async with command_site(folder, every_s=self.every_s) as site:
+            try:
+                await self.prove(site, count, seed)
+            except TimeoutError as error:
+                site.check(False, str(error) or "something never came about")
+        took_s = time.monotonic() - begun_s
+        return Row(self.name, f"{count} {self.unit}", site.failures, site.figures, took_s)
+
+
+@dataclass(frozen=True)
+class PureProof:
+    """A promise that needs no site."""
+
+    name: str
+    prove: Callable[[int, int], tuple[list[str], dict[str, int]]]
+    whole: int
+    short: int
+    unit: str
+
+    def row(self, count: int, seed: int) -> Row:
+        """Try it and return what came of it."""
+        begun_s = time.monotonic()
+        failures, figures = self.prove(count, seed)
+        return Row(self.name, f"{count} {self.unit}", failures, figures, time.monotonic() - begun_s)
+
+
+KILLS = Proof("SIGKILL around a start", kills, 200, 8, "times")
+FLOOD = Proof("flood of commands", flood, 60, 5, "s", every_s=1.0)  # a period that the line can keep
+STALE = Proof("stale commands", stale, 100, 5, "each")
+MALFORMED = Proof("malformed, by broker", malformed_through_broker, 200, 40, "payloads")
+MALFORMED_PURE = PureProof("malformed, in process", malformed_in_process, 100_000, 5_000, "payloads")
+SCENARIOS: tuple[Proof | PureProof, ...] = (KILLS, FLOOD, STALE, MALFORMED, MALFORMED_PURE)
+
+
+def main() -> int:
+    """Run these alone."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*")
+    parser.add_argument("--short", action="store_true")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--count", type=int)
+    args = parser.parse_args()
+    is_bad = False
+    for each in SCENARIOS:
+        if args.names and not any(each.name.startswith(name) for name in args.names):
+            continue
+        row = each.row(args.count or (each.short if args.short else each.whole), args.seed)
+        print("\n    ".join([str(row), *row.failures]), flush=True)
+        is_bad = is_bad or bool(row.failures)
+    return int(is_bad)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,129 @@
+"""SIGKILL around a start: never a second start frame, never a dishonest result."""
+
+from __future__ import annotations
+
+import asyncio
+import random
+import signal
+from collections import Counter
+from typing import Any
+
+from tests.torture.command_site import PACE_S, STARTERS, CommandSite
+from tests.torture.recorder import is_final
+
+# After publishing: before the ledger, around it, around the write, in the read-back, and after all.
+WINDOWS_S = ((0.0, 0.004), (0.004, 0.02), (0.02, 0.1), (0.1, 0.4), (0.4, 1.2))
+NOT_YET = ("crashed", "no_ledger")  # no answers to what is sent again
+CLEAN = "clean"
+
+
+async def kills(site: CommandSite, count: int, seed: int) -> None:
+    """Kill the gateway that many times, each time around the start of one of the starters."""
+    dice = random.Random(seed)
+    once = {starter: await _clean_start(site, starter) for starter in STARTERS}
+    ids: list[tuple[str, str]] = []
+    ends: Counter[str] = Counter()
+    for number in range(count):
+        starter, id_ = dice.choice(STARTERS), f"kill-{number}"
+        ids.append((starter, id_))
+        heard = site.mark(starter)
+        ends[await _kill(site, starter, id_, dice)] += 1
+        written = site.written(starter, since=heard)
+        site.check(written <= once[starter], f"{id_}: {starter} has heard {written} for one start")
+        await site.stop(starter)
+    await _send_all_again(site, ids)
+    frames = {name: len(ear.unit.start_frames) for name, ear in site.ears.items()}
+    commanded = Counter([*STARTERS, *(starter for starter, _ in ids)])
+    for name in STARTERS:
+        site.check(frames[name] <= commanded[name], f"{name}: {frames[name]} start frames, {commanded}")
+    site.figures |= dict(sorted(ends.items()))
+    site.figures |= {"start frames": sum(frames.values()), "commanded": commanded.total()}
+
+
+async def _clean_start(site: CommandSite, starter: str) -> Counter[bytes]:
+    """Start and stop without any trouble; return what a start writes."""
+    heard = site.mark(starter)
+    site.listener.command(starter, "start", f"{CLEAN}-{starter}")
+    result = await site.listener.final(f"{CLEAN}-{starter}")
+    site.check(result["phase"] == "confirmed", f"a start in peace ended as {result}")
+    written = site.written(starter, since=heard)
+    await site.stop(starter)
+    return written
+
+
+async def _kill(site: CommandSite, starter: str, id_: str, dice: random.Random) -> str:
+    """Command a start, kill, and ask the next life what became of it; return both in short."""
+    frames = len(site.ears[starter].unit.start_frames)
+    lives = len(site.gateway.lives)
+    site.listener.command(starter, "start", id_)
+    await asyncio.sleep(dice.uniform(*dice.choice(WINDOWS_S)))
+    site.gateway.signal(signal.SIGKILL)
+    await site.gateway.until_up(lives=lives + 1)
+    began_s = site.gateway.lives[-1].began_s
+    told = site.listener.of(id_)
+    told = [each for each in told if each["code"] != "crashed"]
+    await site.listener.until("gateway/status", since_s=began_s, within_s=20.0, state="online")
+    await site.listener.until(f"starter/{starter}/state", since_s=began_s, within_s=20.0, quality="good")
+    frames = len(site.ears[starter].unit.start_frames) - frames
+    answer = await _ask_again(site, starter, id_)
+    await _judge(site, id_, told, answer, frames)
+    return f"{told[-1]['phase'] if told else 'nothing'}>{_short(answer)}"
+
+
+async def _ask_again(site: CommandSite, starter: str, id_: str) -> dict[str, Any]:
+    """Send the same id once more and return the final answer."""
+    since = len(site.listener.results)
+    site.listener.command(starter, "start", id_)
+    return await site.result(
+        lambda each: (
+            each["id"] == id_ and is_final(each) and (each["duplicate"] or each["code"] not in NOT_YET)
+        ),
+        f"an answer to {id_}",
+        since=since,
+    )
+
+
+async def _judge(
+    site: CommandSite, id_: str, told: list[dict[str, Any]], answer: dict[str, Any], frames: int
+) -> None:
+    """Check one command's story: what the first life told, what the second says, what the starter heard."""
+    site.check(frames <= 1, f"{id_}: {frames} start frames")
+    story = f"{id_}: told {told}, then {answer}, {frames} start frames"
+    if not answer["duplicate"]:
+        site.check(not told and not frames, f"forgotten: {story}")
+        return
+    if answer["code"] == "crashed":
+        await site.result(
+            lambda each: each["id"] == id_ and each["code"] == "crashed" and not each["duplicate"],
+            f"said unasked: {story}",
+            within_s=15.0,
+        )
+        site.check(answer["phase"] in ("unconfirmed", "rejected"), f"not honest: {story}")
+        site.check(answer["phase"] == "unconfirmed" or not frames, f"it was written: {story}")
+    elif told and is_final(told[-1]):
+        same = (told[-1]["phase"], told[-1]["code"]) == (answer["phase"], answer["code"])
+        site.check(same, f"told differently: {story}")
+    site.check(answer["phase"] != "confirmed" or frames == 1, f"never started: {story}")
+
+
+async def _send_all_again(site: CommandSite, ids: list[tuple[str, str]]) -> None:
+    """All ids once more: every one has its stored result, and nothing is written."""
+    marks = {starter: site.mark(starter) for starter in STARTERS}
+    since = len(site.listener.results)
+    for starter, id_ in ids:
+        site.listener.command(starter, "start", id_)
+        await asyncio.sleep(PACE_S)
+    for _, id_ in ids:
+        await site.result(
+            lambda each, id_=id_: each["id"] == id_ and each["duplicate"],  # type: ignore[misc] # a default
+            f"{id_} is known",
+            since=since,
+        )
+    for starter, mark in marks.items():
+        written = site.written(starter, since=mark)
+        site.check(not written, f"repetitions made {starter} hear {written}")
+
+
+def _short(answer: dict[str, Any]) -> str:
+    again = "" if answer["duplicate"] else "new "
+    return f"{again}{answer['phase']} {answer['code']}"

@@ -1,0 +1,146 @@
+"""Retained, expired, replayed and queued commands through a real broker: no start, ever."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import subprocess
+import time
+from collections.abc import Callable
+from contextlib import AsyncExitStack
+
+from gateway.mqtt.json_out import rfc3339
+from tests.torture.command_site import PACE_S, STARTERS, CommandSite, Pipe
+from tests.torture.recorder import BASE
+
+VERSIONS = ("mqttv311", "mqttv5")
+SETTLED_S = 1.0
+EXPIRY = ("-D", "publish", "message-expiry-interval", "1")
+TTL_S = 60  # the longest that is allowed
+
+
+async def stale(site: CommandSite, count: int, seed: int) -> None:
+    """Try every kind on both versions of MQTT."""
+    told = 0
+    for version in VERSIONS:
+        for kind in (_retained, _expired, _replayed, _queued):
+            starts = site.starts()
+            expected = await kind(site, version, count)
+            told += count
+            name = f"{kind.__name__.strip('_')} {version}"
+            site.check(site.starts() == starts + expected, f"{name}: {site.starts() - starts} start frames")
+    site.figures |= {"commands": told, "start frames": site.starts(), "wanted starts": len(VERSIONS)}
+
+
+async def _retained(site: CommandSite, version: str, count: int) -> int:
+    """Published with the retained flag, half of them heard live, the last of each found at a restart."""
+    ids = await _publish(site, version, count, lambda id_: site.payload(id_), "-r")
+    await _refused(site, ids, ("retained",))
+    await site.restart()
+    await asyncio.sleep(SETTLED_S)
+    for starter in STARTERS:
+        site.broker.publish(f"{BASE}/command/{starter}/alice/start", "", "-r")
+    return 0
+
+
+async def _expired(site: CommandSite, version: str, count: int) -> int:
+    """Issued too long ago, with the right boot all the same; in MQTT 5 with an expiry beside."""
+
+    def payload(id_: str) -> str:
+        age_s = 6.0 + 97.0 * int(id_.rsplit("-", 1)[1])
+        return site.payload(id_, issued_at=rfc3339(time.time() - age_s), ttl_s=5)
+
+    ids = await _publish(site, version, count, payload, *(EXPIRY if version == "mqttv5" else ()))
+    await _refused(site, ids, ("expired",))
+    return 0
+
+
+async def _replayed(site: CommandSite, version: str, count: int) -> int:
+    """A command that was carried out, again and again; after a restart with the boot of before."""
+    id_ = f"original-{version}"
+    original = site.payload(id_)
+    site.listener.publish("command/pump/alice/start", original)
+    done = await site.listener.final(id_)
+    site.check(done["phase"] == "confirmed", f"the original ended as {done}")
+    await site.stop("pump")
+    since = len(site.listener.results)
+    half = (count + 1) // 2
+    async with Pipe(site.broker, "command/pump/alice/start", version) as pipe:
+        for _ in range(half):
+            pipe.say(original)
+            await asyncio.sleep(PACE_S)
+    await asyncio.sleep(SETTLED_S)
+    repeated = site.listener.of(id_, since=since)
+    site.check(len(repeated) == half, f"{len(repeated)} answers to {half} repetitions")
+    site.check(all(each["duplicate"] for each in repeated), "a repetition was not told as one")
+    old_boot = site.listener.boot
+    await site.restart()
+    site.check(site.listener.boot != old_boot, "the boot token is the same after a restart")
+    old = lambda new_id: json.dumps({"id": new_id, "boot": old_boot})  # noqa: E731 - as the others
+    await _refused(site, await _publish(site, version, count - half, old), ("wrong_boot",))
+    return 1
+
+
+async def _queued(site: CommandSite, version: str, count: int) -> int:
+    """Sent while the gateway was away, to a broker that has a session to keep them in; half retained."""
+    boot = site.listener.boot
+    await site.gateway.stop()
+    _leave_session(site, version)
+    issued_at = rfc3339(time.time())
+
+    def payload(id_: str) -> str:
+        return json.dumps({"id": id_, "boot": boot, "issued_at": issued_at, "ttl_s": TTL_S})
+
+    half = (count + 1) // 2
+    since = len(site.listener.results)
+    await _publish(site, version, half, payload, pace_s=0.0)
+    await _publish(site, version, count - half, payload, "-r", pace_s=0.0)
+    await site.begin()
+    await asyncio.sleep(SETTLED_S)
+    told = [each["code"] for each in site.listener.results[since:]]
+    site.check(set(told) <= {"retained"}, f"commands of before were judged: {told[:3]}")
+    for starter in STARTERS:
+        site.broker.publish(f"{BASE}/command/{starter}/alice/start", "", "-r")
+    return 0
+
+
+def _leave_session(site: CommandSite, version: str) -> None:
+    """Be the gateway for a moment, with a session that the broker keeps [MQTT 3.1.2.4]."""
+    where = ("-h", site.broker.host, "-p", str(site.broker.port), "-V", version)
+    subprocess.run(
+        ["mosquitto_sub", *where, "-i", "plant", "-c", "-q", "1", "-t", f"{BASE}/command/+/+/+", "-E"],
+        check=True,
+        timeout=10.0,
+    )
+
+
+async def _publish(
+    site: CommandSite,
+    version: str,
+    count: int,
+    payload: Callable[[str], str],
+    *options: str,
+    pace_s: float = PACE_S,
+) -> list[str]:
+    """Publish starts for all starters in turn, slowly enough for each to get an answer; return their ids."""
+    ids = [f"{version}-{time.monotonic_ns()}-{number}" for number in range(count)]
+    async with AsyncExitStack() as stack:
+        pipes = [
+            await stack.enter_async_context(
+                Pipe(site.broker, f"command/{starter}/alice/start", version, *options)
+            )
+            for starter in STARTERS
+        ]
+        for number, id_ in enumerate(ids):
+            pipes[number % len(pipes)].say(payload(id_))
+            if number % len(pipes) == len(pipes) - 1:
+                await asyncio.sleep(pace_s)
+    return ids
+
+
+async def _refused(site: CommandSite, ids: list[str], codes: tuple[str, ...]) -> None:
+    """Check that each of these was refused, once, with one of these codes."""
+    for id_ in ids:
+        result = await site.listener.final(id_, within_s=5.0)
+        is_right = result["phase"] == "rejected" and result["code"] in codes
+        site.check(is_right, f"{id_} ended as {result['phase']} {result['code']}")
