@@ -9,10 +9,11 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 
 from gateway import __version__
+from gateway.capture_socket import capture_of
 from gateway.clock import Clock, ClockWatch, SystemClock
 from gateway.config.prospects import computed_of, prospects_of
 from gateway.config.schema import Config
-from gateway.config.setups import policy_of, rights_of, setups_of, timing_of
+from gateway.config.setups import policy_of, rights_of, setups_of, timing_of, tls_files_of
 from gateway.durable.keeper import Keeper
 from gateway.line.client import LineClient
 from gateway.line.deafness import DEAF
@@ -111,6 +112,7 @@ class App:
             sequence=self._sequence,
             may_write=bool(config.operators),
         )
+        self._capture = capture_of(config, folder, self._host.capture, self._clock)
         self._vitals = Vitals(
             self._lines,
             progress=self._host.progress,
@@ -131,6 +133,7 @@ class App:
                 ("vitals", self._vitals.run),
                 ("publisher", self._publisher.run),
                 ("broker", self._broker.run),
+                ("capture", self._capture.run),
             )
         ]
         for starter in self._starters.values():
@@ -284,16 +287,13 @@ def _info(config: Config) -> GatewayInfo:
 
 def _broker_settings(config: Config, *, folder: Path, password: str | None) -> BrokerSettings:
     mqtt = config.mqtt
-    files = [
-        None if name is None else str(folder / name) for name in (mqtt.ca_file, mqtt.cert_file, mqtt.key_file)
-    ]
     return BrokerSettings(
         host=mqtt.host,
         port=mqtt.port,
         client_id=config.client_id,
         username=mqtt.username,
         password=password,
-        tls=TlsSettings(*files) if mqtt.is_tls else None,
+        tls=TlsSettings(*tls_files_of(config, folder)) if mqtt.is_tls else None,
         keepalive_s=mqtt.keepalive_s,
         seed=secrets.randbits(32),
     )

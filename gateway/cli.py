@@ -27,6 +27,7 @@ COMMANDS = {
     "parameters": "save, compare and restore the parameters of a starter",
     "send": "send a command over MQTT and show what becomes of it",
     "audit": "show or verify what was asked of the starters and by whom",
+    "capture": "record a running gateway's lines for Wireshark",
     "decode": "decode words read from a starter",
     "encode": "print the frames that a command would send",
     "schema": "print the JSON Schema of the configuration",

@@ -14,6 +14,7 @@ GatewayError
 ├── StoreError           nothing can be kept on the disk (now): report, do without, try again
 │   └── DamagedError     what is on the disk is not what was kept there: put it aside, begin afresh
 ├── BrokerError          the broker refuses or is away: report, wait, try again
+├── CaptureError         a running gateway's lines cannot be recorded: exit 1
 └── NoResultError        a command was sent and nobody knows its end: look at the starter
 """
 
@@ -129,3 +130,7 @@ class NoResultError(GatewayError):
     def __init__(self, id_: str, text: str) -> None:
         self.id = id_
         super().__init__(text)
+
+
+class CaptureError(GatewayError):
+    """A running gateway's lines cannot be recorded."""

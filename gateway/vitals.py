@@ -151,7 +151,9 @@ class Vitals:
     def _put_figures(self) -> None:
         lag_s = {"line": round(self._lines_lag.worst_s, 4), "gateway": round(self._lag.worst_s, 4)}
         for line in self._lines:
-            self._publisher.put(LineRecord(line.name, {**line.figures(), **self._computed_of(line), "lag_s": lag_s}))
+            self._publisher.put(
+                LineRecord(line.name, {**line.figures(), **self._computed_of(line), "lag_s": lag_s})
+            )
 
     def _computed_of(self, line: LineClient) -> dict[str, Any]:
         return {"computed": self._computed[line.name]} if line.name in self._computed else {}

@@ -10,6 +10,7 @@ import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 from gateway.lag import LagMeter
@@ -21,6 +22,7 @@ from gateway.line.outcome import Outcome, Silent
 from gateway.line.port import PortOpener
 from gateway.line.precise_selector import new_precise_loop
 from gateway.line.scheduler import Scheduler
+from gateway.line.voice import OnFrame
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
 
@@ -104,6 +106,14 @@ class LineHost:
         """Return a line's figures, at most about a second old, with the number of its crashes."""
         return self._figures[name]
 
+    def capture(self, on_frame: OnFrame | None) -> None:
+        """Hand on every frame of every line from now on, on the app's loop; None: no more."""
+        carried: OnFrame | None = None
+        if on_frame is not None:
+            carried = partial(self._carry_frame, on_frame)
+        for scheduler in self._schedulers:
+            self.to_line(partial(scheduler.capture, carried))
+
     def is_running(self) -> bool:
         """Return whether the lines' loop takes calls."""
         return self._thread is not None
@@ -119,6 +129,9 @@ class LineHost:
     def to_app(self, call: Callable[[], object]) -> None:
         """Have something done on the app's loop, in order."""
         self._courier.post(call)
+
+    def _carry_frame(self, on_frame: OnFrame, line: str, at_s: float, direction: str, frame: bytes) -> None:
+        self._courier.post(lambda: on_frame(line, at_s, direction, frame))
 
     def _run_thread(self, started: threading.Event) -> None:
         sys.setswitchinterval(SWITCH_INTERVAL_S)

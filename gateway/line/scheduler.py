@@ -21,7 +21,7 @@ from gateway.line.serving import IDLE_WAKE_S, Serving
 from gateway.line.trace import Trace
 from gateway.line.transaction import Transactor
 from gateway.line.uart import CountsErrors
-from gateway.line.voice import Voice
+from gateway.line.voice import OnFrame, Voice
 from gateway.modbus.timing import LineTiming
 
 REOPEN_FLOOR_S = 0.5
@@ -113,6 +113,10 @@ class Scheduler:
     def expect_silence(self, unit: int, seconds: float) -> None:
         """Count no misses of this unit for so long."""
         self._plan.expect_silence(unit, self._time() + seconds)
+
+    def capture(self, on_frame: OnFrame | None) -> None:
+        """Hand on every frame from now on; None: no more."""
+        self._voice.capture(on_frame)
 
     def figures(self) -> dict[str, Any]:
         """Return the counters and times of this line."""

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import logging
 from collections import deque
+from collections.abc import Callable
 
 LONGEST_SHOWN = 256  # bytes, the longest frame; a flood is longer
+
+Tap = Callable[[float, str, bytes], None]  # the line's clock; >> sent, << received, ?? not waited for; bytes
 
 _SHOWN_BYTES = 256  # the longest frame
 
@@ -18,6 +21,7 @@ class Trace:
     def __init__(self, line: str, *, size: int = 16) -> None:
         self._line = line
         self._ring: deque[tuple[float, str, bytes]] = deque(maxlen=size)
+        self.tap: Tap | None = None  # is given every frame too
 
     def sent(self, at_s: float, frame: bytes) -> None:
         """Keep a request."""

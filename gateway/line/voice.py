@@ -11,6 +11,8 @@ from gateway.line.outcome import Garbled, Outcome, Silent
 from gateway.line.suspicion import Trouble
 from gateway.line.trace import Trace
 
+OnFrame = Callable[[str, float, str, bytes], None]  # line, then as `trace.Tap`
+
 logger = logging.getLogger(__name__)
 
 
@@ -67,6 +69,17 @@ class Voice:
             self._listener.on_trouble(self._name, trouble.code, trouble.unit, trouble.text, frames)
 
         self._waiting.append(tell)
+
+    def capture(self, on_frame: OnFrame | None) -> None:
+        """Hand on every frame from now on; None: no more."""
+        if on_frame is None:
+            self._trace.tap = None
+            return
+
+        def tap(at_s: float, direction: str, frame: bytes) -> None:
+            self._waiting.append(lambda: on_frame(self._name, at_s, direction, frame))
+
+        self._trace.tap = tap
 
     def tell_port(self, reason: str, *, is_open: bool) -> None:
         """Tell a change of the port's state, or of the reason why it is away, once and now."""

@@ -13,7 +13,7 @@ from gateway.line.job import Poll
 from gateway.starters.setup import StarterSetup
 
 FAST_S = 0.25  # period while the motor starts, stops or is in fault
-IDLE_FACTOR = 1  # values are read so many times less often while it stands, the status is not
+IDLE_FACTOR = 3  # values are read so many times less often while it stands, the status is not
 SLOWEST_FACTOR = 10  # slow rows are asked for ten times less often,
 SLOW_AT_LEAST_S = 10.0  # and never more often than this
 OVERDUE_PERIODS = 3  # a value that was not read for so many periods is stale,

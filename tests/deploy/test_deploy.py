@@ -70,7 +70,7 @@ def test_mosquitto_takes_our_options(start_mosquitto: StartMosquitto, tmp_path: 
 
     broker = start_mosquitto(users={"mcc1": "x"}, tls=certificate, options=options)
 
-    assert len(options) == 3
+    assert len(options) == 4
     assert broker.url.startswith("mqtts://")
 
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -7,9 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.families.blocks import GROUPS, Block, plan_blocks, rows_of, split
+from gateway.families.joining import LEAST_DELAY_S
 from gateway.families.load import FAMILIES, load_profile
 from gateway.families.schema import Point, Profile, Table, Variant
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
+from gateway.modbus.timing import Framing, LineTiming
 
 UNKNOWN = Variant()
 
@@ -217,3 +220,71 @@ def test_coils_become_words_of_one_and_zero() -> None:
     block = plan_blocks(profile, UNKNOWN)[0]
 
     assert rows_of(profile, block, (True, True, False)) == {"COIL5": (1,), "COIL7": (0,)}
+
+
+LINE = LineTiming(19200, Framing.parse("8E1"))
+
+
+def joined(family: str, codes: set[str], timing: LineTiming = LINE) -> list[Any]:
+    return [block.request for block in plan_blocks(polling(family, codes), UNKNOWN, timing=timing)]
+
+
+def test_registers_that_nobody_wants_are_read_where_that_takes_less_time_than_another_request() -> None:
+    near, far = {"S1.1.5", "S1.6.2"}, {"S1.1.5", "S3.1.2"}  # 2 and 17; 2 and 232
+    faster = LineTiming(57600, Framing.parse("8E1"))
+
+    assert joined("ssw900", near, faster) == [ReadHoldingRegisters(2, 16)]
+    assert joined("ssw900", near) == [ReadHoldingRegisters(2, 1), ReadHoldingRegisters(17, 1)]
+    assert joined("ssw900", far, faster) == [ReadHoldingRegisters(2, 1), ReadHoldingRegisters(232, 1)]
+
+
+def test_where_an_unknown_register_may_refuse_a_read_none_is_spanned_however_cheap() -> None:
+    fast = LineTiming(57600, Framing.parse("8E1"))
+
+    assert joined("ssw07", {"P002", "P005"}, fast) == [ReadHoldingRegisters(2, 1), ReadHoldingRegisters(5, 1)]
+
+
+def test_a_run_that_is_too_long_is_parted_where_that_costs_least() -> None:
+    codes = {f"R{number}" for number in (*range(4), *range(8, 28))}
+
+    assert joined("sst", codes) == [ReadInputRegisters(0, 4), ReadInputRegisters(8, 20)]
+    assert len(joined("sst", {f"R{number}" for number in range(43)})) == 2
+
+
+@given(plans(), st.sampled_from([1200, 9600, 19200, 57600]))
+def test_what_is_joined_by_cost_keeps_every_rule_of_the_family(
+    plan: tuple[Profile, tuple[Block, ...]], baud: int
+) -> None:
+    profile, without_cost = plan
+    timing = LineTiming(baud, Framing.parse("8E1"))
+
+    blocks = plan_blocks(profile, UNKNOWN, timing=timing)
+
+    assert sorted(code for block in blocks for code in block.codes) == sorted(
+        code for block in without_cost for code in block.codes
+    )
+    assert sum(map(seconds(timing), blocks)) <= sum(map(seconds(timing), without_cost)) + 1e-9
+    for block in blocks:
+        covered = set(addresses(block))
+        wanted = {row.address + place for row in block.rows for place in range(row.words)}
+        assert count(block) <= (
+            profile.limits.read_bits if block.table is Table.COIL else profile.limits.read_registers
+        )
+        assert covered == wanted or profile.limits.max_gap
+        if profile.family == "ssw900" and covered != wanted:
+            assert count(block) >= 3
+        for row in profile.parameters.values():
+            own = set(range(row.address, row.address + row.words))
+            wanted_whole = {one.code for one in block.rows}
+            if row.table is block.table and row.code in wanted_whole:
+                assert own <= covered
+
+
+def seconds(timing: LineTiming) -> Callable[[Block], float]:
+    """Return what a block takes of a line, as far as it depends on how rows are joined."""
+
+    def cost_s(block: Block) -> float:
+        size = (count(block) + 7) // 8 if block.table is Table.COIL else 2 * count(block)
+        return timing.wire_s(8 + 5 + size) + timing.silence_s + LEAST_DELAY_S
+
+    return cost_s

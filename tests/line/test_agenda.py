@@ -120,7 +120,9 @@ OPERATIONS = st.lists(
         st.tuples(st.just("hasten"), KEYS),
         st.tuples(st.just("deadline"), st.integers(1, 4), st.sampled_from([None, 0.5, 2.0])),
         st.tuples(st.just("job"), st.sampled_from(Lane)),
-        st.tuples(st.just("begin"),),
+        st.tuples(
+            st.just("begin"),
+        ),
     ),
     max_size=120,
 )

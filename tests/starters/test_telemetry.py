@@ -199,7 +199,7 @@ async def test_values_that_are_no_longer_answered_become_stale(outcome: Outcome)
     await asyncio.sleep(1.0)
     rig.poll()
 
-    for _ in range(5):
+    for _ in range(11):
         rig.telemetry.on_poll(VALUES, outcome)
         rig.poll(STATUS)
         await asyncio.sleep(1.0)

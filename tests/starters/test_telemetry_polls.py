@@ -7,6 +7,7 @@ from gateway.families.load import load_profile
 from gateway.line.outcome import Outcome, Refused, Silent
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
+from gateway.starters.polling import IDLE_FACTOR
 from gateway.starters.records import (
     Quality,
 )
@@ -77,7 +78,18 @@ async def test_a_refused_block_is_asked_row_by_row() -> None:
 
     values = {key for key in rig.line.polls if "/values:" in key}
     assert {"pump-1/values:P002", "pump-1/values:P003"} <= values
-    assert all(rig.line.every_s[key] == 1.0 for key in values)
+    assert all(rig.line.every_s[key] == IDLE_FACTOR * 1.0 for key in values)  # the motor stands
+
+
+@virtually
+async def test_values_are_read_less_often_while_the_motor_stands_and_the_status_is_not() -> None:
+    rig = await Rig().online()
+    assert (rig.line.every_s[VALUES], rig.line.every_s[STATUS]) == (3.0, 1.0)
+
+    rig.unit.holding[VB01] = AT_SPEED
+    rig.poll(STATUS)
+
+    assert (rig.line.every_s[VALUES], rig.line.every_s[STATUS]) == (1.0, 1.0)
 
 
 @virtually

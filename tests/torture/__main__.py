@@ -1,6 +1,7 @@
 """`python -m tests.torture`: the gateway under every fault that we can think of; exit 1 when something fails.
 
---short takes a minute or so, the whole takes hours. A name (or the beginning of one) runs only that.
+--short takes some minutes, the whole some hours. A scenario's name, the beginning of one, or a place (crash,
+broker, hang, port, disk, log) runs only that.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import asyncio
 import sys
 
 from tests.mosquitto import missing_programs
-from tests.torture import fuzz, noise, soak
+from tests.torture import fuzz, noise, of_commands, soak
 from tests.torture.of_disk import may_mount
 from tests.torture.runner import SCENARIOS, run_place
 from tests.torture.scenario import Place, Row
@@ -18,6 +19,7 @@ from tests.torture.scenario import Place, Row
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.torture", description=__doc__)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("names", nargs="*", help="what to run; without any, everything")
     parser.add_argument("--short", action="store_true", help="a little of each")
     parser.add_argument("--seed", type=int, default=1)
@@ -36,7 +38,11 @@ def main() -> int:
 
 def _rows(args: argparse.Namespace):  # type: ignore[no-untyped-def] # rows, as they come
     for place in Place:
-        chosen = [each for each in SCENARIOS if each.place is place and _is_wanted(each.name, args.names)]
+        chosen = [
+            each
+            for each in SCENARIOS
+            if each.place is place and (_is_wanted(each.name, args.names) or place.value in args.names)
+        ]
         if not chosen:
             continue
         if missing := missing_programs():
@@ -47,7 +53,7 @@ def _rows(args: argparse.Namespace):  # type: ignore[no-untyped-def] # rows, as 
             yield from asyncio.run(
                 run_place(place, chosen, is_short=args.short, seed=args.seed, count=args.count)
             )
-    for each in (*noise.SCENARIOS, *fuzz.SCENARIOS, *soak.SCENARIOS):
+    for each in (*noise.SCENARIOS, *fuzz.SCENARIOS, *soak.SCENARIOS, *of_commands.SCENARIOS):
         if _is_wanted(each.name, args.names):
             yield each.row(args.count or (each.short if args.short else each.whole), args.seed)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -38,7 +39,11 @@ class NoiseScenario:
         """Run so many transactions and judge."""
         row = Row(self.name, f"{count} frames")
         began_s = time.monotonic()
-        run_virtually(self._run(row, count, seed))
+        logging.disable(logging.CRITICAL)
+        try:
+            run_virtually(self._run(row, count, seed))
+        finally:
+            logging.disable(logging.NOTSET)
         row.took_s = time.monotonic() - began_s
         return row
 

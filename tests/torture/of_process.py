@@ -90,7 +90,7 @@ def full_pipe() -> tuple[int, int]:
 
 
 SCENARIOS = (
-    Scenario("SIGKILL", Place.CRASH, sigkill, 300, 4, "times"),
+    Scenario("SIGKILL", Place.CRASH, sigkill, 300, 3, "times"),
     Scenario("SIGSTOP", Place.HANG, sigstop, 20, 1, "times"),
     Scenario("stumble", Place.HANG, stumble, 10, 1, "times"),
     Scenario("log not read", Place.LOG, unread_log, 60, 3, "s"),

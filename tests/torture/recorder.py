@@ -33,7 +33,7 @@ class Recorder:
         )
         self._client.on_connect = self._connected
         self._client.on_message = self._take
-        self._client.reconnect_delay_set(1, 1)
+        self._client.reconnect_delay_set(0.1, 0.1)  # before the gateway
         self._subscribed_s = 0.0
 
     def start(self) -> None:

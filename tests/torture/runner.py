@@ -37,6 +37,8 @@ async def run_place(
     async with AsyncExitStack() as stack:
         if place is Place.PORT:
             options["deaf_after_s"] = of_port.DEAF_AFTER_S
+        if place is Place.BROKER:
+            options["is_persistent"] = True  # or the recorder would lose what the broker has for it
         if place is Place.DISK:
             options["state_dir"] = folder / "disk"
             stack.enter_context(of_disk.small_disk(folder / "disk"))

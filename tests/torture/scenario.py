@@ -14,6 +14,7 @@ class Place(enum.Enum):
     """The worlds that scenarios share; those of one place run one after the other in one world."""
 
     CRASH = "crash"  # watchdogs outlast 1.5 times a crash's gap
+    BROKER = "broker"  # the same, with a broker that keeps its sessions over a stop
     HANG = "hang"  # watchdogs outlast 1.5 times a hang's gap
     PORT = "port"  # a deaf port is noticed early; the line itself may be cut off, so watchdogs may act
     DISK = "disk"  # the state is kept on a small disk of its own

@@ -12,6 +12,7 @@ import os
 import random
 import sys
 import tty
+from collections import deque
 from collections.abc import Iterable
 from itertools import pairwise
 from typing import Any
@@ -26,12 +27,15 @@ from gateway.sim.pty import PtyLine
 from gateway.sim.ssw900_faults import C8_TIMEOUT, C8_TIMEOUT_MODE
 from gateway.sim.supervised import ACTION_NONE, P_ACTION, P_TIMEOUT
 from gateway.sim.unit import Unit
+from gateway.sim.wire import Violation
 from tests.torture.truth import Truth
 
 TOLERANCE_S = 0.0005  # two busy processes never wake on the spot
 SILENCE_TRIPS = ("E28", "A128", "F128", "R41", "R42")
 ALARM_ONLY = 2  # C8.2.5.1
-_WRITES = (5, 6, 15, 16, 22, 23)
+LATE_TICK_S = 0.005
+LATE_S = 0.004  # more than this and the silences on our line are not what they seem
+LATE_AROUND_S = 0.3
 
 
 class TortureLine(PtyLine):
@@ -119,6 +123,7 @@ class Plant:
             tolerance_s=TOLERANCE_S,
         )
         self._marked_s = 0.0
+        self._late_s: deque[float] = deque(maxlen=10_000)  # when this process itself was late
         self._line: TortureLine | None = None
         self._spare: list[tuple[int, int]] = []
 
@@ -176,7 +181,7 @@ class Plant:
         self.bus.advance()
         now_s = asyncio.get_running_loop().time()
         found: dict[str, Any] = {
-            "violations": [str(each) for each in self.bus.violations],
+            "violations": [str(each) for each in self._violations()],
             "starters": {name: self._of(name, now_s) for name in self.units},
         }
         if values:
@@ -185,6 +190,24 @@ class Plant:
                 for name, truth in self.truths.items()
             }
         return found
+
+    def _violations(self) -> list[Violation]:
+        """Return the master's faults, but those at times when we ourselves were late to answer or to listen."""
+        late_s = list(self._late_s)
+        return [
+            each
+            for each in self.bus.violations
+            if not any(-LATE_AROUND_S < each.at_s - at_s < LATE_AROUND_S for at_s in late_s)
+        ]
+
+    async def watch_own_lateness(self) -> None:
+        """Note when this process did not get its time, for ever."""
+        loop = asyncio.get_running_loop()
+        while True:
+            due_s = loop.time() + LATE_TICK_S
+            await asyncio.sleep(LATE_TICK_S)
+            if loop.time() - due_s > LATE_S:
+                self._late_s.append(loop.time())
 
     def _of(self, name: str, now_s: float) -> dict[str, Any]:
         unit, truth = self.units[name], self.truths[name]
@@ -223,6 +246,7 @@ async def serve(config: str, watchdog_s: int) -> None:
     (table,) = load(config).lines
     plant = Plant(table, watchdog_s)
     await plant.plug()
+    watching = asyncio.create_task(plant.watch_own_lateness())
     reader = asyncio.StreamReader()
     loop = asyncio.get_running_loop()
     await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
@@ -231,6 +255,7 @@ async def serve(config: str, watchdog_s: int) -> None:
         order = json.loads(line)
         answer = await getattr(plant, order.pop("do"))(**order)
         print(json.dumps(answer), flush=True)
+    watching.cancel()
 
 
 if __name__ == "__main__":

@@ -28,6 +28,7 @@ from tests.torture.waiting import until
 STARTERS = {"pump": "ssw07", "fan": "ssw06", "mill": "ssw900", "belt": "sst"}
 KEEPALIVE_S = 5
 RIGHT_WITHIN_S = 5.0  # after a recovery
+QUIET_S = 4.0  # what is asked after a change has been asked by then
 STOP_WITHIN_S = 1.0  # over MQTT, beside what the line needs
 ONLINE = ("online", "degraded")
 
@@ -145,7 +146,7 @@ class World:
             return all(each.get("state") in ("ready", "running") for each in states)
 
         await until(is_calm, "all motors stand or run", within_s=60.0)
-        await asyncio.sleep(1.0)
+        await asyncio.sleep(QUIET_S)
 
     async def right_still(self) -> None:
         """Check that all states are shown as they are; the last message may be from before."""

@@ -1,0 +1,56 @@
+"""What is promised of commands, tried with real processes in short; whole: `python -m tests.torture`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import StartMosquitto
+from tests.torture.of_commands import FLOOD, KILLS, MALFORMED, MALFORMED_PURE, STALE, Proof
+
+pytestmark = [pytest.mark.end_to_end, pytest.mark.mosquitto]
+
+SEED = 1
+
+
+@pytest.fixture(autouse=True)
+def _needs_mosquitto(start_mosquitto: StartMosquitto) -> StartMosquitto:
+    """Skip where the broker is not installed; each proof has a broker of its own."""
+    return start_mosquitto
+
+
+async def try_shortly(proof: Proof, folder: Path) -> None:
+    row = await proof.on_site(folder, proof.short, SEED)
+
+    assert row.failures == [], str(row)
+
+
+async def test_a_kill_around_a_start_never_makes_a_second_start_frame_nor_a_dishonest_result(
+    tmp_path: Path,
+) -> None:
+    await try_shortly(KILLS, tmp_path)
+
+
+async def test_a_flood_of_commands_leaves_memory_polls_and_the_stop_within_their_bounds(
+    tmp_path: Path,
+) -> None:
+    await try_shortly(FLOOD, tmp_path)
+
+
+async def test_retained_expired_replayed_and_queued_commands_start_nothing_on_either_version_of_mqtt(
+    tmp_path: Path,
+) -> None:
+    await try_shortly(STALE, tmp_path)
+
+
+async def test_malformed_payloads_through_a_broker_are_refused_with_a_reason_and_disturb_no_line(
+    tmp_path: Path,
+) -> None:
+    await try_shortly(MALFORMED, tmp_path)
+
+
+def test_thousands_of_malformed_payloads_are_each_refused_with_a_reason_and_none_raises() -> None:
+    row = MALFORMED_PURE.row(MALFORMED_PURE.short, SEED)
+
+    assert row.failures == [], str(row)

@@ -1,0 +1,289 @@
+"""What happens while the silence between two requests runs."""
+
+from __future__ import annotations
+
+import asyncio
+import random
+from collections.abc import Iterable
+
+import pytest
+
+from gateway.line.job import Job, Lane, Poll
+from gateway.line.learnt import ENOUGH
+from gateway.line.outcome import Answered, Outcome, Silent
+from gateway.line.prepared import Preparations
+from gateway.line.suspicion import ADDRESS_CONFLICT, BABBLING
+from gateway.modbus import adu
+from gateway.modbus.reads import ReadHoldingRegisters
+from gateway.modbus.writes import WriteRegister
+from tests.line.fakes import DELAY_S, RESPONSE_TIME_S, TIMING, Rig, Said, Units, poll, reply_pdu
+from tests.virtual_time import run_virtually
+
+WRITE = WriteRegister(5003, 1)
+STOP = WriteRegister(5003, 0)
+READ = ReadHoldingRegisters(0, 10)
+REPLY = adu.encode(1, READ.encode_reply(range(10)))
+ONE_S = TIMING.wire_s(8 + 25) + DELAY_S + TIMING.silence_s
+
+
+async def into_a_silence(rig: Rig) -> None:
+    """Sleep until a reply has just ended, so that the next request is chosen and not yet sent."""
+    while not rig.port.sent:
+        await asyncio.sleep(0.0001)
+    begun_s = rig.port.sent[-1][0]
+    end_s = begun_s + TIMING.wire_s(8 + 25) + DELAY_S
+    await asyncio.sleep(end_s + TIMING.silence_s / 2 - asyncio.get_running_loop().time())
+
+
+def functions(rig: Rig) -> list[int]:
+    return [frame[1] for _, frame in rig.port.sent]
+
+
+@pytest.mark.parametrize(("request_", "lane"), [(STOP, Lane.STOP), (WRITE, Lane.COMMAND)])
+def test_what_comes_in_the_silence_goes_before_the_poll_that_was_chosen(
+    request_: WriteRegister, lane: Lane
+) -> None:
+    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+
+    async def scenario() -> None:
+        async with rig:
+            await into_a_silence(rig)
+            await rig.transact(1, request_, lane)
+
+    run_virtually(scenario())
+
+    assert functions(rig)[:2] == [3, 6]
+
+
+def test_a_stop_that_comes_in_the_silence_goes_before_the_command_that_was_chosen() -> None:
+    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+
+    async def scenario() -> list[Outcome]:
+        async with rig:
+            waiting = asyncio.create_task(rig.transact(1, WRITE))
+            await into_a_silence(rig)
+            return list(await asyncio.gather(rig.transact(1, STOP, Lane.STOP), waiting))
+
+    outcomes = run_virtually(scenario())
+
+    assert all(isinstance(outcome, Answered) for outcome in outcomes)
+    written = [frame[4:6] for _, frame in rig.port.sent if frame[1] == 6]
+    assert written == [b"\x00\x00", b"\x00\x01"]
+
+
+def test_commands_that_come_in_every_silence_do_not_keep_polls_from_the_line() -> None:
+    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+
+    async def scenario() -> None:
+        async with rig:
+            for _ in range(30):
+                await into_a_silence(rig)
+                rig.scheduler.submit(Job(1, READ, RESPONSE_TIME_S, Lane.COMMAND, lambda outcome: None))
+                await asyncio.sleep(ONE_S)
+
+    run_virtually(scenario())
+
+    assert rig.scheduler.figures()["polls"] >= 15
+
+
+def test_a_command_that_is_given_up_in_the_silence_is_never_sent() -> None:
+    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+
+    async def scenario() -> None:
+        async with rig:
+            await into_a_silence(rig)
+            command = asyncio.create_task(rig.transact(1, WRITE))
+            await asyncio.sleep(0)
+            command.cancel()
+            await asyncio.wait([command])
+            await asyncio.sleep(0.2)
+
+    run_virtually(scenario())
+
+    assert set(functions(rig)) == {3}
+
+
+def test_a_chosen_command_that_is_given_up_before_it_is_sent_is_never_sent() -> None:
+    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+
+    async def scenario() -> bool:
+        job = Job(1, WRITE, RESPONSE_TIME_S, Lane.COMMAND, lambda outcome: None)
+        async with rig:
+            rig.scheduler.submit(job)
+            rig.scheduler.submit(job)
+            while functions(rig).count(6) < 1:
+                await asyncio.sleep(0.0005)
+            at_s = rig.port.sent[-1][0] + TIMING.wire_s(16) + DELAY_S + TIMING.silence_s / 2
+            await asyncio.sleep(at_s - asyncio.get_running_loop().time())
+            is_withdrawn = rig.scheduler.withdraw(job)
+            await asyncio.sleep(0.2)
+            return is_withdrawn
+
+    assert run_virtually(scenario())
+    assert functions(rig).count(6) == 1
+
+
+def test_a_port_that_is_lost_in_the_silence_ends_the_chosen_command_unsent() -> None:
+    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+
+    async def scenario() -> Outcome:
+        async with rig:
+            waiting = asyncio.create_task(rig.transact(1, WRITE))
+            await into_a_silence(rig)
+            rig.port.hang_up()
+            return await waiting
+
+    assert run_virtually(scenario()) == Silent("port closed", is_sent=False)
+
+
+def test_an_answer_is_told_when_the_next_request_is_on_its_way() -> None:
+    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+
+    async def scenario() -> None:
+        async with rig:
+            await asyncio.sleep(1.0)
+
+    run_virtually(scenario())
+
+    told_s = [at_s for at_s, *_ in rig.listener.polls]
+    sent_s = [at_s for at_s, _ in rig.port.sent]
+    assert told_s[:20] == pytest.approx(sent_s[1:21])
+
+
+def test_the_answer_to_the_last_request_is_told_at_once() -> None:
+    rig = Rig(Units({1}), [poll("a", every_s=10.0)])
+
+    async def scenario() -> None:
+        async with rig:
+            await asyncio.sleep(1.0)
+
+    run_virtually(scenario())
+
+    assert rig.listener.polls[0][0] - rig.port.sent[0][0] == pytest.approx(ONE_S, abs=1e-6)
+
+
+def quick(floor_s: float | None) -> Poll:
+    return Poll("a", 1, READ, 0.0, 0.1, floor_s)
+
+
+@pytest.mark.parametrize(("floor_s", "waited_s"), [(None, 0.1), (0.03, 0.03)])
+def test_a_silence_costs_what_was_learnt_where_that_is_allowed(
+    floor_s: float | None, waited_s: float
+) -> None:
+    units = Units({1, 2})
+    rig = Rig(units, [quick(floor_s), poll("b", unit=2, every_s=0.0)])
+
+    async def scenario() -> list[float]:
+        async with rig:
+            await asyncio.sleep(3.0 * ENOUGH * ONE_S)
+            units.alive = {2}
+            await asyncio.sleep(3.0)
+        return [at_s for at_s, _ in rig.port.sent]
+
+    run_virtually(scenario())
+
+    silent_s = next(at_s for at_s, key, _, outcome in rig.listener.polls if isinstance(outcome, Silent))
+    asked = [(at_s, frame) for at_s, frame in rig.port.sent if at_s < silent_s]
+    missed_s = max(at_s for at_s, frame in asked if frame[0] == 1)
+    next_s = min(at_s for at_s, frame in rig.port.sent if at_s > missed_s)
+    deadline_s = TIMING.wire_s(8 + 25) + waited_s + 0.02
+    assert next_s - missed_s == pytest.approx(deadline_s + waited_s, abs=0.003)
+
+
+def test_response_times_are_told_by_function() -> None:
+    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+
+    async def scenario() -> None:
+        async with rig:
+            await rig.transact(1, WRITE)
+            await asyncio.sleep(1.0)
+
+    run_virtually(scenario())
+
+    unit = rig.scheduler.figures()["units"][1]
+    assert unit["functions"][3] == pytest.approx({"p50": DELAY_S, "p99": DELAY_S, "p999": DELAY_S})
+    assert set(unit["functions"]) == {3, 6}
+
+
+class Twins:
+    """Two starters with one address, the second a little slower and of another opinion."""
+
+    def __init__(self, gap_s: float, *, merged: bool = False) -> None:
+        self.gap_s = gap_s
+        self.merged = merged
+
+    def __call__(self, frame: bytes) -> Iterable[Said]:
+        unit, pdu = adu.decode(frame)
+        first = adu.encode(unit, reply_pdu(pdu))
+        if unit != 1:
+            return (Said(first),)
+        if self.merged:
+            return (Said(bytes(byte | 0x81 for byte in first)),)
+        second = adu.encode(unit, READ.encode_reply((7,) * 10))
+        return Said(first), Said(second, DELAY_S + TIMING.wire_s(len(first)) + self.gap_s)
+
+
+@pytest.mark.parametrize("twins", [Twins(0.0), Twins(0.0015), Twins(0.02), Twins(0.0, merged=True)], ids=str)
+def test_two_starters_with_one_address_are_named_once_with_the_frames_that_show_it(twins: Twins) -> None:
+    polls = [poll(str(unit), unit, 0.0) for unit in (1, 2, 3, 4)]
+    rig = Rig(twins, polls)
+
+    async def scenario() -> None:
+        async with rig:
+            await asyncio.sleep(60.0)
+
+    run_virtually(scenario())
+
+    assert [trouble[:2] for trouble in rig.listener.troubles] == [(ADDRESS_CONFLICT, 1)]
+    _, _, text, frames = rig.listener.troubles[0]
+    assert "address 1" in text
+    assert any("<< 01" in frame or "<< 81" in frame or "?? 01" in frame for frame in frames)
+
+
+def test_a_starter_that_talks_unasked_is_named() -> None:
+    rig = Rig(Units({1, 2}), [poll(str(unit), unit, 0.0) for unit in (1, 2)])
+    chance = random.Random(1)
+    spoken = adu.encode(9, READ.encode_reply((7,) * 10))
+
+    async def scenario() -> None:
+        async with rig:
+            for _ in range(60):
+                await asyncio.sleep(chance.uniform(0.2, 0.8))
+                rig.port.say(Said(spoken, 0.0))
+
+    run_virtually(scenario())
+
+    assert [trouble[:2] for trouble in rig.listener.troubles] == [(BABBLING, 9)]
+
+
+def test_every_frame_is_handed_on_while_somebody_captures() -> None:
+    rig = Rig(Units({1}), [poll("a", every_s=0.1)])
+    frames: list[tuple[str, float, str, bytes]] = []
+
+    async def scenario() -> None:
+        async with rig:
+            await asyncio.sleep(0.25)
+            rig.scheduler.capture(lambda *frame: frames.append(frame))
+            await asyncio.sleep(0.2)
+            rig.scheduler.capture(None)
+            await asyncio.sleep(0.2)
+
+    run_virtually(scenario())
+
+    assert [(line, direction) for line, _, direction, _ in frames] == [("pumps", ">>"), ("pumps", "<<")] * 2
+    assert frames[1][3] == REPLY
+    assert frames[1][1] - frames[0][1] == pytest.approx(ONE_S - TIMING.silence_s)
+
+
+def test_a_poll_is_reckoned_once_and_again_when_its_key_means_something_else() -> None:
+    preparations = Preparations()
+    other = ReadHoldingRegisters(5, 1)
+
+    first = preparations.of("a", 1, READ)
+
+    assert preparations.of("a", 1, READ) is first
+    assert preparations.of("a", 2, READ).unit == 2
+    assert preparations.of("a", 2, other).request is other
+    preparations.forget("a")
+    assert preparations.of("a", 1, READ) is not first
+    assert preparations.of(None, 1, READ) == first
