@@ -6,10 +6,10 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test bench lint clean mosquitto docs
+.PHONY: help venv demo test torture bench lint clean mosquitto docs late-replies
 
 help: ## show this list
-	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 16
+	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 24
 
 venv: $(STAMP) ## make the virtual environment, with everything for demo and tests
 
@@ -37,6 +37,9 @@ lint: $(STAMP) ## style, types, import contracts
 test: $(STAMP) mosquitto lint ## everything that is checked, as CI does
 	$(BIN)/python -m pytest
 
+torture: $(STAMP) mosquitto ## every fault in full, some hours; as root also a full and a read-only disk
+	$(BIN)/python -m tests.torture $(SCENARIOS)
+
 docs: $(STAMP) ## write the generated halves of docs/families anew
 	$(BIN)/python -m tests.family_pages
 
@@ -46,6 +49,9 @@ $(STAMP)-bench: $(STAMP)
 
 bench: $(STAMP)-bench mosquitto ## the line's efficiency, beside other masters, in six minutes; pictures in docs/
 	@$(BIN)/python -m tests.bench --pictures docs
+
+late-replies: $(STAMP) ## a million requests whose replies come late, twice or out of order; a minute
+	LATE_REPLIES=1000000 $(BIN)/python -m pytest tests/line/test_late_replies.py
 
 clean: ## remove what the targets made
 	rm -rf $(VENV) build dist *.egg-info .coverage .hypothesis .mypy_cache .pytest_cache .ruff_cache .import_linter_cache

@@ -101,6 +101,7 @@ def _listen(path: Path) -> socket.socket:
     """Return a socket that only this user may connect to; what a predecessor has left there is replaced."""
     listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         if path.is_socket():
             path.unlink()
         before = os.umask(0o177)

@@ -117,14 +117,21 @@ async def test_what_a_killed_gateway_left_there_is_replaced(tmp_path: Path) -> N
         writer.close()
 
 
-async def test_without_a_folder_the_gateway_does_without(
+async def test_where_the_folder_cannot_be_made_the_gateway_does_without(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async with serving(tmp_path / "nowhere" / "c") as (_, task):
+    (tmp_path / "file").touch()
+
+    async with serving(tmp_path / "file" / "state" / "c") as (_, task):
         await asyncio.wait_for(task, LONG_S)
 
     assert "no capture" in caplog.text
-    assert "No such file" in caplog.text
+    assert "Not a directory" in caplog.text
+
+
+async def test_the_folder_is_made(tmp_path: Path) -> None:
+    async with serving(tmp_path / "state" / "c"):
+        assert (tmp_path / "state" / "c").is_socket()
 
 
 async def test_a_file_that_is_no_socket_is_left_alone(

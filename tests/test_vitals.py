@@ -23,9 +23,10 @@ class Line:
     """A LineClient as far as Vitals asks."""
 
     name = "pumps"
+    utilisation = 0.5
 
     def figures(self) -> dict[str, Any]:
-        return {"polls": 7}
+        return {"polls": 7, "utilisation": self.utilisation}
 
 
 @dataclass
@@ -40,6 +41,8 @@ class World:
     records: list[LineRecord] = field(default_factory=list)
     lag: LagMeter = field(default_factory=LagMeter)
     shortest_watchdog_s: float | None = 6.0
+    line: Line = field(default_factory=Line)
+    computed: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def progress(self) -> dict[str, int]:
         self.steps += self.moves
@@ -69,7 +72,7 @@ class World:
         self.told.append((code, severity))
 
     def vitals(self) -> Vitals:
-        line: LineClient = Line()  # type: ignore[assignment] # all that is asked of it
+        line: LineClient = self.line  # type: ignore[assignment] # all that is asked of it
         return Vitals(
             [line],
             progress=self.progress,
@@ -80,6 +83,7 @@ class World:
             shortest_watchdog_s=self.shortest_watchdog_s,
             tell=self.tell,
             hangs=HangWatch(LIMIT_S / 2, arm=self.arm, disarm=lambda: None),
+            computed=self.computed,
         )
 
 
@@ -145,5 +149,29 @@ def test_without_any_stated_watchdog_nothing_alarms() -> None:
     world = World(shortest_watchdog_s=None)
 
     run_virtually(watched(world, (1.0, lambda: world.lag.note(30.0, 0.0)), (1.0, None)))
+
+    assert world.told == []
+
+
+def fill(world: World, utilisation: float) -> Any:
+    def act() -> None:
+        world.line.utilisation = utilisation
+
+    return act
+
+
+def test_a_line_without_time_to_spare_is_told_of_after_a_minute_and_when_it_is_relieved() -> None:
+    world = World(computed={"pumps": {"is_paced": True, "sweep_s": 1.0}})
+
+    run_virtually(watched(world, (5.0, fill(world, 0.99)), (70.0, fill(world, 0.4)), (70.0, None)))
+
+    assert world.told == [("line_saturated", Severity.WARNING), ("line_relieved", Severity.INFO)]
+    assert world.records[-1].figures["computed"] == {"is_paced": True, "sweep_s": 1.0}
+
+
+def test_a_line_that_is_to_be_full_is_not_told_of() -> None:
+    world = World(computed={"pumps": {"is_paced": False}})
+
+    run_virtually(watched(world, (0.0, fill(world, 1.0)), (200.0, None)))
 
     assert world.told == []

@@ -68,7 +68,7 @@ class Plan:
         self._polled.hasten(key, now_s)
 
     def hasten_all(self, now_s: float) -> None:
-        """Make all polls due now, and the probes of all that do not answer: nobody could be heard till now."""
+        """Make all polls due now, and the probes of the silent: nobody could be heard till now."""
         self._polled.rota.budget.forgive(now_s)
         for poll in self._polled.asked():
             self._polled.hasten(poll.key, now_s)

@@ -113,7 +113,7 @@ class Polled:
         return self._asked
 
     def barking(self, now_s: float) -> Entry | None:
-        """Return the first poll of the unit that has to be asked for its watchdog: the earliest deadline's."""
+        """Return the first poll of the unit that has to be asked for its watchdog, by deadline."""
         while (number := self.watchdogs.first(now_s)) is not None:
             unit = self.unit(number)
             if unit.entries:

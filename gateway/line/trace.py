@@ -10,8 +10,6 @@ LONGEST_SHOWN = 256  # bytes, the longest frame; a flood is longer
 
 Tap = Callable[[float, str, bytes], None]  # the line's clock; >> sent, << received, ?? not waited for; bytes
 
-_SHOWN_BYTES = 256  # the longest frame
-
 logger = logging.getLogger(__name__)
 
 
@@ -37,15 +35,11 @@ class Trace:
 
     def frames(self) -> tuple[str, ...]:
         """Return the frames as text, oldest first: seconds on the line's clock, direction, hex."""
-        return tuple(f"{at_s:.6f} {direction} {_shown(frame)}" for at_s, direction, frame in self._ring)
+        return tuple(f"{at_s:.6f} {direction} {frame.hex(' ')}" for at_s, direction, frame in self._ring)
 
     def _keep(self, at_s: float, direction: str, frame: bytes) -> None:
         self._ring.append((at_s, direction, frame[:LONGEST_SHOWN]))
+        if self.tap is not None:
+            self.tap(at_s, direction, frame)
         if logger.isEnabledFor(logging.DEBUG):
-            logger.debug("line=%s %.6f %s %s", self._line, at_s, direction, _shown(frame))
-
-
-def _shown(frame: bytes) -> str:
-    """Return the bytes in hex; of a flood only the beginning."""
-    more = f" .. {len(frame)} bytes" if len(frame) > _SHOWN_BYTES else ""
-    return frame[:_SHOWN_BYTES].hex(" ") + more
+            logger.debug("line=%s %.6f %s %s", self._line, at_s, direction, frame.hex(" "))

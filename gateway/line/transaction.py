@@ -26,9 +26,7 @@ BABBLE_LIMIT_S = 1.0  # a line that is busy for longer without our asking is not
 LATE_FACTOR = 3.0  # a reply may come so many times later than it is waited for
 
 _KEPT_STRAY = 256  # bytes; the longest frame
-_FIRST_CHUNK_SIZE = (
-    64  # bytes of a reply of unknown length that an adapter may hold back before the first shows
-)
+_FIRST_CHUNK_SIZE = 64  # bytes of a reply of unknown length that an adapter may hold back at first
 
 
 class Transactor:
@@ -229,7 +227,8 @@ class Transactor:
             self.suspicions.note_answer(prepared.unit, frame, at_s=at_s)
         if len(reply) > len(frame):
             self.stray_bytes += len(reply) - len(frame)
-            self._judge_stray(reply[len(frame) :])
+            if not isinstance(outcome, Garbled):
+                self._judge_stray(reply[len(frame) :])
         return outcome
 
     async def _listen(self, hearing: Hearing, heard: bytes, *, first_by_s: float, deadline_s: float) -> None:
@@ -239,7 +238,7 @@ class Transactor:
         """
         gap_s = self._silence_s + self._allowance_s
         hearing.feed(heard)
-        if hearing.may_be_echo():
+        if not heard or hearing.may_be_echo():
             self._began_s = inf
         until_s = first_by_s
         while self._time() < until_s and hearing.whole_reply() is None:

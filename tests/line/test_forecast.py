@@ -25,7 +25,7 @@ def poll(number: int, every_s: float, *, registers: int = 1, response_time_s: fl
 
 
 def average_gaps(polls: list[Poll], run_s: float) -> dict[str, float]:
-    """Return the average time between two answers of every poll, on a line where all take what is foretold."""
+    """Return the average time between two answers of every poll, where all take what is foretold."""
     line = IdealLine(polls, lambda turn: cost_s(turn.poll, TIMING) if turn.poll else 0.0)
     line.run(run_s / 4)
     line.gaps_s.clear()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import logging
 import sys
 import threading
@@ -217,3 +218,27 @@ def test_calls_to_a_closed_app_are_dropped() -> None:
     courier.loop.close()
 
     courier.post(lambda: None)
+
+
+async def test_frames_are_handed_on_to_the_app_while_it_captures() -> None:
+    listener = WaitingListener()
+    host = LineHost(listener)
+    add(host, fake_opener(), "pumps", every_s=0.0)
+    add(host, fake_opener(), "fans", every_s=0.0)
+    frames: asyncio.Queue[tuple[str, float, str, bytes]] = asyncio.Queue()
+
+    def note(*frame: object) -> None:
+        assert threading.current_thread() is threading.main_thread()
+        frames.put_nowait(frame)  # type: ignore[arg-type] # what OnFrame says
+
+    await host.start()
+    host.capture(note)
+    async with asyncio.timeout(LONG_S):
+        heard = [await frames.get() for _ in range(8)]
+    host.capture(None)
+    await host.stop()
+
+    assert {line for line, *_ in heard} == {"pumps", "fans"}
+    directions = [direction for line, _, direction, _ in heard if line == "pumps"]
+    assert {">>", "<<"} >= set(directions)
+    assert all(first != second for first, second in itertools.pairwise(directions))

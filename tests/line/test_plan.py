@@ -506,6 +506,113 @@ def test_when_the_probe_is_removed_the_next_poll_takes_its_place() -> None:
     assert plan.next_due_s() == inf
 
 
+def test_a_poll_that_is_removed_before_its_repetition_is_not_repeated() -> None:
+    plan = begun(poll("a"), poll("b"))
+    turn = plan.pick(0.0)
+    assert turn is not None
+    plan.record(turn, GARBLED, 0.1)
+
+    plan.remove_poll("a")
+
+    assert key_of(take(plan, 0.1)) == "b"
+
+
+def test_a_repetition_that_is_put_back_at_once_is_still_the_next() -> None:
+    plan = begun(poll("a"), poll("b"))
+    turn = plan.pick(0.0)
+    assert turn is not None
+    plan.record(turn, GARBLED, 0.1)
+    again = plan.pick(0.1)
+    assert again is not None
+
+    plan.put_back(again, 0.1)
+
+    third = plan.pick(0.1)
+    assert third is not None
+    assert (key_of(third), third.is_repetition) == ("a", True)
+
+
+def test_what_was_hastened_keeps_its_hurry_when_it_is_put_back() -> None:
+    plan = begun(poll("a", every_s=10.0), poll("b", every_s=10.0))
+    take(plan, 0.0)
+    take(plan, 0.0)
+    plan.hasten("b", 3.0)
+    plan.hasten("b", 3.0)  # does no more than once
+    turn = plan.pick(3.0)
+    assert turn is not None
+    plan.put_back(turn, 3.0)
+    plan.hasten("a", 3.0)
+
+    assert {key_of(take(plan, 3.0)), key_of(take(plan, 3.0))} == {"a", "b"}
+    assert plan.pick(3.0) is None
+
+
+def test_after_an_outage_a_silent_unit_is_still_asked_by_its_probe_only() -> None:
+    plan = begun(poll("a"), poll("b"))
+    take(plan, 0.0, Silent())
+    take(plan, 0.0, Silent())
+
+    plan.begin(100.0)
+
+    assert key_of(take(plan, 100.0, Silent())) == "a"
+    assert plan.pick(100.0) is None
+
+
+def test_after_an_outage_the_first_poll_of_each_unit_comes_before_what_we_ask_of_our_own_accord() -> None:
+    plan = begun(poll("a", unit=1), poll("b", unit=1), poll("c", unit=2))
+    plan.submit(job(Lane.READ_BACK), 0.0)
+
+    assert [key_of(take(plan, 0.0)) for _ in range(3)] == ["a", "c", None]
+
+
+def test_when_nobody_could_be_heard_all_are_asked_at_once() -> None:
+    plan = begun(*(poll(f"{unit}", unit=unit) for unit in range(1, 31)))
+    now_s = 0.0
+    while now_s < 60.0:
+        turn = plan.pick(now_s)
+        now_s = now_s + 0.1 if turn is not None else plan.next_due_s()
+        if turn is not None:
+            plan.record(turn, Silent(), now_s)
+
+    plan.hasten_all(now_s)
+
+    answered = set()
+    for _ in range(30):
+        turn = take(plan, now_s)
+        assert turn is not None
+        answered.add(turn.unit)
+    assert answered == set(range(1, 31))
+
+
+def test_all_periods_are_stretched_by_one_factor_when_the_line_is_over_full() -> None:
+    plan = begun(poll("a", every_s=1.0), poll("b", every_s=2.0), poll("c", every_s=4.0))
+    seen = Counter[str | None]()
+    now_s = 0.0
+
+    while now_s < 2000.0:
+        turn = plan.pick(now_s)
+        now_s = now_s + 1.0 if turn is not None else plan.next_due_s()
+        if turn is not None:
+            plan.record(turn, ANSWERED, now_s)
+            seen[key_of(turn)] += 1
+
+    assert plan.stretch == pytest.approx(1.05 * 1.75)
+    assert seen["a"] == pytest.approx(2 * seen["b"], rel=0.1)
+    assert seen["b"] == pytest.approx(2 * seen["c"], rel=0.1)
+    assert seen.total() == 2000  # no time is left idle
+
+
+def test_a_poll_may_get_and_lose_its_period() -> None:
+    plan = begun(poll("a", every_s=0.0), poll("b", every_s=0.0))
+    take(plan, 0.0)
+
+    plan.set_every("a", 5.0, 0.0)
+    assert [key_of(take(plan, 0.0)) for _ in range(3)] == ["a", "b", "b"]
+    plan.set_every("a", 0.0, 1.0)
+
+    assert {key_of(take(plan, 1.0)), key_of(take(plan, 1.0))} == {"a", "b"}
+
+
 def test_wrong_keys_are_refused() -> None:
     plan = begun(poll("a"))
 

@@ -1,4 +1,4 @@
-"""The units' communication watchdogs: they are kept whenever they can be, whatever else is asked of the line."""
+"""The units' communication watchdogs: kept whenever they can be, whatever else is asked of the line."""
 
 from __future__ import annotations
 

@@ -129,6 +129,53 @@ async def test_a_port_learns_how_early_it_must_be_woken(pty: Pty) -> None:
     await settled(port)
 
 
+async def test_bytes_that_come_while_a_read_is_about_to_end_are_returned(pty: Pty) -> None:
+    port = await opener(pty.path)()
+    loop = asyncio.get_running_loop()
+    await port.read(until_s=loop.time() + 0.001)
+
+    os.write(pty.master, b"stray")
+    deadline_s = loop.time() + LONG_S
+    chunk = b""
+    while not chunk and loop.time() < deadline_s:
+        chunk = await port.read(until_s=loop.time())
+
+    assert chunk == b"stray"
+    await settled(port)
+
+
+async def test_a_tty_that_is_lost_in_the_middle_of_a_reply_gives_what_came_and_then_the_loss(
+    pty: Pty,
+) -> None:
+    port = await opener(pty.path)()
+    loop = asyncio.get_running_loop()
+    reading = asyncio.create_task(port.read(until_s=loop.time() + LONG_S, count=20))
+    await asyncio.sleep(0)
+
+    os.write(pty.master, b"half")
+    await until(lambda: port.last_byte_s > 0)
+    pty.hang_up()
+
+    assert await reading == b"half"
+    with pytest.raises(PortLostError, match="lost"):
+        await port.read(until_s=loop.time() + LONG_S)
+    await settled(port)
+
+
+async def test_a_port_that_is_closed_while_a_reply_comes_looks_no_more(pty: Pty) -> None:
+    port = await opener(pty.path)()
+    loop = asyncio.get_running_loop()
+    reading = asyncio.create_task(port.read(until_s=loop.time() + LONG_S, count=2000))
+    await asyncio.sleep(0)
+    os.write(pty.master, b"half")
+    await until(lambda: port.last_byte_s > 0)
+
+    port.close()
+
+    assert await reading == b"half"
+    await settled(port)
+
+
 async def test_a_reply_that_comes_byte_by_byte_wakes_its_reader_once(pty: Pty) -> None:
     port = await opener(pty.path)()
     loop = asyncio.get_running_loop()

@@ -109,8 +109,7 @@ async def _without_a_disk(w: World, seconds: int) -> None:
     w.check(result["phase"] == "rejected", f"a start without a ledger ended as {result}")
     w.figures["start refused"] = result["code"]
     await w.right_still()
-    w.figures["gap s"] = await w.longest_gap_s()
-    w.check(w.figures["gap s"] <= w.gaps.regular_s, "the line waited for the disk")
+    await w.check_line_kept_time("the line waited for the disk")
 
 
 async def _usable_again(w: World) -> None:

@@ -182,6 +182,7 @@ class Plant:
         now_s = asyncio.get_running_loop().time()
         found: dict[str, Any] = {
             "violations": [str(each) for each in self._violations()],
+            "late": sum(at_s >= self._marked_s for at_s in self._late_s),
             "starters": {name: self._of(name, now_s) for name in self.units},
         }
         if values:
@@ -192,7 +193,7 @@ class Plant:
         return found
 
     def _violations(self) -> list[Violation]:
-        """Return the master's faults, but those at times when we ourselves were late to answer or to listen."""
+        """Return the master's faults, but those at times when we ourselves were late."""
         late_s = list(self._late_s)
         return [
             each

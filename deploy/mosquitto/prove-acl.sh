@@ -1,0 +1,109 @@
+#!/usr/bin/env bash
+# Proves on a running broker that its access list does what the gateway trusts it to do:
+#   - nobody commands under another's name,
+#   - who only looks on commands nothing,
+#   - nobody but the gateway says what starters do.
+# Every probe is for a starter that does not exist, and is seen, or not, through the gateway's own eyes. The gateway
+# may run meanwhile: it answers the probes that reach it with "unknown starter". Whoever may list this machine's
+# processes sees the passwords while the script runs.
+#
+#   deploy/mosquitto/prove-acl.sh [options] -- PUB_AND_SUB_OPTIONS..
+#     --base B            of the topics (starters/mcc1)
+#     --gateway U:P       login of the gateway (mcc1)
+#     --operator U:P      login of an operator; give two of them
+#     --viewer U:P        login of somebody who only looks on; may be given again
+#   What follows -- is passed to mosquitto_pub and mosquitto_sub, such as -h broker.plant -p 8883 --cafile ca.pem
+#
+# Exit code: 0 all proved, 1 something is open (or closed that must not be), 2 usage.
+set -euo pipefail
+
+base=starters/mcc1
+gateway=
+operators=()
+viewers=()
+wait_s=2
+
+usage() { sed -n '2,/^# Exit/s/^# \{0,1\}//p' "$0" >&2; exit 2; }
+
+while [ $# -gt 0 ]; do
+	case "$1" in
+		--base) base="${2:?}"; shift 2 ;;
+		--gateway) gateway="${2:?}"; shift 2 ;;
+		--operator) operators+=("${2:?}"); shift 2 ;;
+		--viewer) viewers+=("${2:?}"); shift 2 ;;
+		--) shift; break ;;
+		*) usage ;;
+	esac
+done
+if [ -z "$gateway" ] || [ "${#operators[@]}" -lt 2 ] || [ "${#viewers[@]}" -lt 1 ]; then usage; fi
+
+folder=$(mktemp -d)
+listener=
+trap 'if [ -n "$listener" ]; then kill "$listener" 2> /dev/null || true; fi; rm -rf "$folder"' EXIT
+token="probe-$$-$RANDOM$RANDOM"
+failed=0
+
+publish() { # LOGIN TOPIC PAYLOAD
+	mosquitto_pub "${broker[@]}" -u "${1%%:*}" -P "${1#*:}" -q 1 -t "$2" -m "$3" > /dev/null 2>&1 || true
+}
+
+heard() { grep -qF "$1" "$folder/heard"; }
+
+expect() { # arrives|is-refused LOGIN TOPIC WHAT
+	count=$((count + 1))
+	publish "$2" "$3" "$token-$count"
+	probes+=("$1|$token-$count|$4")
+}
+
+broker=("$@")
+probes=()
+count=0
+
+# Everything is listened to with the gateway's login, which may read the whole branch.
+mosquitto_sub "${broker[@]}" -u "${gateway%%:*}" -P "${gateway#*:}" -q 1 -t "$base/#" -F '%t %p' \
+	> "$folder/heard" 2> "$folder/trouble" &
+listener=$!
+sleep "$wait_s"
+if ! kill -0 "$listener" 2> /dev/null; then
+	echo "the gateway's login cannot listen: $(cat "$folder/trouble")" >&2
+	exit 1
+fi
+
+said="$base/starter/acl-probe/state"
+expect arrives "$gateway" "$said" "the gateway says what a starter does"
+for one in "${operators[@]}"; do
+	me="${one%%:*}"
+	expect arrives "$one" "$base/command/acl-probe/$me/read" "$me commands under the own name"
+	expect is-refused "$one" "$said" "$me says what a starter does"
+	expect is-refused "$one" "$base/result/acl-probe/$me" "$me tells himself a result"
+	expect is-refused "$one" "$base/gateway/status" "$me speaks for the gateway"
+	expect is-refused "$one" "$base/audit" "$me writes into the books"
+	for other in "${operators[@]}"; do
+		if [ "$other" != "$one" ]; then
+			expect is-refused "$one" "$base/command/acl-probe/${other%%:*}/read" "$me commands as ${other%%:*}"
+		fi
+	done
+done
+for one in "${viewers[@]}"; do
+	me="${one%%:*}"
+	expect is-refused "$one" "$base/command/acl-probe/$me/read" "$me, who only looks on, commands"
+	expect is-refused "$one" "$base/command/acl-probe/${operators[0]%%:*}/read" "$me commands as ${operators[0]%%:*}"
+	expect is-refused "$one" "$said" "$me says what a starter does"
+done
+expect is-refused "$gateway" "$base/command/acl-probe/${operators[0]%%:*}/read" "the gateway gives itself a command"
+expect arrives "$gateway" "$said" "the gateway is still heard at the end"
+sleep "$wait_s"
+
+for probe in "${probes[@]}"; do
+	IFS='|' read -r wanted payload what <<< "$probe"
+	verdict=is-refused
+	if heard " $payload"; then verdict=arrives; fi
+	if [ "$verdict" = "$wanted" ]; then
+		echo "ok    $what: ${wanted/-/ }"
+	else
+		echo "WRONG $what: ${verdict/-/ }, but ${wanted/-/ } is right"
+		failed=$((failed + 1))
+	fi
+done
+echo "${#probes[@]} probes, $failed wrong"
+[ "$failed" -eq 0 ]
