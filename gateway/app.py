@@ -29,6 +29,7 @@ from gateway.mqtt.payload import GatewayInfo, Operator, Payloads
 from gateway.mqtt.publisher import Publisher
 from gateway.mqtt.settings import BrokerSettings, TlsSettings
 from gateway.mqtt.topics import Topics
+from gateway.repetition import Repetition
 from gateway.starters.commander import Commander
 from gateway.starters.companions import Companions
 from gateway.starters.memory import FileMemory, NoMemory
@@ -259,11 +260,13 @@ class App:
 
 async def _supervise(name: str, work: Callable[[], Awaitable[None]]) -> None:
     """Run one of the app's loops for ever; what fails here touches neither the lines nor the other loops."""
+    repetition = Repetition()
     while True:
         try:
             await work()
-        except Exception:
-            log.exception("task=%s failed and is started again", name)
+        except Exception as error:
+            if repetition.is_news(error):
+                log.exception("task=%s failed and is started again, as often as it takes", name)
         else:
             return
         await asyncio.sleep(RESTART_PAUSE_S)

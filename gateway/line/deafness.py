@@ -31,7 +31,7 @@ class Deafness:
         self._since_s = None
 
     def is_time_to_ask(self, now_s: float) -> bool:
-        """Return whether all should be asked now, so that a line that works again is seen to do so at once."""
+        """Return whether all should be asked now: a line that works again is to be found at once."""
         if self._is_back:
             self._is_back = False
             return True

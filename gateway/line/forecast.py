@@ -62,8 +62,6 @@ def forecast(polls: Sequence[Poll], timing: LineTiming, *, allowance_s: float = 
     longest = max((_silent_s(poll, timing, allowance_s=allowance_s) for poll in polls), default=0.0)
     worst_s, dogs = _worst(polls, asked)
     watchdog_load, kept_s = _kept({unit: (asked[at].cost_s, s) for unit, (at, s) in dogs.items()}, longest)
-    for unit, (at, _) in dogs.items():
-        worst_s[at] = min(worst_s[at], kept_s[unit])
     freshest_s = _freshest_s(polls, worst_s)
     gaps_s = {unit: min(freshest_s[unit], kept_s.get(unit, inf)) for unit in _dogs(polls)}
     return Forecast(
@@ -99,7 +97,12 @@ def _periods_s(polls: Sequence[Poll], costs_s: Sequence[float]) -> list[float]:
         for at, poll in enumerate(polls):
             period_s = poll.every_s * factor if poll.every_s else free_s / left
             periods_s[at] = kept_s.get(at, period_s)
-        more = {at: s for at, s in _dogs(polls).values() if at not in kept_s and s < periods_s[at]}
+        fastest_s = _freshest_s(polls, periods_s)
+        more = {
+            at: s
+            for unit, (at, s) in _dogs(polls).items()
+            if at not in kept_s and s < fastest_s[unit]  # any of its polls keeps a watchdog
+        }
         if not more:
             return periods_s
         kept_s |= more
@@ -117,7 +120,7 @@ def _dogs(polls: Sequence[Poll]) -> dict[int, tuple[int, float]]:
 
 
 def _freshest_s(polls: Sequence[Poll], worst_s: Sequence[float]) -> dict[int, float]:
-    """Return by unit the age of what is read most often."""
+    """Return by unit the age, or the period, of what is read most often."""
     found_s: dict[int, float] = {}
     for poll, age_s in zip(polls, worst_s, strict=True):
         found_s[poll.unit] = min(age_s, found_s.get(poll.unit, inf))

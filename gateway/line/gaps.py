@@ -15,7 +15,7 @@ from gateway.line.budget import ALLOWANCE_S, longest_s, request_wire_s
 from gateway.line.job import Poll
 from gateway.modbus.timing import LineTiming
 
-# From the start of the process to the first request. Measured on a 2-core x86-64: 0.6 s, of which 0.35 s are
+# From the start of the process to the first request. Measured on a busy 2-core x86-64: 0.4 to 0.7 s, mostly
 # imports (docs/reliability.md); the rest is for slower machines, on which it has not been measured.
 START_UP_S = 2.0
 

@@ -25,6 +25,7 @@ from gateway.line.scheduler import Scheduler
 from gateway.line.voice import OnFrame
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
+from gateway.repetition import Repetition
 
 RESTART_PAUSE_S = 1.0  # after a bug has ended a line's loop
 FIGURES_EVERY_S = 1.0
@@ -154,12 +155,14 @@ class LineHost:
 
     async def _supervise(self, scheduler: Scheduler) -> None:
         """Run one line; whatever ends it is a bug that the other lines must not feel."""
+        repetition = Repetition()
         while True:
             try:
                 await scheduler.run()
-            except Exception:  # the one guard at this task's top
+            except Exception as error:  # the one guard at this task's top
                 self._crashes[scheduler.name] += 1
-                logger.exception("line=%s crashed, starts again", scheduler.name)
+                if repetition.is_news(error):
+                    logger.exception("line=%s crashed, starts again", scheduler.name)
             await asyncio.sleep(RESTART_PAUSE_S)
 
     async def _keep_figures(self) -> None:

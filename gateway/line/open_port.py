@@ -9,6 +9,7 @@ from __future__ import annotations
 import abc
 import asyncio
 import contextlib
+import fcntl
 import os
 import termios
 from math import inf
@@ -134,6 +135,7 @@ class OpenPort(asyncio.Protocol, abc.ABC):
         """Wait until then, or for so many bytes; return whether it was the time that ended it."""
         self._wanted = count
         self._waiter = self._loop.create_future()
+        self._await_rest()
         timer = self._loop.call_at(until_s, self._wake)
         try:
             await self._waiter
@@ -142,6 +144,9 @@ class OpenPort(asyncio.Protocol, abc.ABC):
             self._waiter = None
             self._wanted = 1
         return len(self._received) < count and self._lost is None
+
+    def _await_rest(self) -> None:
+        """Prepare for bytes that are awaited from now on, some of which may be under way."""
 
     def _wake(self) -> None:
         if self._waiter is not None and not self._waiter.done():
@@ -188,6 +193,8 @@ class TtyPort(OpenPort):
         self._look_away()
         with contextlib.suppress(OSError, termios.error):
             self._device.reset_output_buffer()
+            # A pseudo terminal that others hold open would refuse us the next time else.
+            fcntl.ioctl(self._device.fileno(), termios.TIOCNXCL)
         super().close()
 
     def connection_lost(self, exc: Exception | None) -> None:
@@ -207,11 +214,20 @@ class TtyPort(OpenPort):
 
     def _on_readable(self) -> None:
         self._fetch()
-        lacking = self._wanted - len(self._received)
-        if lacking <= 0 or self._lost is not None:
+        if len(self._received) >= self._wanted or self._lost is not None:
             self._wake()
-        elif lacking >= DOZE_FROM and self._waiter is not None:
-            self._doze(lacking)
+        elif self._waiter is not None:
+            self._await_rest()
+
+    def _await_rest(self) -> None:
+        """Sleep until all but the last of the bytes can be there that lack: each of them would wake us."""
+        lacking = self._wanted - len(self._received)
+        if lacking < DOZE_FROM:
+            return
+        awake_s = self._last_byte_s + (lacking - 1) * self._character_s - _AWAKE_S
+        if awake_s > self._time():
+            self._look_away()
+            self._look_timer = self._loop.call_at(awake_s, self._look)
 
     def _fetch(self) -> None:
         if self._lost is not None or self._transport is None:
@@ -233,12 +249,6 @@ class TtyPort(OpenPort):
         self._lost = reason
         self._look_away()
         cast(asyncio.Transport, self._transport).abort()
-
-    def _doze(self, lacking: int) -> None:
-        """Sleep until all but the last of these bytes can be there: each of them would wake us."""
-        self._look_away()
-        awake_s = self._time() + (lacking - 1) * self._character_s - _AWAKE_S
-        self._look_timer = self._loop.call_at(awake_s, self._look)
 
     def _look(self) -> None:
         """Look at the tty again, and go on watching."""

@@ -35,7 +35,7 @@ class Polled:
 
     def begin(self, now_s: float) -> None:
         """Begin on an opened port: overdue polls are due now, once, each unit's first before the others."""
-        self.rota.budget.begin(now_s)
+        self.rota.begin(now_s)
         self.stretch.recount(self._entries.values())
         for unit in self._units.values():
             unit.told = None
@@ -127,7 +127,7 @@ class Polled:
         if for_watchdog is not entry.is_watchdogs:
             entry.is_watchdogs = for_watchdog
             self._count(entry)
-        self.rota.take(entry)
+        self.rota.take(entry, now_s)
         entry.was_hastened, entry.was_first = entry.is_hastened, entry.is_first
         entry.is_hastened = entry.is_first = False
 

@@ -19,12 +19,14 @@ class Quarantine:
         self._line_unit: int | None = None
         self._line_until_s = -inf
         self._unit_until_s: dict[int, float] = {}
+        self._latest_until_s = -inf
 
     def begin(self, unit: int, *, line_until_s: float, unit_until_s: float) -> None:
         """Expect a late reply of this unit: nobody is asked until the one time, the unit until the other."""
         self._line_unit = unit
         self._line_until_s = line_until_s
         self._unit_until_s[unit] = unit_until_s
+        self._latest_until_s = max(self._latest_until_s, unit_until_s)
 
     def hold(self, unit: int, until_s: float) -> None:
         """Expect one more reply of this unit until then, though it has answered; others may be asked."""
@@ -35,9 +37,9 @@ class Quarantine:
         """Return whether a reply of this unit is still expected, or was and never came."""
         return unit in self._unit_until_s
 
-    def owes_another(self, unit: int, now_s: float) -> bool:
-        """Return whether a late reply may still come of any unit but this."""
-        return any(other != unit and until_s > now_s for other, until_s in self._unit_until_s.items())
+    def is_anyone_late(self, now_s: float) -> bool:
+        """Return whether a late reply, or the copy of one, may still come of anyone."""
+        return now_s < self._latest_until_s
 
     def end(self, unit: int) -> None:
         """Expect nothing of this unit any more: it has answered."""

@@ -6,11 +6,9 @@ from collections.abc import Iterator
 from math import inf
 
 from gateway.line.agenda import NOWHERE, Agenda
-from gateway.line.roster import Entry
+from gateway.line.roster import GUESSED_COST_S, Entry
 from gateway.line.silence import SilenceBudget
-from gateway.line.stretch import Stretch
-
-TIMED_IN_ROW = 9  # polls with a period that one without lets pass
+from gateway.line.stretch import FREE_ROOM, Stretch
 
 
 class Rota:
@@ -28,7 +26,12 @@ class Rota:
         self._free: Agenda[Entry] = Agenda(places)
         self._suspect: Agenda[Entry] = Agenda(places)
         self._silent: Agenda[Entry] = Agenda(places)
-        self._timed_in_row = 0
+        self._free_from_s = inf  # polls without a period go before the others then, for their share
+
+    def begin(self, now_s: float) -> None:
+        """Begin on an opened port."""
+        self.budget.begin(now_s)
+        self._free_from_s = now_s + GUESSED_COST_S / FREE_ROOM
 
     def put(self, entry: Entry) -> None:
         """Let a poll wait from its release on; it leaves the place where it waited before."""
@@ -47,9 +50,10 @@ class Rota:
         """Let a poll wait no longer."""
         entry.place = NOWHERE
 
-    def take(self, entry: Entry) -> None:
+    def take(self, entry: Entry, now_s: float) -> None:
         """Take out the poll that is asked now."""
-        self._timed_in_row = 0 if entry.deadline_s == inf else self._timed_in_row + 1
+        if entry.deadline_s == inf:
+            self._free_from_s = now_s + entry.cost_s / FREE_ROOM
         entry.is_out, entry.place = True, NOWHERE
 
     def first(self, now_s: float) -> Entry | None:
@@ -70,7 +74,7 @@ class Rota:
 
     def _of_answering(self, now_s: float) -> Entry | None:
         timed = self._timed.first(now_s)
-        if timed is not None and self._timed_in_row < TIMED_IN_ROW:
+        if timed is not None and now_s < self._free_from_s:
             return timed
         free = self._free.first(now_s)
         if free is not None:

@@ -125,11 +125,11 @@ class Scheduler:
         figures = self._figures.to_dict(polls, worst_stop_latency_s=latency_s, now_s=self._time())
         for unit, counts in figures["units"].items():
             counts["state"] = self._plan.state_of(unit).value
-        is_open = self._serving is not None
+        state = {"is_open": self._serving is not None, "stretch": round(self._plan.stretch, 3)}
         stray_bytes = self._earlier_stray_bytes + (self._serving.line.stray_bytes if self._serving else 0)
         errors = self._opener.uart_errors() if isinstance(self._opener, CountsErrors) else None
         uart = {} if errors is None else {"uart_errors": errors}
-        return {"is_open": is_open, "progress": self.progress, "stray_bytes": stray_bytes, **uart, **figures}
+        return {**state, "progress": self.progress, "stray_bytes": stray_bytes, **uart, **figures}
 
     async def _live(self) -> None:
         """Open the port, serve, and reopen when it is lost, ever less often while that is no use."""

@@ -9,7 +9,7 @@ from typing import assert_never
 
 from gateway.errors import BadReplyError
 from gateway.line.budget import ALLOWANCE_S
-from gateway.line.hearing import SHORTEST_REPLY, Hearing, judge
+from gateway.line.hearing import Hearing, judge
 from gateway.line.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.pace import Pace
 from gateway.line.port import Port
@@ -25,6 +25,7 @@ from gateway.modbus.timing import BROADCAST_TURNAROUND_S, LineTiming
 BABBLE_LIMIT_S = 1.0  # a line that is busy for longer without our asking is not waited for
 LATE_FACTOR = 3.0  # a reply may come so many times later than it is waited for
 
+_HEAD = 2  # unit and function
 _KEPT_STRAY = 256  # bytes; the longest frame
 _FIRST_CHUNK_SIZE = 64  # bytes of a reply of unknown length that an adapter may hold back at first
 
@@ -174,11 +175,9 @@ class Transactor:
 
     async def _expect(self, prepared: Prepared, size: int, until_s: float) -> bytes:
         """Return what is heard as soon as it has the size of the normal reply, or cannot become one."""
-        heard = await self._port.read(until_s=until_s, count=SHORTEST_REPLY)
+        heard = await self._port.read(until_s=until_s, count=_HEAD)
         self._began_s = self._port.last_byte_s - len(heard) * self._character_s
-        while SHORTEST_REPLY <= len(heard) < size and not prepared.adu.startswith(heard):
-            if heard[1] != prepared.adu[1]:
-                break
+        while _HEAD <= len(heard) < size and heard[:_HEAD] == prepared.adu[:_HEAD]:
             more = await self._port.read(until_s=until_s, count=size - len(heard))
             if not more:
                 break
@@ -240,6 +239,8 @@ class Transactor:
         hearing.feed(heard)
         if not heard or hearing.may_be_echo():
             self._began_s = inf
+        elif hearing.has_echo:
+            self._began_s = self._port.last_byte_s - len(hearing.reply()) * self._character_s
         until_s = first_by_s
         while self._time() < until_s and hearing.whole_reply() is None:
             chunk = await self._port.read(until_s=until_s, count=hearing.lacking())
@@ -264,17 +265,16 @@ class Transactor:
         match outcome:
             case Answered() | Refused():  # of a unit whose requests are answered twice
                 self._quarantine.hold(unit, unit_until_s)
-            case Garbled(received=frame) if self._is_own_reply(unit, frame):
+            case Garbled(received=frame) if self._is_own_reply(frame):
                 self._quarantine.begin(unit, line_until_s=deadline_s, unit_until_s=deadline_s)
             case Silent() | Garbled():
                 self._quarantine.begin(unit, line_until_s=line_until_s, unit_until_s=unit_until_s)
             case _:
                 assert_never(outcome)
 
-    def _is_own_reply(self, unit: int, garbled: bytes) -> bool:
-        """Return whether this can only be the unit's own reply, spoilt: no frame, and nobody else is late."""
-        heard_s = self._own_end_s  # a late frame that has ended since may be in it
-        return not (self._quarantine.heard(garbled) or self._quarantine.owes_another(unit, heard_s))
+    def _is_own_reply(self, garbled: bytes) -> bool:
+        """Return whether this can only be the reply itself, spoilt: no frame, and nobody is late."""
+        return not (self._quarantine.heard(garbled) or self._quarantine.is_anyone_late(self._own_end_s))
 
     def _is_too_soon(self, unit: int, frame: bytes) -> bool:
         """Return whether a right reply answers an earlier request: it began before this one was over."""

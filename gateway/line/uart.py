@@ -1,4 +1,4 @@
-"""What the UART itself has counted: errors that tell a bad line from a mute starter. Not every driver does."""
+"""What the UART itself has counted: it tells a bad line from a mute starter. Not every driver counts."""
 
 from __future__ import annotations
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import fcntl
 import os
+import termios
 import tty
 from contextlib import suppress
 from pathlib import Path
@@ -55,6 +57,8 @@ class PtyLine:
         self._close()
 
     def _read(self) -> None:
+        with suppress(OSError):  # whoever opened it exclusively may be killed, and wants it back then
+            fcntl.ioctl(self._theirs, termios.TIOCNXCL)
         with suppress(BlockingIOError):
             self.line.send(os.read(self._ours, _READ_SIZE))
 

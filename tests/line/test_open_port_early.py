@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import fcntl
 import os
+import struct
 import tty
 
 from gateway.line.serial_port import SerialOpener
 from gateway.modbus.timing import Framing
+
+TIOCGEXCL = 0x80045440  # [linux/asm-generic/ioctls.h]
 
 
 async def test_a_read_right_after_opening_finds_nothing_and_loses_nothing() -> None:
@@ -28,3 +32,22 @@ async def test_a_read_right_after_opening_finds_nothing_and_loses_nothing() -> N
     finally:
         os.close(ours)
         os.close(theirs)
+
+
+async def test_a_closed_port_is_no_longer_exclusive_though_others_hold_it_open() -> None:
+    ours, theirs = os.openpty()
+    tty.setraw(theirs)
+    try:
+        port = await SerialOpener(os.ttyname(theirs), 19200, Framing.parse("8N1"))()
+        before = is_exclusive(theirs)
+        port.close()
+        port.close()
+
+        assert (before, is_exclusive(theirs)) == (True, False)
+    finally:
+        os.close(ours)
+        os.close(theirs)
+
+
+def is_exclusive(fd: int) -> bool:
+    return struct.unpack("i", fcntl.ioctl(fd, TIOCGEXCL, bytes(4))) != (0,)

@@ -12,7 +12,7 @@ from gateway.line.health import UnitState
 from gateway.line.job import Job, Lane, Poll
 from gateway.line.outcome import Answered, Garbled, Outcome, Silent
 from gateway.line.plan import JOBS_IN_ROW, Plan, Turn, Verdict
-from gateway.line.rota import TIMED_IN_ROW
+from gateway.line.stretch import FREE_ROOM
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteRegister
@@ -652,7 +652,7 @@ def test_no_poll_starves(periods_s: list[float], jobs: list[tuple[int, Lane]]) -
             longest_s[key] = max(longest_s[key], now_s - last_s[key])
             last_s[key] = now_s
 
-    round_s = 0.03 * len(periods_s) * (JOBS_IN_ROW + 1) * (TIMED_IN_ROW + 1)
+    round_s = 0.03 * len(periods_s) * (JOBS_IN_ROW + 1) / FREE_ROOM + 0.03 * len(jobs)
     for key, gap_s in longest_s.items():
         every_s = periods_s[int(key)]
         bound_s = 2 * every_s * most_stretched + 0.03 * len(jobs) if every_s else round_s
