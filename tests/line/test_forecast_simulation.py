@@ -92,7 +92,7 @@ def test_no_value_gets_older_than_foretold() -> None:
 
 
 def test_most_values_get_nearly_as_old_as_foretold() -> None:
-    """Not all: on a line that is nearly full, what is asked for seldom hardly ever meets the longest jam."""
+    """Not all: the bound lets everything fall due at the worst moment, which some sites hardly ever show."""
     ratios = sorted(seen.computed_s / seen.seen_s for seen in all_seen())
 
     assert ratios[len(ratios) * 17 // 20] <= 1.25
