@@ -13,7 +13,7 @@ from gateway.capture_socket import capture_of
 from gateway.clock import Clock, ClockWatch, SystemClock
 from gateway.config.prospects import computed_of, prospects_of
 from gateway.config.schema import Config
-from gateway.config.setups import policy_of, rights_of, setups_of, timing_of, tls_files_of
+from gateway.config.setups import least_watchdog_s, policy_of, rights_of, setups_of, timing_of, tls_files_of
 from gateway.durable.keeper import Keeper
 from gateway.line.client import LineClient
 from gateway.line.deafness import DEAF
@@ -121,7 +121,7 @@ class App:
             notifier=notifier,
             watchdog_every_s=watchdog_every_s,
             lines_lag=self._host.lag,
-            shortest_watchdog_s=_shortest_watchdog_s(config),
+            shortest_watchdog_s=least_watchdog_s(config),
             tell=self.tell,
             computed={line.table.name: computed_of(line) for line in prospects_of(config)},
         )
@@ -270,12 +270,6 @@ async def _supervise(name: str, work: Callable[[], Awaitable[None]]) -> None:
         else:
             return
         await asyncio.sleep(RESTART_PAUSE_S)
-
-
-def _shortest_watchdog_s(config: Config) -> float | None:
-    """Return the shortest watchdog that is stated of an enabled starter; None when none is."""
-    starters = (each for line in config.lines for each in line.starters if each.enabled)
-    return min((each.watchdog_s for each in starters if each.watchdog_s), default=None)
 
 
 def _info(config: Config) -> GatewayInfo:

@@ -42,6 +42,12 @@ def policy_of(config: Config) -> Policy:
     )
 
 
+def least_watchdog_s(config: Config) -> float | None:
+    """Return the shortest watchdog that is stated of an enabled starter; None when none is."""
+    starters = (each for line in config.lines for each in line.starters if each.enabled)
+    return min((each.watchdog_s for each in starters if each.watchdog_s), default=None)
+
+
 def tls_files_of(config: Config, folder: Path) -> tuple[str | None, str | None, str | None]:
     """Return the paths of `ca_file`, `cert_file` and `key_file`; `folder` is the configuration's."""
     mqtt = config.mqtt
