@@ -29,6 +29,7 @@ from gateway.repetition import Repetition
 
 RESTART_PAUSE_S = 1.0  # after a bug has ended a line's loop
 FIGURES_EVERY_S = 1.0
+SOON_S = 0.04  # for answers to polls on their way to the app's loop
 SWITCH_INTERVAL_S = 0.0005  # Python's 5 ms are two silences: too long to wait for the app's thread
 
 logger = logging.getLogger(__name__)
@@ -132,7 +133,7 @@ class LineHost:
         self._courier.post(call)
 
     def _carry_frame(self, on_frame: OnFrame, line: str, at_s: float, direction: str, frame: bytes) -> None:
-        self._courier.post(lambda: on_frame(line, at_s, direction, frame))
+        self._courier.post_soon(lambda: on_frame(line, at_s, direction, frame))
 
     def _run_thread(self, started: threading.Event) -> None:
         sys.setswitchinterval(SWITCH_INTERVAL_S)
@@ -152,6 +153,7 @@ class LineHost:
         for task in tasks:
             task.cancel()
         await asyncio.wait(tasks)
+        self._courier.flush()
 
     async def _supervise(self, scheduler: Scheduler) -> None:
         """Run one line; whatever ends it is a bug that the other lines must not feel."""
@@ -203,17 +205,31 @@ class _HostedLineClient(LocalLineClient):
 
 
 class _Courier:
-    """Carries calls to the app's loop, in order, many at a time."""
+    """Carries calls from the lines' loop to the app's, in order, many at a time."""
 
     def __init__(self) -> None:
         self.loop: asyncio.AbstractEventLoop | None = None
         self._calls: deque[Callable[[], object]] = deque()
         self._is_posted = False
+        self._timer: asyncio.TimerHandle | None = None
 
     def post(self, call: Callable[[], object]) -> None:
-        """Have a call done; from any one thread at a time."""
+        """Have a call done now, after those that wait."""
         self._calls.append(call)
-        if not self._is_posted and self.loop is not None:
+        self.flush()
+
+    def post_soon(self, call: Callable[[], object]) -> None:
+        """Have a call done within a moment: to wake the app's loop for each would cost more than the call."""
+        self._calls.append(call)
+        if self._timer is None:
+            self._timer = asyncio.get_running_loop().call_later(SOON_S, self.flush)
+
+    def flush(self) -> None:
+        """Have done now what waits."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        if self._calls and not self._is_posted and self.loop is not None:
             self._is_posted = True
             with contextlib.suppress(RuntimeError):  # the app's loop is closed: nobody is left to tell
                 self.loop.call_soon_threadsafe(self._deliver)
@@ -236,7 +252,7 @@ class _CarriedListener:
         self._courier = courier
 
     def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
-        self._courier.post(lambda: self._listener.on_poll(line, key, unit, outcome))
+        self._courier.post_soon(lambda: self._listener.on_poll(line, key, unit, outcome))
 
     def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:  # noqa: FBT001 - as in LineListener
         self._courier.post(lambda: self._listener.on_unit(line, unit, is_answering, reason, frames))
