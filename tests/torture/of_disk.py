@@ -63,6 +63,7 @@ async def read_only(w: World, seconds: int) -> None:
 
 async def damaged(w: World, count: int) -> None:
     """Kill the gateway, damage its files in some way, and let it start."""
+    held = 0
     for _ in range(count):
         w.begin_start("fan")
         w.gateway.signal(signal.SIGKILL)
@@ -74,9 +75,9 @@ async def damaged(w: World, count: int) -> None:
         ready_s = time.monotonic()
         await w.right(since_s=ready_s - 0.5)
         await w.stop("fan")
-        await _usable_again(w)
+        held += await _is_held(w)
     w.recorder.results.clear()  # a ledger that was thrown back may tell an outcome once more
-    w.figures["files"] = len(list(w.state_dir.rglob("*")))
+    w.figures |= {"ledger lost": held, "files": len(list(w.state_dir.rglob("*")))}
 
 
 def damage(path: Path, dice: random.Random) -> None:
@@ -110,6 +111,16 @@ async def _without_a_disk(w: World, seconds: int) -> None:
     w.figures["start refused"] = result["code"]
     await w.right_still()
     await w.check_line_kept_time("the line waited for the disk")
+
+
+async def _is_held(w: World) -> bool:
+    """Check that commands are carried out, unless the ledger is lost: then they are held for a minute."""
+    w.ids += 1
+    w.recorder.command("belt", "read", f"read-{w.ids}", parameter="R41")
+    result = await w.recorder.final(f"read-{w.ids}")
+    is_held = result["code"] == "ledger_unavailable" and "it was lost" in result["text"]
+    w.check(is_held or result["phase"] == "confirmed", f"a command was refused: {result}")
+    return is_held
 
 
 async def _usable_again(w: World) -> None:
