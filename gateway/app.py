@@ -1,130 +1,89 @@
-"""The composition root: builds the gateway from its configuration and runs it; decides nothing itself."""
+"""The composition root: builds the gateway from its site, runs it, has it changed; decides nothing itself."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
 import secrets
-from collections.abc import Awaitable, Callable
-from pathlib import Path
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from typing import Any
 
 from gateway import __version__
 from gateway.capture_socket import capture_of
 from gateway.clock import Clock, ClockWatch, SystemClock
-from gateway.config.prospects import computed_of, prospects_of
-from gateway.config.schema import Config
-from gateway.config.setups import least_watchdog_s, policy_of, rights_of, setups_of, timing_of, tls_files_of
+from gateway.config.changes import Changes, changes_of, fixed
+from gateway.config.setups import least_watchdog_s, policy_of, rights_of
 from gateway.durable.keeper import Keeper
-from gateway.line.client import LineClient
-from gateway.line.deafness import DEAF
-from gateway.line.gaps import start_order
+from gateway.errors import ConfigError
 from gateway.line.host import LineHost
-from gateway.line.outcome import Outcome
-from gateway.line.serial_port import SerialOpener
 from gateway.mqtt.boot import Boot
-from gateway.mqtt.broker import BrokerConnection
-from gateway.mqtt.intake import MAX_AHEAD_S, MAX_TTL_S, Incoming, Intake, Rejection
-from gateway.mqtt.outbox import Outbox
-from gateway.mqtt.payload import GatewayInfo, Operator, Payloads
-from gateway.mqtt.publisher import Publisher
-from gateway.mqtt.settings import BrokerSettings, TlsSettings
-from gateway.mqtt.topics import Topics
+from gateway.mqtt.intake import MAX_AHEAD_S, MAX_TTL_S
+from gateway.plant import Plant
+from gateway.reception import Reception
 from gateway.repetition import Repetition
+from gateway.site import Site
 from gateway.starters.commander import Commander
 from gateway.starters.companions import Companions
-from gateway.starters.memory import FileMemory, NoMemory
-from gateway.starters.polling import polls_of
+from gateway.starters.identities import IDENTITIES_FILE
+from gateway.starters.memory import FileMemory, SwitchedMemory
 from gateway.starters.precautions import Precautions
 from gateway.starters.records import EventRecord, Severity
-from gateway.starters.sequence import Sequence
-from gateway.starters.telemetry import StarterTelemetry
+from gateway.starters.sequence import Sequence as Numbers
+from gateway.starters.wear import WEAR_FILE
 from gateway.systemd import Notifier
+from gateway.uplink import Uplink
 from gateway.vitals import Vitals
 
 log = logging.getLogger(__name__)
 
 RESTART_PAUSE_S = 1.0
-FAREWELL_S = 3.0
-MEMORY_FILE, IDENTITIES_FILE = "precautions.json", "identities.json"  # in state_dir
+SETTLE_S = 15.0  # for commands to starters that a change takes away; a stop lasts 10 s at most
+MEMORY_FILE = "precautions.json"  # in state_dir
 
 
 class App:
-    """One gateway, from start to end; make a new one for another configuration."""
+    """One gateway, from start to end; implements `PlantListener`. All calls on the app's loop."""
 
     def __init__(
         self,
-        config: Config,
+        site: Site,
         *,
-        folder: Path,
-        password: str | None,
         notifier: Notifier,
         watchdog_every_s: float | None = None,
         clock: Clock | None = None,
     ) -> None:
+        self._site = site
         self._clock = clock or SystemClock()
-        self._clock_watch = ClockWatch(config.gateway.clock)
-        self._sequence = Sequence()
-        boot = secrets.token_hex(8)
-        topics = Topics(config.base)
-        self._boot = Boot(boot)
-        payloads = Payloads(topics, self._boot)
-        outbox = Outbox(last_topic=topics.gateway_status, pack=payloads.history)
-        self._publisher = Publisher(payloads, outbox, self._clock)
-        self._publisher.set_info(_info(config))
-        self._intake = Intake(topics, self._boot)
-        self._broker = BrokerConnection(
-            _broker_settings(config, folder=folder, password=password),
-            outbox,
-            command_filter=topics.command_filter,
-            will=self._publisher.will,
-            on_incoming=self._take,
+        self._clock_watch = ClockWatch(site.config.gateway.clock)
+        self._sequence = Numbers()
+        self._boot = Boot(secrets.token_hex(8))
+        self._uplink = Uplink(
+            site,
+            self._boot,
+            clock=self._clock,
+            on_incoming=lambda incoming: self._reception.take(incoming),
             on_link=self._note_link,
-        )
-        self._publisher.wake_with(self._broker.wake)
-        self._host = LineHost(self)
-        self._lines: list[LineClient] = []
-        self._starters: dict[str, StarterTelemetry] = {}
-        self._by_unit: dict[tuple[str, int], StarterTelemetry] = {}
-        self._companions = Companions(self._publisher)
-        self._precautions = self._build_precautions(config, folder / config.gateway.state_dir)
-        self._build_lines(config)
-        self._keeper = Keeper(
-            folder / config.gateway.state_dir,
-            boot=boot,
-            clock=self._clock,
-            hold_s=MAX_TTL_S + MAX_AHEAD_S,
-            is_read_only=not config.operators,
             tell=self.tell,
-            on_recalled=lambda commands: self._commander.recall(commands),
         )
-        self._commander = Commander(
-            self._starters,
-            rights=rights_of(config),
-            sink=self._keeper.sink(self._companions),
+        self._memories = _memories_of(site)
+        self._precautions = self._build_precautions()
+        self._companions = Companions(self._uplink.publisher)
+        self._plant = Plant(
+            self,
+            precautions=self._precautions,
+            companions=self._companions,
             clock=self._clock,
             sequence=self._sequence,
-            journal=self._keeper.journal,
-            precautions=self._precautions,
         )
-        self._companions.add_fast_lanes(
-            precautions=self._precautions,
-            sink=self._keeper.sink(self._companions),
-            clock=self._clock,
-            sequence=self._sequence,
-            may_write=bool(config.operators),
-        )
-        self._capture = capture_of(config, folder, self._host.capture, self._clock)
-        self._vitals = Vitals(
-            self._lines,
-            progress=self._host.progress,
-            publisher=self._publisher,
-            notifier=notifier,
-            watchdog_every_s=watchdog_every_s,
-            lines_lag=self._host.lag,
-            shortest_watchdog_s=least_watchdog_s(config),
-            tell=self.tell,
-            computed={line.table.name: computed_of(line) for line in prospects_of(config)},
-        )
+        self._host = LineHost(self._plant)
+        self._plant.build(self._host, site.config.lines)
+        self._keeper = self._build_keeper()
+        self._uplink.outbox.on_told = self._keeper.journal.told
+        self._commander = self._build_commander()
+        self._reception = self._build_reception()
+        self._capture = capture_of(site.config, site.folder, self._host.capture, self._clock)
+        self._vitals = self._build_vitals(notifier, watchdog_every_s)
+        self._is_up = asyncio.Event()
 
     async def run(self, ending: asyncio.Future[str]) -> None:
         """Serve until `ending` has a reason, then end in order: nothing is written to any starter."""
@@ -132,120 +91,166 @@ class App:
             asyncio.create_task(_supervise(name, work))
             for name, work in (
                 ("vitals", self._vitals.run),
-                ("publisher", self._publisher.run),
-                ("broker", self._broker.run),
+                ("publisher", self._uplink.publisher.run),
+                ("broker", self._uplink.run),
+                ("outbox", self._uplink.spooler.run),
+                ("history", self._uplink.spooler.pace),
+                ("reception", self._reception.run),
                 ("capture", self._capture.run),
             )
         ]
-        for starter in self._starters.values():
-            starter.start()
+        self._plant.start()
         await self._host.start()
         self._keeper.start(__version__)
+        self._uplink.start()
         self._companions.start()
+        self._is_up.set()
         try:
             reason = await ending
             log.info("ending: %s", reason)
             await self._commander.close()
             await self._host.stop()
-            for starter in self._starters.values():
-                await starter.close()
+            await self._plant.close()
             await self._companions.close()
             await self._precautions.identities.close()
-            await self._keeper.close(reason)
-            await self._broker.close(self._publisher.farewell(reason), within_s=FAREWELL_S)
+            await self._keeper.settle()
+            await self._uplink.close(reason)
+            await asyncio.gather(self._uplink.end(), self._keeper.close(reason))
         finally:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
 
-    def tell(self, code: str, severity: Severity, text: str, line: str = "", **more: object) -> None:
+    async def change(self, site: Site) -> int:
+        """Go over to another site and return how many starters that has ended or replaced.
+
+        What is the same in both goes on untouched; ConfigError for what needs a restart. All of it takes
+        effect at one instant, as soon as no starter that is taken away or replaced is under a command.
+        Nothing is written to any starter.
+        """
+        problems = fixed(self._site.config, site.config)
+        if problems:
+            raise ConfigError(str(site.folder), problems)
+        changes = changes_of(self._site.config, site.config)
+        await self._is_up.wait()
+        await self._commander.settle(changes.starters_gone, within_s=SETTLE_S)
+        ended = self._take_over(site, changes)
+        self.tell("reloaded", Severity.INFO, "the new configuration is in force", changes.to_dict())
+        await ended
+        await self._uplink.move(site)
+        return len(changes.starters_gone)
+
+    def tell(self, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None) -> None:
         """Publish an event of the gateway's own."""
-        data = {"line": line, **more} if line else {}
-        self._publisher.put(
-            EventRecord("", code, severity, text, self._clock.utc_s(), self._sequence.take(), data)
+        self._uplink.publisher.put(
+            EventRecord("", code, severity, text, self._clock.utc_s(), self._sequence.take(), data or {})
         )
 
-    # The lines' listener; called on the app's loop.
+    def forget(self, starters: Sequence[str]) -> None:
+        """Have the broker forget what it retains of starters."""
+        self._uplink.publisher.forget(*starters)
 
-    def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
-        """Hear what became of a poll."""
-        self._by_unit[line, unit].on_poll(key, outcome)
-
-    def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:  # noqa: FBT001 - LineListener's shape
-        """Hear that a unit began to answer or went silent."""
-        self._by_unit[line, unit].on_unit(is_answering=is_answering, reason=reason, frames=frames)
+    def note_change(self) -> None:
+        """Hear that a line's figures have changed in a way that people wait for."""
         self._vitals.note_change()
 
-    def on_trouble(self, line: str, code: str, unit: int, text: str, frames: tuple[str, ...]) -> None:
-        """Hear what is wrong on a line: two starters with one address, or one that talks unasked."""
-        self.tell(code, Severity.ERROR, f"line {line}: {text}", line, unit=unit, frames=list(frames))
+    def note_port(self, line: str, trouble: str) -> None:
+        """Hear that a line's port is open (empty) or away (why)."""
+        self._vitals.note_port(line, trouble)
 
-    def on_port(self, line: str, is_open: bool, reason: str) -> None:  # noqa: FBT001 - LineListener's shape
-        """Hear that a port was opened or is away: then none of its starters answers."""
-        if is_open:
-            self.tell("port_open", Severity.INFO, f"line {line}: the port is open", line)
-        else:
-            code = "port_deaf" if DEAF in reason else "port_away"
-            self.tell(code, Severity.ERROR, f"line {line}: {reason}", line)
-            for (name, _), starter in self._by_unit.items():
-                if name == line:
-                    starter.on_unit(is_answering=False, reason=reason)
-        self._vitals.note_port(line, "" if is_open else reason)
+    def _take_over(self, site: Site, changes: Changes) -> Awaitable[None]:
+        """Do everything that must happen at one instant; what is returned ends what was replaced."""
+        config, operators = site.config, bool(site.config.operators)
+        self._site = site
+        ended = self._plant.apply(changes)
+        for memory in self._memories:
+            memory.is_on = operators
+        self._precautions.take_over(policy_of(config), rights=rights_of(config))
+        self._commander.take_over(rights_of(config))
+        self._keeper.take_over(is_read_only=not operators)
+        if not operators:
+            self._companions.forbid_writing()
+        self._clock_watch.trust(config.gateway.clock)
+        self._capture.lines = tuple(self._plant.lines)
+        self._vitals.watch(
+            self._plant.lines.values(),
+            shortest_watchdog_s=least_watchdog_s(config),
+            computed=site.computed,
+        )
+        for line in changes.lines_forgotten:
+            self._uplink.publisher.forget_line(line)
+        self._uplink.tell_info(config)
+        return ended
 
-    def _build_precautions(self, config: Config, state_dir: Path) -> Precautions:
+    def _build_precautions(self) -> Precautions:
+        config = self._site.config
+        memory, identities_memory, wear_memory = self._memories
         return Precautions(
             policy_of(config),
             [starter.name for line in config.lines for starter in line.starters],
             rights=rights_of(config),
-            sink=self._publisher,
+            sink=self._uplink.publisher,
             clock=self._clock,
             sequence=self._sequence,
-            memory=FileMemory(state_dir / MEMORY_FILE) if config.operators else NoMemory(),
-            identities_memory=FileMemory(state_dir / IDENTITIES_FILE) if config.operators else NoMemory(),
+            memory=memory,
+            identities_memory=identities_memory,
+            wear_memory=wear_memory,
         )
 
-    def _build_lines(self, config: Config) -> None:
-        for line in config.lines:
-            setups = setups_of(line)
-            timing = timing_of(line)
-            watchdogs_s = {each.address: each.watchdog_s for each in line.starters if each.watchdog_s}
-            client = self._host.add_line(
-                name=line.name,
-                opener=SerialOpener(line.port, line.baud, timing.framing),
-                timing=timing,
-                polls=start_order((poll for setup in setups for poll in polls_of(setup)), watchdogs_s),
-                allowance_s=line.adapter_allowance_s,
-                seed=secrets.randbits(32),
-                deaf_after_s=line.deaf_after_s,
-            )
-            self._lines.append(client)
-            for setup in setups:
-                starter = StarterTelemetry(
-                    setup,
-                    line=client,
-                    sink=self._precautions.witness,
-                    clock=self._clock,
-                    sequence=self._sequence,
-                    identities=self._precautions.identities,
-                )
-                self._starters[setup.name] = self._by_unit[line.name, setup.address] = starter
-                self._companions.add(starter)
-
-    def _take(self, incoming: Incoming) -> None:
-        """Pass an operator's message on, or tell its sender why not."""
-        verdict = self._intake.judge(
-            incoming,
-            utc_s=self._clock.utc_s(),
-            received_s=self._clock.now_s(),
-            clock_is_synchronised=self._clock_watch.is_synchronised(),
+    def _build_keeper(self) -> Keeper:
+        return Keeper(
+            self._site.state_dir,
+            boot=self._boot.run,
+            clock=self._clock,
+            hold_s=MAX_TTL_S + MAX_AHEAD_S,
+            is_read_only=not self._site.config.operators,
+            tell=self.tell,
+            on_recalled=lambda commands: self._commander.recall(commands),
+            on_untold=self._uplink.tell_again,
         )
-        match verdict:
-            case Rejection():
-                self._commander.reject(verdict, verdict.code, verdict.text)
-            case None:
-                log.debug("topic=%s is no command", incoming.topic[:200])
-            case _:
-                self._commander.submit(verdict)
+
+    def _build_commander(self) -> Commander:
+        sink = self._keeper.sink(self._companions)
+        self._companions.add_fast_lanes(
+            precautions=self._precautions,
+            sink=sink,
+            clock=self._clock,
+            sequence=self._sequence,
+            may_write=bool(self._site.config.operators),
+        )
+        return Commander(
+            self._plant.starters,
+            rights=rights_of(self._site.config),
+            sink=sink,
+            clock=self._clock,
+            sequence=self._sequence,
+            journal=self._keeper.journal,
+            precautions=self._precautions,
+        )
+
+    def _build_reception(self) -> Reception:
+        return Reception(
+            self._uplink.topics,
+            self._boot,
+            commander=self._commander,
+            clock=self._clock,
+            clock_watch=self._clock_watch,
+            restate=self._uplink.publisher.restate,
+            tell=self.tell,
+        )
+
+    def _build_vitals(self, notifier: Notifier, watchdog_every_s: float | None) -> Vitals:
+        return Vitals(
+            self._plant.lines.values(),
+            progress=self._host.progress,
+            publisher=self._uplink.publisher,
+            notifier=notifier,
+            watchdog_every_s=watchdog_every_s,
+            lines_lag=self._host.lag,
+            shortest_watchdog_s=least_watchdog_s(self._site.config),
+            tell=self.tell,
+            computed=self._site.computed,
+        )
 
     def _note_link(self, is_connected: bool, trouble: str) -> None:  # noqa: FBT001 - the callback's shape
         if is_connected:
@@ -253,9 +258,15 @@ class App:
             self.tell("broker_connected", Severity.INFO, "connected to the broker")
         else:
             self._boot.disconnected()
-            self._publisher.restate()  # with the boot token of the next connection
+            self._uplink.publisher.restate()  # with the boot token of the next connection
             self.tell("broker_away", Severity.WARNING, trouble)
         self._vitals.note_link(trouble)
+
+
+def _memories_of(site: Site) -> list[SwitchedMemory]:
+    """Return what is kept in small files; without operators nothing is."""
+    files = (site.state_dir / name for name in (MEMORY_FILE, IDENTITIES_FILE, WEAR_FILE))
+    return [SwitchedMemory(FileMemory(file), is_on=bool(site.config.operators)) for file in files]
 
 
 async def _supervise(name: str, work: Callable[[], Awaitable[None]]) -> None:
@@ -270,27 +281,3 @@ async def _supervise(name: str, work: Callable[[], Awaitable[None]]) -> None:
         else:
             return
         await asyncio.sleep(RESTART_PAUSE_S)
-
-
-def _info(config: Config) -> GatewayInfo:
-    return GatewayInfo(
-        version=__version__,
-        starters=tuple(starter.name for line in config.lines for starter in line.starters),
-        lines=tuple(line.name for line in config.lines),
-        operators=tuple(Operator(each.client, each.may, each.starters) for each in config.operators),
-        groups=policy_of(config).groups,
-    )
-
-
-def _broker_settings(config: Config, *, folder: Path, password: str | None) -> BrokerSettings:
-    mqtt = config.mqtt
-    return BrokerSettings(
-        host=mqtt.host,
-        port=mqtt.port,
-        client_id=config.client_id,
-        username=mqtt.username,
-        password=password,
-        tls=TlsSettings(*tls_files_of(config, folder)) if mqtt.is_tls else None,
-        keepalive_s=mqtt.keepalive_s,
-        seed=secrets.randbits(32),
-    )

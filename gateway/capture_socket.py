@@ -47,7 +47,7 @@ class CaptureSocket:
         clock: Clock,
     ) -> None:
         self._path = path
-        self._greeting = {"capture": FORMAT, "lines": list(lines)}
+        self.lines = tuple(lines)  # as whoever connects is told
         self._capture = capture
         self._clock = clock
         self._readers: set[asyncio.StreamWriter] = set()
@@ -73,7 +73,7 @@ class CaptureSocket:
 
     async def _serve(self, received: asyncio.StreamReader, reader: asyncio.StreamWriter) -> None:
         """Serve one reader until it goes."""
-        _write(reader, self._greeting)
+        _write(reader, {"capture": FORMAT, "lines": self.lines})
         self._readers.add(reader)
         if len(self._readers) == 1:
             self._capture(self._take)

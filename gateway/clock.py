@@ -104,6 +104,10 @@ class ClockWatch:
         self._answer = False
         self._asked_s: float | None = None
 
+    def trust(self, trust: Trust) -> None:
+        """Go by another configuration from now on."""
+        self._trust = trust
+
     def is_synchronised(self) -> bool:
         """Return what the configuration says, else what the kernel said at most 10 s ago."""
         if self._trust != "auto":

@@ -54,6 +54,7 @@ class Database:
         self._tables = tables
         self._max_pages = max(max_bytes // PAGE_BYTES, 1)
         self._connection: Connection | None = None
+        self._is_flushing = True
         self._place: tuple[int, int] | None = None
 
     @property
@@ -84,13 +85,20 @@ class Database:
         self._connection = self._connect(is_lost=True)
         return f"{error}; put aside as {aside.name}, a new one is used"
 
-    def transact(self, works: Sequence[Callable[[Connection], Any]]) -> list[Any]:
-        """Do the work in one transaction, and return its answers when it is on the disk."""
+    def transact(self, works: Sequence[Callable[[Connection], Any]], *, is_flushed: bool = True) -> list[Any]:
+        """Do the work in one transaction, and return its answers when it is on the disk.
+
+        What is not flushed is in the kernel's hands: it outlives the process, but not a power cut, until the
+        next transaction that is.
+        """
         if self._connection is None:
             raise StoreError(f"{self.path} is not open")
         if not works:
             return []
         with _translated(self.path):
+            if is_flushed != self._is_flushing:
+                _ask(self._connection, f"PRAGMA synchronous = {'FULL' if is_flushed else 'NORMAL'}")
+                self._is_flushing = is_flushed
             self._connection.execute("BEGIN IMMEDIATE")
             try:
                 answers = [work(self._connection) for work in works]
@@ -144,6 +152,7 @@ class Database:
         if _ask(connection, "PRAGMA journal_mode = WAL") != "wal":
             raise StoreError(f"{self.path}: no write-ahead log is possible here")
         _ask(connection, "PRAGMA synchronous = FULL")
+        self._is_flushing = True
         _ask(connection, f"PRAGMA max_page_count = {self._max_pages}")
         _ask(connection, f"PRAGMA journal_size_limit = {2**20}")
         connection.execute("BEGIN IMMEDIATE")

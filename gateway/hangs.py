@@ -56,5 +56,6 @@ class HangWatch:
         self.dumps += 1
         if now_s - self._dumped_s >= QUIET_S:
             self._dumped_s = now_s
-            log.error("the gateway stood still for %.1f s; its stacks are above", stalled_s)
+            where = "its stacks are above, unless the machine stopped it"
+            log.error("the gateway stood still for %.1f s; %s", stalled_s, where)
         self._disarm()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 
-TICK_S = 0.1
+TICK_S = 0.25
 WINDOW_S = 60.0
 
 

@@ -31,6 +31,7 @@ RETRY_S = 5.0  # between attempts on a file that cannot be written
 HANG_S = 2.0  # a disk that is at one transaction for so long counts as away
 MOST_WAITING = 10_000
 MOST_AT_ONCE = 500  # pieces in one transaction
+MOST_ROOM_MADE = 4  # times, a tenth each, for one transaction
 
 
 class News(enum.StrEnum):
@@ -52,11 +53,12 @@ class Store:
         on_news: Callable[[News, str], None],
         max_bytes: int = MAX_BYTES,
         retry_s: float = RETRY_S,
+        name: str = "store",
     ) -> None:
         self._file = Database(path, tables, max_bytes)
         self._on_news = on_news
         self._queue: queue.SimpleQueue[_Piece | None] = queue.SimpleQueue()
-        self._thread = threading.Thread(target=self._run, name="store", daemon=True)
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._trouble = "it is not open yet"
         self._told: News | None = None
         self._pause_s = retry_s
@@ -82,9 +84,12 @@ class Store:
         """Begin; the file is opened in the thread."""
         self._thread.start()
 
-    def submit(self, work: Callable[[Connection], T]) -> Future[T]:
-        """Do some work in a transaction; the future is done when it is on the disk, or has a StoreError."""
-        piece = _Piece(work)
+    def submit(self, work: Callable[[Connection], T], *, is_flushed: bool = True) -> Future[T]:
+        """Do some work in a transaction; the future is done when it is on the disk, or has a StoreError.
+
+        What need not be flushed at once outlives the process, but perhaps not a power cut.
+        """
+        piece = _Piece(work, is_flushed)
         if self._is_closed or self._queue.qsize() >= MOST_WAITING:
             why = "the store is closed" if self._is_closed else "too much is waiting for the disk"
             piece.future.set_exception(StoreError(why))
@@ -132,7 +137,7 @@ class Store:
         """Do all pieces in one transaction; one by one when a bug of one of them is in the way."""
         try:
             self._open()
-            answers = self._attempt([piece.work for piece in batch])
+            answers = self._attempt(batch)
         except StoreError as error:
             self._go_away(str(error))
             for piece in batch:
@@ -165,15 +170,18 @@ class Store:
         self._trouble = ""
         self._tell(News.OPEN, f"{self._file.path} is open")
 
-    def _attempt(self, works: Sequence[Callable[[Connection], Any]]) -> list[Any]:
-        """Do the work; a second time when room could be made, or another file be taken."""
-        try:
-            return self._file.transact(works)
-        except FullError:
-            self._file.make_room()
-        except DamagedError as error:
-            self._tell(News.LOST, self._file.replace(error))
-        return self._file.transact(works)
+    def _attempt(self, batch: Sequence[_Piece]) -> list[Any]:
+        """Do the work; once more after room was made, which may take a few times, or another file taken."""
+        works = [piece.work for piece in batch]
+        is_flushed = any(piece.is_flushed for piece in batch)
+        for _ in range(MOST_ROOM_MADE):
+            try:
+                return self._file.transact(works, is_flushed=is_flushed)
+            except FullError:
+                self._file.make_room()
+            except DamagedError as error:
+                self._tell(News.LOST, self._file.replace(error))
+        return self._file.transact(works, is_flushed=is_flushed)
 
     def _go_away(self, trouble: str) -> None:
         self._file.close()
@@ -191,4 +199,5 @@ class Store:
 @dataclass(frozen=True, slots=True)
 class _Piece:
     work: Callable[[Connection], Any]
+    is_flushed: bool
     future: Future[Any] = field(default_factory=Future)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from gateway.hangs import HangWatch
@@ -19,6 +19,7 @@ from gateway.mqtt.publisher import Publisher
 from gateway.saturation import FOR_S, Saturation
 from gateway.starters.records import LineRecord, Severity
 from gateway.systemd import Notifier
+from gateway.watchdog_alarm import WatchdogAlarm
 
 log = logging.getLogger(__name__)
 
@@ -35,7 +36,7 @@ class Vitals:
 
     def __init__(
         self,
-        lines: Sequence[LineClient],
+        lines: Iterable[LineClient],
         *,
         progress: Callable[[], Mapping[str, int]],
         publisher: Publisher,
@@ -47,26 +48,45 @@ class Vitals:
         hangs: HangWatch | None = None,
         computed: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> None:
-        self._lines = lines
         self._progress = progress  # by line: grows with each step of its loop
         self._publisher = publisher
         self._notifier = notifier
         self._watchdog_every_s = watchdog_every_s  # half of systemd's limit
         self._hangs = hangs or HangWatch(watchdog_every_s)
-        self._computed = computed or {}  # by line: what its figures should be by configuration
-        paced = [name for name, figures in self._computed.items() if figures["is_paced"]]
-        self._saturations = {name: Saturation() for name in paced}  # lines that should have time to spare
         self._tell = tell
         self._lag = LagMeter()
         self._lines_lag = lines_lag
         self._lag_watches = (
-            _LagWatch("the gateway's own loop", self._lag, shortest_watchdog_s, tell),
-            _LagWatch("the lines' loop", lines_lag, shortest_watchdog_s, tell),
+            _LagWatch("the gateway's own loop", self._lag, tell),
+            _LagWatch("the lines' loop", lines_lag, tell),
         )
+        self._saturations: dict[str, Saturation] = {}  # of lines that should have time to spare
+        self._watchdog_alarms: dict[str, WatchdogAlarm] = {}
         self._port_troubles: dict[str, str] = {}
         self._link_trouble = ""
         self._is_ready = False
         self._is_changed = False
+        self.watch(lines, shortest_watchdog_s=shortest_watchdog_s, computed=computed or {})
+
+    def watch(
+        self,
+        lines: Iterable[LineClient],
+        *,
+        shortest_watchdog_s: float | None,
+        computed: Mapping[str, Mapping[str, Any]],
+    ) -> None:
+        """Watch these lines from now on; `computed` is, by line, what its figures should be."""
+        self._lines = tuple(lines)
+        self._computed = computed
+        paced = [name for name, figures in computed.items() if figures["is_paced"]]
+        self._saturations = {name: self._saturations.get(name, Saturation()) for name in paced}
+        names = {line.name for line in self._lines}
+        self._port_troubles = {n: trouble for n, trouble in self._port_troubles.items() if n in names}
+        self._watchdog_alarms = {n: alarm for n, alarm in self._watchdog_alarms.items() if n in names}
+        for watch in self._lag_watches:
+            watch.shortest_watchdog_s = shortest_watchdog_s
+        self._tell_status()
+        self._is_changed = True
 
     def note_port(self, line: str, trouble: str) -> None:
         """Take over that a line's port is open (empty) or away (why)."""
@@ -106,7 +126,7 @@ class Vitals:
                 self._become_ready()
             if self._watchdog_every_s is not None and now_s - fed_s >= 2 * self._watchdog_every_s / FEEDS:
                 progress = self._progress()
-                if all(progress[name] != seen[name] for name in progress):
+                if all(steps != seen.get(name) for name, steps in progress.items()):
                     self._notifier.watchdog()
                     self._hangs.fed()
                     seen, fed_s = progress, now_s
@@ -136,17 +156,27 @@ class Vitals:
         self._notifier.status("; ".join(troubles) or "polling")
 
     def _look_at_load(self, now_s: float) -> None:
-        """Tell when a line has become too full for what it is asked, and when no longer."""
+        """Tell when a line has become too full for what it is asked, and when no longer; watchdogs first."""
         for line in self._lines:
+            figures = line.figures()
+            self._look_at_watchdogs(line.name, figures, now_s)
             saturation = self._saturations.get(line.name)
             if saturation is None:
                 continue
-            is_full = saturation.take(line.figures().get("utilisation", 0.0), now_s)
+            is_full = saturation.take(figures.get("utilisation", 0.0), now_s)
             if is_full:
                 text = f"line {line.name}: no time to spare for {FOR_S:g} s, values come late"
                 self._tell("line_saturated", Severity.WARNING, text)
             elif is_full is not None:
                 self._tell("line_relieved", Severity.INFO, f"line {line.name}: has time to spare again")
+
+    def _look_at_watchdogs(self, line: str, figures: Mapping[str, Any], now_s: float) -> None:
+        """Tell of starters whose watchdogs this line does not keep, those found in the starters included."""
+        if "watchdogs" not in figures:
+            return
+        text = self._watchdog_alarms.setdefault(line, WatchdogAlarm()).take(figures["watchdogs"], now_s)
+        if text is not None:
+            self._tell("watchdog_unkept", Severity.ERROR, f"line {line}: {text}")
 
     def _put_figures(self) -> None:
         lag_s = {"line": round(self._lines_lag.worst_s, 4), "gateway": round(self._lag.worst_s, 4)}
@@ -162,17 +192,18 @@ class Vitals:
 class _LagWatch:
     """Tells of one loop's delays: the first that is worth it, then only after a quiet minute again."""
 
-    def __init__(self, what: str, meter: LagMeter, shortest_watchdog_s: float | None, tell: Tell) -> None:
+    shortest_watchdog_s: float | None = None
+
+    def __init__(self, what: str, meter: LagMeter, tell: Tell) -> None:
         self._what = what
         self._meter = meter
-        self._alarms_s = (shortest_watchdog_s or float("inf")) / 3
         self._tell = tell
         self._warned_s = self._alarmed_s = float("-inf")
 
     def look(self, now_s: float) -> None:
         worst_s = self._meter.take_worst_s()
         text = f"{self._what} was {worst_s:.3f} s late"
-        if worst_s > self._alarms_s:
+        if worst_s > (self.shortest_watchdog_s or float("inf")) / 3:
             if now_s - self._alarmed_s > LAG_QUIET_S:
                 self._tell("lag", Severity.ERROR, f"{text}: starters' watchdogs may act")
             self._alarmed_s = now_s

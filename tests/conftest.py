@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.mosquitto import MosquittoBroker, missing_programs
+from tests.store_keeping import PATIENCE_S, Keeping
 
 StartMosquitto = Callable[..., MosquittoBroker]
 
@@ -33,3 +34,17 @@ def start_mosquitto(tmp_path: Path) -> Iterator[StartMosquitto]:
     yield start
     for broker in brokers:
         broker.kill()
+
+
+@pytest.fixture
+def keeping(tmp_path: Path) -> Iterator[Callable[..., Keeping]]:
+    """Give a function that opens a store; every store is closed with the test."""
+    open_: list[Keeping] = []
+
+    def make(path: Path | None = None, **options: int) -> Keeping:
+        open_.append(Keeping(path or tmp_path / "state" / "x.sqlite", **options))
+        return open_[-1]
+
+    yield make
+    for one in open_:
+        one.store.close(within_s=PATIENCE_S)

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from gateway.families.load import FAMILIES, load_profile
-from gateway.families.schema import Parameter, Point, Profile
+from gateway.families.schema import RESERVED, Parameter, Point, Profile, Write
 
 FOLDER = Path(__file__).parent.parent / "docs" / "families"
 MARK = "<!-- From here on generated"
@@ -22,8 +22,8 @@ def page_of(family: str, text: str) -> str:
 
 
 def _generated(profile: Profile) -> str:
-    parts = (_limits(profile), _points(profile), _commands(profile), _alarms(profile), _parameters(profile))
-    return "\n".join(parts)
+    sections = (_limits, _points, _commands, _alarms, _parameters, _values, _bits)
+    return "\n".join(section(profile) for section in sections)
 
 
 def _limits(profile: Profile) -> str:
@@ -58,10 +58,24 @@ def _source(point: Point) -> str:
 
 def _commands(profile: Profile) -> str:
     rows = [
-        (f"`{verb}`", ", ".join(command.requires) or "-", command.verify.point if command.verify else "-")
+        (
+            f"`{verb}`",
+            ", ".join(command.args) or "-",
+            ", ".join(map(_write, command.writes)) or "-",
+            ", ".join([*command.requires, *(f"{code} set to serial" for code in command.needs)]) or "-",
+            command.verify.point if command.verify else "-",
+        )
         for verb, command in profile.commands.items()
     ]
-    return _table("Commands", ("command", "requires", "read back"), rows)
+    return _table("Commands", ("command", "args", "writes", "requires", "read back"), rows)
+
+
+def _write(write: Write) -> str:
+    if write.coil is not None:
+        return f"coil {write.coil} = {int(write.value)}"
+    bits = [f"{bits:04X}h to {value}" for bits, value in ((write.set_bits, 1), (write.clear_bits, 0)) if bits]
+    mask = " with its mask" if write.mask_shift is not None else ""
+    return f"{write.word}: {' and '.join(bits)}{mask}"
 
 
 def _alarms(profile: Profile) -> str:
@@ -74,10 +88,39 @@ def _alarms(profile: Profile) -> str:
 
 def _parameters(profile: Profile) -> str:
     rows = [
-        (row.code, row.name, str(row.address), str(row.type), row.unit, _range(row), _access(row))
+        (
+            row.code,
+            row.name,
+            str(row.address),
+            str(row.type),
+            "" if row.decimals is None else str(row.decimals),
+            row.unit,
+            _range(row),
+            _access(row),
+        )
         for row in profile.parameters.values()
     ]
-    return _table("Parameters", ("code", "name", "address", "type", "unit", "raw range", "access"), rows)
+    head = ("code", "name", "address", "type", "decimals", "unit", "raw range", "access")
+    return _table("Parameters", head, rows)
+
+
+def _values(profile: Profile) -> str:
+    rows = [
+        (row.code, ", ".join(f"{number} {label}" for number, label in profile.enums[row.enum].items()))
+        for row in profile.parameters.values()
+        if row.enum
+    ]
+    return _table("Values", ("code", "numbers and what they mean"), rows)
+
+
+def _bits(profile: Profile) -> str:
+    rows = []
+    for code, labels in profile.bits.items():
+        for bit, label in sorted(labels.items()):
+            meanings = profile.enums.get(f"{code}.{bit}", {})
+            if label != RESERVED:
+                rows.append((code, str(bit), label, meanings.get(0, ""), meanings.get(1, "")))
+    return _table("Bits", ("code", "bit", "name", "0", "1"), rows) if rows else ""
 
 
 def _range(row: Parameter) -> str:

@@ -24,9 +24,11 @@ class Line:
 
     name = "pumps"
     utilisation = 0.5
+    watchdogs: dict[str, float] | None = None
 
     def figures(self) -> dict[str, Any]:
-        return {"polls": 7, "utilisation": self.utilisation}
+        kept = {} if self.watchdogs is None else {"watchdogs": self.watchdogs}
+        return {"polls": 7, "utilisation": self.utilisation, **kept}
 
 
 @dataclass
@@ -39,6 +41,7 @@ class World:
     armed_s: list[float] = field(default_factory=list)
     told: list[tuple[str, Severity]] = field(default_factory=list)
     records: list[LineRecord] = field(default_factory=list)
+    states: list[tuple[str, str | None]] = field(default_factory=list)
     lag: LagMeter = field(default_factory=LagMeter)
     shortest_watchdog_s: float | None = 6.0
     line: Line = field(default_factory=Line)
@@ -60,7 +63,7 @@ class World:
 
     # Publisher
     def set_status(self, state: str, reason: str | None) -> None:
-        pass
+        self.states.append((state, reason))
 
     def put(self, record: LineRecord) -> None:
         self.records.append(record)
@@ -175,3 +178,57 @@ def test_a_line_that_is_to_be_full_is_not_told_of() -> None:
     run_virtually(watched(world, (0.0, fill(world, 1.0)), (200.0, None)))
 
     assert world.told == []
+
+
+def test_watchdogs_that_the_line_does_not_keep_are_told_of() -> None:
+    world = World(computed={})
+
+    def leave() -> None:
+        world.line.watchdogs = {"load": 0.2, "longest_share": 1.3, "unit": 7}
+
+    run_virtually(watched(world, (5.0, leave), (70.0, None)))
+
+    assert world.told == [("watchdog_unkept", Severity.ERROR)]
+
+
+class Fans(Line):
+    """A line that comes later."""
+
+    name = "fans"
+
+
+def test_other_lines_are_watched_when_they_have_come_and_those_that_are_gone_no_more() -> None:
+    world = World(lag=LagMeter())
+    lines = {"pumps": 0}
+    vitals: Vitals
+
+    def progress() -> dict[str, int]:
+        for name in lines:
+            lines[name] += 1
+        return dict(lines)
+
+    async def reload() -> None:
+        nonlocal vitals
+        world.progress = progress  # type: ignore[method-assign] # what the host says
+        vitals = world.vitals()
+        vitals.note_port("pumps", "unplugged")
+        running = asyncio.create_task(vitals.run())
+        await asyncio.sleep(10.0)
+        fed = len(world.fed_s)
+        lines.clear()
+        lines["fans"] = 0
+        fans: LineClient = Fans()  # type: ignore[assignment] # all that is asked of it
+        vitals.watch([fans], shortest_watchdog_s=0.3, computed={"fans": {"is_paced": True}})
+        await asyncio.sleep(10.0)
+        assert len(world.fed_s) > fed + 5
+        world.lag.note(0.2, 20.0)
+        await asyncio.sleep(1.0)
+        running.cancel()
+        await asyncio.wait([running])
+
+    run_virtually(reload())
+
+    assert [record.line for record in world.records][-1] == "fans"
+    assert world.records[-1].figures["computed"] == {"is_paced": True}
+    assert ("lag", Severity.ERROR) in world.told
+    assert world.states[-2:] == [("degraded", "line pumps: unplugged"), ("online", None)]

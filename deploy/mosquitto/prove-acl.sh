@@ -2,7 +2,7 @@
 # Proves on a running broker that its access list does what the gateway trusts it to do:
 #   - nobody commands under another's name,
 #   - who only looks on commands nothing,
-#   - nobody but the gateway says what starters do.
+#   - nobody but the gateway says what starters do, or what became of a command; neither with a last will.
 # Every probe is for a starter that does not exist, and is seen, or not, through the gateway's own eyes. The gateway
 # may run meanwhile: it answers the probes that reach it with "unknown starter". Whoever may list this machine's
 # processes sees the passwords while the script runs.
@@ -43,16 +43,26 @@ trap 'if [ -n "$listener" ]; then kill "$listener" 2> /dev/null || true; fi; rm 
 token="probe-$$-$RANDOM$RANDOM"
 failed=0
 
-publish() { # LOGIN TOPIC PAYLOAD
-	mosquitto_pub "${broker[@]}" -u "${1%%:*}" -P "${1#*:}" -q 1 -t "$2" -m "$3" > /dev/null 2>&1 || true
+publish() { # LOGIN TOPIC PAYLOAD; without a login nobody's
+	local login=()
+	if [ -n "$1" ]; then login=(-u "${1%%:*}" -P "${1#*:}"); fi
+	mosquitto_pub "${broker[@]}" "${login[@]}" -q 1 -t "$2" -m "$3" > /dev/null 2>&1 || true
+}
+
+leave_will() { # LOGIN TOPIC PAYLOAD: connect, and vanish
+	mosquitto_sub "${broker[@]}" -u "${1%%:*}" -P "${1#*:}" -t "$base/acl-probe" \
+		--will-topic "$2" --will-payload "$3" --will-qos 1 > /dev/null 2>&1 &
+	local vanishing=$!
+	sleep 0.5
+	{ kill -KILL "$vanishing" && wait "$vanishing"; } 2> /dev/null || true
 }
 
 heard() { grep -qF "$1" "$folder/heard"; }
 
-expect() { # arrives|is-refused LOGIN TOPIC WHAT
+expect() { # arrives|is-refused LOGIN TOPIC WHAT [publish|leave_will]
 	count=$((count + 1))
-	publish "$2" "$3" "$token-$count"
-	probes+=("$1|$token-$count|$4")
+	"${5:-publish}" "$2" "$3" "$token-$count."
+	probes+=("$1|$token-$count.|$4")
 }
 
 broker=("$@")
@@ -80,7 +90,10 @@ for one in "${operators[@]}"; do
 	expect is-refused "$one" "$base/audit" "$me writes into the books"
 	for other in "${operators[@]}"; do
 		if [ "$other" != "$one" ]; then
-			expect is-refused "$one" "$base/command/acl-probe/${other%%:*}/read" "$me commands as ${other%%:*}"
+			as_other="$base/command/acl-probe/${other%%:*}/read"
+			expect is-refused "$one" "$as_other" "$me commands as ${other%%:*}"
+			expect is-refused "$one" "$as_other" "$me commands as ${other%%:*} by a last will" leave_will
+			expect is-refused "$one" "$base/result/acl-probe/${other%%:*}" "$me tells ${other%%:*} a result"
 		fi
 	done
 done
@@ -89,7 +102,13 @@ for one in "${viewers[@]}"; do
 	expect is-refused "$one" "$base/command/acl-probe/$me/read" "$me, who only looks on, commands"
 	expect is-refused "$one" "$base/command/acl-probe/${operators[0]%%:*}/read" "$me commands as ${operators[0]%%:*}"
 	expect is-refused "$one" "$said" "$me says what a starter does"
+	expect is-refused "$one" "$said" "$me says it by a last will" leave_will
+	expect is-refused "$one" "$base/result/acl-probe/${operators[0]%%:*}" "$me tells ${operators[0]%%:*} a result"
+	expect is-refused "$one" "$base/gateway/status" "$me speaks for the gateway"
+	expect is-refused "$one" "$base/audit" "$me writes into the books"
 done
+expect is-refused "" "$base/command/acl-probe/${operators[0]%%:*}/read" "somebody without a login commands"
+expect is-refused "" "$said" "somebody without a login says what a starter does"
 expect is-refused "$gateway" "$base/command/acl-probe/${operators[0]%%:*}/read" "the gateway gives itself a command"
 expect arrives "$gateway" "$said" "the gateway is still heard at the end"
 sleep "$wait_s"

@@ -13,6 +13,7 @@ from gateway.commands.command import Subparsers
 from gateway.commands.failure_gaps import as_json, print_gaps, tight_watchdogs
 from gateway.config.fast_gain import fast_gains, fast_lines
 from gateway.config.load import load
+from gateway.config.mending import relief_of
 from gateway.config.prospects import LineProspect, StarterProspect, prospects_of
 from gateway.config.schema import Config
 from gateway.errors import ConfigError
@@ -107,7 +108,7 @@ def _line_warnings(prospects: tuple[LineProspect, ...]) -> Iterator[str]:
         if whole.is_overloaded:
             factor = max(each.period_s / each.poll.every_s for each in whole.polls if each.poll.every_s)
             what = f"asked for {whole.load:.0%} of its time, periods become {factor:.1f} times as long"
-            yield f"line {line.table.name}: {what} (raise every_s or baud, or use more lines)"
+            yield f"line {line.table.name}: {what} ({relief_of(line.table) or 'use more lines'})"
         for starter in line.starters:
             limit_s, wanted_s = starter.table.watchdog_s, _SAFE_FACTOR * starter.gap_s
             if limit_s and limit_s < wanted_s:

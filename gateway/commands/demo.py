@@ -5,12 +5,13 @@ from __future__ import annotations
 import argparse
 import asyncio
 import tempfile
+from contextlib import AsyncExitStack
 from pathlib import Path
 
 from gateway.commands.command import Subparsers
 from gateway.commands.demo_broker import DemoBroker
+from gateway.commands.demo_simulator import DemoSimulator
 from gateway.commands.run import log_to_stderr, serve
-from gateway.commands.simulate import simulated_lines
 from gateway.config.load import load
 
 CONFIG = """\
@@ -69,7 +70,14 @@ stop      mosquitto_pub -p {port} -q 1 -t starters/demo/command/pump/demo/stop -
 by hand   mosquitto_pub -p {port} -q 1 -t starters/demo/command/fan/demo/start \\
             -m '{{"id":"1","boot":"<boot of starters/demo/gateway/status>"}}'
 answers   mosquitto_sub -p {port} -v -t 'starters/demo/result/#'
+set       starter-gateway send {config} pump set --client demo parameter=P314 value=30
+
+What a hand at the simulated starter would do has topics of its own, which no real gateway has:
+trip      mosquitto_pub -p {port} -t simulator/pump/trip -m E05
+others    simulator/STARTER/KNOB: {knobs}
 """
+
+KNOB_GUIDE = "trip E05, alarm A05, clear, control local|remote, power off|on, mains off|on, keypad start|stop"
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -89,17 +97,16 @@ def run(args: argparse.Namespace) -> int:
 
 
 async def _demo(folder: Path) -> None:
-    broker = DemoBroker(folder)
-    await broker.start()
-    try:
+    async with AsyncExitStack() as stack:
+        broker = DemoBroker(folder)
+        await broker.start()
+        stack.push_async_callback(broker.stop)
         path = folder / "demo.toml"
         path.write_text(CONFIG.format(folder=folder, port=broker.port), "utf-8")
         config = load(path)
-        async with simulated_lines(config) as lines:
-            guide = GUIDE.format(
-                pty=lines["virtual"].path, broker=broker.title, port=broker.port, config=path
-            )
-            print(guide, flush=True)
-            await serve(path, config, None)
-    finally:
-        await broker.stop()
+        simulator = DemoSimulator(path, broker_port=broker.port)
+        await simulator.start()
+        stack.push_async_callback(simulator.stop)
+        guide = {"pty": config.lines[0].port, "broker": broker.title, "port": broker.port, "config": path}
+        print(GUIDE.format(**guide, knobs=KNOB_GUIDE), flush=True)
+        await serve(path, config, None)

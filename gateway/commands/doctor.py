@@ -9,7 +9,7 @@ from pathlib import Path
 
 from gateway.clock import SystemClock
 from gateway.commands.command import Subparsers
-from gateway.commands.doctor_box import clock_remark, latency_remark, state_dir_remark
+from gateway.commands.doctor_box import clock_remark, latency_remark, state_dir_remark, wear_remarks
 from gateway.commands.doctor_broker import BrokerAccess
 from gateway.commands.doctor_remark import Remark
 from gateway.commands.doctor_starters import LineCheckup
@@ -62,14 +62,18 @@ async def _examine(config: Config, folder: Path) -> list[Remark]:
             print(remark, flush=True)
 
     tell(clock_remark())
-    tell(state_dir_remark(config.gateway.state_dir))
+    state_dir = folder / config.gateway.state_dir
+    tell(state_dir_remark(state_dir))
+    for remark in wear_remarks(state_dir):
+        tell(remark)
     broker = BrokerAccess(config, folder)
     for remark in await broker.remarks():
         tell(remark)
     for prospect in prospects_of(config):
         table = prospect.table
         opener = SerialOpener(table.port, table.baud, timing_of(table).framing)
-        await LineCheckup(prospect, opener, broker=broker, clock=SystemClock()).run(tell)
+        checkup = LineCheckup(prospect, opener, broker=broker, clock=SystemClock(), state_dir=state_dir)
+        await checkup.run(tell)
         tell(latency_remark(table.port, f"line {table.name}"))
     return remarks
 

@@ -1,4 +1,4 @@
-"""What on this machine would bite: adapters, the clock, the state directory."""
+"""What on this machine would bite: adapters, the clock, the state directory, and what is kept in it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from gateway.commands.doctor_remark import Remark
+from gateway.errors import DamagedError
 from gateway.families.finding import Weight
+from gateway.starters.memory import FileMemory
+from gateway.starters.wear import WEAR_FILE, WRITES_BORNE, totals_in
 
 SYSFS_TTY = Path("/sys/class/tty")
 LONGEST_LATENCY_MS = 2  # a driver's timer above this delays every reply by as much
@@ -50,6 +53,24 @@ def clock_remark(read: Callable[[], int | None] = clock_state) -> Remark:
         what = "is not synchronised: time stamps are wrong, commands need `boot` instead of `issued_at`"
         return Remark("clock", f"{what} (install chrony, or switch systemd-timesyncd on)", Weight.WARNING)
     return Remark("clock", "is synchronised")
+
+
+def wear_remarks(folder: Path) -> list[Remark]:
+    """Return how often the gateway of this state directory has written to the starters' memories."""
+    try:
+        writes = totals_in(FileMemory(folder / WEAR_FILE).load() or {"writes": {}})
+    except DamagedError as error:
+        return [Remark("state_dir", f"{error}", Weight.NOTE)]
+    return [_wear_remark(starter, count) for starter, count in sorted(writes.items())]
+
+
+def _wear_remark(starter: str, count: int) -> Remark:
+    times = "once" if count == 1 else f"{count} times"
+    what = f"this gateway has written {times} to its non-volatile memory"
+    if count < WRITES_BORNE:
+        return Remark(f"starter {starter}", what)
+    mend = f"flash is usually made for {WRITES_BORNE}: find out which program sets something again and again"
+    return Remark(f"starter {starter}", f"{what} ({mend})", Weight.WARNING)
 
 
 def state_dir_remark(folder: Path) -> Remark:

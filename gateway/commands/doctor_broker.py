@@ -15,9 +15,7 @@ from gateway.config.secrets import mqtt_password
 from gateway.config.setups import rights_of, tls_files_of
 from gateway.errors import BrokerError, ConfigError
 from gateway.families.finding import Weight
-from gateway.mqtt.retry import VersionChoice
-from gateway.mqtt.sender import Order, Sender
-from gateway.mqtt.session import Session
+from gateway.mqtt.sender import Order, Sender, connected
 from gateway.mqtt.settings import BrokerSettings, TlsSettings
 from gateway.mqtt.topics import Topics
 from gateway.starters.records import Phase
@@ -96,20 +94,9 @@ class BrokerAccess:
 
 async def _log_in(settings: BrokerSettings) -> str:
     """Connect once and leave; return the version that the broker takes."""
-    choice = VersionChoice(settings.version)
-    while True:
-        session = Session(
-            settings, choice.version, will=None, on_incoming=lambda _: None, on_ack=lambda _, __: None
-        )
-        try:
-            await session.connect()
-        except BrokerError:
-            session.abort()
-            if not choice.failed(session.connack_code, is_reached=session.is_reached):
-                raise
-        else:
-            await session.disconnect()
-            return choice.version.value
+    session, version = await connected(settings, on_incoming=lambda _: None, on_ack=lambda _, __: None)
+    await session.disconnect()
+    return version.value
 
 
 def _words(result: Mapping[str, Any]) -> tuple[int, ...]:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 from gateway.clock import Clock
 from gateway.commands.doctor_broker import BrokerAccess
 from gateway.commands.doctor_remark import Remark
+from gateway.commands.kept_identity import identity_trouble
 from gateway.config.prospects import LineProspect
 from gateway.config.schema import LineTable
 from gateway.config.setups import setups_of, timing_of
@@ -34,13 +36,20 @@ class LineCheckup:
     """One line's port and starters."""
 
     def __init__(
-        self, prospect: LineProspect, opener: PortOpener, *, broker: BrokerAccess, clock: Clock
+        self,
+        prospect: LineProspect,
+        opener: PortOpener,
+        *,
+        broker: BrokerAccess,
+        clock: Clock,
+        state_dir: Path,
     ) -> None:
         self._table: LineTable = prospect.table
         self._gaps_s = {starter.table.name: starter.gap_s for starter in prospect.starters}
         self._opener = opener
         self._broker = broker
         self._clock = clock
+        self._state_dir = state_dir
         self._where = f"line {prospect.table.name}"
 
     async def run(self, tell: Callable[[Remark], None]) -> None:
@@ -78,6 +87,9 @@ class LineCheckup:
             tell(Remark(where, error.text, Weight.ERROR))
             return
         tell(Remark(where, f"is {bench.variant.model or setup.profile.title}"))
+        trouble = identity_trouble(self._state_dir, setup, bench.identity)
+        if trouble:
+            tell(Remark(where, f"commands would be held: {trouble}", Weight.ERROR))
         self._judge(setup, bench.variant, rows, tell)
         for dog in watchdogs(setup.profile, bench.variant, rows)[:1]:
             what = f"{dog.code} runs since this look: the gateway must poll within {dog.after_s:g} s"

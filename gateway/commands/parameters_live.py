@@ -7,6 +7,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Self
 
 from gateway.clock import Clock, SystemClock
@@ -42,24 +43,26 @@ class LiveStarter:
     timing: LineTiming
     allowance_s: float
     clock: Clock
+    state_dir: Path  # of the gateway, which knows the starter
 
     @classmethod
     def find(cls, config_path: str, name: str) -> Self:
         """Return a starter of a configuration; ConfigError, UsageError when there is none of that name."""
         config = load(config_path)
+        state_dir = Path(config_path).parent / config.gateway.state_dir
         for line in config.lines:
             for setup in setups_of(line):
                 if setup.name == name:
-                    return cls.on(line, setup)
+                    return cls.on(line, setup, state_dir=state_dir)
         names = [starter.name for line in config.lines for starter in line.starters]
         raise UsageError(f"no starter {name!r} (one of {', '.join(names)})")
 
     @classmethod
-    def on(cls, line: LineTable, setup: StarterSetup) -> Self:
+    def on(cls, line: LineTable, setup: StarterSetup, *, state_dir: Path) -> Self:
         """Return a starter of a line."""
         timing = timing_of(line)
         opener = SerialOpener(line.port, line.baud, timing.framing)
-        return cls(setup, opener, timing, line.adapter_allowance_s, SystemClock())
+        return cls(setup, opener, timing, line.adapter_allowance_s, SystemClock(), state_dir)
 
     @asynccontextmanager
     async def bench(self) -> AsyncIterator[Bench]:

@@ -8,9 +8,10 @@ import signal
 from collections.abc import Callable
 from contextlib import suppress
 
+from gateway.commands.kept_identity import identity_trouble
 from gateway.commands.parameters_live import LiveStarter, read_with_progress
 from gateway.commands.progress import Progress
-from gateway.errors import UsageError
+from gateway.errors import CommandError, UsageError
 from gateway.families.bulk import bulk_reads
 from gateway.line.precise_selector import new_precise_loop
 from gateway.starters.bench import Bench
@@ -48,6 +49,7 @@ async def restore(
 ) -> int:
     """Restore what differs; 0 when the starter then holds everything that can be written."""
     async with live.bench() as bench:
+        _check_identity(live, bench, is_dry=is_dry)
         _check_model(bench, wanted, is_other_model=is_other_model)
         reads = bulk_reads(bench.profile, restore_codes(bench.profile, wanted))
         seen = (await read_with_progress(bench, reads, progress)).rows
@@ -59,6 +61,15 @@ async def restore(
         with suppress(NotImplementedError, ValueError):  # only the main thread's loop hears signals
             asyncio.get_running_loop().add_signal_handler(signal.SIGINT, work.interrupt)
         return _show_end(await work.run(_teller(plan, progress)), progress)
+
+
+def _check_identity(live: LiveStarter, bench: Bench, *, is_dry: bool) -> None:
+    """Let nothing be written to a starter that the gateway itself would not command."""
+    trouble = identity_trouble(live.state_dir, live.setup, bench.identity)
+    if trouble and not is_dry:
+        raise CommandError("identity_changed", f"{live.setup.name}: {trouble}; nothing was written")
+    if trouble:
+        print(f"would be refused: {trouble}")
 
 
 def _check_model(bench: Bench, wanted: ParameterSet, *, is_other_model: bool) -> None:

@@ -130,6 +130,12 @@ def _show(result: Mapping[str, Any]) -> None:
     if text:
         line += f": {text}"
     if "value" in result:
-        value = result.get("label") or f"{result['value']} {result.get('unit') or ''}".rstrip()
-        line += f" = {value}"
+        line += f" = {_spoken(result)}"
     print(line, flush=True)
+    for parameter, told in (result.get("values") or {}).items():
+        print(f"  {parameter} = {_spoken(told)}", flush=True)
+
+
+def _spoken(told: Mapping[str, Any]) -> str:
+    """Return a value with its unit, or what the manual calls it."""
+    return str(told.get("label") or f"{told['value']} {told.get('unit') or ''}".rstrip())

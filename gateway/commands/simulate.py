@@ -5,17 +5,22 @@ from __future__ import annotations
 import argparse
 import asyncio
 import signal
-from collections.abc import AsyncIterator
+import sys
+from collections.abc import AsyncIterator, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 
 from gateway.commands.command import Subparsers
+from gateway.commands.simulator_topics import simulator_topics
 from gateway.config.load import load
-from gateway.config.schema import Config, LineTable
+from gateway.config.schema import Config, LineTable, split_url
 from gateway.config.setups import timing_of
+from gateway.errors import UsageError
 from gateway.sim.bus import Bus
 from gateway.sim.factory import make_unit
+from gateway.sim.knobs import KNOBS
 from gateway.sim.pty import PtyLine
+from gateway.sim.unit import Unit
 
 TOLERANCE_S = 0.0002  # two programs never wake on the spot
 
@@ -28,11 +33,19 @@ def add_parser(subparsers: Subparsers) -> None:
         " A port that does not exist yet is made (a link), so that `run` works with the same configuration.",
     )
     parser.add_argument("config", metavar="CONFIG", help="the site's TOML file")
+    parser.add_argument(
+        "--knobs",
+        metavar="URL",
+        help="a broker on loopback (mqtt://127.0.0.1:1883) where simulator/STARTER/KNOB trips, clears and"
+        f" switches the simulated starters; KNOB is one of {', '.join(KNOBS)}",
+    )
+    parser.add_argument("--companion", action="store_true", help=argparse.SUPPRESS)  # ends with its stdin
 
 
 def run(args: argparse.Namespace) -> int:
     """Simulate until SIGTERM or Ctrl-C."""
-    asyncio.run(_simulate(load(args.config)))
+    work = _simulate(load(args.config), knobs_at=_broker(args.knobs), is_companion=args.companion)
+    asyncio.run(work)
     return 0
 
 
@@ -49,18 +62,44 @@ async def simulated_lines(config: Config) -> AsyncIterator[dict[str, PtyLine]]:
         yield lines
 
 
-async def _simulate(config: Config) -> None:
+async def _simulate(config: Config, *, knobs_at: tuple[str, int] | None, is_companion: bool) -> None:
     ending = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, ending.set)
-    async with simulated_lines(config) as lines:
+    if is_companion:
+        loop.add_reader(sys.stdin, ending.set)
+    async with simulated_lines(config) as lines, AsyncExitStack() as stack:
         for table in config.lines:
             units = ", ".join(f"{each.name} ({each.family} at {each.address})" for each in table.starters)
             link = _link(table)
             way = f"{link} -> {lines[table.name].path}" if link is not None else lines[table.name].path
             print(f"line {table.name}: {way}, {table.baud} {table.framing}: {units}", flush=True)
+        if knobs_at is not None:
+            host, port = knobs_at
+            await stack.enter_async_context(simulator_topics(_by_name(config, lines), host=host, port=port))
+            print(f"knobs: simulator/STARTER/KNOB at {host}:{port}; {', '.join(KNOBS)}", flush=True)
         await ending.wait()
+
+
+def _by_name(config: Config, lines: Mapping[str, PtyLine]) -> dict[str, Unit]:
+    """Return the simulated starters by their names in the configuration."""
+    return {
+        starter.name: lines[table.name].line.unit(starter.address)
+        for table in config.lines
+        for starter in table.starters
+        if starter.enabled
+    }
+
+
+def _broker(url: str | None) -> tuple[str, int] | None:
+    """Return host and port of the broker for the knobs, if there is to be one; UsageError for another URL."""
+    if url is None:
+        return None
+    parts = split_url(url)
+    if parts is None or parts[0].scheme != "mqtt":
+        raise UsageError(f"--knobs {url!r} is no broker on this machine (mqtt://127.0.0.1:1883)")
+    return parts[0].hostname or "", parts[1]
 
 
 def _bus(table: LineTable) -> Bus:

@@ -1,9 +1,11 @@
-"""What would let a line keep the watchdogs of its starters: another rate, fewer starters, other times."""
+"""What would let a line keep what is asked of it: another rate, fewer starters, other times."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
+from math import ceil
 from typing import get_args
 
 from gateway.config.schema import Baud, LineTable
@@ -14,37 +16,84 @@ from gateway.modbus.timing import LineTiming
 from gateway.starters.polling import polls_of
 
 LONGEST_WATCHDOG_S = 1000.0
+LONGEST_EVERY_S = 3600.0
+
+
+IsKept = Callable[[Sequence[Poll], LineTiming], bool]
 
 
 def mend_of(line: LineTable) -> str:
-    """Return, in words, each single change after which every watchdog of the line is kept."""
-    setups = [setup for setup in setups_of(line) if setup.is_enabled]
-    polls = [poll for setup in setups for poll in polls_of(setup)]
+    """Return, in words, each single change after which every watchdog of the line is kept.
+
+    Fewer points are none: a watchdog's request goes before all polls, and is a starter's shortest.
+    """
+    polls = _polls_of(line)
     timing = timing_of(line)
-    allowance_s = line.adapter_allowance_s
-    found = []
-    allowed = [set(setup.profile.bauds) for setup in setups if setup.profile.bauds]
-    for baud in sorted(each for each in get_args(Baud) if each > line.baud):
-        is_allowed = all(baud in bauds for bauds in allowed)
-        if is_allowed and _is_kept(polls, LineTiming(baud, timing.framing), allowance_s):
-            found.append(f"baud = {baud}")
-            break
-    units = list(dict.fromkeys(poll.unit for poll in polls))
-    stay = _most(
-        len(units),
-        lambda count: _is_kept([p for p in polls if p.unit in units[:count]], timing, allowance_s),
-    )
-    if stay:
-        found.append(f"{len(units) - stay} of its {len(units)} starters on another line")
-    shortest = _least(lambda limit_s: _is_kept(_with_watchdogs(polls, limit_s), timing, allowance_s))
+    is_kept = partial(_keeps_watchdogs, allowance_s=line.adapter_allowance_s)
+    found = _faster_or_fewer(line, polls, is_kept)
+    shortest = _least(lambda limit_s: is_kept(_with_watchdogs(polls, limit_s), timing))
     if shortest is not None:
         found.append(f"no watchdog below {shortest:g} s")
     return ", or ".join(found)
 
 
-def _is_kept(polls: Sequence[Poll], timing: LineTiming, allowance_s: float) -> bool:
+def relief_of(line: LineTable) -> str:
+    """Return, in words, each single change after which an over-full line keeps its periods."""
+    found = _faster_or_fewer(line, _polls_of(line), _keeps_periods)
+    periods_s = {starter.every_s for starter in line.starters if starter.enabled and starter.every_s}
+    longest_s = max(periods_s)
+    slower = _least(
+        lambda tenths: _keeps_periods(_polls_of(_slower(line, tenths / 10)), timing_of(line)),
+        most=int(10 * LONGEST_EVERY_S / longest_s),
+    )
+    if slower is not None:
+        times = f"{slower / 10:g} times as long"
+        found.append(
+            f"every_s = {_rounded(longest_s * slower / 10):g}" if len(periods_s) == 1 else f"every_s {times}"
+        )
+    return ", or ".join(found)
+
+
+def _slower(line: LineTable, factor: float) -> LineTable:
+    """Return the line with every starter's period longer by a factor."""
+    starters = (each.model_copy(update={"every_s": each.every_s * factor}) for each in line.starters)
+    return line.model_copy(update={"starters": tuple(starters)})
+
+
+def _rounded(every_s: float) -> float:
+    return ceil(round(10 * every_s, 6)) / 10
+
+
+def _polls_of(line: LineTable) -> list[Poll]:
+    return [poll for setup in setups_of(line) for poll in polls_of(setup)]
+
+
+def _faster_or_fewer(line: LineTable, polls: Sequence[Poll], is_kept: IsKept) -> list[str]:
+    """Return the next rate that helps, and how many starters are too many."""
+    timing = timing_of(line)
+    found = []
+    allowed = [
+        set(setup.profile.bauds) for setup in setups_of(line) if setup.is_enabled and setup.profile.bauds
+    ]
+    for baud in sorted(each for each in get_args(Baud) if each > line.baud):
+        is_allowed = all(baud in bauds for bauds in allowed)
+        if is_allowed and is_kept(polls, LineTiming(baud, timing.framing)):
+            found.append(f"baud = {baud}")
+            break
+    units = list(dict.fromkeys(poll.unit for poll in polls))
+    stay = _most(len(units), lambda count: is_kept([p for p in polls if p.unit in units[:count]], timing))
+    if stay:
+        found.append(f"{len(units) - stay} of its {len(units)} starters on another line")
+    return found
+
+
+def _keeps_watchdogs(polls: Sequence[Poll], timing: LineTiming, *, allowance_s: float) -> bool:
     prospect = forecast(polls, timing, allowance_s=allowance_s)
     return all(longest_gap_s(prospect, poll.unit) <= poll.deadline_s for poll in polls if poll.deadline_s)
+
+
+def _keeps_periods(polls: Sequence[Poll], timing: LineTiming) -> bool:
+    return not forecast(polls, timing).is_overloaded
 
 
 def _with_watchdogs(polls: Sequence[Poll], least_s: float) -> list[Poll]:
@@ -62,9 +111,9 @@ def _most(count: int, is_kept: Callable[[int], bool]) -> int:
     return low
 
 
-def _least(is_kept: Callable[[float], bool]) -> float | None:
-    """Return the shortest watchdog in whole seconds for which it is kept."""
-    low, high = 0, int(LONGEST_WATCHDOG_S)
+def _least(is_kept: Callable[[float], bool], *, most: int = int(LONGEST_WATCHDOG_S)) -> float | None:
+    """Return the least whole number up to `most` for which it is kept; None when it is for none."""
+    low, high = 0, most
     if not is_kept(high):
         return None
     while high - low > 1:

@@ -25,10 +25,13 @@ MOST_UNSAVED = 10_000
 MOST_EXTRA = 16_384  # characters; a result with more is remembered without its values
 STOP = "stop"  # written whatever the journal says
 
+_Read = tuple[list[Remembered], frozenset[tuple[str, str]]]
+
 
 class StoredJournal:
     """Implements `gateway.starters.journal.Journal`.
 
+    `on_untold` hears, once, the final results of earlier runs that the broker may not have had.
     Until the ledger has been read it counts as away; and for `hold_s` after it was lost, because commands
     from before could not be told from new ones. `on_slow` hears of a disk that keeps commands waiting.
     """
@@ -42,14 +45,18 @@ class StoredJournal:
         hold_s: float,
         on_recalled: Callable[[Sequence[Remembered]], None],
         on_slow: Callable[[str], None],
+        on_untold: Callable[[Sequence[ResultRecord]], None] = lambda _: None,
     ) -> None:
         self._store = store
         self._table = table
         self._clock = clock
         self._hold_s = hold_s
         self._on_recalled = on_recalled
+        self._on_untold = on_untold
         self._on_slow = on_slow
         self._is_recalled = False
+        self._untold: set[str] = set()  # keys of final results on their way to the broker
+        self._unsaved_told: OrderedDict[str, None] = OrderedDict()
         self._held_until_s = 0.0  # steady clock
         self._unsaved: OrderedDict[tuple[str, str], LedgerRow] = (
             OrderedDict()
@@ -75,6 +82,8 @@ class StoredJournal:
                 then()
             return
         self._unsaved.pop((row.client, row.id), None)
+        if result.key:
+            self._untold.add(result.key)
         waiting = _Waiting(then)
         self._when_done(self._put(row), lambda future: self._noted(row, future, waiting))
 
@@ -92,6 +101,18 @@ class StoredJournal:
             raise CommandError(UNAVAILABLE, text) from None
         except StoreError as error:
             raise CommandError(UNAVAILABLE, f"the command could not be noted: {error}") from error
+
+    def told(self, key: str) -> None:
+        """Note that the broker has a final result: it need not be told again after a crash."""
+        if key in self._untold:
+            self._untold.discard(key)
+            self._put_told(key)
+
+    async def settle(self, within_s: float) -> None:
+        """Return when all that was noted so far is on the disk, or cannot be."""
+        with suppress(StoreError, TimeoutError):
+            async with asyncio.timeout(within_s):
+                await asyncio.wrap_future(self._store.submit(_nothing))
 
     def resume(self) -> None:
         """Go on after the store has been opened: read it, the first time; tell it what it has missed."""
@@ -119,7 +140,9 @@ class StoredJournal:
         )
 
     def _put(self, row: LedgerRow) -> Future[None]:
-        return self._store.submit(partial(self._table.put, row=row, now_s=self._clock.utc_s()))
+        is_untold = bool(row.is_final) and f"{row.client}/{row.id}" in self._untold
+        now_s = self._clock.utc_s()
+        return self._store.submit(partial(self._table.put, row=row, now_s=now_s, is_untold=is_untold))
 
     def _noted(self, row: LedgerRow, future: Future[None], waiting: _Waiting) -> None:
         waiting.end()
@@ -134,18 +157,37 @@ class StoredJournal:
         rows, self._unsaved = list(self._unsaved.values()), OrderedDict()
         for row in rows:
             self._when_done(self._put(row), partial(self._noted, row, waiting=_Waiting(None)))
+        keys, self._unsaved_told = list(self._unsaved_told), OrderedDict()
+        for key in keys:
+            self._put_told(key)
 
-    def _read(self, connection: Connection) -> list[Remembered]:
-        return [_remembered(row) for row in self._table.rows(connection)]
+    def _put_told(self, key: str) -> None:
+        client, _, id_ = key.partition("/")
+        work = partial(self._table.tell, client=client, id_=id_)
+        self._when_done(self._store.submit(work, is_flushed=False), lambda done: self._noted_told(key, done))
 
-    def _recall(self, future: Future[list[Remembered]]) -> None:
+    def _noted_told(self, key: str, future: Future[None]) -> None:
+        if future.exception() is not None:
+            self._unsaved_told[key] = None
+            if len(self._unsaved_told) > MOST_UNSAVED:
+                self._unsaved_told.popitem(last=False)
+
+    def _read(self, connection: Connection) -> _Read:
+        return [_remembered(row) for row in self._table.rows(connection)], self._table.untold(connection)
+
+    def _recall(self, future: Future[_Read]) -> None:
         if self._is_recalled or future.exception() is not None:
             return  # the store tells when it is worth another attempt
         self._is_recalled = True
         if self._store.lost_s is not None:
             ago_s = max(0.0, self._clock.utc_s() - self._store.lost_s)
             self._held_until_s = self._clock.now_s() + self._hold_s - ago_s
-        self._on_recalled(future.result())
+        remembered, untold = future.result()
+        self._on_recalled(remembered)
+        results = (each.result for each in remembered if each.result.phase.is_final)
+        finals = [result for result in results if (result.client, result.id) in untold]
+        self._untold |= {result.key for result in finals}
+        self._on_untold(finals)
 
     def _when_done(self, future: Future[Any], call: Callable[[Future[Any]], None]) -> None:
         """Have something done on the loop when the store's thread is done with its part."""
@@ -172,6 +214,10 @@ class _Waiting:
             self._timer.cancel()
         if call is not None:
             call()
+
+
+def _nothing(_connection: Connection) -> None:
+    """Have a transaction of its own, after all others."""
 
 
 def _remembered(row: LedgerRow) -> Remembered:

@@ -14,13 +14,14 @@ from gateway.durable.audit_log import AuditLog
 from gateway.durable.journal import StoredJournal
 from gateway.durable.ledger_table import LedgerTable
 from gateway.starters.journal import Remembered
-from gateway.starters.records import AuditRecord, Record, Severity, Sink
+from gateway.starters.records import AuditRecord, Record, ResultRecord, Severity, Sink
 from gateway.store import RETRY_S, News, Store
 
 log = logging.getLogger(__name__)
 
 FILE = "gateway.sqlite"
 CLOSE_WITHIN_S = 2.0
+SETTLE_WITHIN_S = 2.0
 
 Tell = Callable[[str, Severity, str], None]  # code, severity, text of an event
 
@@ -43,16 +44,23 @@ class Keeper:
         tell: Tell,
         on_recalled: Callable[[Sequence[Remembered]], None],
         retry_s: float = RETRY_S,
+        on_untold: Callable[[Sequence[ResultRecord]], None] = lambda _: None,
     ) -> None:
         self._tell = tell
-        self._severity = Severity.WARNING if is_read_only else Severity.ERROR
+        self._severity = _severity(is_read_only=is_read_only)
         self._loop: asyncio.AbstractEventLoop | None = None
         table = LedgerTable()
         self._store = Store(state_dir / FILE, [table], on_news=self._from_store, retry_s=retry_s)
         self._audit = AuditLog(state_dir / FOLDER, boot=boot, on_trouble=self._from_audit, retry_s=retry_s)
         self._is_ledger_away = self._is_audit_away = False
         self.journal = StoredJournal(
-            self._store, table, clock=clock, hold_s=hold_s, on_recalled=on_recalled, on_slow=self._slow
+            self._store,
+            table,
+            clock=clock,
+            hold_s=hold_s,
+            on_recalled=on_recalled,
+            on_slow=self._slow,
+            on_untold=on_untold,
         )
 
     def start(self, version: str) -> None:
@@ -66,8 +74,17 @@ class Keeper:
         """Return a sink that passes everything on to `sink`, and keeps what belongs into the audit."""
         return _AuditingSink(self._audit, sink)
 
+    def take_over(self, *, is_read_only: bool) -> None:
+        """Go on by another configuration, and let the audit know from when."""
+        self._severity = _severity(is_read_only=is_read_only)
+        self._audit.note("gateway_reloaded", "by another configuration from now on")
+
+    async def settle(self) -> None:
+        """Let the last results be written, as far as the disk lets us, so that they can be told."""
+        await self.journal.settle(SETTLE_WITHIN_S)
+
     async def close(self, reason: str) -> None:
-        """Write what waits, as far as the disk lets us; results that waited for it are told before."""
+        """Write what waits, as far as the disk lets us."""
         self._audit.note("gateway_ended", reason)
         closings = (self._store.close, self._audit.close)
         tasks = (asyncio.to_thread(close, within_s=CLOSE_WITHIN_S) for close in closings)
@@ -112,6 +129,11 @@ class Keeper:
     def _say(self, code: str, text: str) -> None:
         log.log(logging.ERROR if self._severity is Severity.ERROR else logging.WARNING, "%s", text)
         self._tell(code, self._severity, text)
+
+
+def _severity(*, is_read_only: bool) -> Severity:
+    """Return how bad it is when nothing can be kept: where nobody may give commands, it is no error."""
+    return Severity.WARNING if is_read_only else Severity.ERROR
 
 
 class _AuditingSink:

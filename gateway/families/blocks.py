@@ -10,13 +10,11 @@ from typing import Any
 from gateway.families.decode import is_present
 from gateway.families.joining import cheapest_runs
 from gateway.families.parameters import read_run
-from gateway.families.schema import Confidence, Limits, Parameter, Profile, Table, Variant
+from gateway.families.schema import Limits, Parameter, Profile, Table, Variant
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
 
 GROUPS = ("status", "values", "slow")
-
-SURE = (Confidence.MANUAL, Confidence.REPAIRED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +91,7 @@ def _block(group: str, rows: Sequence[Parameter]) -> Block:
 
 def _runs(rows: Iterable[Parameter], limits: Limits, timing: LineTiming | None) -> list[list[Parameter]]:
     def kind(row: Parameter) -> tuple[str, bool]:
-        return row.table, row.confidence not in SURE
+        return row.table, not row.is_sure
 
     runs: list[list[Parameter]] = []
     for (table, _), alike in groupby(sorted(rows, key=lambda row: (*kind(row), row.address)), key=kind):

@@ -7,9 +7,8 @@ from collections.abc import Iterable
 from gateway.families.gather import reads_for
 from gateway.families.parameters import find, raw_row, read_run
 from gateway.families.procedure import Read
-from gateway.families.schema import Access, Confidence, Parameter, Profile, Table
+from gateway.families.schema import Access, Parameter, Profile, Table
 
-_SURE = (Confidence.MANUAL, Confidence.REPAIRED)
 _SPANNED = 24  # registers that are no parameter, rather than a second request: both take some 25 ms at 19200
 _SETTING_LETTERS = ("P", "C", "R")  # Pnnn, Cn.n, Rn; COILn is none, VBnn and S5.3 are outputs
 _CLOCK = "C6.3."  # SSW900
@@ -48,8 +47,8 @@ def bulk_reads(profile: Profile, codes: Iterable[str], *, longest: int | None = 
     rows = {code: profile.parameters.get(code) for code in codes}
     limits = profile.limits
     reads_zero = limits.max_gap > 0
-    sure = [code for code, row in rows.items() if row is not None and row.confidence in _SURE]
-    unsure = [code for code, row in rows.items() if row is not None and row.confidence not in _SURE]
+    sure = [code for code, row in rows.items() if row is not None and row.is_sure]
+    unsure = [code for code, row in rows.items() if row is not None and not row.is_sure]
     unnamed = [code for code, row in rows.items() if row is None]
     wide = limits.model_copy(
         update={

@@ -38,7 +38,8 @@ def _row(profile: Profile, row: Parameter) -> Iterator[str]:
         yield f"{row.code}: a coil is a bit, and nothing else is"
     if row.alias_of and not _is_alias(profile, row):
         yield f"{row.code}: {row.alias_of} is not on the same register"
-    if bool(row.enum) != (row.type in _ENUM_TYPES) or (row.enum and row.enum not in profile.enums):
+    is_fitting = row.type is Type.BIT or bool(row.enum) == (row.type in _ENUM_TYPES)
+    if not is_fitting or (row.enum and row.enum not in profile.enums):
         yield f"{row.code}: enum {row.enum!r} does not exist or does not fit the type"
     if row.type is Type.BITS and row.code not in profile.bits:
         yield f"{row.code}: its bits are not named"
@@ -71,6 +72,7 @@ def _overlaps(profile: Profile) -> Iterator[str]:
 
 def _labels(profile: Profile) -> Iterator[str]:
     used = {row.enum for row in profile.parameters.values()}
+    used |= {f"{code}.{bit}" for code, labels in profile.bits.items() for bit in labels}
     yield from (f"enums.csv: no parameter uses {name}" for name in profile.enums if name not in used)
     for code, labels in profile.bits.items():
         row = profile.parameters.get(code)
@@ -82,6 +84,8 @@ def _labels(profile: Profile) -> Iterator[str]:
 def _names(profile: Profile) -> Iterator[str]:
     named = {profile.status_word, *profile.command_word, profile.identification.model_register} - {""}
     yield from (f"family.toml: {code} is no parameter" for code in sorted(named - set(profile.parameters)))
+    rows = (code for code in profile.alarm_rows if code not in profile.parameters)
+    yield from (f"family.toml: {code} is no parameter" for code in rows)
     codes = [alarm.code for alarm in profile.alarms]
     yield from (f"alarms.csv: {code} stands twice" for code in sorted(set(codes)) if codes.count(code) > 1)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 from gateway.families.numbers import TYPE_LIMITS, from_words
 from gateway.families.parameters import raw_row
 from gateway.families.schema import RESERVED, Parameter, Point, Profile, Table, Type, Variant
+from gateway.families.state import alarm_code, alarm_label
 from gateway.families.texts import to_text
 
 Value = bool | int | float | str | None
@@ -43,20 +44,26 @@ def decode_row(profile: Profile, variant: Variant, parameter: Parameter, words: 
     low, high = TYPE_LIMITS[parameter.type]
     if not low <= number <= high:
         return Decoded(None, label=None, unit=parameter.unit, raw=raw)
-    label = profile.enums[parameter.enum].get(number) if parameter.enum else None
+    label = _label(profile, parameter, number)
     return Decoded(_value(variant, parameter, number), label=label, unit=parameter.unit, raw=raw)
 
 
 def decode_points(
-    profile: Profile, variant: Variant, rows: Mapping[str, tuple[int, ...]]
+    profile: Profile,
+    variant: Variant,
+    rows: Mapping[str, tuple[int, ...]],
+    *,
+    names: Iterable[str] | None = None,
 ) -> dict[str, Decoded]:
-    """Return every point that can be told from these rows (raw words by code), by the point's name."""
+    """Return the points that can be told from these rows (raw words by code), by name: all, or of `names`."""
+    points = profile.points if names is None else {name: profile.points[name] for name in names}
+    parts = {part: profile.points[part] for point in points.values() for part in point.none_of}
     found = {
         name: _decode_point(profile, variant, point, rows[point.code])
-        for name, point in profile.points.items()
+        for name, point in {**points, **parts}.items()
         if point.code in rows
     }
-    for name, point in profile.points.items():
+    for name, point in points.items():
         if point.none_of and all(part in found for part in point.none_of):
             found[name] = _none_of([found[part] for part in point.none_of])
     return found
@@ -102,6 +109,14 @@ def rated_current_a(model: str) -> float | None:
     return value or None
 
 
+def _label(profile: Profile, row: Parameter, number: int) -> str | None:
+    """Return what the manual calls this number: an enum's member, a coil's meaning, a fault or an alarm."""
+    letter = profile.alarm_rows.get(row.code)
+    if letter is not None:
+        return alarm_label(profile, alarm_code(letter, number)) if number else None
+    return profile.enums[row.enum].get(number) if row.enum else None
+
+
 def _value(variant: Variant, row: Parameter, number: int) -> Value:
     if row.type is Type.BIT:
         return bool(number)
@@ -118,8 +133,8 @@ def _decode_point(profile: Profile, variant: Variant, point: Point, words: tuple
     row = profile.parameters[point.code]
     if not is_present(point, variant):
         return Decoded(None, label=None, unit="", raw=words)
-    if point.bit is not None:
-        return Decoded(bool(words[0] >> point.bit & 1), label=None, unit="", raw=words)
+    if point.bit is not None or row.type is Type.BIT:
+        return Decoded(bool(words[0] >> (point.bit or 0) & 1), label=None, unit="", raw=words)
     if point.true_when:
         return Decoded(from_words(row, words) in point.true_when, label=None, unit="", raw=words)
     decoded = decode_row(profile, variant, row, words)
@@ -151,7 +166,13 @@ def _as_json(profile: Profile, row: Parameter, decoded: Decoded) -> dict[str, An
     }
     if row.type is Type.BITS:
         shown["bits"] = [
-            {"bit": bit, "label": label, "point": profile.points_of.get((row.code, bit)), "value": is_on}
+            {
+                "bit": bit,
+                "label": label,
+                "point": profile.points_of.get((row.code, bit)),
+                "value": is_on,
+                "meaning": profile.enums.get(f"{row.code}.{bit}", {}).get(int(is_on)),
+            }
             for bit, label in sorted(profile.bits[row.code].items())
             if (is_on := bool(decoded.raw[0] >> bit & 1)) or label != RESERVED
         ]

@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from gateway.families.blocks import SURE, Block, plan_blocks, rows_of
+from gateway.families.blocks import Block, plan_blocks, rows_of
 from gateway.families.gather import reads_for, rows_of_points
 from gateway.families.interlock import points_needed
 from gateway.families.parameters import write_request
@@ -49,7 +49,7 @@ def fast_block(profile: Profile, variant: Variant, *, missing: Collection[str] =
     rows: list[Parameter] = []
     for block in plan_blocks(profile, variant, without=missing):
         for row in block.rows if block.group in _FAST_GROUPS else ():
-            if row.table is Table.HOLDING and row.confidence in SURE and row.words <= room:
+            if row.table is Table.HOLDING and row.is_sure and row.words <= room:
                 rows.append(row)
                 room -= row.words
     if not rows:

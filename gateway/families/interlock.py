@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from gateway.families.schema import Profile
-from gateway.families.state import ADJUSTING_ROW, MOVING, is_decisive, points_on, state_of
+from gateway.families.state import ADJUSTING_ROW, MOVING, WAITING, hindrance, is_decisive, points_on, state_of
 
 RULES: dict[str, str] = {
     "remote": "the starter takes commands in remote mode",
@@ -72,7 +72,7 @@ _DECIDING: dict[str, tuple[str, ...]] = {
 
 def _needed(profile: Profile, rule: str) -> tuple[str, ...]:
     if rule == "is_ready":
-        return (*_DECIDING[profile.state_rule], *_adjusting(profile))
+        return (*_DECIDING[profile.state_rule], *WAITING, *_adjusting(profile))
     if rule == "serial_controls":
         return _foreign_control(profile)
     if rule == "not_adjusting":
@@ -119,7 +119,10 @@ def _is_stopped(profile: Profile, points: Mapping[str, Any]) -> str | None:
 
 def _is_ready(profile: Profile, points: Mapping[str, Any]) -> str | None:
     state = state_of(profile, points)
-    return None if state == "ready" else f"the state is {state}"
+    if state == "ready":
+        return None
+    why = hindrance(profile, points) if state in ("not_ready", "unknown") else ""
+    return f"the state is {state}: {why}" if why else f"the state is {state}"
 
 
 def _word(value: object) -> str:

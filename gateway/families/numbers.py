@@ -28,7 +28,7 @@ TYPE_LIMITS: dict[Type, tuple[int, int]] = {
 
 # How many words each type takes; a string takes what its row says.
 TYPE_WORDS: dict[Type, int] = {
-    **dict.fromkeys(TYPE_LIMITS, 1),
+    **dict.fromkeys((*TYPE_LIMITS, Type.VERSION_LOW, Type.VERSION_HIGH), 1),
     Type.U32: 2,
     Type.S32: 2,
     Type.TIME: 2,

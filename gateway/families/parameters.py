@@ -129,8 +129,8 @@ def _why_not(parameter: Parameter) -> str:
         return "read-only"
     if parameter.code == "P000":  # ssw06-es 4.3, ssw07 4.3
         return "no password is needed over the serial line, and none would be kept"
-    if parameter.confidence is not Confidence.MANUAL:
-        return "its row is not printed intact in the manual"
+    if not parameter.is_sure:
+        return "its row is not legible in the manual"
     return "not used on this model" if parameter.ranges else "its range is not stated"
 
 

@@ -48,6 +48,10 @@ class Type(enum.StrEnum):
     IP_ADDRESS = "ip_address"
     MAC_ADDRESS = "mac_address"
     STRING = "string"
+    VERSION_LOW = "version_low"  # low byte before the point, high byte after it (SST registers 1-2)
+    VERSION_HIGH = (
+        "version_high"  # high byte before the point, low byte as two digits after it (SST register 7)
+    )
 
 
 class Access(enum.StrEnum):
@@ -60,7 +64,7 @@ class Access(enum.StrEnum):
 
 
 class Confidence(enum.StrEnum):
-    """How sure the row is; only `MANUAL` rows may be written."""
+    """How sure the row is; only what the manual's text shows, perhaps repaired, may be written."""
 
     MANUAL = "manual"
     REPAIRED = "repaired"  # legible, but not printed intact
@@ -91,7 +95,7 @@ class Parameter(Model):
     raw_max: int | None = None
     access: Access
     ranges: tuple[ModelRange, ...] = ()  # where limits differ by model; raw_min, raw_max serve the others
-    enum: str = ""  # key into `Profile.enums`; empty for none
+    enum: str = ""  # key into `Profile.enums`; empty for none; a coil's members say what 0 and 1 mean
     alias_of: str = ""  # another code that the manual gives the same register
     confidence: Confidence = Confidence.MANUAL
     is_stopped_only: bool | None = None  # the manual's property "Stopped"; None = not stated
@@ -101,9 +105,14 @@ class Parameter(Model):
     source: str = ""
 
     @property
+    def is_sure(self) -> bool:
+        """Return whether the manual's text shows that the row is there, and where."""
+        return self.confidence in (Confidence.MANUAL, Confidence.REPAIRED)
+
+    @property
     def is_writable(self) -> bool:
         """Return whether a `set` may name this row: allowed, surely read, its range known."""
-        is_allowed = self.access is Access.RW and self.confidence is Confidence.MANUAL
+        is_allowed = self.access is Access.RW and self.is_sure
         return is_allowed and self.raw_min is not None and self.raw_max is not None
 
 
@@ -229,9 +238,10 @@ class Profile(Model):
     fast_words: FastWords | None = None  # None: the family has none
     outputs: dict[str, Output] = {}  # by the name of their terminals: RL1, AO1, DO1
     parameters: dict[str, Parameter]  # by code
-    enums: dict[str, dict[int, str]] = {}
+    enums: dict[str, dict[int, str]] = {}  # "VB01.0" is what 0 and 1 mean of a bit
     bits: dict[str, dict[int, str]] = {}  # code -> bit -> label
     alarms: tuple[Alarm, ...] = ()
+    alarm_rows: dict[str, Literal["a", "e", "f"]] = {}  # rows that hold an alarm's number, and its letter
     raw_range: tuple[int, int] | None = None  # holding addresses readable as raw words: P0-P999
 
     @cached_property

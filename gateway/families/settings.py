@@ -13,7 +13,7 @@ from gateway.families.interlock import points_needed
 from gateway.families.parameters import find, write_request
 from gateway.families.procedure import Preparation, Procedure, Read, WriteStep
 from gateway.families.refusals import refused
-from gateway.families.schema import Confidence, Parameter, Profile, Variant
+from gateway.families.schema import Parameter, Profile, Variant
 from gateway.families.settable import (
     SOURCE_ROWS,
     holds,
@@ -38,7 +38,7 @@ def prepare_read(profile: Profile, args: Mapping[str, Any]) -> Preparation:
     if is_single:
         return Preparation("read", reads=(read_of(profile, codes[0]),), requires=())
     alone = {read.codes[0]: read for read in (read_of(profile, code) for code in codes)}
-    sure = [code for code in alone if find(profile, code).confidence in _SURE]
+    sure = [code for code in alone if find(profile, code).is_sure]
     others = (read for code, read in alone.items() if code not in sure)
     return Preparation("read", reads=(*reads_for(profile, sure), *others), requires=())
 
@@ -97,8 +97,6 @@ def build_set(profile: Profile, variant: Variant, args: Mapping[str, Any], *, se
         wears=sum(is_kept(row) for row, _ in changes),
     )
 
-
-_SURE = (Confidence.MANUAL, Confidence.REPAIRED)
 
 # The mode of the timeout and its time: the manual does not say what an active timeout of 0.0 s does
 # (ssw900 C8.2.5), so neither row may bring it about.

@@ -12,6 +12,9 @@ STATES = ("ready", "starting", "running", "stopping", "fault", "not_ready", "unk
 # The SSW900 between an accepted start and the ramp: initial test, time before start (ssw900 S5.1).
 STARTING = ("s5_1_1_3", "s5_1_1_12")
 
+# The SSW900 after a stop (ssw900 S5.1 bit 13, C5.7.2): "re-start delay", in which it is not ready.
+WAITING = ("s5_1_1_13",)
+
 # Points any of which says that the motor turns or is about to; a family has some of them.
 MOVING = ("running", "accelerating", "decelerating", "full_voltage", "jog", "braking", "reversing", *STARTING)
 
@@ -38,6 +41,28 @@ def alarms_of(profile: Profile, points: Mapping[str, Any]) -> tuple[Alarm, ...]:
     else:
         found = _ssw06_alarms(profile, points)
     return tuple({alarm.code: alarm for alarm in found}.values())
+
+
+def hindrance(profile: Profile, points: Mapping[str, Any]) -> str:
+    """Return in words what keeps a motor at rest from being started; empty when nothing does."""
+    for name in _READINESS[profile.state_rule]:
+        value = points.get(name)
+        if value is False or (value is None and is_decisive(profile, name)):
+            return f"{name}{_UNKNOWN}" if value is None else f"{name} is false"
+    if any(points.get(name) for name in points_on(profile, ADJUSTING_ROW)):
+        return f"it is in an adjusting mode ({ADJUSTING_ROW})"
+    return "the time after a stop is not over" if any(points.get(name) for name in WAITING) else ""
+
+
+def alarm_code(letter: str, number: int) -> str:
+    """Return an alarm's code as the manuals print it, in lower case: e05 (SSW-07), f005, a128 (SSW900)."""
+    return f"{letter}{number:0{2 if letter == 'e' else 3}d}"
+
+
+def alarm_label(profile: Profile, code: str) -> str:
+    """Return an alarm's code with its text, as far as the profile has it."""
+    text = next((alarm.text for alarm in profile.alarms if alarm.code == code), "")
+    return f"{code.upper()} {text}".rstrip()
 
 
 def is_decisive(profile: Profile, name: str) -> bool:
@@ -74,6 +99,8 @@ _ORDER: dict[str, tuple[tuple[str, str], ...]] = {
     ),
 }
 
+_UNKNOWN = " is unknown"
+
 # What must be true of a motor at rest to be ready for a start.
 _READINESS: dict[str, tuple[str, ...]] = {
     "weg": ("general_enabled", "power_present"),
@@ -82,14 +109,10 @@ _READINESS: dict[str, tuple[str, ...]] = {
 
 
 def _standstill(profile: Profile, points: Mapping[str, Any]) -> str:
-    for name in _READINESS[profile.state_rule]:
-        value = points.get(name)
-        if value is None and is_decisive(profile, name):
-            return "unknown"
-        if value is False:
-            return "not_ready"
-    is_adjusting = any(points.get(name) for name in points_on(profile, ADJUSTING_ROW))
-    return "not_ready" if is_adjusting else "ready"
+    found = hindrance(profile, points)
+    if found.endswith(_UNKNOWN):
+        return "unknown"
+    return "not_ready" if found else "ready"
 
 
 def _ssw06_alarms(profile: Profile, points: Mapping[str, Any]) -> list[Alarm]:
@@ -97,7 +120,7 @@ def _ssw06_alarms(profile: Profile, points: Mapping[str, Any]) -> list[Alarm]:
     found = []
     if points.get("fault"):
         number = points.get("fault_code")
-        code = f"e{number:02d}" if number else ""
+        code = alarm_code("e", number) if number else ""
         found.append(_alarm(profile, code, "fault", f"Fault {code.upper()}") if code else _fault(profile))
     if points.get("alarm"):
         found.append(_generic_alarm(profile))
@@ -109,14 +132,14 @@ def _ssw900_alarms(profile: Profile, points: Mapping[str, Any]) -> list[Alarm]:
     found = []
     number = points.get("fault_code")
     if points.get("fault") is not False and number:
-        found.append(_alarm(profile, f"f{number:03d}", "fault", f"Fault {number}"))
+        found.append(_alarm(profile, alarm_code("f", number), "fault", f"Fault {number}"))
     elif points.get("fault"):
         found.append(_fault(profile))
     # Five places; whether gaps occur is not stated, so all of them are looked at.
     numbers = [points.get(f"d2_1_{place}") for place in range(1, 6)]
     known = [number for number in numbers if number]
     if points.get("alarm") is not False and known:
-        found += [_alarm(profile, f"a{number:03d}", "alarm", f"Alarm {number}") for number in known]
+        found += [_alarm(profile, alarm_code("a", number), "alarm", f"Alarm {number}") for number in known]
     elif points.get("alarm"):
         found.append(_generic_alarm(profile))
     return found

@@ -1,4 +1,4 @@
-"""Rows that are no numbers: dates, addresses and strings of the SSW900.
+"""Rows that are no numbers: dates, addresses and strings of the SSW900, names and versions of the SST.
 
 How their bytes lie in the words is not stated (table A.3). The natural reading is tried first, the other byte
 order next; what is plausible in neither is None, and the raw words stand beside it in any case.
@@ -58,9 +58,21 @@ def _string(words: Sequence[int]) -> str | None:
     return text if is_plausible else None
 
 
+def _version_low(words: Sequence[int]) -> str:
+    """0106h is 6.1."""
+    return f"{words[0] & 0xFF}.{words[0] >> 8}"
+
+
+def _version_high(words: Sequence[int]) -> str:
+    """0101h is 1.01."""
+    return f"{words[0] >> 8}.{words[0] & 0xFF:02d}"
+
+
 _READERS: dict[Type, Callable[[Sequence[int]], str | None]] = {
     Type.DATE: _date,
     Type.IP_ADDRESS: _ip_address,
     Type.MAC_ADDRESS: _mac_address,
     Type.STRING: _string,
+    Type.VERSION_LOW: _version_low,
+    Type.VERSION_HIGH: _version_high,
 }

@@ -6,6 +6,7 @@ from gateway.families.decode import is_known
 from gateway.families.gather import reads_for, rows_of_points
 from gateway.families.procedure import Expect
 from gateway.families.schema import Command, Profile, Variant
+from gateway.families.state import STARTING
 
 
 def verification(profile: Profile, variant: Variant, verb: str, command: Command) -> Expect | None:
@@ -17,8 +18,9 @@ def verification(profile: Profile, variant: Variant, verb: str, command: Command
     names = [point, *([_JOG] if verb == "stop" and _has_jog(profile, variant) else [])]
     reads = reads_for(profile, rows_of_points(profile, names))
     # A ramp says as much as its end, and only the SSW-06 is known to drop `running` at once (ssw06-es 4.2.2).
-    ramp = {"start": "accelerating", "stop": "decelerating"}.get(verb)
-    or_else = (Expect(reads, ramp, (True,), within_s),) if ramp else ()
+    # So does the time before a start, which may be set to a quarter of an hour (ssw900 S5.1, C5.7.1).
+    telling = {"start": ("accelerating", *STARTING), "stop": ("decelerating",)}.get(verb, ())
+    or_else = tuple(Expect(reads, each, (True,), within_s) for each in telling if each in profile.points)
     also = tuple(Expect(reads, name, (False,), within_s) for name in names[1:])
     return Expect(reads, point, (becomes,), within_s, or_else=or_else, also=also)
 

@@ -1,14 +1,26 @@
-"""How old values get at the worst, when the earliest deadline is served first and periods are stretched."""
+"""How old values get at the worst, from numbers alone; the bounds follow from how `Rota` and `Polled` choose.
+
+A poll that has become due waits for the request under way and for others:
+
+- On a busy line polls go by due time. So each of the others goes first once at most, whenever and
+  however often it is hastened: it is behind those that were due before.
+- Otherwise they go by deadline, a period after they are due. Those of the same period go first once; those of
+  shorter ones as often as they come in that time, and once more when all are hastened meanwhile; those of
+  longer ones only if they may have waited for longer than the periods differ.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
+from math import floor, inf
 from typing import NamedTuple
 
-from gateway.line.demand import Demand
-from gateway.line.stretch import FREE_ROOM, stretch_of
+from gateway.line.stretch import BUSY, EASED, FREE_ROOM, fullness_of
 
-_LEAST_LEFT = 0.05
+_ROUNDS = 1000  # towards the length of a wait; what takes more has no end
+_SAME_S = 1e-9
 
 
 class Asked(NamedTuple):
@@ -19,56 +31,108 @@ class Asked(NamedTuple):
     least_s: float  # at least
 
 
-def ages_s(asked: Sequence[Asked], urgent: Sequence[tuple[float, float]]) -> list[float]:
-    """Return the longest time between two answers of each; `urgent` (cost, period) come before all of them.
+Urgent = Sequence[tuple[float, float]]  # cost and period
 
-    The first of the two answers came at once; then the other requests come first, by their rhythm or all at
-    once out of it, as far as their deadlines are earlier.
+
+def ages_s(asked: Sequence[Asked], urgent: Urgent) -> list[float]:
+    """Return the longest time between two answers of each; `urgent` come before all of them.
+
+    The first of the two answers came at once, and as soon as it can.
     """
-    free_s = [each.cost_s for each in asked if not each.every_s]
-    timed = [(each.cost_s, each.every_s) for each in asked if each.every_s]
-    load = sum(cost_s / every_s for cost_s, every_s in timed)
     others = sum(cost_s / period_s for cost_s, period_s in urgent)
-    factor = stretch_of(load, others=others, has_free=bool(free_s))
-    slower = 1.0 - FREE_ROOM if free_s else 1.0  # those without a period have their share
-    demand = Demand([*((cost_s / slower, every_s * factor) for cost_s, every_s in timed), *urgent])
-    urgent_s = sum(cost_s for cost_s, _ in urgent)  # these may come once more at any time
-    longest_s = max((each.cost_s for each in asked), default=0.0)
-    longest_free_s, all_free_s = max(free_s, default=0.0), sum(free_s)
-    behind_s = _longest_behind(timed, longest_free_s)
-    round_s = _round_s(timed, free_s, load=demand.load, others=others) + urgent_s
-    busy_s = demand.busy_s(longest_s + longest_free_s + all_free_s)
-    ages = []
-    for each in asked:
-        if not each.every_s:
-            ages.append(round_s)
-            continue
-        period_s = each.every_s * factor
-        quiet_s = behind_s[each.every_s] + longest_free_s + demand.response_s(period_s)
-        storm_s = longest_s + longest_free_s + demand.storm_s(period_s) + all_free_s
-        waits_s = min(max(quiet_s, storm_s), busy_s) + urgent_s
-        ages.append(period_s + waits_s - each.least_s)
-    return ages
+    if others >= 1.0:
+        return [inf] * len(asked)
+    load = sum(each.cost_s / each.every_s for each in asked if each.every_s)
+    fullness = fullness_of(load, others=others, has_free=any(not each.every_s for each in asked))
+    # A busy line on which all take less time than they may is one with time to spare.
+    spared = _Line(asked, urgent, scale=min(1.0, BUSY / fullness) if fullness else 1.0)
+    oldest_s = {every_s: every_s + wait_s for every_s, wait_s in spared.waits_by_deadline_s().items()}
+    stretch = max(1.0, fullness)
+    line = _Line(asked, urgent, stretch=stretch)
+    if fullness > EASED:
+        wait_s = line.wait_by_due_time_s()
+        oldest_s = {every_s: max(s, every_s * stretch + wait_s) for every_s, s in oldest_s.items()}
+    round_s = line.round_s()
+    return [
+        (oldest_s[each.every_s] if each.every_s else round_s + each.cost_s) - each.least_s for each in asked
+    ]
 
 
-def _round_s(
-    timed: Sequence[tuple[float, float]], free_s: Sequence[float], *, load: float, others: float
-) -> float:
-    """Return the longest round of the polls without a period: what the others leave, their share at least."""
-    timed_s = sum(cost_s for cost_s, _ in timed)
-    by_load_s = 2 * (sum(free_s) + timed_s) / max(1.0 - load, _LEAST_LEFT)
-    longest_s = max([*free_s, *(cost_s for cost_s, _ in timed)], default=0.0)
-    by_share_s = (sum(free_s) + max(free_s, default=0.0)) / FREE_ROOM + (len(free_s) + 1) * longest_s
-    return min(by_load_s, by_share_s / max(1.0 - others, _LEAST_LEFT))
+class _Line:
+    """The polls of a line by period; their costs may be scaled, their periods stretched."""
 
+    def __init__(
+        self, asked: Sequence[Asked], urgent: Urgent, *, scale: float = 1.0, stretch: float = 1.0
+    ) -> None:
+        sums_s: defaultdict[float, float] = defaultdict(float)
+        for each in asked:
+            if each.every_s:
+                sums_s[each.every_s * stretch] += each.cost_s * scale
+        self._sums_s = dict(sorted(sums_s.items()))
+        self._urgent = urgent
+        self._free_s = [each.cost_s * scale for each in asked if not each.every_s]
+        self._longest_s = max((each.cost_s * scale for each in asked), default=0.0)
 
-def _longest_behind(timed: Sequence[tuple[float, float]], free_s: float) -> dict[float, float]:
-    """Return by period the longest request of a longer one, which may just have begun."""
-    found_s: dict[float, float] = {}
-    longest_s = equal_s = free_s
-    for cost_s, every_s in sorted(timed, key=lambda each: -each[1]):
-        if every_s not in found_s:
-            longest_s = max(longest_s, equal_s)
-            found_s[every_s] = longest_s
-        equal_s = max(equal_s, cost_s)
-    return found_s
+    def wait_by_due_time_s(self) -> float:
+        """Return how long a poll waits until it is answered where polls go by due time."""
+        return self._timed_end_s(lambda _: self._longest_s + sum(self._sums_s.values()))
+
+    def waits_by_deadline_s(self) -> dict[float, float]:
+        """Return how long polls wait until they are answered, by period, where they go by deadline."""
+        at_most_s = self._waits_s(dict.fromkeys(self._sums_s, inf))
+        return self._waits_s(at_most_s)
+
+    def round_s(self) -> float:
+        """Return how long a poll without a period waits: for its equals, and for as many others as may come.
+
+        The others have the line until the share of those without a period is due again.
+        """
+        longest_s = max([self._longest_s, *(cost_s for cost_s, _ in self._urgent)])
+        once_s = longest_s + sum(self._free_s)
+        if not self._sums_s:
+            return self._end_s(lambda _: once_s)
+        by_load_s = self._timed_end_s(partial(self._ahead_s, once_s, tuple(self._sums_s), inf))
+        by_share_s = self._end_s(lambda _: sum(cost_s / FREE_ROOM + longest_s for cost_s in self._free_s))
+        return min(by_load_s, by_share_s)
+
+    def _waits_s(self, at_most_s: Mapping[float, float]) -> dict[float, float]:
+        """Return the waits by period when none is longer than these."""
+        waits_s: dict[float, float] = {}
+        for every_s, own_s in self._sums_s.items():
+            late_s = sum(
+                cost_s
+                for other_s, cost_s in self._sums_s.items()
+                if every_s < other_s < every_s + at_most_s[other_s]
+            )
+            once_s = self._longest_s + own_s + late_s
+            shorter = [other_s for other_s in self._sums_s if other_s < every_s]
+            waits_s[every_s] = self._timed_end_s(partial(self._ahead_s, once_s, shorter, every_s))
+        return waits_s
+
+    def _ahead_s(self, once_s: float, others: Iterable[float], deadline_s: float, wait_s: float) -> float:
+        """Return what goes first once, with all that comes of these periods while one waits.
+
+        What is due too late for the deadline comes behind; and all of it is asked for once more.
+        """
+        return once_s + sum(
+            self._sums_s[every_s] * (1 + min(1 + floor(wait_s / every_s + _SAME_S), deadline_s / every_s))
+            for every_s in others
+        )
+
+    def _timed_end_s(self, ahead_s: Callable[[float], float]) -> float:
+        """Return when what is ahead is done, while polls without a period take their share."""
+        if not self._free_s:
+            return self._end_s(ahead_s)
+        return self._end_s(lambda wait_s: (ahead_s(wait_s) + max(self._free_s)) / (1.0 - FREE_ROOM))
+
+    def _end_s(self, ahead_s: Callable[[float], float]) -> float:
+        """Return when what is ahead by then is done, and what is urgent besides; infinite for never."""
+        wait_s = 0.0
+        for _ in range(_ROUNDS):
+            longer_s = ahead_s(wait_s) + sum(
+                cost_s * (1 + floor(wait_s / period_s)) for cost_s, period_s in self._urgent
+            )
+            if longer_s <= wait_s:
+                return wait_s
+            wait_s = longer_s
+        return inf

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from math import inf
 from typing import Any, Protocol
 
 from gateway.line.job import Job, Lane, Poll
@@ -26,8 +27,13 @@ class LineClient(Protocol):
         """The line's rate and framing, and the silences that follow from them."""
         ...
 
-    async def transact(self, unit: int, request: Request, *, response_time_s: float, lane: Lane) -> Outcome:
-        """Send a request once and return what became of it; when cancelled before it is sent, it never is."""
+    async def transact(
+        self, unit: int, request: Request, *, response_time_s: float, lane: Lane, until_s: float = inf
+    ) -> Outcome:
+        """Send a request once and return what became of it; when cancelled before it is sent, it never is.
+
+        Nor is it after `until_s` on the steady clock: it then ends as `Silent(TOO_LATE, is_sent=False)`.
+        """
         ...
 
     def add_poll(self, poll: Poll) -> None:
@@ -54,6 +60,10 @@ class LineClient(Protocol):
         """Count no misses of this unit for so long: it restarts, and the gateway knows why."""
         ...
 
+    def forget(self, unit: int) -> None:
+        """Know nothing of a unit any more, once its polls are removed: it is gone, or another one now."""
+        ...
+
     def figures(self) -> dict[str, Any]:
         """Return the line's counters and times for `B/gateway/line/{line}`, at most about a second old."""
         ...
@@ -75,7 +85,9 @@ class LocalLineClient:
         """The line's rate and framing."""
         return self._scheduler.timing
 
-    async def transact(self, unit: int, request: Request, *, response_time_s: float, lane: Lane) -> Outcome:
+    async def transact(
+        self, unit: int, request: Request, *, response_time_s: float, lane: Lane, until_s: float = inf
+    ) -> Outcome:
         """Send a request once and return what became of it; when cancelled before it is sent, it never is."""
         future: asyncio.Future[Outcome] = asyncio.get_running_loop().create_future()
 
@@ -83,7 +95,14 @@ class LocalLineClient:
             if not future.done():
                 future.set_result(outcome)
 
-        job = Job(unit, request, response_time_s, lane, lambda outcome: self._to_app(lambda: settle(outcome)))
+        job = Job(
+            unit,
+            request,
+            response_time_s,
+            lane,
+            lambda outcome: self._to_app(lambda: settle(outcome)),
+            until_s,
+        )
         self._to_line(lambda: self._scheduler.submit(job))
         try:
             return await future
@@ -114,6 +133,10 @@ class LocalLineClient:
     def expect_silence(self, unit: int, seconds: float) -> None:
         """Count no misses of this unit for so long."""
         self._to_line(lambda: self._scheduler.expect_silence(unit, seconds))
+
+    def forget(self, unit: int) -> None:
+        """Know nothing of a unit any more."""
+        self._to_line(lambda: self._scheduler.forget(unit))
 
     def figures(self) -> dict[str, Any]:
         """Return the line's counters and times."""

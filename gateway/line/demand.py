@@ -6,10 +6,9 @@ import heapq
 from bisect import bisect_left
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
-from math import floor, inf
+from math import inf
 
 _POINTS = 4000  # of the demand are looked at; beyond them its straight upper bound counts
-_ROUNDS = 100  # towards the length of a jam; beyond them its straight upper bound counts
 _SAME_S = 1e-9
 
 
@@ -25,7 +24,6 @@ class Demand:
         for cost_s, period_s in asked:
             costs_s[period_s] += cost_s
         self.load = sum(cost_s / period_s for period_s, cost_s in costs_s.items())
-        self._costs_s = costs_s
         self._ends_s: list[float] = []
         self._excesses_s: list[float] = []
         for end_s, demand_s in _steps(costs_s, limit=_POINTS):
@@ -43,31 +41,6 @@ class Demand:
         if at < len(self._excesses_s):
             return period_s + self._excesses_s[at]
         return period_s * self.load
-
-    def storm_s(self, period_s: float) -> float:
-        """Return the same for the moment at which everything else is asked for at once, out of its rhythm."""
-        return sum(
-            cost_s * max(1, floor(period_s / other_s + _SAME_S)) for other_s, cost_s in self._costs_s.items()
-        )
-
-    def busy_s(self, begun_s: float) -> float:
-        """Return for how long there is something to do when all is asked for at once, and this besides.
-
-        Nobody waits for longer, however late its deadline.
-        """
-        if self.load >= 1.0:
-            return inf
-        all_s = sum(self._costs_s.values())
-        busy_s = begun_s + all_s
-        for _ in range(_ROUNDS):
-            longer_s = begun_s + sum(
-                cost_s * (1 + floor(busy_s / period_s + _SAME_S))
-                for period_s, cost_s in self._costs_s.items()
-            )
-            if longer_s <= busy_s:
-                return busy_s
-            busy_s = longer_s
-        return (begun_s + all_s) / (1.0 - self.load)
 
 
 def _steps(costs_s: dict[float, float], *, limit: int) -> Iterator[tuple[float, float]]:

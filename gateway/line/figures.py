@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Iterable
+from math import inf
 from typing import Any
 
 from gateway.line.job import Lane, Poll
@@ -13,6 +14,8 @@ from gateway.line.plan import Turn
 
 _UTILISATION_WINDOW = 30  # samples, a second apart or more
 _COUNTED_AT_ONCE = 64
+_RECKONED_AT_ONCE = 8
+_RECKONED_EVERY_S = 10.0
 _OUTCOMES = ("answered", "silent", "garbled", "refused")
 
 
@@ -26,6 +29,7 @@ class Figures:
         self._learnt = Learnt()
         self._took_s: dict[str, float] = {}
         self._busy_s = 0.0
+        self._reckoned = 0  # so many units' response times, since the start
         self._samples: deque[tuple[float, float]] = deque(maxlen=_UTILISATION_WINDOW)
         self._worst_stop_latency_s: float | None = None
 
@@ -60,6 +64,16 @@ class Figures:
         if turn.job is not None and turn.job.lane is Lane.STOP:
             self._worst_stop_latency_s = max(self._worst_stop_latency_s or 0.0, written_s - turn.since_s)
 
+    def forget(self, unit: int) -> None:
+        """Know nothing of a unit any more; what it has cost still counts."""
+        self._count()
+        self._units.pop(unit, None)
+        self._learnt.forget(unit)
+
+    def forget_poll(self, key: str) -> None:
+        """Drop what is kept of a poll that is gone."""
+        self._took_s.pop(key, None)
+
     def utilisation(self, now_s: float) -> float:
         """Return the share of time that the line was busy, 0..1; 0 before the first turn."""
         if not self._samples or now_s <= self._samples[0][0]:
@@ -70,12 +84,13 @@ class Figures:
     def to_dict(self, polls: Iterable[Poll], *, worst_stop_latency_s: float, now_s: float) -> dict[str, Any]:
         """Return the figures of `B/gateway/line/{line}`; `sweep_s` is one turn of each of these polls."""
         self._count()
+        self._reckon(now_s)
         return {
             "utilisation": self.utilisation(now_s),
             "sweep_s": float(sum(self._took_s.get(poll.key, 0.0) for poll in polls)),
             **{name: self._turns[name] for name in ("polls", "jobs", *_OUTCOMES)},
             "stop_latency_s": {"computed": worst_stop_latency_s, "worst": self._worst_stop_latency_s},
-            "units": {unit: self._unit_dict(unit, figures) for unit, figures in self._units.items()},
+            "units": {unit: figures.to_dict() for unit, figures in self._units.items()},
         }
 
     def _count(self) -> None:
@@ -97,27 +112,33 @@ class Figures:
                 self._took_s[turn.poll.key] = took_s
         self._pending.clear()
 
-    def _unit_dict(self, unit: int, figures: _UnitFigures) -> dict[str, Any]:
-        """Return a unit's figures, reckoned again only when it has been asked since."""
-        if figures.reckoned is None:
-            figures.reckoned = {
-                **figures.to_dict(),
-                "response_time_s": self._learnt.quantiles(unit),
-                "functions": self._learnt.functions(unit),
-            }
-        return dict(figures.reckoned)
+    def _reckon(self, now_s: float) -> None:
+        """Reckon some units' response times anew, in turn: those of all at once would hold up the line."""
+        units = list(self._units)
+        first = self._reckoned % len(units) if units else 0
+        for unit in (units[first:] + units[:first])[:_RECKONED_AT_ONCE]:
+            self._reckoned += 1
+            figures = self._units[unit]
+            is_new = figures.times["response_time_s"]["p50"] is None
+            if is_new or now_s - figures.reckoned_s >= _RECKONED_EVERY_S:
+                figures.reckoned_s = now_s
+                figures.times = {
+                    "response_time_s": self._learnt.quantiles(unit),
+                    "functions": self._learnt.functions(unit),
+                }
 
 
 class _UnitFigures:
-    """One unit's counters."""
+    """One unit's counters, and its response times when they were last reckoned."""
 
     def __init__(self) -> None:
         self._outcomes: Counter[str] = Counter()
-        self.reckoned: dict[str, Any] | None = None
+        self.reckoned_s = -inf
+        self.times: dict[str, Any] = {"response_time_s": {"p50": None, "p99": None}, "functions": {}}
 
     def note(self, outcome: str) -> None:
         self._outcomes[outcome] += 1
-        self.reckoned = None
 
     def to_dict(self) -> dict[str, Any]:
-        return {"asked": self._outcomes.total(), **{name: self._outcomes[name] for name in _OUTCOMES}}
+        counts = {name: self._outcomes[name] for name in _OUTCOMES}
+        return {"asked": self._outcomes.total(), **counts, **self.times}

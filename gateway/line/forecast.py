@@ -2,7 +2,8 @@
 
 The bounds follow from how `Plan` chooses. They hold while the units answer and no commands are under way,
 with every reply as late as the line waits for it, and also when all polls but one are asked for at the same
-moment out of their rhythm, as after a voltage dip that trips every motor.
+moment out of their rhythm, as after a voltage dip that trips every motor; from the first round after the
+port was opened on.
 """
 
 from __future__ import annotations

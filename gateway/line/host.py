@@ -8,18 +8,20 @@ import gc
 import logging
 import sys
 import threading
-from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Coroutine, Sequence
+from dataclasses import dataclass, field
 from functools import partial
+from math import inf
 from typing import Any
 
 from gateway.lag import LagMeter
 from gateway.line.budget import ALLOWANCE_S
 from gateway.line.client import LineClient, LocalLineClient
+from gateway.line.courier import CarriedListener, Courier
 from gateway.line.job import Lane, Poll
 from gateway.line.listener import LineListener
 from gateway.line.outcome import Outcome, Silent
-from gateway.line.port import PortOpener
+from gateway.line.port import ClosesLate, PortOpener
 from gateway.line.precise_selector import new_precise_loop
 from gateway.line.scheduler import Scheduler
 from gateway.line.voice import OnFrame
@@ -29,10 +31,24 @@ from gateway.repetition import Repetition
 
 RESTART_PAUSE_S = 1.0  # after a bug has ended a line's loop
 FIGURES_EVERY_S = 1.0
-SOON_S = 0.04  # for answers to polls on their way to the app's loop
 SWITCH_INTERVAL_S = 0.0005  # Python's 5 ms are two silences: too long to wait for the app's thread
 
 logger = logging.getLogger(__name__)
+
+
+@dataclass(slots=True, eq=False)
+class _Hosted:
+    """One line in the thread."""
+
+    scheduler: Scheduler
+    opener: PortOpener
+    listener: CarriedListener
+    crashes: int = 0
+    figures: dict[str, Any] = field(default_factory=dict)
+    task: asyncio.Task[None] | None = None  # of the lines' loop, once it has begun
+
+    def note_figures(self) -> None:
+        self.figures = {"crashes": self.crashes, **self.scheduler.figures()}
 
 
 class LineHost:
@@ -44,10 +60,10 @@ class LineHost:
     def __init__(self, listener: LineListener) -> None:
         self.lag = LagMeter()  # of the lines' loop
         self._listener = listener
-        self._courier = _Courier()
-        self._schedulers: list[Scheduler] = []
-        self._figures: dict[str, dict[str, Any]] = {}
-        self._crashes: dict[str, int] = {}
+        self._courier = Courier()
+        self._lines: dict[str, _Hosted] = {}
+        self._ending: set[asyncio.Task[None]] = set()  # of lines that were removed; of the lines' loop
+        self._on_frame: OnFrame | None = None
         self._thread: threading.Thread | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stopping = asyncio.Event()  # belongs to the lines' loop
@@ -63,21 +79,36 @@ class LineHost:
         seed: int = 0,
         deaf_after_s: float | None = None,
     ) -> LineClient:
-        """Add a line; only before `start`."""
+        """Add a line, which begins with `start`, or at once: as soon as those removed before have ended."""
+        listener = CarriedListener(self._listener, self._courier)
         scheduler = Scheduler(
             name=name,
             opener=opener,
             timing=timing,
             polls=polls,
-            listener=_CarriedListener(self._listener, self._courier),
+            listener=listener,
             allowance_s=allowance_s,
             seed=seed,
             deaf_after_s=deaf_after_s,
+            hurry=self._courier.flush,
         )
-        self._schedulers.append(scheduler)
-        self._crashes[name] = 0
-        self._note_figures()
-        return _HostedLineClient(scheduler, self)
+        hosted = self._lines[name] = _Hosted(scheduler, opener, listener)
+        hosted.note_figures()
+        scheduler.capture(self._on_frame)
+        if self._loop is not None:
+            self.to_line(lambda: self._begin(hosted))
+        return _HostedLineClient(hosted, self)
+
+    def remove_line(self, name: str) -> Coroutine[Any, Any, object]:
+        """End a line, of which nothing is told from now on; what is returned waits until its port is closed.
+
+        The transaction under way is not cut.
+        """
+        hosted = self._lines.pop(name)
+        hosted.listener.mute()
+        ended = asyncio.Event()
+        self.to_line(lambda: self._end(hosted, ended))
+        return ended.wait()
 
     async def start(self) -> None:
         """Start the thread; returns once its loop takes calls."""
@@ -102,19 +133,13 @@ class LineHost:
 
     def progress(self) -> dict[str, int]:
         """Return each line's count of steps; one that stands still for long is stuck."""
-        return {scheduler.name: scheduler.progress for scheduler in self._schedulers}
-
-    def figures(self, name: str) -> dict[str, Any]:
-        """Return a line's figures, at most about a second old, with the number of its crashes."""
-        return self._figures[name]
+        return {name: hosted.scheduler.progress for name, hosted in self._lines.items()}
 
     def capture(self, on_frame: OnFrame | None) -> None:
         """Hand on every frame of every line from now on, on the app's loop; None: no more."""
-        carried: OnFrame | None = None
-        if on_frame is not None:
-            carried = partial(self._carry_frame, on_frame)
-        for scheduler in self._schedulers:
-            self.to_line(partial(scheduler.capture, carried))
+        self._on_frame = None if on_frame is None else partial(self._carry_frame, on_frame)
+        for hosted in self._lines.values():
+            self.to_line(partial(hosted.scheduler.capture, self._on_frame))
 
     def is_running(self) -> bool:
         """Return whether the lines' loop takes calls."""
@@ -143,29 +168,52 @@ class LineHost:
     async def _main(self, started: threading.Event) -> None:
         """Run all lines until asked to stop."""
         self._loop = asyncio.get_running_loop()
-        tasks = [
-            asyncio.create_task(self._supervise(scheduler), name=f"supervise {scheduler.name}")
-            for scheduler in self._schedulers
-        ]
-        tasks.append(asyncio.create_task(self._keep_figures(), name="figures"))
+        for hosted in tuple(self._lines.values()):
+            self._begin(hosted)
+        keeping = asyncio.create_task(self._keep_figures(), name="figures")
         started.set()
         await self._stopping.wait()
+        begun = (hosted.task for hosted in tuple(self._lines.values()))
+        tasks = [keeping, *self._ending, *(task for task in begun if task is not None)]
         for task in tasks:
             task.cancel()
         await asyncio.wait(tasks)
         self._courier.flush()
 
-    async def _supervise(self, scheduler: Scheduler) -> None:
+    def _begin(self, hosted: _Hosted) -> None:
+        """Run a line, once its port cannot be in the hands of one that was removed."""
+        work = self._supervise(hosted, tuple(self._ending))
+        hosted.task = asyncio.get_running_loop().create_task(work, name=f"supervise {hosted.scheduler.name}")
+
+    def _end(self, hosted: _Hosted, ended: asyncio.Event) -> None:
+        """End a line that was removed; `ended` belongs to the app's loop."""
+        task = hosted.task
+        if task is None or task.done():  # there is no thread
+            ended.set()
+            return
+        self._ending.add(task)
+        task.add_done_callback(self._ending.discard)
+        task.add_done_callback(lambda _: self.to_app(ended.set))
+        task.cancel()
+
+    async def _supervise(self, hosted: _Hosted, earlier: Sequence[asyncio.Task[None]]) -> None:
         """Run one line; whatever ends it is a bug that the other lines must not feel."""
         repetition = Repetition()
-        while True:
-            try:
-                await scheduler.run()
-            except Exception as error:  # the one guard at this task's top
-                self._crashes[scheduler.name] += 1
-                if repetition.is_news(error):
-                    logger.exception("line=%s crashed, starts again", scheduler.name)
-            await asyncio.sleep(RESTART_PAUSE_S)
+        scheduler = hosted.scheduler
+        if earlier:
+            await asyncio.wait(earlier)
+        try:
+            while True:
+                try:
+                    await scheduler.run()
+                except Exception as error:  # the one guard at this task's top
+                    hosted.crashes += 1
+                    if repetition.is_news(error):
+                        logger.exception("line=%s crashed, starts again", scheduler.name)
+                await asyncio.sleep(RESTART_PAUSE_S)
+        finally:
+            if isinstance(hosted.opener, ClosesLate):
+                await hosted.opener.wait_closed()
 
     async def _keep_figures(self) -> None:
         while True:
@@ -173,92 +221,34 @@ class LineHost:
             await asyncio.sleep(FIGURES_EVERY_S)
 
     def _note_figures(self) -> None:
-        for scheduler in self._schedulers:
-            self._figures[scheduler.name] = {
-                "crashes": self._crashes[scheduler.name],
-                **scheduler.figures(),
-            }
+        for hosted in tuple(self._lines.values()):
+            hosted.note_figures()
 
 
 class _HostedLineClient(LocalLineClient):
     """A LineClient of a scheduler in the lines' thread."""
 
-    def __init__(self, scheduler: Scheduler, host: LineHost) -> None:
-        super().__init__(scheduler)
+    def __init__(self, hosted: _Hosted, host: LineHost) -> None:
+        super().__init__(hosted.scheduler)
+        self._hosted = hosted
         self._host = host
 
-    async def transact(self, unit: int, request: Request, *, response_time_s: float, lane: Lane) -> Outcome:
+    async def transact(
+        self, unit: int, request: Request, *, response_time_s: float, lane: Lane, until_s: float = inf
+    ) -> Outcome:
         """Send a request once; without a running line nothing is sent."""
         if not self._host.is_running():
             return Silent("port closed", is_sent=False)
-        return await super().transact(unit, request, response_time_s=response_time_s, lane=lane)
+        return await super().transact(
+            unit, request, response_time_s=response_time_s, lane=lane, until_s=until_s
+        )
 
     def figures(self) -> dict[str, Any]:
-        """Return the line's counters and times, at most about a second old."""
-        return self._host.figures(self.name)
+        """Return the line's counters and times, and its crashes, at most about a second old."""
+        return self._hosted.figures
 
     def _to_line(self, call: Callable[[], object]) -> None:
         self._host.to_line(call)
 
     def _to_app(self, call: Callable[[], object]) -> None:
         self._host.to_app(call)
-
-
-class _Courier:
-    """Carries calls from the lines' loop to the app's, in order, many at a time."""
-
-    def __init__(self) -> None:
-        self.loop: asyncio.AbstractEventLoop | None = None
-        self._calls: deque[Callable[[], object]] = deque()
-        self._is_posted = False
-        self._timer: asyncio.TimerHandle | None = None
-
-    def post(self, call: Callable[[], object]) -> None:
-        """Have a call done now, after those that wait."""
-        self._calls.append(call)
-        self.flush()
-
-    def post_soon(self, call: Callable[[], object]) -> None:
-        """Have a call done within a moment: to wake the app's loop for each would cost more than the call."""
-        self._calls.append(call)
-        if self._timer is None:
-            self._timer = asyncio.get_running_loop().call_later(SOON_S, self.flush)
-
-    def flush(self) -> None:
-        """Have done now what waits."""
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
-        if self._calls and not self._is_posted and self.loop is not None:
-            self._is_posted = True
-            with contextlib.suppress(RuntimeError):  # the app's loop is closed: nobody is left to tell
-                self.loop.call_soon_threadsafe(self._deliver)
-
-    def _deliver(self) -> None:
-        self._is_posted = False  # first, so that a call that comes from now on is posted anew
-        try:
-            while self._calls:
-                self._calls.popleft()()
-        finally:
-            if self._calls and self.loop is not None:  # one of them raised; the rest must not wait for more
-                self.loop.call_soon(self._deliver)
-
-
-class _CarriedListener:
-    """Hands every call on to the app's loop."""
-
-    def __init__(self, listener: LineListener, courier: _Courier) -> None:
-        self._listener = listener
-        self._courier = courier
-
-    def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
-        self._courier.post_soon(lambda: self._listener.on_poll(line, key, unit, outcome))
-
-    def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:  # noqa: FBT001 - as in LineListener
-        self._courier.post(lambda: self._listener.on_unit(line, unit, is_answering, reason, frames))
-
-    def on_trouble(self, line: str, code: str, unit: int, text: str, frames: tuple[str, ...]) -> None:
-        self._courier.post(lambda: self._listener.on_trouble(line, code, unit, text, frames))
-
-    def on_port(self, line: str, is_open: bool, reason: str) -> None:  # noqa: FBT001 - as in LineListener
-        self._courier.post(lambda: self._listener.on_port(line, is_open, reason))

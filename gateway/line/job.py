@@ -5,17 +5,22 @@ from __future__ import annotations
 import enum
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import inf
 
 from gateway.line.outcome import Outcome
 from gateway.modbus.pdu import Request
 
 
 class Lane(enum.IntEnum):
-    """The order in which waiting jobs are served: the lowest first; polls come after all lanes."""
+    """The order in which waiting jobs are served: the lowest first; polls come after all lanes.
+
+    No lane but that of stops keeps a later one waiting for ever, nor jobs the polls of a full line.
+    """
 
     STOP = 0
-    COMMAND = 1
-    READ_BACK = 2
+    COMMAND = 1  # what makes motors move
+    READ_BACK = 2  # and what we ask of our own accord
+    PARAMETERS = 3  # reads and settings on demand: what can wait
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +35,7 @@ class Poll:
     response_floor_s: float | None = None  # what was learnt may shorten that down to this; None = not at all
     deadline_s: float | None = None  # its unit's watchdog: the longest time unheard; None or 0: none
     group: str = ""  # whose values it reads, for those who read its figures
+    is_urgent: bool = False  # an answer that says something else than the one before is told at once
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,3 +47,4 @@ class Job:
     response_time_s: float
     lane: Lane
     finish: Callable[[Outcome], None]
+    until_s: float = inf  # on the line's clock: never sent later than this

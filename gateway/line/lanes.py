@@ -7,12 +7,15 @@ from collections import deque
 from gateway.line.job import Job, Lane
 from gateway.line.turn import Turn
 
+LET_PASS = 4  # jobs of earlier lanes that one which waits lets pass; stops do not count
+
 
 class Lanes:
     """One queue for each lane."""
 
     def __init__(self) -> None:
         self._waiting: dict[Lane, deque[Turn]] = {lane: deque() for lane in Lane}
+        self._let_pass = dict.fromkeys(Lane, 0)
 
     def __bool__(self) -> bool:
         return any(self._waiting.values())
@@ -27,11 +30,16 @@ class Lanes:
         self._waiting[job.lane].appendleft(turn)
 
     def take(self, last: Lane) -> Turn | None:
-        """Take out what is first in these lanes, from `STOP` to the last."""
-        for lane, turns in self._waiting.items():
-            if turns and lane <= last:
-                return turns.popleft()
-        return None
+        """Take out what is next in these lanes, from `STOP` to the last."""
+        waiting = [lane for lane, turns in self._waiting.items() if turns and lane <= last]
+        if not waiting:
+            return None
+        chosen = waiting[0]
+        if chosen is not Lane.STOP:
+            chosen = next((lane for lane in waiting if self._let_pass[lane] >= LET_PASS), chosen)
+            for lane in waiting:
+                self._let_pass[lane] = 0 if lane is chosen else self._let_pass[lane] + 1
+        return self._waiting[chosen].popleft()
 
     def withdraw(self, job: Job) -> bool:
         """Take a job back; False when it is not waiting (any more)."""

@@ -6,7 +6,7 @@ time, so that the memory is bounded and follows a starter that changes.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import ceil, log
 
@@ -78,13 +78,21 @@ class ResponseTimes:
 
 def quantile_s(distributions: Iterable[ResponseTimes], share: float) -> float | None:
     """Return the time that this share of all answers kept, to about 5 %; None of nothing."""
+    return _quantiles(distributions, {"": share})[""]
+
+
+def _quantiles(distributions: Iterable[ResponseTimes], shares: Mapping[str, float]) -> Quantiles:
+    """Return the times that these shares, the least first, of all answers kept."""
     joined = sorted(each for times in distributions for each in times.classes)
-    left = max(ceil(share * sum(count for _, count, _ in joined)), 1)
+    total = sum(count for _, count, _ in joined)
+    found: Quantiles = dict.fromkeys(shares)
+    wanted = [(max(ceil(share * total), 1), name) for name, share in shares.items()]
+    passed = 0
     for _, count, sum_s in joined:
-        left -= count
-        if left <= 0:
-            return sum_s / count
-    return None
+        passed += count
+        while wanted and wanted[0][0] <= passed:
+            found[wanted.pop(0)[1]] = sum_s / count
+    return found
 
 
 class Learnt:
@@ -107,6 +115,11 @@ class Learnt:
         """Take over that a unit did not answer: until it does it is waited for as long as it may take."""
         self._missing.add(unit)
 
+    def forget(self, unit: int) -> None:
+        """Know nothing of a unit any more."""
+        self._times.pop(unit, None)
+        self._missing.discard(unit)
+
     def response_time_s(self, unit: int, function: int, *, limit_s: float, floor_s: float | None) -> float:
         """Return how long to wait for a reply's first byte: `limit_s`, or less where that is allowed.
 
@@ -120,13 +133,12 @@ class Learnt:
 
     def quantiles(self, unit: int) -> Quantiles:
         """Return p50 and p99 of a unit's response times, all functions together; None of nothing."""
-        times = tuple(self._times.get(unit, {}).values())
-        return {"p50": quantile_s(times, 0.50), "p99": quantile_s(times, 0.99)}
+        return _quantiles(self._times.get(unit, {}).values(), {"p50": 0.50, "p99": 0.99})
 
     def functions(self, unit: int) -> dict[int, Quantiles]:
         """Return p50, p99 and p99.9 of a unit by function."""
         shares = {"p50": 0.50, "p99": 0.99, "p999": 0.999}
         return {
-            int(function): {name: quantile_s((times,), share) for name, share in shares.items()}
+            int(function): _quantiles((times,), shares)
             for function, times in self._times.get(unit, {}).items()
         }

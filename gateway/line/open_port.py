@@ -18,15 +18,12 @@ from typing import cast
 import serial
 
 from gateway.errors import PortLostError
+from gateway.line.lead import Lead
 from gateway.line.uart import uart_errors
+from gateway.line.wakeup import Wakeup
 
 KEPT_BYTES = 4096  # unread; more than the longest frame many times over
-EARLY_S = 0.0001  # a read ends so long before its time, at first; what wakes it is about as late
-EARLY_LEAST_S, EARLY_MOST_S = 0.00005, 0.0003
 DOZE_FROM = 3  # bytes still lacking from which on their arrival one by one is not watched
-
-_JUST_IN_TIME_S = 0.00003  # left after waking up: as long as it takes to get to the write
-_EARLIER_S, _LATER_S = 0.000016, 0.000002  # the steps of learning: about one in ten then is later than that
 
 _READ_SIZE = 4096
 _AT_ONCE_S = 0.00004
@@ -45,8 +42,8 @@ class OpenPort(asyncio.Protocol, abc.ABC):
         self._received = bytearray()
         self._wanted = 1  # bytes for which whoever reads is woken
         self._last_byte_s = -inf
-        self._waiter: asyncio.Future[None] | None = None
-        self._early_s = EARLY_S
+        self._waiter: Wakeup | None = None
+        self._lead = Lead()  # a read ends so long before its time; what wakes it is about as late
         self._hold_s = -inf  # until then nothing is written
         self._lost: str | None = None  # the reason
         self._closed = asyncio.Event()
@@ -70,12 +67,12 @@ class OpenPort(asyncio.Protocol, abc.ABC):
                 if not self._received:
                     raise PortLostError(self._name, self._lost)
                 break
-            if until_s - self._time() <= self._early_s:
-                self._fetch()
+            if until_s - self._time() <= self._lead.seconds:
+                self._look_once()
                 self._hold_s = until_s
                 break
-            if await self._wait(until_s - self._early_s, count):
-                self._learn_to_wake(until_s - self._time())
+            if await self._wait(until_s - self._lead.seconds, count):
+                self._lead.learn(until_s - self._time())
         chunk = bytes(self._received)
         self._received.clear()
         return chunk
@@ -103,7 +100,7 @@ class OpenPort(asyncio.Protocol, abc.ABC):
     def connection_lost(self, exc: Exception | None) -> None:
         """Hear that the port is gone; asyncio calls this, right before it closes the descriptor."""
         self._lost = self._lost or (f"lost: {exc}" if exc else _CLOSED_BY_OTHER)
-        self._wake()
+        self._loop.call_soon(self._wake)  # not from within the transport's own end
         self._loop.call_soon(self._closed.set)
 
     def _take(self, data: bytes, asked_s: float) -> None:
@@ -120,21 +117,14 @@ class OpenPort(asyncio.Protocol, abc.ABC):
         while time() < until_s:
             pass
 
-    def _learn_to_wake(self, left_s: float) -> None:
-        """Learn how early a wait must be woken on this machine."""
-        if left_s < _JUST_IN_TIME_S:
-            self._early_s = min(self._early_s + _EARLIER_S, EARLY_MOST_S)
-        else:
-            self._early_s = max(self._early_s - _LATER_S, EARLY_LEAST_S)
-
     @abc.abstractmethod
-    def _fetch(self) -> None:
+    def _look_once(self) -> None:
         """Take what has arrived, without waiting."""
 
     async def _wait(self, until_s: float, count: int) -> bool:
         """Wait until then, or for so many bytes; return whether it was the time that ended it."""
         self._wanted = count
-        self._waiter = self._loop.create_future()
+        self._waiter = Wakeup(self._loop)
         self._await_rest()
         timer = self._loop.call_at(until_s, self._wake)
         try:
@@ -149,8 +139,8 @@ class OpenPort(asyncio.Protocol, abc.ABC):
         """Prepare for bytes that are awaited from now on, some of which may be under way."""
 
     def _wake(self) -> None:
-        if self._waiter is not None and not self._waiter.done():
-            self._waiter.set_result(None)
+        if self._waiter is not None:
+            self._waiter.wake()
 
 
 class TtyPort(OpenPort):
@@ -163,6 +153,7 @@ class TtyPort(OpenPort):
         self._character_s = character_s
         self._is_watched = False  # the loop tells each arrival
         self._look_timer: asyncio.TimerHandle | None = None
+        self._count = bytearray(4)  # for the driver's answer: bytes that wait
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Take the transport; asyncio calls this, and gives it the descriptor right afterwards."""
@@ -229,6 +220,15 @@ class TtyPort(OpenPort):
             self._look_away()
             self._look_timer = self._loop.call_at(awake_s, self._look)
 
+    def _look_once(self) -> None:
+        """Take what has arrived, without waiting; a read that finds nothing raises, which costs more."""
+        if self._lost is None:
+            with contextlib.suppress(OSError):  # the read, or else the write, will tell
+                fcntl.ioctl(self._fd, termios.FIONREAD, self._count)
+                if not any(self._count):
+                    return
+        self._fetch()
+
     def _fetch(self) -> None:
         if self._lost is not None or self._transport is None:
             return  # gone, or not quite open: until then an empty read means nothing
@@ -288,5 +288,5 @@ class SocketPort(OpenPort):
         if len(self._received) >= self._wanted:
             self._wake()
 
-    def _fetch(self) -> None:
+    def _look_once(self) -> None:
         """Leave it to the transport: what came in the last moment is read by the next wait."""

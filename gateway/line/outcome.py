@@ -5,6 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from gateway.modbus.codes import ExceptionCode
+
+TOO_LATE = "it has become too late"  # the reason of a job that is not sent any more
+
+_LASTING = frozenset(
+    {
+        ExceptionCode.ILLEGAL_FUNCTION,
+        ExceptionCode.ILLEGAL_DATA_ADDRESS,
+        ExceptionCode.ILLEGAL_DATA_VALUE,
+        ExceptionCode.SERVER_DEVICE_FAILURE,
+    }
+)
+
 
 @dataclass(frozen=True, slots=True)
 class Answered:
@@ -21,6 +34,11 @@ class Refused:
 
     code: int
     at_s: float
+
+    @property
+    def is_lasting(self) -> bool:
+        """Whether the unit will say the same the next time [APP 7]."""
+        return self.code in _LASTING
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ from gateway.line.lanes import Lanes
 from gateway.line.outcome import Garbled, Outcome, Silent
 from gateway.line.polled import Polled
 from gateway.line.roster import Entry
+from gateway.line.share import Shares
 from gateway.line.turn import Turn as Turn
 from gateway.line.turn import Verdict as Verdict
 
@@ -31,6 +32,7 @@ class Plan:
     def __init__(self, polls: Iterable[Poll] = (), *, seed: int = 0, jitter: float = 0.1) -> None:
         self._polled = Polled(seed=seed, jitter=jitter)
         self._lanes = Lanes()
+        self._shares = Shares()
         self._again: Entry | None = None  # its reply was garbled: it is asked again at once
         self._is_for_watchdog = False  # the turn under way
         self._jobs_in_row = 0
@@ -77,6 +79,10 @@ class Plan:
         """Count no misses of this unit until then; only its probe is asked after a first one."""
         self._polled.unit(unit).health.expect_silence(until_s)
 
+    def forget(self, unit: int) -> None:
+        """Know nothing of a unit any more, whose polls are removed."""
+        self._polled.forget(unit)
+
     def submit(self, job: Job, now_s: float) -> None:
         """Queue a job at the end of its lane."""
         self._lanes.submit(job, now_s)
@@ -101,6 +107,12 @@ class Plan:
     def stretch(self) -> float:
         """Return the factor by which all periods are stretched at present; 1 while the line keeps them."""
         return self._polled.stretch.factor
+
+    def watchdog_figures(self, now_s: float) -> dict[str, float | int]:
+        """Return what the units' watchdogs need of the line, and the worst lately: 1 and more is missed."""
+        share, unit = self._polled.watchdogs.worst(now_s)
+        load = self._polled.watchdog_load()
+        return {"load": round(load, 4), "longest_share": round(share, 4), "unit": unit}
 
     def next_due_s(self) -> float:
         """Return when there is something to do, at times a little early; infinity when nothing is planned."""
@@ -149,6 +161,8 @@ class Plan:
         since_s = self._began_s(turn, entry, now_s)
         self._freed_s = now_s
         is_repeated = self._repeat_if_garbled(turn, entry, outcome)
+        if turn.job is not None:
+            self._shares.spend(turn.job.lane, now_s - since_s, now_s)
         stretch = self._polled.stretch
         is_rhythmic = entry is not None and entry.is_counted
         stretch.pass_time(now_s, others_s=0.0 if is_rhythmic else now_s - since_s)
@@ -170,12 +184,10 @@ class Plan:
         return max(self._freed_s, min(due_s, self._picked_s), now_s - LONGEST_TURN_S)
 
     def _pick_other(self, now_s: float) -> Turn | None:
-        """Return the first job, or the first poll after so many jobs in a row."""
+        """Return the first job, or the first poll after so many jobs in a row or so much line time."""
         entry = self._polled.rota.first(now_s)
         if entry is None or self._jobs_in_row < JOBS_IN_ROW:
-            # A unit's watchdog may wait for its first poll: what we ask of our own accord can wait longer.
-            last = Lane.COMMAND if entry is not None and entry.is_first else Lane.READ_BACK
-            job = self._lanes.take(last)
+            job = self._lanes.take(Lane.PARAMETERS if entry is None else self._last_lane_before(entry, now_s))
             if job is not None:
                 self._jobs_in_row += 1
                 return job
@@ -183,6 +195,12 @@ class Plan:
             return None
         self._jobs_in_row = 0
         return self._ask(entry, now_s)
+
+    def _last_lane_before(self, entry: Entry, now_s: float) -> Lane:
+        """Return the last of the lanes whose jobs go before a poll that is due."""
+        last = self._shares.last_lane(now_s)
+        # A unit's watchdog may wait for its first poll: what we ask of our own accord can wait longer.
+        return min(last, Lane.COMMAND) if entry.is_first else last
 
     def _ask(self, entry: Entry, now_s: float) -> Turn:
         turn = _turn(entry, now_s)

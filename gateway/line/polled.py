@@ -9,13 +9,15 @@ from math import inf
 from gateway.line.agenda import NOWHERE
 from gateway.line.health import Sign, UnitState
 from gateway.line.job import Poll
-from gateway.line.outcome import Garbled, Outcome
+from gateway.line.outcome import Garbled, Outcome, Silent
 from gateway.line.roster import Entry, Unit
 from gateway.line.rota import Rota
-from gateway.line.silence import back_off_s
+from gateway.line.silence import BACK_OFF_CEILING_S, back_off_s
 from gateway.line.stretch import Stretch
 from gateway.line.watchdogs import Watchdogs
 
+GIVING = 0.05  # of its period a poll on a busy line gives way, so that rhythms fall into gaps of their own
+PATIENCE_S = 5.0  # after the last sign of life, before a unit is asked ever less often: it may be noise
 NEIGHBOUR_S = 5.0  # units that went silent within so long probably did for one reason
 
 
@@ -32,6 +34,7 @@ class Polled:
         self._entries: dict[str, Entry] = {}
         self._units: dict[int, Unit] = {}
         self._asked: tuple[Poll, ...] | None = None
+        self._was_busy = False
 
     def begin(self, now_s: float) -> None:
         """Begin on an opened port: overdue polls are due now, once, each unit's first before the others."""
@@ -97,6 +100,13 @@ class Polled:
             unit = self._units[number] = Unit(number=number)
         return unit
 
+    def forget(self, number: int) -> None:
+        """Let a unit without polls be as if it had never been asked; one with polls stays."""
+        unit = self._units.get(number)
+        if unit is not None and not unit.entries:
+            del self._units[number]
+            self.watchdogs.set(number, None)
+
     def state_of(self, number: int) -> UnitState:
         """Return what is known of a unit."""
         return self._units[number].health.state if number in self._units else UnitState.NEW
@@ -112,6 +122,15 @@ class Polled:
             self._asked = tuple(each.poll for each in self._entries.values() if each.unit.is_asked(each))
         return self._asked
 
+    def watchdog_load(self) -> float:
+        """Return the share of the line's time for watchdogs which the polls' own rhythm does not keep."""
+        load = 0.0
+        for number, kept_s in self.watchdogs.kept_every_s().items():
+            entries = self.unit(number).entries
+            if entries and all(not e.every_s or e.every_s * self.stretch.factor > kept_s for e in entries):
+                load += entries[0].cost_s / kept_s
+        return load
+
     def barking(self, now_s: float) -> Entry | None:
         """Return the first poll of the unit that has to be asked for its watchdog, by deadline."""
         while (number := self.watchdogs.first(now_s)) is not None:
@@ -123,7 +142,8 @@ class Polled:
 
     def take(self, entry: Entry, now_s: float, *, for_watchdog: bool) -> None:
         """Take out the poll that is asked now, in its rhythm or only because its unit's watchdog needs it."""
-        entry.rhythm_s = min(entry.release_s, now_s)
+        gives_s = GIVING * entry.every_s if self._was_busy and self.stretch.factor == 1.0 else 0.0
+        entry.rhythm_s = min(entry.release_s + gives_s, now_s)
         if for_watchdog is not entry.is_watchdogs:
             entry.is_watchdogs = for_watchdog
             self._count(entry)
@@ -141,12 +161,13 @@ class Polled:
     def plan_next(self, entry: Entry, now_s: float) -> None:
         """Keep a poll's rhythm after its turn, or as much of it as the line has time for."""
         unit = entry.unit
+        if self.stretch.is_busy is not self._was_busy:
+            self._reorder()
         if unit.is_held:
             if entry is unit.entries[0] and entry.place == NOWHERE:
                 self._put(entry, now_s + unit.pace_s)
         elif entry.is_hastened:
-            entry.release_s = entry.deadline_s = entry.soonest_s = now_s
-            self.rota.put(entry)
+            self._put(entry, now_s)
         else:
             due_s = max(entry.rhythm_s + entry.every_s * self.stretch.factor, now_s)
             self._put(entry, due_s)
@@ -158,20 +179,22 @@ class Polled:
         sign = unit.health.take(outcome, now_s)
         self.rota.is_after_silence = sign is Sign.MISS
         if sign is Sign.ANSWER:
+            unit.heard_s = now_s
             self.watchdogs.heard(unit.number, since_s)
             self._release(unit, poll, now_s)
             if was_silent:
                 self._wake_neighbours(unit, now_s)
         else:
             self.watchdogs.tried(unit.number, now_s)
-            if unit.is_held and poll is not None:
+            if unit.is_held and poll is not None and isinstance(outcome, Silent):
                 self.rota.budget.spend(now_s - since_s, now_s)
         if sign is Sign.MISS:
             if not was_suspect and not was_silent:
                 unit.missed_s = now_s
             unit.miss_cost_s = now_s - since_s
-            if isinstance(outcome, Garbled):
-                unit.probes = 0  # somebody is there, and may hear us: its watchdog is not to act
+            unit.is_garbled = isinstance(outcome, Garbled)
+            if unit.is_garbled:
+                unit.probes, unit.heard_s = 0, now_s
             self._miss(unit, now_s, is_probe=poll is not None or not was_silent)
         if unit.is_suspect is not was_suspect and not unit.is_held:
             for entry in unit.entries:
@@ -182,8 +205,13 @@ class Polled:
         if unit.health.is_forgiven(now_s):
             self._hold(unit, now_s + unit.pace_s)
         elif unit.is_silent and is_probe:
-            unit.probes += 1
-            pause_s = back_off_s(unit.pace_s, unit.probes, jitter=self._jitter, chance=self._chance)
+            # It may well hear us, and only its replies be lost: its watchdog is not to act.
+            ceiling_s = min(BACK_OFF_CEILING_S, self.watchdogs.retry_s(unit.number))
+            pause_s = back_off_s(
+                unit.pace_s, unit.probes, jitter=self._jitter, chance=self._chance, ceiling_s=ceiling_s
+            )
+            if now_s - unit.heard_s >= PATIENCE_S:
+                unit.probes += 1
             self._hold(unit, now_s + pause_s)
 
     def _hold(self, unit: Unit, probe_due_s: float) -> None:
@@ -219,21 +247,38 @@ class Polled:
                 self._hasten(other.entries[0], now_s)
 
     def _hasten(self, entry: Entry, now_s: float) -> None:
-        is_next = entry.release_s <= now_s and (entry.is_hastened or entry.deadline_s <= now_s)
+        is_next = entry.release_s <= now_s and (entry.is_hastened or not entry.unit.is_held)
         entry.is_hastened = True
         if entry.is_out or is_next:
             return
         entry.release_s = entry.soonest_s = now_s  # its rhythm begins anew
-        entry.deadline_s = min(entry.deadline_s, now_s)
+        entry.deadline_s = min(entry.deadline_s, self._deadline_s(entry))
         self.rota.put(entry)
 
     def _put(self, entry: Entry, due_s: float) -> None:
-        """Let a poll wait for its time, by a deadline that is a period later."""
+        """Let a poll wait for its time."""
         entry.release_s = entry.soonest_s = due_s
-        entry.deadline_s = due_s + entry.every_s * self.stretch.factor if entry.every_s else inf
-        if entry.is_first:
-            entry.deadline_s = due_s
+        entry.deadline_s = self._deadline_s(entry)
         self.rota.put(entry)
+
+    def _deadline_s(self, entry: Entry) -> float:
+        """Return by when a poll is to be asked: a period after it is due; on a busy line when it is due.
+
+        By due time each of the others goes first once at most, whenever and however often it is hastened.
+        """
+        if entry.is_first:
+            return entry.release_s
+        if not entry.every_s:
+            return inf
+        return entry.release_s if self._was_busy else entry.release_s + entry.every_s
+
+    def _reorder(self) -> None:
+        """Put the polls in the order of a line that has become busy, or has time to spare again."""
+        self._was_busy = self.stretch.is_busy
+        for entry in self._entries.values():
+            if entry.every_s and not entry.is_out and not entry.unit.is_held:
+                entry.deadline_s = self._deadline_s(entry)
+                self.rota.put(entry)
 
     def _count(self, entry: Entry) -> None:
         self.stretch.count(entry, is_counted=not entry.unit.is_held and not entry.is_watchdogs)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 
 class Port(Protocol):
@@ -47,4 +47,13 @@ class PortOpener(Protocol):
 
     async def __call__(self) -> Port:
         """Open the port; raise PortError with the reason and the mend when it cannot be had."""
+        ...
+
+
+@runtime_checkable
+class ClosesLate(Protocol):
+    """An opener whose port is not quite closed when `close` returns, and cannot be opened by others yet."""
+
+    async def wait_closed(self) -> None:
+        """Return once the port that was opened last is closed; it must have been told to."""
         ...

@@ -10,6 +10,7 @@ import asyncio
 import contextlib
 import ctypes
 import math
+import select
 import selectors
 import time
 from collections.abc import Callable
@@ -30,6 +31,8 @@ class PreciseSelector(selectors.SelectSelector):
     def __init__(self, note_delay: NoteDelay | None = None) -> None:
         super().__init__()
         self._note_delay = note_delay
+        self._read_only: dict[int, selectors.SelectorKey] = {}
+        self._others = 0  # files of which more than their reading is watched
         self._looked_s = -math.inf  # when files were looked at last
         self._returned_s = math.inf
 
@@ -38,7 +41,19 @@ class PreciseSelector(selectors.SelectSelector):
         number = fileobj if isinstance(fileobj, int) else fileobj.fileno()
         if number >= DESCRIPTOR_LIMIT:
             raise ValueError(f"descriptor {number} is not below {DESCRIPTOR_LIMIT}: too many open files")
-        return super().register(fileobj, events, data)
+        key = super().register(fileobj, events, data)
+        if events == selectors.EVENT_READ:
+            self._read_only[key.fd] = key
+        else:
+            self._others += 1
+        return key
+
+    def unregister(self, fileobj: Any) -> selectors.SelectorKey:
+        """Watch a file no more."""
+        key = super().unregister(fileobj)
+        if self._read_only.pop(key.fd, None) is None:
+            self._others -= 1
+        return key
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
         """Return what is ready, as every selector does.
@@ -49,13 +64,21 @@ class PreciseSelector(selectors.SelectSelector):
         asked_s = time.monotonic()
         if timeout is not None and timeout <= 0 and asked_s - self._looked_s < LOOK_EVERY_S:
             return []
-        ready = super().select(timeout)
+        ready = self._look(timeout)
         self._looked_s = time.monotonic()
         if self._note_delay is not None:
             late_s = 0.0 if timeout is None or ready else self._looked_s - asked_s - max(timeout, 0.0)
             self._note_delay(max(asked_s - self._returned_s, late_s, 0.0), self._looked_s)
         self._returned_s = self._looked_s
         return ready
+
+    def _look(self, timeout: float | None) -> list[tuple[selectors.SelectorKey, int]]:
+        """Do as the class above, for the usual case in less time: nobody waits to write."""
+        if self._others:
+            return super().select(timeout)
+        waits_s = None if timeout is None else max(timeout, 0.0)
+        readable, _, _ = select.select(self._read_only, (), (), waits_s)
+        return [(self._read_only[number], selectors.EVENT_READ) for number in readable]
 
 
 def new_precise_loop(note_delay: NoteDelay | None = None) -> asyncio.AbstractEventLoop:

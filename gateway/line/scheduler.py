@@ -42,6 +42,7 @@ class Scheduler:
         allowance_s: float = ALLOWANCE_S,
         seed: int = 0,
         deaf_after_s: float | None = None,
+        hurry: Callable[[], None] | None = None,  # called when what was told before must not wait
     ) -> None:
         self.name = name
         self.timing = timing
@@ -50,7 +51,7 @@ class Scheduler:
         self._allowance_s = allowance_s
         self._plan = Plan(polls, seed=seed)
         self._trace = Trace(name)
-        self._voice = Voice(name, listener, self._trace)
+        self._voice = Voice(name, listener, self._trace, hurry=hurry)
         self._figures = Figures()
         self._preparations = Preparations()
         self._deafness = Deafness(deaf_after_s)
@@ -94,6 +95,7 @@ class Scheduler:
         """Ask no more; KeyError when there is no such poll."""
         self._plan.remove_poll(key)
         self._preparations.forget(key)
+        self._figures.forget_poll(key)
 
     def set_every(self, key: str, every_s: float) -> None:
         """Change a poll's period; KeyError when there is no such poll."""
@@ -114,6 +116,11 @@ class Scheduler:
         """Count no misses of this unit for so long."""
         self._plan.expect_silence(unit, self._time() + seconds)
 
+    def forget(self, unit: int) -> None:
+        """Know nothing of a unit any more, whose polls are removed."""
+        self._plan.forget(unit)
+        self._figures.forget(unit)
+
     def capture(self, on_frame: OnFrame | None) -> None:
         """Hand on every frame from now on; None: no more."""
         self._voice.capture(on_frame)
@@ -125,7 +132,11 @@ class Scheduler:
         figures = self._figures.to_dict(polls, worst_stop_latency_s=latency_s, now_s=self._time())
         for unit, counts in figures["units"].items():
             counts["state"] = self._plan.state_of(unit).value
-        state = {"is_open": self._serving is not None, "stretch": round(self._plan.stretch, 3)}
+        state = {
+            "is_open": self._serving is not None,
+            "stretch": round(self._plan.stretch, 3),
+            "watchdogs": self._plan.watchdog_figures(self._time()),
+        }
         stray_bytes = self._earlier_stray_bytes + (self._serving.line.stray_bytes if self._serving else 0)
         errors = self._opener.uart_errors() if isinstance(self._opener, CountsErrors) else None
         uart = {} if errors is None else {"uart_errors": errors}

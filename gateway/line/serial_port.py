@@ -74,11 +74,15 @@ class SerialOpener:
 
     async def __call__(self) -> Port:
         """Open the port, once the one opened before is closed; PortError tells the reason and the mend."""
+        await self.wait_closed()
+        self._latest = await (self._connect() if "://" in self._name else self._open_tty())
+        return self._latest
+
+    async def wait_closed(self) -> None:
+        """Close the port that was opened last, and return once it is closed."""
         if self._latest is not None:
             self._latest.close()
             await self._latest.wait_closed()
-        self._latest = await (self._connect() if "://" in self._name else self._open_tty())
-        return self._latest
 
     async def _open_tty(self) -> OpenPort:
         loop = asyncio.get_running_loop()

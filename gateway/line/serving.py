@@ -9,7 +9,7 @@ from gateway.errors import PortLostError
 from gateway.line.deafness import DEAF, Deafness
 from gateway.line.figures import Figures
 from gateway.line.job import Job, Lane
-from gateway.line.outcome import Garbled, Outcome, Silent
+from gateway.line.outcome import TOO_LATE, Garbled, Outcome, Silent
 from gateway.line.plan import Plan, Turn
 from gateway.line.prepared import Preparations
 from gateway.line.transaction import Transactor
@@ -131,7 +131,9 @@ class Serving:
         return await self.line.settle()
 
     async def _take(self, turn: Turn, noise: Garbled | None) -> Outcome:
-        """Do one transaction, unless the line is too noisy; a job ends even when this does not."""
+        """Do one transaction, unless too late or on too noisy a line; a job ends even when this does not."""
+        if turn.job is not None and self._time() > turn.job.until_s:
+            return Silent(TOO_LATE, is_sent=False)
         if noise is not None:
             return noise
         outcome: Outcome | None = None

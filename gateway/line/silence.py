@@ -13,9 +13,11 @@ SAVED_S = 20.0  # the share of so many seconds can be saved up
 _MOST_DOUBLINGS = 16
 
 
-def back_off_s(pace_s: float, probes: int, *, jitter: float, chance: random.Random) -> float:
+def back_off_s(
+    pace_s: float, probes: int, *, jitter: float, chance: random.Random, ceiling_s: float = BACK_OFF_CEILING_S
+) -> float:
     """Return the pause after so many probes in vain: twice the last, up to the ceiling, jittered."""
-    delay_s = min(pace_s * 2.0 ** min(probes, _MOST_DOUBLINGS), max(BACK_OFF_CEILING_S, pace_s))
+    delay_s = min(pace_s * 2.0 ** min(probes, _MOST_DOUBLINGS), max(ceiling_s, pace_s))
     return delay_s * (1.0 + jitter * chance.uniform(-1.0, 1.0))
 
 

@@ -12,6 +12,8 @@ from gateway.line.roster import Entry
 
 SLACK = 1.05  # the stretched periods leave this much, so that a jam dissolves; idle time is not left idle
 FREE_ROOM = 0.1  # of the line's time is left to polls without a period, where there are any
+BUSY = 0.5  # from this fullness on polls go by due time, not by deadline; see `ages.py` for what that gives
+EASED = 0.45  # and below this one by deadline again
 
 _WEIGHT = 0.125  # of the newest cost
 _OTHERS_OVER_S = 10.0  # the share of jobs and silent units is that of about the last so many seconds
@@ -20,7 +22,12 @@ _LEAST_ROOM = 0.05
 
 def stretch_of(load: float, *, others: float, has_free: bool) -> float:
     """Return the factor for a load, both as shares of the line's time; others are served before."""
-    return max(1.0, SLACK * load / room_of(others=others, has_free=has_free))
+    return max(1.0, fullness_of(load, others=others, has_free=has_free))
+
+
+def fullness_of(load: float, *, others: float, has_free: bool) -> float:
+    """Return a load as a share of the line's time for it, slack set apart; above 1 periods are stretched."""
+    return SLACK * load / room_of(others=others, has_free=has_free)
 
 
 def room_of(*, others: float, has_free: bool) -> float:
@@ -33,6 +40,7 @@ class Stretch:
 
     def __init__(self) -> None:
         self.factor = 1.0
+        self.is_busy = False
         self._load = 0.0
         self._others = 0.0
         self._noted_s: float | None = None
@@ -71,4 +79,6 @@ class Stretch:
         self._set_factor()
 
     def _set_factor(self) -> None:
-        self.factor = stretch_of(self._load, others=self._others, has_free=self._free_count > 0)
+        fullness = fullness_of(self._load, others=self._others, has_free=self._free_count > 0)
+        self.factor = max(1.0, fullness)
+        self.is_busy = fullness > (EASED if self.is_busy else BUSY)

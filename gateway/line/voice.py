@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from typing import Any
 
 from gateway.line.job import Job, Poll
 from gateway.line.listener import LineListener
-from gateway.line.outcome import Garbled, Outcome, Silent
+from gateway.line.outcome import Answered, Garbled, Outcome, Silent
 from gateway.line.suspicion import Trouble
 from gateway.line.trace import Trace
 
@@ -22,7 +23,11 @@ class Voice:
     What others do with an answer would else take the interpreter while the silence runs out.
     """
 
-    def __init__(self, name: str, listener: LineListener, trace: Trace) -> None:
+    def __init__(
+        self, name: str, listener: LineListener, trace: Trace, *, hurry: Callable[[], None] | None = None
+    ) -> None:
+        self._hurry = hurry  # called when what was told before must not wait
+        self._said: dict[str, Any] = {}  # the latest answers to urgent polls, by their keys
         self._name = name
         self._listener = listener
         self._trace = trace
@@ -41,6 +46,10 @@ class Voice:
     def tell_poll(self, poll: Poll, outcome: Outcome) -> None:
         """Tell what became of a poll, soon."""
         self._waiting.append(lambda: self._listener.on_poll(self._name, poll.key, poll.unit, outcome))
+        if poll.is_urgent and self._hurry is not None and isinstance(outcome, Answered):
+            if self._said.get(poll.key) != outcome.value:
+                self._waiting.append(self._hurry)
+            self._said[poll.key] = outcome.value
 
     def tell_unit(self, unit: int, outcome: Outcome, *, is_answering: bool) -> None:
         """Tell that a unit began to answer or went silent, soon, with the frames up to now."""

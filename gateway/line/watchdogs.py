@@ -15,6 +15,8 @@ from gateway.line.agenda import NOWHERE, Agenda, Listed
 
 KEPT_SHARE = 0.5  # of a watchdog's time may pass before its unit is asked ahead of its turn
 _RETRY_SHARE = 0.25  # of it passes after an attempt that was not answered
+_PROBE_SHARE = 0.125  # of it passes between two attempts, at most, once it no longer answers
+_WORST_OF_S = 60.0  # the worst is that of the last so many seconds at least, of twice as many at most
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
@@ -41,6 +43,8 @@ class Watchdogs:
     def __init__(self, places: Iterator[int]) -> None:
         self._agenda: Agenda[_Watchdog] = Agenda(places)
         self._watchdogs: dict[int, _Watchdog] = {}
+        self._worst = self._worst_before = (0.0, 0)  # share of its time that a unit was left, and the unit
+        self._worst_since_s = -inf
 
     def set(self, unit: int, limit_s: float | None) -> None:
         """Take over a unit's watchdog; None or 0 when it has none."""
@@ -60,10 +64,12 @@ class Watchdogs:
         watchdog = self._watchdogs.get(unit)
         if watchdog is None:
             return
-        watchdog.heard_s = at_s
+        left_s, watchdog.heard_s = at_s - watchdog.heard_s, at_s
         if watchdog.is_resting:
             watchdog.is_resting = False
             self._put(watchdog)
+        elif left_s > self._worst[0] * watchdog.limit_s:
+            self._worst = (left_s / watchdog.limit_s, unit)
 
     def tried(self, unit: int, at_s: float) -> None:
         """Take over that a unit was asked in vain."""
@@ -82,6 +88,24 @@ class Watchdogs:
         watchdog = self._watchdogs.get(unit)
         if watchdog is not None:
             watchdog.is_resting, watchdog.place = True, NOWHERE
+
+    def retry_s(self, unit: int) -> float:
+        """Return how soon to ask a silent unit again that may still hear us; infinite without a watchdog."""
+        watchdog = self._watchdogs.get(unit)
+        return inf if watchdog is None else _PROBE_SHARE * watchdog.limit_s
+
+    def kept_every_s(self) -> dict[int, float]:
+        """Return by unit that is kept from its watchdog how often it has to be asked for that."""
+        return {
+            unit: KEPT_SHARE * each.limit_s for unit, each in self._watchdogs.items() if not each.is_resting
+        }
+
+    def worst(self, now_s: float) -> tuple[float, int]:
+        """Return the largest share of its watchdog's time that a unit was left lately, and which unit."""
+        if now_s - self._worst_since_s >= _WORST_OF_S:
+            self._worst_before = self._worst if now_s - self._worst_since_s < 2 * _WORST_OF_S else (0.0, 0)
+            self._worst, self._worst_since_s = (0.0, 0), now_s
+        return max(self._worst, self._worst_before)
 
     def first(self, now_s: float) -> int | None:
         """Return the unit that has to be asked now."""

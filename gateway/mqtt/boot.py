@@ -7,18 +7,18 @@ class Boot:
     """`run` goes with everything that is numbered, `token` proves a command fresh.
 
     Numbers (`seq`) go on over a reconnection, so their messages carry `run`. The token changes whenever a
-    connection is lost: who has the present one has read it during this connection.
+    connection is lost or the gateway stood still: who has the present one has read it since then.
     """
 
     def __init__(self, run: str) -> None:
         self.run = run
-        self._connections = 1
+        self._tokens = 1  # so far
         self._connected_s: float | None = None
 
     @property
     def token(self) -> str:
         """Return the `boot` of gateway/status: the run's own name during its first connection."""
-        return self.run if self._connections == 1 else f"{self.run}-{self._connections}"
+        return self.run if self._tokens == 1 else f"{self.run}-{self._tokens}"
 
     def connected(self, now_s: float) -> None:
         """Note, on the steady clock, since when commands can arrive; further calls change nothing."""
@@ -28,8 +28,14 @@ class Boot:
     def disconnected(self) -> None:
         """Let the token of the lost connection count no more; without a connection nothing changes."""
         if self._connected_s is not None:
-            self._connections += 1
+            self._tokens += 1
             self._connected_s = None
+
+    def stood_still(self, now_s: float) -> None:
+        """Let nothing from before now count: what was sent meanwhile has waited, nobody knows how long."""
+        self._tokens += 1
+        if self._connected_s is not None:
+            self._connected_s = now_s
 
     def is_before_connection(self, at_s: float) -> bool:
         """Return whether a moment of the steady clock lies before the present connection."""

@@ -59,7 +59,7 @@ class BrokerConnection:
         source: Source,
         *,
         command_filter: str,
-        will: Callable[[], Message],
+        will: Callable[[], Message | None],
         on_incoming: Callable[[Incoming], None],
         on_link: Callable[[bool, str], None],
     ) -> None:

@@ -11,8 +11,11 @@ from typing import Any
 
 def to_json(value: Any) -> str:
     """Return compact JSON; what JSON cannot say becomes null (NaN, infinity) or its text."""
-    if type(value) is str:  # most are, and in each value that is published there are a dozen
+    kind = type(value)
+    if kind is str:  # most are, and nearly all the rest are floats
         return encode_basestring(value)
+    if kind is float:
+        return _float(value)
     match value:
         case None:
             return "null"
@@ -57,6 +60,8 @@ def _float(value: float) -> str:
     if not math.isfinite(value):
         return "null"
     text = float.__repr__(value)
+    if "e" not in text:
+        return text
     mantissa, exponent, power = text.partition("e")
     if "." not in mantissa:
         mantissa += ".0"  # 1e+16, which some clients would take for an integer tag

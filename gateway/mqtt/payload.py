@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, assert_never
 from gateway.mqtt.boot import Boot, boot_of
 from gateway.mqtt.json_out import join_json, rfc3339, to_json, to_payload
 from gateway.mqtt.topics import Topics, to_level
+from gateway.mqtt.values import ValueTexts
 from gateway.starters.records import (
     AlarmRecord,
     AuditRecord,
@@ -46,6 +47,7 @@ class Message:
     is_droppable: bool = False  # goes first when the outbox is full
     correlation: bytes | None = None  # MQTT 5 only
     history: HistoryItem | None = None  # told later when a newer one takes its place before it was sent
+    key: str = ""  # of a command's final result, "client/id"
 
     @property
     def packet_size(self) -> int:
@@ -79,6 +81,7 @@ class Payloads:
     def __init__(self, topics: Topics, boot: Boot | str) -> None:
         self.topics = topics
         self._boot = boot_of(boot)
+        self._values = ValueTexts(topics)
 
     def message(self, record: Record) -> Message:
         """Return the message of a record; ValueError when a name in it is no topic level."""
@@ -141,34 +144,15 @@ class Payloads:
         """Return how the outbox does."""
         return _latest(self.topics.gateway_outbox, figures, qos=0)
 
-    def history(self, topic: str, items: Sequence[str]) -> Message:
-        """Return one batch of values told late; at most MAX_HISTORY_ITEMS items, each JSON already."""
-        text = f'{{"boot":{to_json(self._boot.run)},"items":{join_json(items)}}}'
-        return Message(
-            topic, text.encode("utf-8", "replace"), qos=1, retain=False, is_kept=True, is_droppable=True
-        )
+    def history(self, topic: str, items: Sequence[str], boot: str) -> Message:
+        """Return a batch of values of a run, told late: at most MAX_HISTORY_ITEMS, each JSON already."""
+        payload = f'{{"boot":{to_json(boot)},"items":{join_json(items)}}}'.encode("utf-8", "replace")
+        return Message(topic, payload, qos=1, retain=False, is_kept=True, is_droppable=True)
 
     def _value(self, record: ValueRecord) -> Message:
-        point = to_level(record.point)
-        time = rfc3339(record.time_s)
-        fields = {
-            "value": record.value,
-            "unit": record.unit,
-            "quality": record.quality,
-            "time": time,
-            "seq": record.seq,
-        }
-        if record.label is not None:
-            fields["label"] = record.label
-        item = {
-            "point": point,
-            "value": record.value,
-            "quality": record.quality,
-            "time": time,
-            "seq": record.seq,
-        }
-        history = HistoryItem(self.topics.history(record.starter), to_json(item))
-        return _latest(self.topics.value(record.starter, point), fields, history=history)
+        told = self._values.of(record)
+        item = HistoryItem(told.history_topic, told.item)
+        return Message(told.topic, told.text.encode("utf-8", "replace"), qos=1, retain=True, history=item)
 
     def _state(self, record: StateRecord) -> Message:
         fields: dict[str, Any] = {
@@ -234,7 +218,7 @@ class Payloads:
         }
         # An accepted response topic is this very topic, so `response_topic` need not be looked at again.
         topic = self.topics.result(record.starter, record.client)
-        return _kept(topic, _extended(fields, record.values), correlation=record.correlation)
+        return _kept(topic, _extended(fields, record.values), correlation=record.correlation, key=record.key)
 
     def _audit(self, record: AuditRecord) -> Message:
         fields = {
@@ -280,6 +264,7 @@ def _kept(
     *,
     is_droppable: bool = False,
     correlation: bytes | None = None,
+    key: str = "",
 ) -> Message:
     return Message(
         topic,
@@ -289,6 +274,7 @@ def _kept(
         is_kept=True,
         is_droppable=is_droppable,
         correlation=correlation,
+        key=key,
     )
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from gateway.clock import Clock
 from gateway.mqtt.outbox import Outbox
-from gateway.mqtt.payload import GatewayInfo, Message, Payloads
+from gateway.mqtt.payload import GatewayInfo, Message, Payloads, cleared
 from gateway.starters.records import Record
 
 log = logging.getLogger(__name__)
@@ -43,10 +43,15 @@ class Publisher:
             return
         self._put(message)
 
-    def forget(self, starter: str) -> None:
-        """Clear every retained topic of a starter that is configured no more."""
-        self._outbox.forget(self._payloads.topics.starter(starter), self._clock.now_s())
+    def forget(self, *starters: str) -> None:
+        """Clear every retained topic of starters that are configured no more."""
+        topics = self._payloads.topics
+        self._outbox.forget([topics.starter(starter) for starter in starters], self._clock.now_s())
         self._wake()
+
+    def forget_line(self, line: str) -> None:
+        """Clear the retained figures of a line that is configured no more."""
+        self._put(cleared(self._payloads.topics.line(line)))
 
     def set_status(self, state: str, reason: str | None = None) -> None:
         """Publish the gateway's state (starting, online, degraded) when it has changed."""

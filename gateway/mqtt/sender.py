@@ -13,7 +13,7 @@ from gateway.mqtt.intake import Incoming
 from gateway.mqtt.json_in import read_object
 from gateway.mqtt.json_out import rfc3339, to_payload
 from gateway.mqtt.payload import Message
-from gateway.mqtt.retry import VersionChoice
+from gateway.mqtt.retry import Version, VersionChoice
 from gateway.mqtt.session import Session
 from gateway.mqtt.settings import BrokerSettings
 from gateway.mqtt.topics import Topics
@@ -59,7 +59,12 @@ class Sender:
         `now_s` is the wall time. BrokerError when the broker or the gateway is away, or writing is forbidden.
         """
         order = replace(order, id=order.id or uuid.uuid4().hex)
-        session = await self._connected()
+        session, _ = await connected(
+            self._settings,
+            on_incoming=self._news.put_nowait,
+            on_ack=lambda _, code: self._news.put_nowait(code),
+        )
+        session.lost.add_done_callback(lambda _: self._news.put_nowait(None))
         try:
             boot, trouble = await self._boot(session, order)
             if not await session.subscribe(self._topics.result(order.starter, order.client)):
@@ -78,26 +83,6 @@ class Sender:
                 return None
         finally:
             await session.disconnect()
-
-    async def _connected(self) -> Session:
-        choice = VersionChoice(self._settings.version)
-        while True:
-            session = Session(
-                self._settings,
-                choice.version,
-                will=None,
-                on_incoming=self._news.put_nowait,
-                on_ack=lambda _, code: self._news.put_nowait(code),
-            )
-            try:
-                await session.connect()
-            except BrokerError:
-                session.abort()
-                if not choice.failed(session.connack_code, is_reached=session.is_reached):
-                    raise
-            else:
-                session.lost.add_done_callback(lambda _: self._news.put_nowait(None))
-                return session
 
     async def _boot(self, session: Session, order: Order) -> tuple[str | None, BrokerError | None]:
         """Return the token that proves a command fresh; a stop does without, and hears why there is none."""
@@ -186,3 +171,23 @@ class Sender:
         who = f"user {self._settings.username}" if self._settings.username else "a client without login"
         mend = "log in as the operator with --username, or look at its access list"
         return BrokerError(f"broker {self._settings.address} does not let {who} {what}", mend)
+
+
+async def connected(
+    settings: BrokerSettings, *, on_incoming: Callable[[Incoming], None], on_ack: Callable[[int, int], None]
+) -> tuple[Session, Version]:
+    """Connect once, without a will, and return the session with the version that the broker takes.
+
+    BrokerError when it takes none, or cannot be had.
+    """
+    choice = VersionChoice(settings.version)
+    while True:
+        session = Session(settings, choice.version, will=None, on_incoming=on_incoming, on_ack=on_ack)
+        try:
+            await session.connect()
+        except BrokerError:
+            session.abort()
+            if not choice.failed(session.connack_code, is_reached=session.is_reached):
+                raise
+        else:
+            return session, choice.version

@@ -24,6 +24,7 @@ class Commanded(Unit):
     disable. Here it is forgotten; with `keeps_run_command` it stands, and starts the motor once it can.
     """
 
+    fault = 0  # the number of the latched one
     is_command_refused = False  # erratum A-06: exception 3 for what is not set to serial, instead of nothing
     is_running_while_stopping = False  # whether "running" stays 1 during the ramp down
 
@@ -68,12 +69,22 @@ class Commanded(Unit):
         else:
             self._disable()
 
-    # What a family tells
+    def trip(self, number: int) -> None:
+        """Show the fault of this number, E`number` or F`number`; the motor coasts."""
+        self._catch_up()
+        self._fail(number)
+
+    def set_remote(self, *, is_remote: bool) -> None:
+        """Switch local/remote by whatever key or input is there for it."""
+        self._catch_up()
+        self._set_remote(is_remote=is_remote)
 
     @property
-    @abstractmethod
     def is_fault(self) -> bool:
         """Whether a fault is latched."""
+        return self.fault != 0
+
+    # What a family tells
 
     @property
     @abstractmethod
@@ -113,6 +124,10 @@ class Commanded(Unit):
     @abstractmethod
     def _is_start_delayed(self) -> bool:
         """Return whether a start would be ignored for now."""
+
+    @abstractmethod
+    def _fail(self, number: int) -> None:
+        """Latch a fault."""
 
     @abstractmethod
     def _clear_fault(self) -> None:

@@ -78,6 +78,11 @@ class SstMotion(Unit):
         self._catch_up()
         self._fail(number)
 
+    def reset_locally(self) -> None:
+        """Clear all errors by what the starter itself has for it."""
+        self._catch_up()
+        self._clear_errors()
+
     def set_control(self, control: Control) -> None:
         """Give control to USB (coil 7), the parallel input (coil 8) or back to Modbus."""
         self._catch_up()

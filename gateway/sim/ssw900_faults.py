@@ -29,11 +29,6 @@ class Faults(Sources):
 
     # For people and tests
 
-    def trip(self, number: int) -> None:
-        """Show fault F`number`; the motor coasts."""
-        self._catch_up()
-        self._fail(number)
-
     def set_alarm(self, number: int, *, is_on: bool) -> None:
         """Show alarm A`number`, or take it away."""
         self._catch_up()
@@ -45,16 +40,6 @@ class Faults(Sources):
         """Reset any fault at the starter itself."""
         self._catch_up()
         self._clear_fault()
-
-    def set_remote(self, *, is_remote: bool) -> None:
-        """Switch local/remote by whatever key or input is there for it."""
-        self._catch_up()
-        self._set_remote(is_remote=is_remote)
-
-    @property
-    def is_fault(self) -> bool:
-        """Whether a fault is latched."""
-        return self.fault != 0
 
     def note_reception_error(self, *, is_crc: bool, byte_count: int) -> None:
         """Count S5.4.4 or S5.4.5."""

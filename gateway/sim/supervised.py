@@ -71,28 +71,13 @@ class Supervised(Commanded):
 
     # For people and tests
 
-    def trip(self, number: int) -> None:
-        """Show fault E`number`; the motor coasts."""
-        self._catch_up()
-        self._fail(number)
-
     def reset_at_keypad(self) -> None:
         """Reset any fault at the starter itself."""
         self._catch_up()
         if self.fault:
             self._clear_fault()
 
-    def set_remote(self, *, is_remote: bool) -> None:
-        """Switch local/remote by whatever key or input is there for it."""
-        self._catch_up()
-        self._set_remote(is_remote=is_remote)
-
     # What Commanded asks
-
-    @property
-    def is_fault(self) -> bool:
-        """Whether a fault is latched."""
-        return self.fault != 0
 
     @property
     def is_in_control(self) -> bool:

@@ -10,6 +10,7 @@ from gateway.errors import CommandError
 from gateway.families.command import prepare, verbs
 from gateway.families.gather import reads_for
 from gateway.families.procedure import Preparation
+from gateway.starters.conduct import CAN_WAIT
 from gateway.starters.control import StarterControlView
 from gateway.starters.errand import STOP
 from gateway.starters.expectation import STATE, Expectation
@@ -30,7 +31,9 @@ class Load:
     """What is under way when a command comes in."""
 
     is_busy: bool  # its starter
+    is_leaving: bool  # its starter's configuration is about to change
     on_line: int  # commands for starters of its line
+    parameters_on_line: int  # those of them that move no motor
 
 
 class Admission:
@@ -51,6 +54,11 @@ class Admission:
         self._groups = precautions.policy.groups
         self._journal = journal
         self._clock = clock
+
+    def take_over(self, rights: Rights) -> None:
+        """Judge by these rights and the precautions' present policy from now on."""
+        self._rights = rights
+        self._groups = self._precautions.policy.groups
 
     def check_sender(self, request: CommandRequest) -> None:
         """Demand a starter or group, a verb that it has, this client's right to it, and an id."""
@@ -85,11 +93,9 @@ class Admission:
         preparation = self.check_target(request, starter)
         if load.is_busy:
             raise CommandError("busy", "another command for this starter is under way")
-        most = self._precautions.policy.limits.under_way_on_line
-        if load.on_line >= most:
-            raise CommandError(
-                "too_many", f"{load.on_line} commands are under way on this line, at most {most}"
-            )
+        if load.is_leaving:
+            raise CommandError("busy", "the starter's configuration is about to change; send it again then")
+        self._check_room(request, load)
         expectations = [Expectation(starter.profile, request.expect), *self._selected(request, starter)]
         guard = self._precautions.guard(request, expectations)
         known = {code for read in preparation.reads for code in read.codes}
@@ -108,6 +114,20 @@ class Admission:
         if starter.identity_standing is not Standing.MATCHING:
             raise CommandError(f"identity_{starter.identity_standing.value}", starter.identity_reason)
         return preparation
+
+    def _check_room(self, request: CommandRequest, load: Load) -> None:
+        """Demand that a command gets its turn on the line while it is fresh."""
+        limits = self._precautions.policy.limits
+        if load.on_line >= limits.under_way_on_line:
+            most = limits.under_way_on_line
+            raise CommandError(
+                "too_many", f"{load.on_line} commands are under way on this line, at most {most}"
+            )
+        if request.verb in CAN_WAIT and load.parameters_on_line >= limits.parameters_on_line:
+            text = (
+                f"{load.parameters_on_line} reads and settings are under way on this line, as many as may be"
+            )
+            raise CommandError("too_many", text)
 
     def _selected(self, request: CommandRequest, starter: StarterControlView) -> tuple[Expectation, ...]:
         """Use up the selection of a command in two steps; return that the state must be the one seen then."""

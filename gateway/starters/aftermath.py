@@ -12,6 +12,7 @@ from gateway.starters.conduct import MAY_BE_TURNING
 from gateway.starters.control import StarterControlView
 from gateway.starters.errand import Desk, audit
 from gateway.starters.journal import Remembered
+from gateway.starters.life import Life
 from gateway.starters.records import Phase, ResultRecord, Severity
 from gateway.starters.request import CommandRequest
 
@@ -35,12 +36,15 @@ class Aftermath:
 
     def result(self) -> ResultRecord:
         """Return the command's final result as far as it can be told now."""
-        text, phase = "the gateway ended while this command was under way", Phase.REJECTED
-        if self._remembered.may_be_written:
+        life = Life.resumed(may_be_written=self._remembered.may_be_written)
+        text = "the gateway ended while this command was under way"
+        if life.is_written:
             text += f"; it was written, or about to be: {MAY_BE_TURNING}"
             phase = Phase.UNCONFIRMED
         else:
             text += "; nothing was written"
+            phase = Phase.REJECTED
+        life.advance(phase)
         state = self._state()
         text += f"; the starter is now {state}" if state != UNKNOWN else "; its state is not known yet"
         earlier = self._remembered.result

@@ -29,6 +29,7 @@ def explain(code: str) -> Code:
 
 _AGAIN = "Send it again, with a new id."
 _LOOK = "Look at the starter, then decide."
+_LATER = "Wait, look, then send it again, with a new id."
 _SENDER = "Mend the program that sent it."
 
 CODES: Mapping[str, Mapping[str, Code]] = {
@@ -102,7 +103,7 @@ CODES: Mapping[str, Mapping[str, Code]] = {
         "not_in_firmware": Code("This starter's firmware does not have it.", "See its firmware."),
         "readings_disagree": Code("No two readings in a row agreed.", "Look at the starter and its line."),
         "offline": Code("The starter does not answer.", "Look at the starter and its line."),
-        "identity_unknown": Code("It is not yet known who answers at this address.", "Wait, then again."),
+        "identity_unknown": Code("It is not yet known who answers at this address.", _LATER),
         "identity_mismatch": Code(
             "Another device answers than the one configured.", "Mend wiring or configuration."
         ),
@@ -110,13 +111,13 @@ CODES: Mapping[str, Mapping[str, Code]] = {
             "Another starter answers than before, or another model than configured.", "Look, then accept."
         ),
         "nothing_to_accept": Code("No change of the starter's identity waits to be accepted.", "Nothing."),
-        "state_unknown": Code("The starter's state is not known now.", "Wait for a good status."),
+        "state_unknown": Code("The starter's state is not known now.", _LATER),
         "not_as_expected": Code("The starter is not as the command expects.", "Look, and decide again."),
         "state_changed": Code(
             "The state has changed since the starter was selected.", "Look, and select again."
         ),
         "slot_unknown": Code("It is not known which slot holds the RS-485 accessory.", "Set `slot`."),
-        "word_unknown": Code("Neither command nor status word of the starter is known.", "Wait, then again."),
+        "word_unknown": Code("Neither command nor status word of the starter is known.", _LATER),
     },
     "The site's rules forbid it": {
         "starts_per_hour": Code("There were as many starts this hour as allowed.", "Wait as the text says."),
@@ -131,8 +132,14 @@ CODES: Mapping[str, Mapping[str, Code]] = {
         "selection_expired": Code("The selection was longer ago than it is valid.", "Select again."),
         "selected_otherwise": Code("It was selected for another verb or other arguments.", "Select again."),
         "selected_by_other": Code("Another client has this starter selected.", "Wait, or ask him."),
-        "busy": Code("Another command for this starter is under way.", "Wait for its result."),
-        "too_many": Code("Too many commands at once; a stop is never among them.", "Send fewer."),
+        "busy": Code(
+            "Another command for this starter is under way.",
+            "Wait for its result, then send yours again, with a new id.",
+        ),
+        "too_many": Code(
+            "Too many commands at once, or reads and settings on one line; a stop is never among them.",
+            "Send fewer.",
+        ),
         "wear_limit": Code("So many writes would wear the starter's memory out.", "Wait as the text says."),
     },
     "The gateway would not": {

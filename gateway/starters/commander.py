@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Coroutine, Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Collection, Coroutine, Iterable, Mapping
+from contextlib import suppress
 from typing import Any
 
 from gateway.clock import Clock
@@ -16,11 +16,12 @@ from gateway.starters.aftermath import Aftermath
 from gateway.starters.conduct import HALTED, Conduct
 from gateway.starters.control import StarterControlView
 from gateway.starters.errand import STOP, Desk, End, Errand, audit
-from gateway.starters.excess import Excess
+from gateway.starters.excess import TOO_MANY, Excess
 from gateway.starters.flood import Flood
 from gateway.starters.groups import GroupStop
 from gateway.starters.journal import UNAVAILABLE, Journal, NoJournal, Remembered
-from gateway.starters.ledger import Ledger
+from gateway.starters.known import is_same, told_again
+from gateway.starters.ledger import LONGEST_S, Ledger
 from gateway.starters.maintenance import is_forbidden
 from gateway.starters.policy import Policy
 from gateway.starters.precautions import Precautions
@@ -33,6 +34,7 @@ from gateway.starters.stopping import Stopping
 logger = logging.getLogger(__name__)
 
 SAVED_WITHIN_S = 1.0  # at the end
+NOT_TAKEN = (UNAVAILABLE, TOO_MANY)  # without the ledger, what it has may say something else
 
 
 class Commander:
@@ -76,6 +78,7 @@ class Commander:
         self._aftermaths: list[Aftermath] = []
         self._tasks: set[asyncio.Task[None]] = set()
         self._is_closing = False
+        self._leaving: Collection[str] = ()  # starters whose configuration is about to change
 
     def submit(self, request: CommandRequest) -> None:
         """Judge a command at once; carry an accepted one out in a task of its own."""
@@ -96,11 +99,11 @@ class Commander:
             if self._is_closing:
                 raise CommandError("shutting_down", HALTED["shutting_down"])  # noqa: TRY301 - as for the others
             if is_stop:
-                self._take_stop(request, is_repeat=earlier is not None and _is_same(request, earlier))
+                self._take_stop(request, is_repeat=earlier is not None and is_same(request, earlier))
             else:
                 self._take(request)
-        except CommandError as refusal:  # not kept without the ledger: what it has may say something else
-            self._refuse(request, refusal, is_kept=refusal.code != UNAVAILABLE)
+        except CommandError as refusal:
+            self._refuse(request, refusal, is_kept=refusal.code not in NOT_TAKEN)
 
     def reject(self, refusable: Refusable, code: str, text: str) -> None:
         """Reject a command that is not fit to be submitted; a repetition gets the first one's result."""
@@ -109,7 +112,7 @@ class Commander:
             self._excess.refuse(self._key(request), request, "too many commands at once; send fewer")
             return
         earlier = self._ledger.find(request.client, request.id)
-        if earlier is not None and _is_same(request, earlier):
+        if earlier is not None and is_same(request, earlier):
             self._repeat(request, earlier)
         else:
             self._refuse(request, CommandError(code, text), is_kept=False)
@@ -127,7 +130,23 @@ class Commander:
                 self._aftermaths.append(aftermath)
                 self._spawn(aftermath.tell())
             age_s = self._desk.clock.utc_s() - remembered.since_s
+            age_s = 0.0 if age_s > LONGEST_S else age_s  # the clock was set since, or we were away for long
             self._ledger.store(result, now_s=self._desk.clock.now_s() - age_s)
+
+    async def settle(self, starters: Collection[str], *, within_s: float) -> None:
+        """Wait until these starters are under no command; until `take_over` they take no new one but stop."""
+        self._leaving = starters
+        with suppress(TimeoutError):
+            async with asyncio.timeout(within_s):
+                while any(name in self._conducts or name in self._stops for name in starters):
+                    await asyncio.wait(self._tasks, return_when=asyncio.FIRST_COMPLETED)
+
+    def take_over(self, rights: Rights) -> None:
+        """Judge new commands by these rights and the precautions' present policy from now on."""
+        self._rights = rights
+        self._groups = self._precautions.policy.groups
+        self._admission.take_over(rights)
+        self._leaving = ()
 
     async def close(self) -> None:
         """Write nothing more: end every command, rejected or unconfirmed, and take no new one."""
@@ -160,19 +179,16 @@ class Commander:
 
     def _is_done_again(self, request: CommandRequest, earlier: ResultRecord) -> bool:
         """Return whether a command is carried out although its id is known: a stop that is not under way."""
-        is_under_way = _is_same(request, earlier) and not earlier.phase.is_final
+        is_under_way = is_same(request, earlier) and not earlier.phase.is_final
         return request.verb == STOP and not is_under_way
 
     def _repeat(self, request: CommandRequest, earlier: ResultRecord) -> None:
         """Send the stored result of a command again; an id that stood for another command is refused."""
-        if not _is_same(request, earlier):
+        if not is_same(request, earlier):
             text = f"this id was used for {earlier.verb} of {earlier.starter}"
             self._refuse(request, CommandError("id_reused", text), is_kept=False)
             return
-        correlation, response_topic = request.correlation, request.response_topic
-        self._desk.sink.put(
-            replace(earlier, is_duplicate=True, correlation=correlation, response_topic=response_topic)
-        )
+        self._desk.sink.put(told_again(earlier, request))
         audit(request, self._desk, decision="duplicate", code=earlier.code)
 
     def _refuse(self, request: CommandRequest, error: CommandError, *, is_kept: bool) -> None:
@@ -242,8 +258,13 @@ class Commander:
 
     def _load(self, name: str) -> Load:
         line = self._starters[name].setup.line
-        on_line = sum(self._starters[other].setup.line == line for other in self._conducts)
-        return Load(is_busy=name in self._conducts or name in self._stops, on_line=on_line)
+        on_line = [each for each in self._conducts.values() if each.line == line]
+        return Load(
+            is_busy=name in self._conducts or name in self._stops,
+            is_leaving=name in self._leaving,
+            on_line=len(on_line),
+            parameters_on_line=sum(each.can_wait for each in on_line),
+        )
 
     def _cut_for_lock(self, name: str) -> None:
         """Let a command that the lock forbids not be written any more; what is written is still read back."""
@@ -269,7 +290,3 @@ class Commander:
         task = asyncio.get_running_loop().create_task(work)
         self._tasks.add(task)  # the loop itself keeps only a weak reference
         task.add_done_callback(self._tasks.discard)
-
-
-def _is_same(request: CommandRequest, earlier: ResultRecord) -> bool:
-    return (request.starter, request.verb) == (earlier.starter, earlier.verb)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Coroutine
+from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 from gateway.clock import Clock
 from gateway.starters.fast_lane import FastLane
@@ -14,26 +17,46 @@ from gateway.starters.sequence import Sequence
 from gateway.starters.telemetry import StarterTelemetry
 
 
+@dataclass(slots=True)
+class _Company:
+    """The companions of one starter."""
+
+    starter: StarterTelemetry
+    watch: ReadinessWatch
+    patrol: KeypadPatrol
+    lane: FastLane | None = None
+    may_write: bool = False  # on our own account: the map of the fast words
+
+    async def close(self) -> None:
+        if self.lane is not None:
+            await self.lane.close()
+        await self.watch.close()
+        await self.patrol.close()
+
+
 class Companions:
     """The companions of all starters; also the commander's sink, so that they hear what we set ourselves."""
 
     def __init__(self, sink: Sink, *, patrol_every_s: float = EVERY_S) -> None:
         self._sink = sink
         self._patrol_every_s = patrol_every_s
-        self._starters: list[StarterTelemetry] = []
-        self._watches: list[ReadinessWatch] = []
-        self._patrols: dict[str, KeypadPatrol] = {}
-        self._lanes: list[FastLane] = []
+        self._companies: dict[str, _Company] = {}
+        self._add_lane: Callable[[_Company], None] = lambda _: None
+        self._is_started = False
 
     def add(self, starter: StarterTelemetry) -> None:
-        """Go along with this starter."""
-        self._starters.append(starter)
+        """Go along with this starter; one that comes after the start is not written to on our own account."""
         watch = ReadinessWatch(starter)
         starter.when_identified(watch.begin)
-        self._watches.append(watch)
-        self._patrols[starter.setup.name] = KeypadPatrol(
-            starter, on_change=watch.begin, every_s=self._patrol_every_s
-        )
+        patrol = KeypadPatrol(starter, on_change=watch.begin, every_s=self._patrol_every_s)
+        company = self._companies[starter.setup.name] = _Company(starter, watch, patrol)
+        if self._is_started:
+            self._add_lane(company)
+            patrol.start()
+
+    def remove(self, starter: str) -> Coroutine[Any, Any, None]:
+        """Leave a starter, whose name another may have at once; await what is returned."""
+        return self._companies.pop(starter).close()
 
     def add_fast_lanes(
         self,
@@ -44,43 +67,53 @@ class Companions:
         sequence: Sequence,
         may_write: bool,
     ) -> None:
-        """Map the points of those starters added so far for which the configuration wants it."""
-        for starter in self._starters:
-            if starter.setup.has_fast_words and starter.setup.is_enabled:
-                name = starter.setup.name
-                lane = FastLane(
-                    starter,
-                    wear=precautions.wear,
-                    sink=sink,
-                    clock=clock,
-                    sequence=sequence,
-                    may_write=may_write,
-                    is_locked=partial(_is_locked, precautions, name),
-                    on_written=self._patrols[name].note_written,
-                )
-                starter.when_identified(lane.begin)
-                starter.when_fast_words_are_lost(lane.lose)
-                self._lanes.append(lane)
+        """Map the points of those starters for which the configuration wants it."""
+
+        def add_lane(company: _Company) -> None:
+            starter = company.starter
+            if not (starter.setup.has_fast_words and starter.setup.is_enabled):
+                return
+            company.lane = FastLane(
+                starter,
+                wear=precautions.wear,
+                sink=sink,
+                clock=clock,
+                sequence=sequence,
+                may_write=company.may_write,
+                is_locked=partial(_is_locked, precautions, starter.setup.name),
+                on_written=company.patrol.note_written,
+            )
+            starter.when_identified(company.lane.begin)
+            starter.when_fast_words_are_lost(company.lane.lose)
+
+        self._add_lane = add_lane
+        for company in self._companies.values():
+            company.may_write = may_write
+            add_lane(company)
+
+    def forbid_writing(self) -> None:
+        """Write nothing on our own account from now on: nobody may give commands any more."""
+        for company in self._companies.values():
+            if company.lane is not None:
+                company.lane.forbid_writing()
 
     def start(self) -> None:
         """Begin; once, on the app's loop."""
-        for patrol in self._patrols.values():
-            patrol.start()
+        self._is_started = True
+        for company in self._companies.values():
+            company.patrol.start()
 
     async def close(self) -> None:
         """Do nothing more."""
-        for lane in self._lanes:
-            await lane.close()
-        for watch in self._watches:
-            await watch.close()
-        for patrol in self._patrols.values():
-            await patrol.close()
+        for name in tuple(self._companies):
+            await self.remove(name)
 
     def put(self, record: Record) -> None:
         """Pass a record of the commander on, and remember what it sets."""
-        if isinstance(record, AuditRecord) and record.verb in VERBS and record.starter in self._patrols:
+        if isinstance(record, AuditRecord) and record.verb in VERBS and record.starter in self._companies:
             is_over = record.decision not in ("accepted", "written")
-            self._patrols[record.starter].note_command(record.verb, record.args, is_over=is_over)
+            patrol = self._companies[record.starter].patrol
+            patrol.note_command(record.verb, record.args, is_over=is_over)
         self._sink.put(record)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping
 from dataclasses import replace
+from math import inf
 from typing import Any, assert_never
 
 from gateway.errors import CommandError
@@ -14,7 +15,7 @@ from gateway.families.interlock import check
 from gateway.families.parameters import find
 from gateway.families.procedure import Expect, Preparation, Procedure, WriteStep
 from gateway.line.job import Lane
-from gateway.line.outcome import Answered, Garbled, Outcome, Refused, Silent
+from gateway.line.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
 from gateway.modbus.codes import ExceptionCode
 from gateway.starters.control import StarterControlView
 from gateway.starters.errand import End, Errand
@@ -29,6 +30,7 @@ RECENT_PERIODS = 2  # a poll of this age still counts as one of the two readings
 SLOW_DISK_S = 0.25  # what was read before a disk took this long is read again
 RECENT_AT_MOST_S = 10.0  # however rarely the starter is polled
 MAY_BE_TURNING = "the motor may be turning"
+CAN_WAIT = frozenset({"read", "set", "configure", "output"})  # verbs that move no motor
 
 HALTED = {
     "stopped_first": "a stop came first",
@@ -51,8 +53,15 @@ class Conduct:
         self._starter = starter
         self._preparation = preparation
         self._guard = guard  # what the gateway itself demands
-        self._wire = Wire(starter)
+        self.can_wait = errand.request.verb in CAN_WAIT
+        self._lane = Lane.PARAMETERS if self.can_wait else Lane.COMMAND
+        self._wire = Wire(starter, read_back_lane=Lane.PARAMETERS if self.can_wait else Lane.READ_BACK)
         self._procedure: Procedure | None = None  # once it is being written
+
+    @property
+    def line(self) -> str:
+        """The name of its starter's line."""
+        return self._starter.setup.line
 
     def halt(self, code: str) -> None:
         """Let nothing more of this command go out."""
@@ -105,7 +114,7 @@ class Conduct:
         """Return what to do, once two readings in a row allow it and lead to the same steps."""
         earlier = self._judge_recent()
         for _ in range(MOST_READINGS):
-            rows = await self._wire.read(self._preparation.reads, lane=Lane.COMMAND)
+            rows = await self._wire.read(self._preparation.reads, lane=self._lane)
             self.errand.before = self._points(rows)
             procedure = self._judge(rows)
             is_enough = not self._preparation.reads or _only_reads(procedure)
@@ -172,10 +181,15 @@ class Conduct:
             setup = self._starter.setup
             self._starter.line.expect_silence(setup.address, setup.profile.timing.restart_s)
         try:
-            return await self._wire.write(step.request, lane=Lane.COMMAND)
+            return await self._wire.write(step.request, lane=self._lane, until_s=self._until_s())
         except HaltedError:
             self.errand.write()  # it may have been on its way already
             raise
+
+    def _until_s(self) -> float:
+        """Return how late the first write may be sent: what has begun is not left half done."""
+        expires_s = self.errand.request.expires_s
+        return inf if expires_s is None or self.errand.life.is_written else expires_s
 
     def _taken(self, outcome: Outcome) -> End | None:
         """Take over what became of a write; return the end when it did not go out or was refused."""
@@ -186,6 +200,8 @@ class Conduct:
             case Refused():
                 refusal = RefusedError(outcome.code)
                 return End(Phase.FAILED, refusal.code, str(refusal))
+            case Silent(reason=reason, is_sent=False) if reason == TOO_LATE:
+                return self._cut("expired", "the line was not free while the command was valid")
             case Silent(is_sent=False) | Garbled(is_sent=False):
                 return self._cut("line_down", f"the write could not be sent: {outcome.reason}")
             case Silent() | Garbled():

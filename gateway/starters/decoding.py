@@ -6,9 +6,10 @@ from collections.abc import Iterable, Mapping
 
 from gateway.families.decode import Decoded, decode_points
 from gateway.families.gather import rows_of_points
+from gateway.families.numbers import TYPE_LIMITS
 from gateway.families.schema import Profile, Type, Variant
 
-TEXT_TYPES = (Type.DATE, Type.IP_ADDRESS, Type.MAC_ADDRESS, Type.STRING)
+TEXT_TYPES = tuple(kind for kind in Type if kind not in TYPE_LIMITS)
 ENUM_TYPES = (Type.ENUM, Type.LOW_ENUM)
 
 _MOST_KEPT = 64
@@ -33,13 +34,17 @@ class Sources:
             self._fed_by[wanted] = fed
         return fed
 
+    def are_enough(self, rows: Mapping[str, tuple[int, ...]]) -> bool:
+        """Return whether the points that these rows feed depend on no others."""
+        return all(self._codes_of[name] <= rows.keys() for name in self.fed_by(rows))
+
     def tell(
         self, variant: Variant, rows: Mapping[str, tuple[int, ...]], *, known: Mapping[str, tuple[int, ...]]
     ) -> tuple[dict[str, Decoded], tuple[str, ...]]:
         """Return the points that freshly read rows tell, beside `known` ones, and those they fail to tell."""
         fed = self.fed_by(rows)
         others = {code: known[code] for name in fed for code in self._codes_of[name] if code in known}
-        decoded = decode_points(self._profile, variant, {**others, **rows})
+        decoded = decode_points(self._profile, variant, {**others, **rows}, names=fed)
         told = {name: decoded[name] for name in fed if name in decoded}
         return told, tuple(name for name in fed if name not in decoded)
 

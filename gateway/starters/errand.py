@@ -110,7 +110,9 @@ class Errand:
             return
         self._latest = result
         desk.ledger.store(result, now_s=desk.clock.now_s())
-        if end.phase.is_final and request.verb != STOP:  # kept before it is told: two finals would be a lie
+        if end.phase is not Phase.WRITTEN and request.verb != STOP:
+            # Kept before it is told: what was accepted is answered for, and two finals would be a lie. That
+            # something may be written is on the disk already, before it is.
             desk.journal.note(result, then=partial(desk.sink.put, result))
         else:
             desk.journal.note(result)

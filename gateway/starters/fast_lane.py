@@ -88,6 +88,10 @@ class FastLane:
         name = f"fast words {self._starter.setup.name}"
         self._task = asyncio.get_running_loop().create_task(self._run(), name=name)
 
+    def forbid_writing(self) -> None:
+        """Write nothing from now on; a map that stands is still used."""
+        self._may_write = False
+
     def lose(self, reason: str) -> None:
         """Take over that the mapped words were found to be wrong, and are not read any more."""
         self._is_contested = True
@@ -146,7 +150,7 @@ class FastLane:
             return True
         if not self._may_write or self._is_contested:
             if not self._is_contested:
-                text = "the points are not mapped, and a gateway without operators writes nothing"
+                text = "the points are not mapped; without operators, and by a reload, nothing is written"
                 self._tell("fast_words_unmapped", Severity.WARNING, text)
             return False
         if self._is_forbidden(self._wire.values(rows)) or await self._look(block) != (rows, procedure):

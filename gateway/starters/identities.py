@@ -28,6 +28,7 @@ from gateway.starters.setup import StarterSetup
 logger = logging.getLogger(__name__)
 
 KEPT_WITHIN_S = 2.0
+IDENTITIES_FILE = "identities.json"  # in state_dir
 CHANGED_EVENT = "identity_changed"
 
 
@@ -101,6 +102,10 @@ class Identities:
         self._tell(starter, "identity_accepted", Severity.INFO, text, _as_data(stranger))
         return stranger
 
+    def keep(self) -> None:
+        """Have what is known now outlive the gateway."""
+        self._saver.touch()
+
     async def kept(self) -> bool:
         """Return whether what is known now outlives the gateway."""
         return await self._saver.kept(within_s=KEPT_WITHIN_S)
@@ -143,6 +148,12 @@ class Identities:
     def _tell(self, starter: str, code: str, severity: Severity, text: str, data: Mapping[str, Any]) -> None:
         utc_s, seq = self._clock.utc_s(), self._sequence.take()
         self._sink.put(EventRecord(starter, code, severity, text, utc_s, seq, data))
+
+
+def stranger_in(document: Mapping[str, Any], setup: StarterSetup, identity: Identity) -> Stranger | None:
+    """Return who answers instead of the one that a kept document knows; DamagedError when it is none."""
+    known = known_from(_starters_in(document).get(setup.name))
+    return _stranger(known, fingerprint_of(identity), setup.variant.model)
 
 
 def _starters_in(document: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -23,8 +23,8 @@ NEXT: Mapping[Phase | None, frozenset[Phase]] = {
 class Life:
     """One command's phase; a step that the table does not list is a bug and raises ValueError."""
 
-    def __init__(self) -> None:
-        self._phase: Phase | None = None
+    def __init__(self, phase: Phase | None = None) -> None:
+        self._phase = phase
 
     @property
     def phase(self) -> Phase | None:
@@ -40,6 +40,11 @@ class Life:
     def is_written(self) -> bool:
         """Return whether something has, or may have, reached the starter."""
         return self._phase is Phase.WRITTEN
+
+    @classmethod
+    def resumed(cls, *, may_be_written: bool) -> Life:
+        """Return a life that a crash cut short after its acceptance: as far on as it can have been."""
+        return cls(Phase.WRITTEN if may_be_written else Phase.ACCEPTED)
 
     def advance(self, phase: Phase) -> None:
         """Go on to `phase`."""

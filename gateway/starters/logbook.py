@@ -63,6 +63,10 @@ class Logbook:
     def __init__(self, starters: Iterable[str]) -> None:
         self._pages = {name: _Page() for name in starters}
 
+    def add(self, starter: str) -> None:
+        """Open a page for a starter; one that it has had before is kept."""
+        self._pages.setdefault(starter, _Page())
+
     def starts_since(self, starter: str, since_s: float) -> list[float]:
         """Return when this starter was started from `since_s` on, by whomever; oldest first."""
         return [start_s for start_s in self._pages[starter].starts if start_s > since_s]

@@ -101,6 +101,27 @@ class FileMemory:
             raise StoreError(f"{self._path} cannot be written: {error.strerror}") from error
 
 
+class SwitchedMemory:
+    """A memory that can be told to keep nothing new: where nobody may give commands, nothing need be kept."""
+
+    def __init__(self, memory: Memory, *, is_on: bool) -> None:
+        self._memory = memory
+        self.is_on = is_on
+
+    def load(self) -> Mapping[str, Any] | None:
+        """Return what was kept."""
+        return self._memory.load()
+
+    def set_aside(self) -> None:
+        """Keep a damaged document apart."""
+        self._memory.set_aside()
+
+    async def save(self, document: Mapping[str, Any]) -> None:
+        """Keep a document, when anything is kept."""
+        if self.is_on:
+            await self._memory.save(document)
+
+
 class Saver:
     """Has the present document saved after each change: one save at a time, again after a failure."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gateway.families.blocks import Block, split
 from gateway.families.fast_words import FastBlock, fast_block, plan_with
@@ -60,7 +60,9 @@ class Polling:
         self._variant = setup.variant
         self._fast_words: FastBlock | None = None
         self._plan = _planned(setup, setup.variant) if setup.is_enabled else ()
+        self.is_withdrawn = not setup.is_enabled  # nothing is asked, whatever comes
         self._polled = {_key(setup, block): self._begin(block) for block in self._plan}
+        self._soonest_overdue_s = math.inf  # nothing becomes overdue before
 
     def block(self, key: str) -> Block | None:
         """Return what a poll asks for; None when it is no longer ours."""
@@ -73,6 +75,7 @@ class Polling:
         if polled.last_s is not None:
             polled.gap_s = at_s - polled.last_s
         polled.last_s = at_s
+        self._soonest_overdue_s = min(self._soonest_overdue_s, polled.overdue_s())
 
     def note_refusal(self, key: str) -> tuple[str, ...]:
         """Ask row by row for a block that was refused; return what is given up: a single row."""
@@ -92,6 +95,18 @@ class Polling:
         for polled in self._polled.values():
             polled.last_s, polled.gap_s = None, 0.0
 
+    def set_every(self, every_s: float) -> None:
+        """Take over another period for the status and the electrical values."""
+        self._setup = replace(self._setup, every_s=every_s)
+        self._keep_pace()
+
+    def withdraw(self) -> None:
+        """Ask for nothing, from now on for ever."""
+        self.is_withdrawn = True
+        for key in self._polled:
+            self._line.remove_poll(key)
+        self._polled.clear()
+
     def restore(self) -> None:
         """Ask for everything again that had been given up."""
         self._replace(self._plan)
@@ -106,6 +121,8 @@ class Polling:
 
     def use_fast_words(self, block: FastBlock | None) -> None:
         """Read these rows in one request from now on; None: all rows as they stand in the starter."""
+        if self.is_withdrawn:
+            return
         self._fast_words = block
         before = {code: polled.last_s for polled in self._polled.values() for code in polled.block.codes}
         self.replan(self._variant)
@@ -113,16 +130,21 @@ class Polling:
             times_s = [last_s for code in polled.block.codes if (last_s := before.get(code)) is not None]
             if polled.last_s is None and times_s:
                 polled.last_s = min(times_s)
+                self._soonest_overdue_s = -math.inf
 
     def hurry(self, *, is_fast: bool, is_idle: bool = False) -> None:
         """Read status and values faster while something happens, values more slowly while nothing can."""
         if (is_fast, is_idle) == (self._is_fast, self._is_idle):
             return
         self._is_fast, self._is_idle = is_fast, is_idle
+        self._keep_pace()
+
+    def _keep_pace(self) -> None:
         for key, polled in self._polled.items():
             every_s = self._every_s(polled.block)
             if every_s != polled.every_s:
                 polled.every_s = every_s
+                self._soonest_overdue_s = -math.inf
                 self._line.set_every(key, every_s)
 
     def hasten(self) -> None:
@@ -132,16 +154,21 @@ class Polling:
 
     def take_overdue(self, now_s: float) -> tuple[str, ...]:
         """Return the codes that have become overdue, once."""
+        if now_s < self._soonest_overdue_s:
+            return ()
         codes: list[str] = []
         for polled in self._polled.values():
             if polled.overdue_s() <= now_s:
                 polled.last_s, polled.gap_s = None, 0.0
                 codes += polled.block.codes
+        self._soonest_overdue_s = min(
+            (polled.overdue_s() for polled in self._polled.values()), default=math.inf
+        )
         return tuple(codes)
 
     def next_overdue_s(self) -> float:
-        """Return when the next block becomes overdue; infinite when none can."""
-        return min((polled.overdue_s() for polled in self._polled.values()), default=math.inf)
+        """Return when to look for overdue blocks again, at times a little early; infinite for never."""
+        return self._soonest_overdue_s
 
     @property
     def status_period_s(self) -> float:
@@ -183,7 +210,9 @@ def _planned(setup: StarterSetup, variant: Variant) -> tuple[Block, ...]:
 
 
 def _key(setup: StarterSetup, block: Block) -> str:
-    return f"{setup.name}/{block.name}"
+    return (
+        f"{setup.name}/{block.name}" if setup.edition == 0 else f"{setup.name}/{block.name}/{setup.edition}"
+    )
 
 
 def _every_s(setup: StarterSetup, block: Block) -> float:
@@ -200,4 +229,5 @@ def _poll(setup: StarterSetup, block: Block, *, every_s: float | None = None) ->
         response_floor_s=setup.response_floor_of(block.request),
         deadline_s=setup.watchdog_s,
         group=block.group,
+        is_urgent=block.group == "status",
     )

@@ -151,6 +151,12 @@ class ResultRecord:
     correlation: bytes | None = None  # MQTT 5 correlation data, echoed
     response_topic: str | None = None  # MQTT 5 response topic, already checked
 
+    @property
+    def key(self) -> str:
+        """Return what names a command's one final result; empty for whatever else is told of a command."""
+        is_sole = self.phase.is_final and not self.is_duplicate
+        return f"{self.client}/{self.id}" if is_sole and self.id else ""
+
 
 @dataclass(frozen=True, slots=True)
 class AuditRecord:

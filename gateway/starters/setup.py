@@ -30,6 +30,7 @@ class StarterSetup:
     timing: LineTiming | None = None  # of its line; None: reads are not joined by what they cost
     has_fast_words: bool = False  # its points are mapped so that one request reads all (SSW900)
     learns_response_times: bool = False  # waits for it follow what it has shown
+    edition: int = 0  # of the configuration: a late answer to a poll of an earlier one is nobody's
 
     def response_time_of(self, request: Request) -> float:
         """Return the longest time from a request's end to its reply's first byte."""

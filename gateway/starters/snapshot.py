@@ -29,6 +29,8 @@ class Snapshot:
 
     def __init__(self, units: Mapping[str, str]) -> None:
         self._readings = {name: Reading(None, unit, Quality.BAD) for name, unit in units.items()}
+        self._changed = dict(self._readings)  # since `take_changed`
+        self.standing = 0  # grows whenever anything but a measured quantity says something else
         self._rows: dict[str, tuple[int, ...]] = {}
         self._rows_at_s: dict[str, float] = {}
 
@@ -49,7 +51,7 @@ class Snapshot:
             if old.at_s is not None and old.at_s > at_s:
                 continue
             quality = Quality.BAD if new.value is None else Quality.GOOD
-            self._readings[name] = Reading(new.value, new.unit, quality, new.label, at_s, time_s)
+            self._put(name, Reading(new.value, new.unit, quality, new.label, at_s, time_s))
 
     def keep_rows(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
         """Take over raw words that have just been read; older ones than those known are ignored."""
@@ -61,18 +63,27 @@ class Snapshot:
     def refuse(self, points: Iterable[str]) -> None:
         """Mark points that the starter will not give as bad, without a value."""
         for name in points:
-            self._readings[name] = replace(self._readings[name], value=None, label=None, quality=Quality.BAD)
+            self._put(name, replace(self._readings[name], value=None, label=None, quality=Quality.BAD))
 
     def mark_stale(self, points: Iterable[str] | None = None) -> None:
         """Mark good readings (all, or of these points) as no longer current; value and time stay."""
         for name in list(self._readings) if points is None else points:
             reading = self._readings[name]
             if reading.quality is Quality.GOOD:
-                self._readings[name] = replace(reading, quality=Quality.STALE)
+                self._put(name, replace(reading, quality=Quality.STALE))
+
+    def take_changed(self) -> dict[str, Reading]:
+        """Return the readings that are new since the last call; in the first one that is all of them."""
+        changed, self._changed = self._changed, {}
+        return changed
+
+    def has_good(self) -> bool:
+        """Return whether anything is good."""
+        return any(known.quality is Quality.GOOD for known in self._readings.values())
 
     def good_values(self) -> dict[str, Value]:
         """Return the values that were just read, by point."""
-        return {name: known.value for name, known in self._readings.items() if known.quality is Quality.GOOD}
+        return good_values(self._readings)
 
     def age_s(self, point: str, *, now_s: float) -> float:
         """Return how long ago a point was read; infinite when it never was."""
@@ -82,6 +93,18 @@ class Snapshot:
     def rows_since(self, since_s: float) -> dict[str, tuple[int, ...]]:
         """Return the raw words of all rows that were read at `since_s` or later."""
         return {code: words for code, words in self._rows.items() if self._rows_at_s[code] >= since_s}
+
+    def _put(self, name: str, new: Reading) -> None:
+        old = self._readings[name]
+        self._readings[name] = self._changed[name] = new
+        is_other = old.value != new.value and not isinstance(new.value, float)
+        if is_other or old.quality is not new.quality:
+            self.standing += 1
+
+
+def good_values(readings: Mapping[str, Reading]) -> dict[str, Value]:
+    """Return the values of those readings that are good, by point."""
+    return {name: known.value for name, known in readings.items() if known.quality is Quality.GOOD}
 
 
 def as_flag(value: Value) -> bool | None:

@@ -15,7 +15,7 @@ from gateway.starters.decoding import is_flag
 from gateway.starters.publisher import Publisher
 from gateway.starters.records import Quality, Severity
 from gateway.starters.report import LATEST_S
-from gateway.starters.snapshot import Snapshot, Value, as_flag
+from gateway.starters.snapshot import Reading, Snapshot, Value, as_flag, good_values
 
 MOMENTS_BEFORE = 3  # sets of values that an event carries from before it
 FAULT, FAULT_CODE = "fault", "fault_code"
@@ -32,10 +32,11 @@ class Status:
         self._summary_flags = tuple(name for name in SUMMARY_FLAGS if name in profile.points)
         self._watch = Watch()
         self._alarms = AlarmBook()
-        self._before: deque[tuple[float, dict[str, Value]]] = deque(maxlen=MOMENTS_BEFORE)
+        self._before: deque[tuple[float, dict[str, Reading]]] = deque(maxlen=MOMENTS_BEFORE)
         self._fault_since_s: float | None = None  # steady clock, when the present fault was seen first
         self._sent: tuple[str, Quality, dict[str, Value]] | None = None
         self._sent_s = -math.inf
+        self._standing = -1  # of the snapshot that was told last
 
     @property
     def next_due_s(self) -> float:
@@ -44,12 +45,15 @@ class Status:
 
     def remember(self, snapshot: Snapshot, *, now_s: float) -> None:
         """Keep the present values: they may become those before an event. Call before a status is applied."""
-        values = snapshot.good_values()
-        if values:
-            self._before.append((now_s, values))
+        if snapshot.has_good():
+            self._before.append((now_s, dict(snapshot.readings)))
 
     def tell(self, snapshot: Snapshot, *, now_s: float, utc_s: float) -> str:
-        """Publish what a snapshot says and return the state."""
+        """Publish what a snapshot says and return the state; where nothing is new this costs nothing."""
+        has_fault = self._fault_since_s is not None  # then it matters when its number was read
+        if self._sent and snapshot.standing == self._standing and now_s < self.next_due_s and not has_fault:
+            return self._sent[0]
+        self._standing = snapshot.standing
         values = snapshot.good_values()
         state = state_of(self._profile, values)
         changes = self._watch.note(state, remote=as_flag(values.get("remote")), time_s=utc_s)
@@ -108,7 +112,8 @@ class Status:
     def _values_before(self, now_s: float) -> dict[str, Any]:
         return {
             "before": [
-                {"seconds_before": round(now_s - at_s, 3), "values": values} for at_s, values in self._before
+                {"seconds_before": round(now_s - at_s, 3), "values": good_values(readings)}
+                for at_s, readings in self._before
             ]
         }
 

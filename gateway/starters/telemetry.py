@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import assert_never
 
 from gateway.clock import Clock
 from gateway.families.blocks import Block
-from gateway.families.fast_words import FastBlock, rows_from
+from gateway.families.fast_words import FastBlock
 from gateway.families.gather import rows_of_points
 from gateway.families.identify import Identity, why_not
 from gateway.families.schema import Profile, Variant
 from gateway.line.client import LineClient
 from gateway.line.job import Poll
 from gateway.line.outcome import Answered, Garbled, Outcome, Refused, Silent
-from gateway.modbus.codes import ExceptionCode, exception_name
+from gateway.modbus.codes import exception_name
+from gateway.starters.answers import Answers, Told
 from gateway.starters.changes import UNKNOWN
 from gateway.starters.decoding import Sources, unit_of
 from gateway.starters.identification import Identification, Standing, standing_of
@@ -35,14 +37,6 @@ logger = logging.getLogger(__name__)
 
 BUSY_STATES = frozenset({"starting", "stopping", "fault"})  # read faster while in one of these
 IDLE_STATES = frozenset({"ready", "not_ready"})  # the motor stands: values read more slowly
-LASTING_REFUSALS = frozenset(  # the starter will say the same next time [APP 7]
-    {
-        ExceptionCode.ILLEGAL_FUNCTION,
-        ExceptionCode.ILLEGAL_DATA_ADDRESS,
-        ExceptionCode.ILLEGAL_DATA_VALUE,
-        ExceptionCode.SERVER_DEVICE_FAILURE,
-    }
-)
 
 
 class StarterTelemetry:
@@ -66,6 +60,7 @@ class StarterTelemetry:
         self.publisher = Publisher(setup.name, sink=sink, clock=clock, sequence=sequence)
         self._clock = clock
         self._sources = Sources(profile)
+        self._answers = Answers(profile, self._sources)
         self._polling = Polling(setup, line)
         summary = (name for name in SUMMARY_FLAGS if name in profile.points)
         self._status_codes = frozenset(rows_of_points(profile, summary))
@@ -128,13 +123,25 @@ class StarterTelemetry:
         self._polling.use_fast_words(block)
 
     def start(self) -> None:
-        """Publish what is known before the first answer; call once, on the app's loop."""
+        """Publish what is known so far, usually before the first answer; call once, on the app's loop."""
         self._publish_info()
-        if self.setup.is_enabled:
-            self.publisher.availability("offline", reason=self._never_answered)
-        else:
+        if not self.setup.is_enabled:
             self.publisher.availability("disabled", reason="disabled in the configuration")
+        elif not self._is_answering:
+            self.publisher.availability("offline", reason=self._never_answered)
         self._publish()
+
+    def set_every(self, every_s: float) -> None:
+        """Take over another period for the status and the electrical values."""
+        self.setup = replace(self.setup, every_s=every_s)
+        self._polling.set_every(every_s)
+
+    def retire(self) -> None:
+        """Make room for another: ask for nothing and tell nothing any more; `close` must follow."""
+        self._on_identified.clear()
+        self._identification.cancel()
+        self._waker.cancel()
+        self._polling.withdraw()
 
     async def close(self) -> None:
         """Do nothing more on its own; call once nothing is handed to it any more."""
@@ -167,28 +174,31 @@ class StarterTelemetry:
             self._never_answered = reason
             self.publisher.availability("offline", reason=reason)
 
-    def take_rows(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
+    def take_rows(
+        self, rows: Mapping[str, tuple[int, ...]], *, at_s: float, told: Told | None = None
+    ) -> None:
         """Take over rows that were just read, by a poll or for a command, and publish what they say."""
         self.snapshot.keep_rows(rows, at_s=at_s)
-        if not self.setup.is_enabled:
-            return  # only a stop asks a disabled starter, and needs its rows
+        if self._polling.is_withdrawn:
+            return  # only a stop asks such a starter, and needs its rows
         self._come_online()
-        known = self.snapshot.rows_since(at_s - self._polling.patience_s)
-        told, untold = self._sources.tell(self.variant, rows, known=known)
+        if told is None:
+            known = self.snapshot.rows_since(at_s - self._polling.patience_s)
+            told = Told(*self._sources.tell(self.variant, rows, known=known))
         if not self._status_codes.isdisjoint(rows):
             self._status.remember(self.snapshot, now_s=at_s)
-        self.snapshot.apply(told, at_s=at_s, time_s=self._clock.utc_s(at_s))
-        self.snapshot.refuse(untold)
+        self.snapshot.apply(told.points, at_s=at_s, time_s=self._clock.utc_s(at_s))
+        self.snapshot.refuse(told.untold)
         self._publish(at_s)
 
     def _take_answer(self, key: str, block: Block, answer: Answered) -> None:
-        rows = rows_from(self.profile, block, answer.value)
-        if rows is None:
+        said = self._answers.read(key, block, self.variant, answer.value)
+        if said is None:
             self._come_online()
             self._lose_fast_words("they are not mapped as they were")
             return
         self._polling.note_answer(key, at_s=answer.at_s)
-        self.take_rows(rows, at_s=answer.at_s)
+        self.take_rows(said.rows, at_s=answer.at_s, told=said.told)
 
     def _lose_fast_words(self, reason: str) -> None:
         """Read everything as it stands in the starter again, at once."""
@@ -199,10 +209,10 @@ class StarterTelemetry:
 
     def _take_refusal(self, key: str, block: Block, refusal: Refused) -> None:
         """Give up what will never be answered; after a passing refusal the values may become overdue."""
-        if refusal.code in LASTING_REFUSALS and isinstance(block, FastBlock):
+        if refusal.is_lasting and isinstance(block, FastBlock):
             self._lose_fast_words(f"they are refused ({exception_name(refusal.code)})")
             return
-        if refusal.code in LASTING_REFUSALS:
+        if refusal.is_lasting:
             given_up = self._polling.note_refusal(key)
             self.snapshot.refuse(self._sources.fed_by(given_up))
             if given_up and self._polling.block(key) is None:
@@ -272,13 +282,15 @@ class StarterTelemetry:
     def _publish(self, at_s: float | None = None) -> None:
         """Publish what is due now; `at_s` is when the newest reading was taken."""
         now_s = self._clock.now_s()
-        self.snapshot.mark_stale(self._sources.fed_by(self._polling.take_overdue(now_s)))
+        overdue = self._polling.take_overdue(now_s)
+        if overdue:
+            self.snapshot.mark_stale(self._sources.fed_by(overdue))
         state = self._status.tell(self.snapshot, now_s=now_s, utc_s=self._clock.utc_s(at_s))
         self._polling.hurry(is_fast=state in BUSY_STATES, is_idle=state in IDLE_STATES)
         if state == "fault" and self._state != state:
             self._polling.hasten()  # the fault's number and the values around it, as soon as the line allows
         self._state = state
-        self._report.offer(self.snapshot.readings, now_s=now_s)
+        self._report.offer(self.snapshot.take_changed(), now_s=now_s)
         for point, reading in self._report.take_due(now_s).items():
             self.publisher.value(point, reading)
         overdue_s = self._polling.next_overdue_s()

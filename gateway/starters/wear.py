@@ -8,16 +8,28 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from gateway.errors import DamagedError
 
 HOUR_S = 3600.0
 MOST_PER_HOUR = 120
+WRITES_BORNE = 10_000  # by flash, usually; no manual says so
+WEAR_FILE = "wear.json"  # in state_dir
 
 
 class Wear:
-    """Counts the writes of every starter, and refuses those that are too many within an hour."""
+    """Counts the writes of every starter, and refuses those that are too many within an hour.
 
-    def __init__(self, most_per_hour: int = MOST_PER_HOUR) -> None:
+    `on_count` hears of each count: the starter, and in words what it comes to.
+    """
+
+    def __init__(
+        self, most_per_hour: int = MOST_PER_HOUR, *, on_count: Callable[[str, str], None] | None = None
+    ) -> None:
         self._most = most_per_hour
+        self._on_count = on_count
         self._times: dict[str, deque[float]] = {}
         self._totals: dict[str, int] = {}
 
@@ -33,12 +45,27 @@ class Wear:
         if excess > 0 and writes:
             return times[excess - 1] + HOUR_S - now_s if excess <= len(times) else math.inf
         times.extend([now_s] * writes)
-        self._totals[starter] = self.total(starter) + writes
+        if writes:
+            self._totals[starter] = self.total(starter) + writes
+            if self._on_count is not None:
+                self._on_count(starter, self._told(starter, writes))
         return None
 
     def total(self, starter: str) -> int:
-        """Return how many writes this starter has had since the gateway began."""
+        """Return how many writes this starter has had, as far back as is known."""
         return self._totals.get(starter, 0)
+
+    def last_hour(self, starter: str) -> int:
+        """Return how many of them are in the hour that counts for the limit."""
+        return len(self._times.get(starter, ()))
+
+    def to_document(self) -> dict[str, Any]:
+        """Return what is to be kept."""
+        return {"writes": dict(self._totals)}
+
+    def restore(self, document: Mapping[str, Any]) -> None:
+        """Take over what was kept by `to_document`; DamagedError when it is no such thing."""
+        self._totals = totals_in(document)
 
     def refusal(self, wait_s: float) -> str:
         """Return in words why a command must wait so long."""
@@ -46,3 +73,17 @@ class Wear:
         if math.isinf(wait_s):
             return f"{limit}: these are more at once"
         return f"{limit}: try again in {math.ceil(wait_s / 60)} min"
+
+    def _told(self, starter: str, writes: int) -> str:
+        what = "1 write" if writes == 1 else f"{writes} writes"
+        recent, total = self.last_hour(starter), self.total(starter)
+        return f"{what} to its non-volatile memory: {recent} of {self._most} this hour, {total} in all"
+
+
+def totals_in(document: Mapping[str, Any]) -> dict[str, int]:
+    """Return the writes of each starter that a document holds; DamagedError when it is no such thing."""
+    writes = document.get("writes")
+    counts = writes.values() if isinstance(writes, Mapping) else [None]
+    if not all(type(count) is int and count >= 0 for count in counts):
+        raise DamagedError("the counts of writes to the starters' memories are damaged")
+    return {str(name): count for name, count in document["writes"].items()}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Coroutine, Iterable, Mapping
+from math import inf
 from typing import Any, TypeVar, assert_never
 
 from gateway.errors import CommandError, GatewayError
@@ -44,8 +45,9 @@ class RefusedError(GatewayError):
 class Wire:
     """Reads and writes of one starter for one command."""
 
-    def __init__(self, starter: StarterControlView) -> None:
+    def __init__(self, starter: StarterControlView, *, read_back_lane: Lane = Lane.READ_BACK) -> None:
         self._starter = starter
+        self._read_back_lane = read_back_lane
         self._halted: str | None = None
         self._inner: asyncio.Task[Any] | None = None
 
@@ -58,9 +60,9 @@ class Wire:
         if self._inner is not None:
             self._inner.cancel()
 
-    async def write(self, request: Request, *, lane: Lane) -> Outcome:
-        """Send a write once; a HaltedError leaves open whether it went out."""
-        return await self._transact(request, lane)
+    async def write(self, request: Request, *, lane: Lane, until_s: float = inf) -> Outcome:
+        """Send a write once, not later than `until_s`; a HaltedError leaves open whether it went out."""
+        return await self._transact(request, lane, until_s=until_s)
 
     async def read(self, reads: Iterable[Read], *, lane: Lane) -> Rows:
         """Return freshly read rows, trying twice; CommandError without an answer, RefusedError."""
@@ -76,7 +78,7 @@ class Wire:
         """Return freshly read rows for a read-back; None when a part of them could not be had."""
         rows: Rows = {}
         for read in reads:
-            outcome = await self._transact(read.request, Lane.READ_BACK)
+            outcome = await self._transact(read.request, self._read_back_lane)
             if not isinstance(outcome, Answered):
                 return None
             rows |= self._rows_from(read, outcome)
@@ -108,11 +110,16 @@ class Wire:
         """Wait for something that has to be done before a write, unless halted."""
         await self._do(work)
 
-    async def _transact(self, request: Request, lane: Lane) -> Outcome:
+    async def _transact(self, request: Request, lane: Lane, *, until_s: float = inf) -> Outcome:
         setup = self._starter.setup
-        response_time_s = setup.response_time_of(request)
-        transact = self._starter.line.transact
-        return await self._do(transact(setup.address, request, response_time_s=response_time_s, lane=lane))
+        work = self._starter.line.transact(
+            setup.address,
+            request,
+            response_time_s=setup.response_time_of(request),
+            lane=lane,
+            until_s=until_s,
+        )
+        return await self._do(work)
 
     def _rows_from(self, read: Read, outcome: Outcome) -> Rows:
         match outcome:

@@ -1,9 +1,8 @@
-"""What on this machine or in the starters would bite."""
+"""What in the starters would bite; and the command that tells everything that does."""
 
 from __future__ import annotations
 
 import asyncio
-import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,6 @@ import pytest
 
 from gateway.cli import main
 from gateway.commands import doctor
-from gateway.commands.doctor_box import clock_remark, clock_state, latency_remark, state_dir_remark
 from gateway.commands.doctor_broker import BrokerAccess
 from gateway.commands.doctor_remark import Remark
 from gateway.commands.doctor_starters import LineCheckup
@@ -22,40 +20,11 @@ from gateway.config.schema import Config
 from gateway.config.setups import timing_of
 from gateway.errors import BrokerError, PortError
 from gateway.families.finding import Weight
-from gateway.mqtt import sender
 from gateway.sim.factory import make_unit
 from gateway.sim.line import SimulatedLine
 from gateway.sim.unit import Unit
-from tests.conftest import StartMosquitto
+from tests.commands.doctor_site import biting, site
 from tests.virtual_time import VirtualClock, run_virtually
-
-SITE = """
-[gateway]
-name = "plant"
-state_dir = "{folder}"
-[mqtt]
-url = "mqtt://127.0.0.1:{port}"
-{login}
-[[line]]
-name = "hall"
-port = "/nowhere/tty"
-baud = 19200
-framing = "8N2"
-{starters}
-[[operator]]
-client = "alice"
-may = ["read"]
-starters = ["pump*"]
-"""
-STARTER = '[[line.starter]]\nname = "{name}"\naddress = {address}\nfamily = "{family}"\n'
-
-
-def site(*families: str, folder: str = "/tmp", port: int = 1, login: str = "") -> str:
-    starters = [
-        STARTER.format(name=f"pump-{address}", address=address, family=family)
-        for address, family in enumerate(families or ("ssw07",), 1)
-    ]
-    return SITE.format(folder=folder, port=port, login=login, starters="\n".join(starters))
 
 
 class NoBroker(BrokerAccess):
@@ -89,6 +58,7 @@ def examine(
     opener: Any = None,
     rows: dict[str, int] | Exception | None = None,
     spoil: Callable[[SimulatedLine], object] = lambda _: None,
+    state_dir: Path = Path("of no gateway"),
 ) -> list[Remark]:
     """Return what is said of the one line of a site."""
     config = parse(text, "site.toml")
@@ -100,14 +70,11 @@ def examine(
         spoil(bus)
         broker = NoBroker(config, rows or {})
         clock = VirtualClock(asyncio.get_running_loop())
-        await LineCheckup(prospect, opener or bus.opener(), broker=broker, clock=clock).run(found.append)
+        line = opener or bus.opener()
+        await LineCheckup(prospect, line, broker=broker, clock=clock, state_dir=state_dir).run(found.append)
 
     run_virtually(run())
     return found
-
-
-def biting(remarks: Iterable[Remark]) -> list[str]:
-    return [f"{remark.where}: {remark.text}" for remark in remarks if remark.bites]
 
 
 def test_starters_that_are_set_up_well_do_not_bite_and_nothing_is_written() -> None:
@@ -192,115 +159,6 @@ def test_a_gateway_that_reads_nothing_of_a_starter_and_one_that_cannot_be_asked_
 
     assert "reads nothing of it" in nothing
     assert "cannot be asked: no operator may read it" in unasked
-
-
-# This machine
-
-
-@pytest.mark.parametrize(("milliseconds", "weight"), [("1", None), ("2", None), ("16", Weight.WARNING)])
-def test_an_adapter_that_holds_replies_back_bites(
-    milliseconds: str, weight: Weight | None, tmp_path: Path
-) -> None:
-    device = tmp_path / "ttyUSB0" / "device"
-    device.mkdir(parents=True)
-    (device / "latency_timer").write_text(f"{milliseconds}\n", "ascii")
-
-    remark = latency_remark("/dev/ttyUSB0", "line hall", sysfs=tmp_path)
-
-    assert remark is not None
-    assert remark.weight is weight
-
-
-def test_an_adapter_without_a_latency_timer_is_no_matter(tmp_path: Path) -> None:
-    assert latency_remark("/dev/ttyS0", "line hall", sysfs=tmp_path) is None
-    assert latency_remark("socket://box:4001", "line hall", sysfs=tmp_path) is None
-
-
-@pytest.mark.parametrize(("state", "weight"), [(0, None), (5, Weight.WARNING), (None, Weight.NOTE)])
-def test_a_clock_that_is_not_synchronised_bites(state: int | None, weight: Weight | None) -> None:
-    assert clock_remark(lambda: state).weight is weight
-
-
-def test_the_clock_of_this_machine_can_be_looked_at() -> None:
-    assert clock_state() in (None, *range(6))
-
-
-def test_a_state_directory_must_be_there_and_be_a_folder(tmp_path: Path) -> None:
-    file = tmp_path / "file"
-    file.touch()
-
-    assert state_dir_remark(tmp_path).weight is None
-    assert state_dir_remark(file).weight is Weight.ERROR
-    assert state_dir_remark(tmp_path / "none").weight is Weight.ERROR
-
-
-def test_a_state_directory_that_may_not_be_written_bites(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(os, "access", lambda *_: False)
-
-    assert "chown" in state_dir_remark(tmp_path).text
-
-
-# The broker
-
-
-def remarks_of(text: str, folder: Path) -> list[Remark]:
-    access = BrokerAccess(parse(text, "site.toml"), folder)
-    return asyncio.run(access.remarks())
-
-
-def test_a_broker_that_is_away_bites() -> None:
-    (bite,) = biting(remarks_of(site(port=1), Path("/tmp")))
-
-    assert bite.startswith("broker 127.0.0.1:1: ")
-
-
-def test_a_password_file_that_others_may_read_bites(tmp_path: Path) -> None:
-    (tmp_path / "password").write_text("secret\n", "utf-8")
-    (tmp_path / "password").chmod(0o644)
-
-    (bite,) = biting(remarks_of(site(login='username = "g"\npassword_file = "password"'), tmp_path))
-
-    assert "chmod 600" in bite
-    assert "secret" not in bite
-
-
-@pytest.mark.mosquitto
-def test_a_login_that_the_broker_takes_is_told_and_one_that_it_refuses_bites(
-    tmp_path: Path, start_mosquitto: StartMosquitto
-) -> None:
-    broker = start_mosquitto(users={"g": "right"})
-    login = 'username = "g"\npassword_file = "password"'
-    bites = []
-    for password in ("right", "wrong"):
-        (tmp_path / "password").write_text(password, "utf-8")
-        (tmp_path / "password").chmod(0o600)
-        bites.append(biting(remarks_of(site(port=broker.port, login=login), tmp_path)))
-
-    assert bites[0] == []
-    assert len(bites[1]) == 1
-
-
-def test_nothing_is_asked_of_a_broker_that_cannot_be_used() -> None:
-    access = BrokerAccess(parse(site(), "site.toml"), Path("/tmp"))
-
-    with pytest.raises(BrokerError, match="cannot be used"):
-        asyncio.run(access.read("pump-1", ["P220"]))
-
-
-@pytest.mark.mosquitto
-def test_a_gateway_that_does_not_run_and_a_starter_that_nobody_may_read_cannot_be_asked(
-    tmp_path: Path, start_mosquitto: StartMosquitto, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(sender, "STATUS_WITHIN_S", 0.05)
-    access = BrokerAccess(parse(site(port=start_mosquitto().port), "site.toml"), tmp_path)
-    assert biting(asyncio.run(access.remarks())) == []
-
-    with pytest.raises(BrokerError, match="no operator may read it"):
-        asyncio.run(access.read("fan", ["P220"]))
-    with pytest.raises(BrokerError, match="no gateway has told its state"):
-        asyncio.run(access.read("pump-1", ["P220"]))
 
 
 # The command

@@ -4,83 +4,25 @@ from __future__ import annotations
 
 import asyncio
 import io
-from collections.abc import Callable, Coroutine, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from gateway.cli import main
-from gateway.commands import parameters
 from gateway.commands.parameters_live import LiveStarter, save
-from gateway.commands.parameters_restore import restore
 from gateway.commands.progress import Progress
 from gateway.errors import CommandError, PortError, UsageError
 from gateway.families.load import FAMILIES, load_profile
 from gateway.families.schema import Variant
 from gateway.line.budget import ALLOWANCE_S
 from gateway.modbus.adu import decode
-from gateway.modbus.timing import Framing, LineTiming
 from gateway.sim.factory import make_unit
-from gateway.sim.line import SimulatedLine
-from gateway.sim.unit import Unit
 from gateway.starters.parameter_file import from_toml, to_toml
-from gateway.starters.parameter_set import Entry, ParameterSet
 from gateway.starters.setup import StarterSetup
-from tests.virtual_time import VirtualClock, VirtualTimeLoop, run_virtually
+from tests.commands.parameters_place import TIMING, Place
+from tests.virtual_time import VirtualClock, run_virtually
 
-TIMING = LineTiming(19200, Framing.parse("8E1"))
-SST_TIMING = LineTiming(19200, Framing.parse("8N2"))
-
-
-RUNNERS: list[asyncio.Runner] = []
-
-
-@pytest.fixture(autouse=True)
-def one_loop() -> Iterator[None]:
-    """Let all commands of a test run on one loop, since a starter's life has one clock."""
-    with asyncio.Runner(loop_factory=VirtualTimeLoop) as runner:
-        RUNNERS.append(runner)
-        yield
-        RUNNERS.clear()
-
-
-class Place:
-    """One simulated starter on a line of its own, and what is said of it."""
-
-    def __init__(self, unit: Unit, *, family: str = "", address: int = 1) -> None:
-        self.unit: Any = unit
-        self.timing = SST_TIMING if unit.family == "sst" else TIMING
-        self.bus = SimulatedLine(self.timing, [unit], frames_kept=100_000)
-        self.setup = StarterSetup("pump", "pumps", address, load_profile(family or unit.family), Variant())
-        self.said = io.StringIO()
-        self.took_s = 0.0
-
-    def run(self, work: Callable[[LiveStarter, Progress], Coroutine[Any, Any, Any]]) -> Any:
-        async def main() -> Any:
-            loop = asyncio.get_running_loop()
-            live = LiveStarter(self.setup, self.bus.opener(), self.timing, ALLOWANCE_S, VirtualClock(loop))
-            began_s = loop.time()
-            try:
-                return await work(live, Progress(self.said))
-            finally:
-                self.took_s = loop.time() - began_s
-
-        return RUNNERS[-1].run(main())
-
-    def save(self, **options: Any) -> ParameterSet:
-        saved: ParameterSet = self.run(lambda live, progress: save(live, progress, **options))
-        return saved
-
-    def restore(self, wanted: dict[str, Any], *, model: str | None = None, **options: Any) -> int:
-        entries = {code: Entry(value=value) for code, value in wanted.items()}
-        file = ParameterSet("other", self.setup.profile.family, model=model, parameters=entries)
-        code: int = self.run(lambda live, progress: restore(live, file, progress, **options))
-        return code
-
-    @property
-    def written(self) -> list[bytes]:
-        return [write.pdu for write in self.unit.writes]
+pytestmark = pytest.mark.usefixtures("one_loop")
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -164,7 +106,7 @@ def test_a_port_that_a_gateway_holds_is_refused_with_the_mend() -> None:
     async def try_with(opener: Any) -> None:
         setup = StarterSetup("pump", "pumps", 1, load_profile("ssw07"), Variant())
         clock = VirtualClock(asyncio.get_running_loop())
-        await save(LiveStarter(setup, opener, TIMING, ALLOWANCE_S, clock), Progress(io.StringIO()))
+        await save(LiveStarter(setup, opener, TIMING, ALLOWANCE_S, clock, Path()), Progress(io.StringIO()))
 
     with pytest.raises(PortError, match="stop the gateway"):
         run_virtually(try_with(Busy()))
@@ -298,104 +240,3 @@ def test_no_motor_starts_by_a_restore() -> None:
         assert not place.unit.motor.is_turned_on
         functions = {decode(frame.data).pdu[0] for frame in place.bus.transcript if frame.sender == 0}
         assert functions <= {1, 3, 4, 43}
-
-
-# What needs no line
-
-SAVED = '[starter]\nname = "p"\nfamily = "{family}"\n[parameters]\nP314 = {seconds}\n'
-CONFIG = """
-[gateway]
-name = "plant"
-[mqtt]
-url = "mqtt://127.0.0.1"
-[[line]]
-name = "hall"
-port = "/nowhere/tty"
-baud = 19200
-framing = "8N2"
-[[line.starter]]
-name = "pump"
-address = 1
-family = "ssw07"
-"""
-
-
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "site.toml").write_text(CONFIG, "utf-8")
-    for name, family, seconds in (("a", "ssw07", 3), ("b", "ssw07", 5), ("c", "ssw06", 3)):
-        text = SAVED.format(family=family, seconds=seconds)
-        (tmp_path / f"{name}.toml").write_text(text, "utf-8")
-    return tmp_path
-
-
-@pytest.mark.usefixtures("folder")
-def test_two_files_are_compared_and_a_difference_is_exit_code_1(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["parameters", "diff", "a.toml", "b.toml"]) == 1
-    assert capsys.readouterr().out == "P314 : 3 -> 5\n"
-
-    assert main(["parameters", "diff", "a.toml", "a.toml"]) == 0
-    assert "no setting differs" in capsys.readouterr().out
-    assert main(["parameters", "diff", "a.toml", "a.toml", "--all"]) == 0
-
-
-@pytest.mark.usefixtures("folder")
-def test_a_file_is_compared_with_a_live_starter(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def save_live(live: LiveStarter, _progress: Progress, **_: Any) -> ParameterSet:
-        return Place(make_unit("ssw07", live.setup.address, settings={314: 3})).save()
-
-    monkeypatch.setattr(parameters, "save_live", save_live)
-
-    assert main(["parameters", "diff", "site.toml:pump", "b.toml"]) == 1
-    assert "P314 timeout for message reception: 3.0 s -> 5\n" in capsys.readouterr().out
-
-
-@pytest.mark.usefixtures("folder")
-@pytest.mark.parametrize(
-    ("arguments", "named"),
-    [
-        (["diff", "a.toml", "c.toml"], "not comparable"),
-        (["diff", "a.toml", "none.toml"], "none.toml"),
-        (["diff", "a.toml", "site.toml:fan"], "no starter 'fan' (one of pump)"),
-        (["save", "site.toml", "pump", "a.toml"], "exists already"),
-        (["save", "site.toml", "pump", "nowhere/a.toml"], "no folder"),
-        (["restore", "site.toml", "pump", "c.toml"], "of family ssw06, pump of ssw07"),
-        (["restore", "site.toml", "pump", "site.toml"], "[starter]"),
-    ],
-)
-def test_what_cannot_be_done_is_a_wrong_use_in_one_line(
-    arguments: list[str], named: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["parameters", *arguments]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert named in line
-
-
-@pytest.mark.usefixtures("folder")
-def test_a_set_is_saved_to_a_new_file_or_to_stdout(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def save_live(_live: LiveStarter, _progress: Progress, **_: Any) -> ParameterSet:
-        return ParameterSet("pump", "ssw07", parameters={"P314": Entry(value=3)}, refused={"P1": "no"})
-
-    monkeypatch.setattr(parameters, "save_live", save_live)
-
-    assert main(["parameters", "save", "site.toml", "pump", "new.toml"]) == 0
-    assert capsys.readouterr().out == "new.toml: 1 parameters of pump, 1 could not be read\n"
-    assert main(["parameters", "save", "site.toml", "pump", "-"]) == 0
-    assert capsys.readouterr().out == (folder / "new.toml").read_text("utf-8")
-
-
-@pytest.mark.usefixtures("folder")
-@pytest.mark.parametrize(
-    "arguments", [["save", "site.toml", "pump", "x.toml"], ["restore", "site.toml", "pump", "a.toml"]]
-)
-def test_without_a_port_nothing_is_made(
-    arguments: list[str], folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["parameters", *arguments]) == 1
-    assert "port /nowhere/tty: no such port" in capsys.readouterr().err
-    assert not (folder / "x.toml").exists()

@@ -117,6 +117,25 @@ async def test_a_value_that_was_read_is_shown(start_mosquitto: StartMosquitto, s
 
 
 @pytest.mark.mosquitto
+async def test_several_values_are_shown_each_on_a_line(start_mosquitto: StartMosquitto, send: Send) -> None:
+    broker = start_mosquitto()
+    be_online(broker)
+    async with broker.watch(TOPICS.command_filter) as gateway:
+        words = ("pump-1", "read", "parameters=P003,P220", "--client", "bob")
+        sending = asyncio.create_task(asyncio.to_thread(send, broker.port, *words))
+        command = judged(await gateway.next())
+        values = {
+            "P003": {"value": 12.5, "unit": "A", "label": None, "raw": [125]},
+            "P220": {"value": 0, "unit": "", "label": "Always Local", "raw": [0]},
+        }
+
+        publish(broker, result(command, Phase.CONFIRMED, text="read", values=values))
+
+        done = await sending
+    assert done == (0, "confirmed: read\n  P003 = 12.5 A\n  P220 = Always Local\n", "")
+
+
+@pytest.mark.mosquitto
 async def test_every_command_has_an_id_of_its_own_and_leaves_nothing_behind(
     start_mosquitto: StartMosquitto, send: Send
 ) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.config.mending import mend_of
+from gateway.config.mending import mend_of, relief_of
 from gateway.config.schema import LineTable
 
 
@@ -50,3 +50,27 @@ def test_where_no_watchdog_is_long_enough_only_fewer_starters_help() -> None:
     mend = mend_of(LineTable.model_validate({**table, "starter": slow}))
 
     assert mend.endswith(" of its 247 starters on another line")
+
+
+def test_an_over_full_line_is_offered_a_rate_another_line_and_longer_periods() -> None:
+    relief = relief_of(line(*[("ssw07", 0.0)] * 10, baud=9600))
+
+    assert relief == "baud = 38400, or 4 of its 10 starters on another line, or every_s = 1.5"
+
+
+def test_periods_that_differ_are_to_grow_by_one_factor() -> None:
+    crowded = line(*[("ssw07", 0.0)] * 10, baud=9600)
+    first = crowded.starters[0].model_copy(update={"every_s": 2.0})
+    crowded = crowded.model_copy(update={"starters": (first, *crowded.starters[1:])})
+
+    assert relief_of(crowded).endswith(" times as long")
+
+
+def test_where_no_period_is_long_enough_only_fewer_starters_help() -> None:
+    crowded = line(*[("sst", 0.0)] * 100, baud=1200)
+    slow = [each.model_copy(update={"every_s": 3600.0, "response_time_s": 10.0}) for each in crowded.starters]
+    slow[-1] = slow[-1].model_copy(update={"every_s": 0.1})
+
+    relief = relief_of(crowded.model_copy(update={"starters": tuple(slow)}))
+
+    assert relief == "1 of its 100 starters on another line"

@@ -39,6 +39,8 @@ def test_the_list_that_we_ship_is_proved(start_mosquitto: StartMosquitto) -> Non
     assert done.returncode == 0, done.stdout + done.stderr
     assert wrong(done) == []
     assert "ok    alice commands as bob: is refused\n" in done.stdout
+    assert "ok    alice commands as bob by a last will: is refused\n" in done.stdout
+    assert "ok    somebody without a login commands: is refused\n" in done.stdout
 
 
 @pytest.mark.mosquitto
@@ -47,7 +49,12 @@ def test_the_list_that_we_ship_is_proved(start_mosquitto: StartMosquitto) -> Non
     [
         (("command/+/alice/#", "command/#"), "WRONG alice commands as bob: arrives"),
         (("user viewer\n", "user viewer\ntopic write starters/mcc1/command/#\n"), "WRONG viewer, who only"),
+        (
+            ("user viewer\n", "user viewer\ntopic write starters/mcc1/result/#\n"),
+            "WRONG viewer tells alice a",
+        ),
         (("user bob\n", "user bob\ntopic write starters/mcc1/starter/#\n"), "WRONG bob says what a starter"),
+        (("user bob\n", "user bob\ntopic write starters/mcc1/result/#\n"), "WRONG bob tells alice a result"),
         (
             ("topic write starters/mcc1/command/+/bob/#\n", ""),
             "WRONG bob commands under the own name: is refused",
@@ -63,6 +70,16 @@ def test_a_list_with_a_hole_is_not(
 
     assert done.returncode == 1
     assert any(line.startswith(found) for line in wrong(done)), done.stdout
+
+
+@pytest.mark.mosquitto
+def test_a_broker_that_lets_everybody_in_is_not(start_mosquitto: StartMosquitto) -> None:
+    acl = f"topic write starters/mcc1/command/#\n\n{ACL}"  # before the first user: for those without a login
+
+    done = prove(start_mosquitto(users=USERS, acl=acl, options=("allow_anonymous true",)))
+
+    assert done.returncode == 1
+    assert [line for line in wrong(done) if line.startswith("WRONG somebody without a login commands")]
 
 
 @pytest.mark.mosquitto

@@ -52,7 +52,7 @@ class Kept:
 
 @pytest.fixture
 def kept(tmp_path: Path) -> Iterator[Kept]:
-    kept = Kept(tmp_path, LedgerTable(most_rows=100))
+    kept = Kept(tmp_path, LedgerTable(most_rows=100, least_rows=0))
     yield kept
     kept.database.close()
 
@@ -109,6 +109,18 @@ def test_finished_rows_go_after_seven_days(kept: Kept) -> None:
     kept.put(*(final("new", since_s=LONGEST_S + 15.0) for _ in range(PRUNED_EVERY + 1)), now_s=LONGEST_S + 15)
 
     assert kept.ids() == ["young", "under way", "new"]
+
+
+def test_a_clock_that_is_set_at_last_makes_nobody_forget_the_latest_commands(tmp_path: Path) -> None:
+    kept = Kept(tmp_path, LedgerTable(least_rows=PRUNED_EVERY))
+    in_1970 = [final(f"{number}", since_s=10.0 + number) for number in range(PRUNED_EVERY)]
+    kept.put(*in_1970)
+
+    kept.put(final("in 2026", since_s=1.8e9), now_s=1.8e9)
+    kept.put(*[final("in 2026", since_s=1.8e9)] * (PRUNED_EVERY + 1), now_s=1.8e9)
+
+    assert kept.ids() == [*(str(number) for number in range(1, PRUNED_EVERY)), "in 2026"]
+    kept.database.close()
 
 
 def test_room_is_made_from_the_oldest_finished_rows(kept: Kept) -> None:

@@ -129,6 +129,7 @@ class Scada:
     broker: MosquittoBroker
     watcher: Watcher
     base: str = "starters/plant"
+    client: str = "alice"
     latest: dict[str, Any] = field(default_factory=dict)
     results: list[dict[str, Any]] = field(default_factory=list)
     events: list[dict[str, Any]] = field(default_factory=list)
@@ -156,14 +157,18 @@ class Scada:
     async def command(self, starter: str, verb: str, id_: str, *options: str, **args: Any) -> None:
         """Publish a fresh command."""
         payload = json.dumps({"id": id_, "boot": await self.boot(), "args": args})
-        await self.publish(f"command/{starter}/alice/{verb}", payload, *options)
+        await self.publish(f"command/{starter}/{self.client}/{verb}", payload, *options)
 
     async def publish(self, topic: str, payload: str, *options: str) -> None:
         await asyncio.to_thread(self.broker.publish, f"{self.base}/{topic}", payload, *options)
 
+    async def turn(self, starter: str, knob: str, setting: str) -> None:
+        """Do at a simulated starter what a hand there would do."""
+        await asyncio.to_thread(self.broker.publish, f"simulator/{starter}/{knob}", setting)
+
     async def result(self, starter: str, **wanted: Any) -> dict[str, Any]:
         """Wait for a result with all these fields and return it."""
-        return await self.until(f"result/{starter}/alice", **wanted)
+        return await self.until(f"result/{starter}/{self.client}", **wanted)
 
     def phases(self, id_: str) -> list[str]:
         """Return the phases that a command has had so far."""

@@ -7,7 +7,16 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import StartMosquitto
-from tests.torture.of_commands import FLOOD, KILLS, MALFORMED, MALFORMED_PURE, STALE, Proof
+from tests.torture.of_commands import (
+    FLOOD,
+    KILLS,
+    MALFORMED,
+    MALFORMED_PURE,
+    STALE,
+    STALE_OLD,
+    STOPS,
+    Proof,
+)
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.mosquitto]
 
@@ -32,6 +41,10 @@ async def test_a_kill_around_a_start_never_makes_a_second_start_frame_nor_a_dish
     await try_shortly(KILLS, tmp_path)
 
 
+async def test_a_stop_just_after_start_up_goes_out_and_is_confirmed_at_once(tmp_path: Path) -> None:
+    await try_shortly(STOPS, tmp_path)
+
+
 async def test_a_flood_of_commands_leaves_memory_polls_and_the_stop_within_their_bounds(
     tmp_path: Path,
 ) -> None:
@@ -42,6 +55,10 @@ async def test_retained_expired_replayed_and_queued_commands_start_nothing_on_ei
     tmp_path: Path,
 ) -> None:
     await try_shortly(STALE, tmp_path)
+
+
+async def test_neither_do_they_on_a_gateway_whose_broker_knows_no_mqtt_5(tmp_path: Path) -> None:
+    await try_shortly(STALE_OLD, tmp_path)
 
 
 async def test_malformed_payloads_through_a_broker_are_refused_with_a_reason_and_disturb_no_line(

@@ -238,6 +238,17 @@ def test_a_start_counts_as_done_once_the_motor_runs_or_accelerates(family: str) 
     assert not verify.is_met({})
 
 
+@pytest.mark.parametrize("bit", [3, 12])  # the initial test, the time before a start
+def test_a_start_of_an_ssw900_counts_as_done_once_it_is_about_to_start(bit: int) -> None:
+    verify = build(
+        load_profile("ssw900"), SLOT_1, "start", {}, seen={"S5.1.1": (0x0102,), "S5.2.5": (0x12,)}
+    ).verify
+
+    assert verify is not None
+    assert verify.is_met({"running": False, f"s5_1_1_{bit}": True})
+    assert not verify.is_met({"running": False, f"s5_1_1_{bit}": False})
+
+
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_stop_counts_as_done_once_the_motor_ramps_down(family: str) -> None:
     verify = built(family, "stop").verify

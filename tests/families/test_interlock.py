@@ -72,6 +72,21 @@ def test_the_rules_of_the_sst_are_told_from_its_coils_and_register_19(rule: str,
     assert broken("sst", (rule,), {**good, **bad}) == [rule]
 
 
+@pytest.mark.parametrize(
+    ("change", "reading"),
+    [
+        ({"s5_1_1_13": True}, "the state is not_ready: the time after a stop is not over"),
+        ({"general_enabled": None}, "the state is unknown: general_enabled is unknown"),
+        ({"fault": None}, "the state is unknown"),
+        ({"running": True}, "the state is running"),
+    ],
+)
+def test_why_a_starter_is_not_ready_is_told(change: dict[str, Any], reading: str) -> None:
+    (violation,) = check(load_profile("ssw900"), ["is_ready"], {**WEG_AT_REST, **change})
+
+    assert violation.reading == reading
+
+
 def test_a_bit_that_an_old_ssw07_does_not_have_does_not_keep_it_from_being_stopped() -> None:
     points = {**WEG_AT_REST, "full_voltage": False, "jog": None, "braking": None, "reversing": None}
 

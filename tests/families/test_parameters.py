@@ -143,13 +143,14 @@ def test_no_request_writes_a_row_that_is_read_only(family: str, code: str) -> No
         ("ssw07", "VB08", 3, (3,)),
         ("ssw06", "P313", "Fatal error", (5,)),
         ("ssw06", "VB09", 8191, (8191,)),
+        ("ssw900", "C1.2", 50, (50,)),
         ("ssw900", "C2.2", 12.3, (123,)),
         ("ssw900", "C8.2.5.3", "0.5", (5,)),
         ("ssw900", "C11.3.1", -2, (0xFFFE, 0xFFFF)),
         ("ssw900", "C11.3.1", 10000, (10000, 0)),
         ("ssw900", "S5.3.2.1", 1023, (0x3FF,)),
         ("sst", "R33", 0.6, (6,)),
-        ("sst", "R37", "50 %", (2,)),
+        ("sst", "R37", "50%", (2,)),
         ("sst", "R38", "Both", (2,)),
     ],
 )
@@ -184,7 +185,7 @@ def test_values_become_the_words_that_are_sent(
         ("ssw900", "C2.2", 12.34, "bad_value"),
         ("ssw900", "C4.1.2", 13, "out_of_range"),  # a reserved member
         ("ssw900", "C8.4.3", "Reserved", "out_of_range"),
-        ("ssw900", "C1.2", 50, "not_writable"),
+        ("ssw900", "C1.4", 0, "not_writable"),
         ("sst", "R41", 0x130, "out_of_range"),  # only 30h would arrive, so the whole number is judged
         ("sst", "R40", 0, "out_of_range"),
         ("sst", "R40", 98, "out_of_range"),

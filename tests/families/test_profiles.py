@@ -22,7 +22,7 @@ def test_the_ssw900_has_every_row_member_bit_and_message_of_its_manual() -> None
     profile = load_profile("ssw900")
 
     assert len(profile.parameters) == 501
-    assert sum(len(members) for members in profile.enums.values()) == 673
+    assert sum(len(profile.enums[row.enum]) for row in profile.parameters.values() if row.enum) == 673
     assert sum(len(bits) for bits in profile.bits.values()) == 240
     assert len(profile.alarms) == 77
 
@@ -39,7 +39,8 @@ def test_the_ssw06_and_ssw07_have_what_their_serial_manuals_name(
     # P001 and P101 are only addresses in the SSW-07's manual; their meaning comes from another document
     from_elsewhere = {"P001", "P101"} if family == "ssw07" else set()
     assert len({code for code in sure if code.startswith("P")} | from_elsewhere) == named
-    assert sum(len(profile.enums[code]) for code in sure & set(profile.enums)) == members
+    members_of = [profile.enums[code] for code in sure & set(profile.enums) if code.startswith("P")]
+    assert sum(map(len, members_of)) == members
     assert sum(len(labels) for labels in profile.bits.values()) == bits
 
 
@@ -71,13 +72,13 @@ def test_a_stop_requires_nothing_and_every_rule_that_is_required_exists(family: 
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_only_rows_that_are_printed_intact_allowed_and_bounded_are_writable(family: str) -> None:
+def test_only_rows_that_are_legible_allowed_and_bounded_are_writable(family: str) -> None:
     profile = load_profile(family)
 
     for row in profile.parameters.values():
         if row.is_writable:
             assert row.access is Access.RW
-            assert row.confidence is Confidence.MANUAL
+            assert row.confidence in (Confidence.MANUAL, Confidence.REPAIRED)
             assert row.raw_min is not None
         else:
             with pytest.raises(CommandError) as refusal:
@@ -93,7 +94,7 @@ def test_the_six_inferred_rows_of_the_ssw900_are_never_writable(code: str) -> No
     assert not row.is_writable
 
 
-@pytest.mark.parametrize("code", ["S5.6.2", "A1.1", "C1.2", "S5.2.5", "S5.2.6", "C6.3.1", "C8.3.5", "C8.6.3"])
+@pytest.mark.parametrize("code", ["S5.6.2", "A1.1", "S5.2.5", "S5.2.6", "C6.3.1", "C8.3.5", "C8.6.3"])
 def test_rows_of_the_ssw900_that_a_set_may_not_name(code: str) -> None:
     assert not load_profile("ssw900").parameters[code].is_writable
 

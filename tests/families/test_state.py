@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from gateway.families.load import FAMILIES, load_profile
-from gateway.families.state import STARTING, STATES, alarms_of, state_of
+from gateway.families.state import STARTING, STATES, alarms_of, hindrance, state_of
 
 WEG_AT_REST: dict[str, Any] = {
     **dict.fromkeys(
@@ -84,6 +84,31 @@ def test_an_ssw900_needs_no_supply_bit_because_it_has_none() -> None:
 )
 def test_an_ssw06_in_an_adjusting_mode_is_not_ready(mode: int | None, state: str) -> None:
     assert state_of(load_profile("ssw06"), {**WEG_AT_REST, "vb06": mode}) == state
+
+
+def test_an_ssw900_is_not_ready_while_the_time_after_a_stop_runs() -> None:
+    profile = load_profile("ssw900")
+
+    assert state_of(profile, {**WEG_AT_REST, "s5_1_1_13": True}) == "not_ready"
+    assert state_of(profile, {**WEG_AT_REST, "s5_1_1_13": False}) == "ready"
+    assert state_of(profile, {**WEG_AT_REST, "s5_1_1_13": True, "running": True}) == "running"
+
+
+@pytest.mark.parametrize(
+    ("family", "points", "why"),
+    [
+        ("ssw900", {**WEG_AT_REST, "s5_1_1_13": True}, "the time after a stop is not over"),
+        ("ssw07", {**WEG_AT_REST, "general_enabled": False}, "general_enabled is false"),
+        ("ssw07", {**WEG_AT_REST, "power_present": None}, "power_present is unknown"),
+        ("ssw06", {**WEG_AT_REST, "vb06": 2}, "it is in an adjusting mode (VB06)"),
+        ("sst", {**SST_AT_REST, "ready_to_start": False}, "ready_to_start is false"),
+        ("sst", SST_AT_REST, ""),
+    ],
+)
+def test_what_keeps_a_motor_from_being_started_is_told_in_words(
+    family: str, points: dict[str, Any], why: str
+) -> None:
+    assert hindrance(load_profile(family), points) == why
 
 
 def test_bits_that_an_old_ssw07_does_not_have_leave_its_state_known() -> None:

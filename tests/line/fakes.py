@@ -40,6 +40,11 @@ class Said:
 Answer = Callable[[bytes], Iterable[Said]]
 
 
+def nobody(frame: bytes) -> Iterable[Said]:
+    """Answer nothing."""
+    return ()
+
+
 class FakePort:
     """A Port on a line where a request that starts before 3.5 characters of silence is an error."""
 

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gateway.line.ages import Asked, ages_s
 from gateway.line.forecast import forecast, longest_gap_s
 from gateway.line.job import Poll
 from gateway.line.stretch import FREE_ROOM, SLACK
@@ -144,7 +145,11 @@ def test_the_plan_keeps_what_was_foretold(shapes: list[tuple[float, int]]) -> No
     prospect = forecast(polls, TIMING, allowance_s=0.0)
     line = IdealLine(polls, lambda turn: cost_s(turn.poll, TIMING) if turn.poll else 0.0)
 
-    line.run(40.0)
+    line.run(3 * prospect.sweep_s)  # at the start every unit is asked once before anything else
+    line.answered_s.clear()
+    line.gaps_s.clear()
+
+    line.run(40.0 + 3 * prospect.sweep_s)
 
     longest_s = max(each.cost_s for each in prospect.polls)
     for each in prospect.polls:
@@ -153,3 +158,11 @@ def test_the_plan_keeps_what_was_foretold(shapes: list[tuple[float, int]]) -> No
         settled = gaps_s[5:]
         if len(settled) > 30 and each.poll.every_s > 2 * longest_s:  # it never loses its rhythm
             assert sum(settled) / len(settled) == pytest.approx(each.period_s, rel=0.06)
+
+
+def test_what_leaves_next_to_no_time_to_the_others_lets_their_values_grow_old_without_end() -> None:
+    asked = [Asked(1.0, 0.05, 0.02), Asked(0.0, 0.05, 0.02)]
+
+    assert max(ages_s(asked, [(0.095, 0.1)])) < 20.0
+    assert ages_s(asked, [(0.099999, 0.1)])[0] == inf
+    assert ages_s(asked, [(0.1, 0.1)]) == [inf, inf]

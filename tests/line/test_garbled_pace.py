@@ -29,7 +29,7 @@ def asked_s(outcome: Outcome, *, until_s: float) -> list[float]:
     return times_s
 
 
-@pytest.mark.parametrize(("outcome", "longest_s"), [(Garbled("bad CRC", b"\x01\x02"), 2.5), (Silent(), 16.5)])
+@pytest.mark.parametrize(("outcome", "longest_s"), [(Garbled("bad CRC", b"\x01\x02"), 1.1), (Silent(), 17.6)])
 def test_garbage_keeps_the_pace_and_silence_does_not(outcome: Outcome, longest_s: float) -> None:
     times_s = asked_s(outcome, until_s=200.0)
 

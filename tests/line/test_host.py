@@ -13,6 +13,7 @@ import pytest
 
 from gateway.line import host as host_module
 from gateway.line.client import LineClient
+from gateway.line.courier import Courier
 from gateway.line.host import SWITCH_INTERVAL_S, LineHost
 from gateway.line.job import Lane
 from gateway.line.outcome import Answered, Outcome, Silent
@@ -196,7 +197,7 @@ async def test_polls_are_changed_from_the_app() -> None:
 
 async def test_a_call_that_fails_in_the_app_does_not_hold_up_the_calls_behind_it() -> None:
     loop = asyncio.get_running_loop()
-    courier = host_module._Courier()
+    courier = Courier()
     heard: list[int] = []
     failures: list[str] = []
     loop.set_exception_handler(lambda _, context: failures.append(str(context["exception"])))
@@ -213,7 +214,7 @@ async def test_a_call_that_fails_in_the_app_does_not_hold_up_the_calls_behind_it
 
 
 def test_calls_to_a_closed_app_are_dropped() -> None:
-    courier = host_module._Courier()
+    courier = Courier()
     courier.loop = asyncio.new_event_loop()
     courier.loop.close()
 

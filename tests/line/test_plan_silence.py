@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import itertools
+import random
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.line.job import Poll
-from gateway.line.outcome import Answered, Outcome, Silent
+from gateway.line.outcome import Answered, Garbled, Outcome, Silent
 from gateway.line.plan import Plan, Turn
 from gateway.line.polled import NEIGHBOUR_S
 from gateway.line.silence import SAVED_S, SILENT_SHARE, SilenceBudget
@@ -72,6 +74,29 @@ def test_the_share_is_used_when_there_are_many_of_them() -> None:
     plant.run(360.0)
 
     assert plant.dead_s / 300.0 == pytest.approx(SILENT_SHARE, rel=0.1)
+
+
+@pytest.mark.parametrize("every_s", [0.0, 0.2])
+@pytest.mark.parametrize(
+    ("dead", "units"),
+    [(1, 1), (2, 2), (1, 8), (2, 8), (6, 8), (1, 247), (2, 247), (6, 247), (60, 247), (123, 247), (246, 247)],
+)
+def test_the_dead_take_a_twentieth_of_a_full_line_at_most_however_many_they_are(
+    dead: int, units: int, every_s: float
+) -> None:
+    plant = Plant(polls_of(units, every_s), set(range(1, dead + 1)), seed=dead)
+    while any(state(plant, unit) != "silent" for unit in plant.dead):
+        plant.step()
+    plant.run(plant.now_s + 2 * SAVED_S)
+    plant.busy_s.clear()
+    noticed_s = plant.now_s
+
+    plant.run(noticed_s + 300.0)
+
+    passed_s = plant.now_s - noticed_s
+    assert plant.busy_s["Silent"] <= SILENT_SHARE * passed_s + SILENCE_S
+    if dead < units and (every_s == 0.0 or 2 * (units - dead) * ANSWER_S > every_s):
+        assert plant.busy_s["Answered"] >= 0.98 * (passed_s - plant.busy_s["Silent"])
 
 
 def test_every_silent_unit_has_its_turn() -> None:
@@ -153,7 +178,7 @@ def test_a_group_that_stays_away_costs_its_share_although_one_of_it_came_back() 
 
 
 def test_units_that_went_silent_at_another_time_are_left_alone() -> None:
-    plant = Plant(polls_of(2), {1})
+    plant = Plant(polls_of(2), {1}, seed=1)
     plant.run(30.0)
     plant.dead.add(2)
     plant.run(30.0 + 4 * NEIGHBOUR_S)
@@ -166,6 +191,33 @@ def test_units_that_went_silent_at_another_time_are_left_alone() -> None:
     plant.run(back_s + 0.5)
 
     assert [turn.unit for at_s, turn in plant.turns[before:] if at_s >= back_s and turn.unit == 1] == []
+
+
+class NoisyLine(IdealLine):
+    """A line on which three bytes in a hundred are spoilt: requests of 8 bytes, replies of 25."""
+
+    def __init__(self, polls: list[Poll], *, seed: int) -> None:
+        self.chance = random.Random(seed)
+        self.reached_s: dict[int, float] = {}  # the latest request that a unit understood
+        self.unreached_s = 0.0  # the longest time between two of these
+        super().__init__(polls, lambda turn: 0.06, self._outcome_of_noise, seed=seed)
+
+    def _outcome_of_noise(self, turn: Turn, at_s: float) -> Outcome:
+        if self.chance.random() > 0.97**8:
+            return Silent()
+        self.unreached_s = max(self.unreached_s, at_s - self.reached_s.get(turn.unit, at_s))
+        self.reached_s[turn.unit] = at_s
+        return Answered((), at_s, 0.0) if self.chance.random() < 0.97**25 else Garbled("bad CRC", b"\x01\x03")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_does_not_let_the_watchdogs_of_starters_act_that_hear_us_now_and_then(seed: int) -> None:
+    polls = [replace(each, deadline_s=10.0) for each in polls_of(4)]
+    line = NoisyLine(polls, seed=seed)
+
+    line.run(3600.0)
+
+    assert line.unreached_s < 10.0
 
 
 def test_the_budget_saves_up_no_more_than_its_limit() -> None:

@@ -136,9 +136,9 @@ def test_nothing_is_kept_for_a_unit_that_has_gone_silent_until_it_answers() -> N
     take(plan, 1.0, Silent())
     take(plan, 2.0, Silent())
 
+    assert plan.next_due_s() == 3.0
+    assert key_of(take(plan, 3.0)) == "a"
     assert plan.next_due_s() == 4.0
-    assert key_of(take(plan, 4.0)) == "a"
-    assert plan.next_due_s() == 5.0
 
 
 def test_a_turn_that_is_put_back_keeps_its_hurry_unless_the_unit_must_be_waited_for() -> None:
@@ -167,6 +167,37 @@ def test_when_the_watchdogs_alone_would_fill_the_line_others_have_a_turn_now_and
     keys = [key_of(turn) for _, turn in line.turns]
     assert max(line.gaps_s["other"]) < 2.0
     assert len(keys) - keys.count("other") > 0.9 * WATCHDOGS_IN_ROW / (WATCHDOGS_IN_ROW + 1) * len(keys)
+
+
+def test_the_worst_kept_watchdog_of_late_is_told_and_what_all_of_them_need() -> None:
+    plan = begun(
+        replace(poll("a", unit=1, every_s=60.0), deadline_s=10.0),
+        replace(poll("b", unit=2, every_s=1.0), deadline_s=10.0),
+    )
+    for now_s in (0.0, 0.1):
+        turn = plan.pick(now_s)
+        assert turn is not None
+        plan.record(turn, ANSWERED, now_s + 0.1)
+    assert plan.watchdog_figures(0.2) == {"load": 0.02, "longest_share": 0.0, "unit": 0}
+
+    take(plan, 12.0)
+    take(plan, 12.1)
+
+    assert plan.watchdog_figures(12.1)["longest_share"] == 1.2
+    assert plan.watchdog_figures(70.0)["longest_share"] == 1.2
+    assert plan.watchdog_figures(140.0)["longest_share"] == 0.0
+
+
+def test_a_unit_that_was_silent_has_not_been_left() -> None:
+    plan = begun(replace(poll("a", every_s=1.0), deadline_s=2.0))
+    take(plan, 0.0)
+    take(plan, 1.0, Silent())
+    take(plan, 2.0, Silent())
+    assert plan.watchdog_figures(3.0)["load"] == 0.0
+
+    take(plan, 50.0)
+
+    assert plan.watchdog_figures(50.0)["longest_share"] == 0.0
 
 
 @settings(deadline=None, max_examples=60)

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import socket
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -11,7 +12,7 @@ import pytest
 from gateway.line import precise_selector
 from gateway.line.precise_selector import DESCRIPTOR_LIMIT, LOOK_EVERY_S, PreciseSelector, new_precise_loop
 
-READ = 1
+READ, WRITE = 1, 2
 
 
 @pytest.fixture
@@ -111,3 +112,18 @@ def test_where_the_timer_slack_cannot_be_set_the_loop_runs_all_the_same(
     monkeypatch.setattr(precise_selector.ctypes, "CDLL", lambda name: object())
 
     run_on(new_precise_loop(), asyncio.sleep(0))
+
+
+def test_a_file_whose_writing_is_watched_too_is_reported_for_both(selector: PreciseSelector) -> None:
+    one, other = socket.socketpair()
+    with one, other:
+        selector.register(one, READ | WRITE, "both")
+        other.send(b"x")
+
+        assert [(key.data, events) for key, events in selector.select(1.0)] == [("both", READ | WRITE)]
+
+        selector.unregister(one)
+        selector.register(one, READ, "reading")
+        assert [(key.data, events) for key, events in selector.select(1.0)] == [("reading", READ)]
+        selector.unregister(one)
+        assert selector.select(0.001) == []

@@ -3,41 +3,17 @@ from __future__ import annotations
 import asyncio
 import itertools
 import logging
-import random
 from collections import Counter
 from collections.abc import Iterable
 
 import pytest
 
-from gateway.line.job import Lane, Poll
-from gateway.line.outcome import Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.scheduler import REOPEN_CEILING_S, REOPEN_FLOOR_S
+from gateway.line.outcome import Answered, Garbled, Outcome, Refused
 from gateway.modbus import adu
-from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
-from gateway.modbus.writes import WriteRegister
-from tests.line.fakes import RESPONSE_TIME_S, TIMING, Answer, Rig, Said, Units, poll
+from tests.line.fakes import RESPONSE_TIME_S, TIMING, Rig, Said, Units, poll
+from tests.line.served import READ, run_for
 from tests.virtual_time import run_virtually
-
-READ = ReadHoldingRegisters(100, 2)
-WRITE = WriteRegister(5003, 1)
-NO_PORT = Silent("port closed", is_sent=False)
-
-
-def nobody(frame: bytes) -> Iterable[Said]:
-    return ()
-
-
-def run_for(seconds: float, answer: Answer, polls: Iterable[Poll], timing: LineTiming = TIMING) -> Rig:
-    """Serve a line for so long and return the rig with everything that was told."""
-    rig = Rig(answer, polls, timing)
-
-    async def scenario() -> None:
-        async with rig:
-            await asyncio.sleep(seconds)
-
-    run_virtually(scenario())
-    return rig
 
 
 def asked(rig: Rig) -> Counter[int]:
@@ -127,238 +103,6 @@ def test_a_garbled_poll_is_told_only_when_its_repetition_is_no_better() -> None:
     assert rig.scheduler.figures()["garbled"] == 3
 
 
-def test_a_stop_waits_for_one_transaction_at_the_most_and_goes_before_every_other_job() -> None:
-    chance = random.Random(3)
-    units = Units({1, 2})
-    polls = [poll(str(unit), unit, 0.0, count=30) for unit in (1, 2, 3, 4)]
-    rig = Rig(units, polls)
-
-    async def scenario() -> list[float]:
-        waits_s = []
-        loop = asyncio.get_running_loop()
-        async with rig:
-            for _ in range(300):
-                await asyncio.sleep(chance.uniform(0.0, 0.3))
-                others = [asyncio.create_task(rig.transact(2, WRITE)) for _ in range(3)]
-                await asyncio.sleep(0)
-                submitted_s = loop.time()
-                stop = asyncio.create_task(rig.transact(1, WriteRegister(5003, 0), Lane.STOP))
-                await asyncio.gather(stop, *others)
-                waits_s.append(
-                    next(
-                        at
-                        for at, it in rig.port.sent
-                        if at >= submitted_s and it[4:6] == b"\0\0" and it[1] == 6
-                    )
-                    - submitted_s
-                )
-            return waits_s
-
-    waits_s = run_virtually(scenario())
-
-    latency_s = rig.scheduler.figures()["stop_latency_s"]
-    assert latency_s["worst"] == pytest.approx(max(waits_s))
-    assert latency_s["worst"] <= latency_s["computed"]
-
-
-def test_a_stop_does_not_wait_for_a_late_reply_of_another_unit_either() -> None:
-    chance = random.Random(4)
-
-    def answer(frame: bytes) -> Iterable[Said]:
-        return Units({1, 2})(frame) if chance.random() < 0.7 else nobody(frame)
-
-    rig = Rig(answer, [poll("a", 1, 0.0), poll("b", 1, 0.0)])
-
-    async def scenario() -> None:
-        async with rig:
-            for _ in range(300):
-                await asyncio.sleep(chance.uniform(0.0, 0.3))
-                read = asyncio.create_task(rig.transact(1, READ))
-                await asyncio.sleep(chance.uniform(0.0, 0.1))
-                await rig.transact(2, WRITE, Lane.STOP)
-                await read
-
-    run_virtually(scenario())
-
-    latency_s = rig.scheduler.figures()["stop_latency_s"]
-    assert latency_s["worst"] <= latency_s["computed"]
-
-
-def test_other_units_are_asked_while_one_may_still_answer_late() -> None:
-    units = Units({2})
-    rig = run_for(0.2, units, [poll("a", 1, 0.0), poll("b", 1, 0.0), poll("c", 2, 0.0)])
-
-    asked_units = [frame[0] for _, frame in rig.port.sent]
-    assert asked_units[:4] == [1, 2, 2, 2]
-    assert asked_units.count(1) == 2
-
-
-def test_jobs_come_before_polls_but_polls_go_on_under_a_flood_of_jobs() -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
-
-    async def scenario() -> None:
-        async with rig:
-            await asyncio.gather(*(rig.transact(1, WRITE) for _ in range(40)))
-
-    run_virtually(scenario())
-
-    functions = [frame[1] for _, frame in rig.port.sent]
-    assert functions[:5] == [6, 6, 6, 6, 3]
-    assert functions.count(3) in (9, 10)
-
-
-def test_a_port_that_cannot_be_opened_is_told_once_per_reason_and_tried_ever_less_often() -> None:
-    rig = Rig(Units({1}), [poll("a")])
-    rig.opener.failure = "no such port"
-
-    async def scenario() -> Outcome:
-        async with rig:
-            outcome = await rig.transact(1, WRITE, Lane.STOP)
-            await asyncio.sleep(30.0)
-            rig.opener.failure = "busy"
-            await asyncio.sleep(20.0)
-            rig.opener.failure = None
-            await asyncio.sleep(20.0)
-            return outcome
-
-    assert run_virtually(scenario()) == NO_PORT
-    assert [event[1:] for event in rig.listener.ports] == [
-        (False, "port fake: no such port"),
-        (False, "port fake: busy"),
-        (True, "open"),
-    ]
-    tried_s = rig.opener.tried_s
-    gaps_s = [later - earlier for earlier, later in itertools.pairwise(tried_s[:7])]
-    assert gaps_s == pytest.approx([0.5, 1.0, 2.0, 2.0, 2.0, 2.0])
-    assert REOPEN_FLOOR_S == 0.5
-    assert REOPEN_CEILING_S == 2.0
-    assert isinstance(rig.listener.outcomes("a")[0], Answered)
-
-
-def test_a_lost_port_ends_all_jobs_and_is_opened_again() -> None:
-    def answer(frame: bytes) -> Iterable[Said]:
-        return nobody(frame) if frame[1] == 6 else Units({1})(frame)
-
-    rig = Rig(answer, [])
-
-    async def scenario() -> list[Outcome]:
-        async with rig:
-            jobs = [asyncio.create_task(rig.transact(1, WRITE)) for _ in range(2)]
-            await asyncio.sleep(0.010)  # the first is on the wire
-            rig.port.hang_up()
-            outcomes = await asyncio.gather(*jobs)
-            outcomes.append(await rig.transact(1, WRITE))
-            await asyncio.sleep(1.0)
-            outcomes.append(await rig.transact(1, READ))
-            return outcomes
-
-    outcomes = run_virtually(scenario())
-
-    assert outcomes[:3] == [Silent("port lost", is_sent=True), NO_PORT, NO_PORT]
-    assert isinstance(outcomes[3], Answered)
-    assert [event[1:] for event in rig.listener.ports] == [
-        (True, "open"),
-        (False, "port fake: lost"),
-        (True, "open"),
-    ]
-    assert rig.opener.ports[0].is_closed
-    assert rig.opener.tried_s[1] - rig.listener.ports[1][0] == pytest.approx(REOPEN_FLOOR_S)
-    assert [event[2] for event in rig.listener.units] == [True]  # a lost port is no unit's fault
-
-
-def test_a_job_whose_port_is_lost_before_it_is_sent_says_so() -> None:
-    rig = Rig(nobody, [])
-
-    async def scenario() -> Outcome:
-        async with rig:
-            await asyncio.sleep(1.0)
-            rig.port.say(Said(b"\x55" * 20, 0.0, in_chunks_of=1))
-            await asyncio.sleep(0.001)
-            job = asyncio.create_task(rig.transact(1, WRITE))
-            await asyncio.sleep(0.001)
-            rig.port.hang_up()
-            return await job
-
-    outcome = run_virtually(scenario())
-
-    assert isinstance(outcome, Silent)
-    assert not outcome.is_sent
-
-
-def test_a_flapping_port_is_tried_ever_less_often_and_one_that_lasted_at_once() -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=0.1)])
-
-    async def scenario() -> None:
-        async with rig:
-            for lasts_s in (1.0, 1.0, 1.0, 60.0):
-                await asyncio.sleep(lasts_s)
-                rig.opener.opened.clear()
-                rig.port.hang_up()
-                await rig.opener.opened.wait()
-
-    run_virtually(scenario())
-
-    lost_s = [at_s for at_s, is_open, _ in rig.listener.ports if not is_open]
-    gaps_s = [tried - lost for lost, tried in zip(lost_s, rig.opener.tried_s[1:], strict=True)]
-    assert gaps_s == pytest.approx([0.5, 1.0, 2.0, 0.5])
-
-
-def test_cancellation_lets_the_transaction_under_way_end_and_sends_no_more() -> None:
-    chance = random.Random(5)
-    for _ in range(200):
-        rig = Rig(Units({1}), [poll("a", every_s=0.0)])
-
-        async def scenario(rig: Rig = rig) -> tuple[float, float]:
-            async with rig:
-                await asyncio.sleep(chance.uniform(0.0, 0.1))
-                rig.task.cancel()
-                cancelled_s = asyncio.get_running_loop().time()
-                await asyncio.wait([rig.task])
-                assert rig.task.cancelled()
-                return cancelled_s, asyncio.get_running_loop().time()
-
-        cancelled_s, ended_s = run_virtually(scenario())
-
-        assert rig.port.is_closed
-        assert rig.port.closed_s == ended_s
-        assert all(at_s <= cancelled_s for at_s, _ in rig.port.sent)
-        if rig.port.sent:
-            last_s, last = rig.port.sent[-1]
-            reply_s = last_s + TIMING.wire_s(len(last) + 25) + 0.005
-            assert ended_s == pytest.approx(max(cancelled_s, reply_s))
-            assert len(rig.listener.polls) == len(rig.port.sent)
-
-
-def test_cancellation_ends_the_waiting_jobs() -> None:
-    rig = Rig(nobody, [])
-
-    async def scenario() -> list[Outcome]:
-        async with rig:
-            jobs = [asyncio.create_task(rig.transact(1, WRITE)) for _ in range(2)]
-            await asyncio.sleep(0.01)
-            rig.task.cancel()
-            return await asyncio.gather(*jobs)
-
-    assert run_virtually(scenario()) == [Silent(), NO_PORT]
-
-
-def test_a_transaction_that_its_caller_gave_up_is_never_sent_unless_it_is_on_the_wire() -> None:
-    rig = Rig(Units({1}), [])
-
-    async def scenario() -> None:
-        async with rig:
-            first, second = (asyncio.create_task(rig.transact(1, WRITE)) for _ in range(2))
-            await asyncio.sleep(0.004)
-            first.cancel()
-            second.cancel()
-            await asyncio.sleep(1.0)
-            assert await rig.transact(1, READ)
-
-    run_virtually(scenario())
-
-    assert [frame[1] for _, frame in rig.port.sent] == [6, 3]
-
-
 def test_a_bug_of_the_listener_ends_the_loop_with_the_port_closed_and_it_can_be_started_again() -> None:
     rig = Rig(Units({1}), [poll("a")])
     told: list[str] = []
@@ -381,23 +125,6 @@ def test_a_bug_of_the_listener_ends_the_loop_with_the_port_closed_and_it_can_be_
     run_virtually(scenario())
 
     assert len(told) == 4
-
-
-def test_a_line_that_is_never_quiet_tells_what_was_not_sent() -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=10.0)])
-
-    async def scenario() -> Outcome:
-        async with rig:
-            await asyncio.sleep(0.5)
-            rig.port.say(Said(b"\x55" * 4000, 0.0, in_chunks_of=1))
-            await asyncio.sleep(0.001)
-            return await rig.transact(1, WRITE)
-
-    outcome = run_virtually(scenario())
-
-    assert isinstance(outcome, Garbled)
-    assert not outcome.is_sent
-    assert rig.scheduler.figures()["stray_bytes"] > 1000
 
 
 def test_polls_can_be_added_removed_hastened_and_changed_while_the_line_idles() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from gateway.line.job import Job, Lane, Poll
 from gateway.line.learnt import ENOUGH
-from gateway.line.outcome import Answered, Outcome, Silent
+from gateway.line.outcome import TOO_LATE, Answered, Outcome, Silent
 from gateway.line.plan import JOBS_IN_ROW
 from gateway.line.prepared import Preparations
 from gateway.line.suspicion import ADDRESS_CONFLICT, BABBLING
@@ -291,3 +291,22 @@ def test_a_poll_is_reckoned_once_and_again_when_its_key_means_something_else() -
     preparations.forget("a")
     assert preparations.of("a", 1, READ) is not first
     assert preparations.of(None, 1, READ) == first
+
+
+def test_a_job_whose_time_is_over_when_its_turn_comes_is_never_sent() -> None:
+    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+
+    async def scenario() -> tuple[Outcome, Outcome]:
+        async with rig:
+            await into_a_silence(rig)
+            now_s = asyncio.get_running_loop().time()
+            client, asked = rig.client, {"response_time_s": RESPONSE_TIME_S, "lane": Lane.COMMAND}
+            too_late = client.transact(1, WRITE, until_s=now_s, **asked)
+            in_time = client.transact(1, WRITE, until_s=now_s + ONE_S, **asked)
+            return await asyncio.gather(too_late, in_time)
+
+    too_late, in_time = run_virtually(scenario())
+
+    assert too_late == Silent(TOO_LATE, is_sent=False)
+    assert isinstance(in_time, Answered)
+    assert functions(rig).count(6) == 1

@@ -36,7 +36,8 @@ class Rig:
     def __init__(self, how: BrokerSettings) -> None:
         self.topics = Topics("b")
         self.payloads = Payloads(self.topics, "boot-1")
-        self.outbox = Outbox(last_topic=self.topics.gateway_status, pack=self.payloads.history)
+        self.outbox = Outbox(last_topic=self.topics.gateway_status, pack=self.payloads.history, boot="boot-1")
+        self.outbox.grant_history(10**6)  # nobody paces what is told late
         self.publisher = Publisher(self.payloads, self.outbox, SystemClock())
         self.links: asyncio.Queue[tuple[bool, str]] = asyncio.Queue()
         self.incoming: asyncio.Queue[Incoming] = asyncio.Queue()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import socket
 from pathlib import Path
 
 import pytest
@@ -14,11 +13,9 @@ from gateway.starters.records import LineRecord, Phase, ResultRecord
 from tests.mosquitto import Certificate
 from tests.mqtt.fake_broker import (
     ACCEPT_311,
-    DISCONNECT,
     HANG_UP,
     LEVEL_5,
     LEVEL_311,
-    PUBLISH,
     REFUSE_VERSION,
     FakeBroker,
 )
@@ -85,7 +82,7 @@ async def test_a_message_larger_than_the_broker_takes_is_set_aside_and_the_next_
         rig = Rig(settings(broker.port))
         rig.publisher.put(value(1, 1.0))
         rig.publisher.put(event(1))
-        rig.outbox.put(rig.payloads.history("b/starter/pump-1/history", ["0" * 500]), 0.0)
+        rig.outbox.put(rig.payloads.history("b/starter/pump-1/history", ["0" * 500], "boot-1"), 0.0)
         rig.publisher.put(event(2))
         async with rig:
             topics = [(await broker.publication()).topic for _ in range(4)]
@@ -195,72 +192,6 @@ async def test_a_refused_subscription_is_reported_and_telemetry_goes_out() -> No
     )
 
 
-async def test_a_missing_broker_is_reported_once_and_found_when_it_comes() -> None:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        async with Rig(settings(probe.getsockname()[1])) as rig:
-            is_connected, trouble = await rig.link()
-
-    assert not is_connected
-    assert trouble.endswith("nothing listens there (is the broker running?)")
-
-
-async def test_an_unusable_certificate_file_is_reported_and_not_fatal(tmp_path: Path) -> None:
-    how = settings(1, tls=TlsSettings(ca_file=str(tmp_path / "missing.pem")))
-    async with Rig(how) as rig:
-        is_connected, trouble = await rig.link()
-        assert rig.task is not None
-        assert not rig.task.done()
-
-    assert not is_connected
-    assert trouble.startswith("ca_file ")
-
-
-async def test_an_end_that_is_not_acknowledged_takes_no_longer_than_allowed_and_keeps_the_will() -> None:
-    async with FakeBroker(acknowledges=False) as broker, Rig(settings(broker.port)) as rig:
-        await rig.until_connected()
-        async with asyncio.timeout(5.0):
-            await rig.connection.close(rig.publisher.farewell("stopped"), within_s=0.2)
-            assert rig.task is not None
-            await rig.task
-
-        kinds = [broker.received.get_nowait().kind for _ in range(broker.received.qsize())]
-        assert PUBLISH in kinds
-        assert DISCONNECT not in kinds
-
-
-async def test_an_end_with_a_full_window_and_no_acknowledgement_leaves_the_last_word_to_the_will() -> None:
-    async with FakeBroker(acknowledges=False) as broker, Rig(settings(broker.port, window=1)) as rig:
-        await rig.until_connected()
-        await broker.publication()
-        async with asyncio.timeout(5.0):
-            await rig.connection.close(rig.publisher.farewell("stopped"), within_s=0.2)
-
-        assert broker.received.empty()
-
-
-async def test_an_end_before_any_connection_is_at_once_and_stops_the_retries() -> None:
-    async with (
-        FakeBroker(answers={LEVEL_5: HANG_UP, LEVEL_311: HANG_UP}) as broker,
-        Rig(settings(broker.port, first_retry_s=30.0, last_retry_s=30.0)) as rig,
-    ):
-        await rig.link()
-        async with asyncio.timeout(5.0):
-            await rig.connection.close(rig.publisher.farewell("stopped"))
-            assert rig.task is not None
-            await rig.task
-
-
-async def test_a_connection_attempt_can_be_cancelled_while_it_blocks() -> None:
-    async with FakeBroker() as broker:  # it speaks no TLS, so the handshake hangs
-        rig = Rig(settings(broker.port, tls=TlsSettings()))
-        async with rig:
-            async with asyncio.timeout(5.0):
-                await broker.is_reached.wait()
-            async with asyncio.timeout(1.0):
-                await rig.vanish()
-
-
 async def test_many_commands_in_one_tls_record_all_arrive(tmp_path: Path) -> None:
     certificate = Certificate.make(tmp_path)
     many = bytes.fromhex("30 06 00 01 61 00 68 69") * 250
@@ -286,28 +217,6 @@ async def test_the_correlation_data_of_a_command_comes_back_with_its_result() ->
     assert b"\x05\x09\x00\x0242{" in packet.body
 
 
-async def test_a_broker_that_falls_silent_is_noticed_and_left() -> None:
-    async with (
-        FakeBroker(answers_pings=False) as broker,
-        Rig(settings(broker.port, keepalive_s=1)) as rig,
-    ):
-        await rig.until_connected()
-        is_connected, trouble = await rig.link()
-
-    assert not is_connected
-    assert trouble.endswith("the broker has stopped answering")
-
-
-async def test_after_connections_that_held_the_next_one_comes_soon() -> None:
-    async with (
-        FakeBroker() as broker,
-        Rig(settings(broker.port, steady_s=0.0, last_retry_s=100.0)) as rig,
-    ):
-        for _ in range(12):
-            await rig.until_connected()
-            broker._writers[-1].close()
-
-
 async def test_figures_go_out_without_waiting_for_an_acknowledgement() -> None:
     async with FakeBroker(acknowledges=False) as broker, Rig(settings(broker.port)) as rig:
         rig.publisher.put(LineRecord("pumps", {"polls": 1}))
@@ -317,15 +226,3 @@ async def test_figures_go_out_without_waiting_for_an_acknowledgement() -> None:
         session = rig.connection._session
         assert session is not None
         assert len(session._tickets) == 1  # the status
-
-
-async def test_nothing_is_published_after_the_loss_of_the_connection() -> None:
-    async with FakeBroker() as broker, Rig(settings(broker.port)) as rig:
-        await rig.until_connected()
-        session = rig.connection._session
-        assert session is not None
-        broker._writers[-1].close()
-        await session.lost
-
-        assert session.publish(99, rig.publisher.will()) is None
-        assert session.has_room

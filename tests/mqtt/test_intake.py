@@ -1,44 +1,15 @@
 from __future__ import annotations
 
-import json
-from typing import Any
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.mqtt.intake import Incoming, Intake, Rejection
-from gateway.mqtt.json_out import rfc3339
-from gateway.mqtt.topics import Topics
+from gateway.mqtt.intake import Incoming, Rejection
 from gateway.starters.records import Phase
 from gateway.starters.request import CommandRequest
+from tests.mqtt.commands import NOW, NOW_S, START, command, fresh, judge, refusal
 
-NOW_S = 1_795_222_923.0
-NOW = "2026-11-21T01:02:03Z"
-START = "b/command/pump-1/alice/start"
 STOP = "b/command/pump-1/alice/stop"
-
-
-def judge(
-    incoming: Incoming, *, clock_is_synchronised: bool = True, utc_s: float = NOW_S
-) -> CommandRequest | Rejection | None:
-    return Intake(Topics("b"), "boot-1").judge(
-        incoming, utc_s=utc_s, received_s=7.0, clock_is_synchronised=clock_is_synchronised
-    )
-
-
-def command(fields: object, *, topic: str = START, **flags: Any) -> Incoming:
-    return Incoming(topic, json.dumps(fields).encode(), **flags)
-
-
-def fresh(**fields: object) -> dict[str, object]:
-    return {"id": "c1", "boot": "boot-1", **fields}
-
-
-def refusal(incoming: Incoming, *, clock_is_synchronised: bool = True) -> Rejection:
-    judged = judge(incoming, clock_is_synchronised=clock_is_synchronised)
-    assert isinstance(judged, Rejection)
-    return judged
 
 
 def test_a_complete_command_is_passed_on_with_everything_it_says() -> None:
@@ -223,96 +194,6 @@ def test_every_command_but_stop_needs_an_id(fields: dict[str, object]) -> None:
     assert refusal(command({"boot": "boot-1", **fields})).code == "no_id"
 
 
-@pytest.mark.parametrize(
-    "issued_at",
-    [
-        NOW,
-        "2026-11-21T01:02:03.000000001z",
-        "2026-11-21t02:02:03+01:00",
-        "2026-11-20 21:02:03-04:00",
-        "2026-11-21T01:01:58Z",
-        "2026-11-21T01:02:05Z",
-    ],
-)
-def test_a_command_issued_within_its_time_to_live_is_fresh(issued_at: str) -> None:
-    assert isinstance(judge(command({"id": "c1", "issued_at": issued_at})), CommandRequest)
-
-
-@pytest.mark.parametrize(("ttl_s", "code"), [(60, None), (29.5, "expired"), (None, "expired")])
-def test_the_sender_chooses_the_time_to_live(ttl_s: float | None, code: str | None) -> None:
-    fields: dict[str, object] = {"id": "c1", "issued_at": rfc3339(NOW_S - 30.0)}
-    if ttl_s is not None:
-        fields["ttl_s"] = ttl_s
-
-    judged = judge(command(fields))
-
-    assert getattr(judged, "code", None) == code
-
-
-@pytest.mark.parametrize(
-    ("fields", "is_synchronised", "code", "text"),
-    [
-        ({}, True, "not_fresh", "neither issued_at nor boot is given"),
-        (
-            {"issued_at": NOW},
-            False,
-            "not_fresh",
-            "this gateway's clock is not synchronised; send boot instead",
-        ),
-        ({"boot": "boot-0"}, True, "wrong_boot", "boot is not the one in gateway/status"),
-        ({"boot": "boot-0", "issued_at": NOW}, False, "wrong_boot", "boot is not the one in gateway/status"),
-        ({"issued_at": "2026-11-21T01:01:57Z"}, True, "expired", "issued 6.0 s ago, valid for 5 s"),
-        (
-            {"issued_at": "2026-11-21T01:01:57Z", "boot": "boot-0"},
-            True,
-            "expired",
-            "issued 6.0 s ago, valid for 5 s",
-        ),
-        (
-            {"issued_at": "2026-11-21T01:02:05.1Z"},
-            True,
-            "not_fresh",
-            "issued_at is 2.1 s in the future; set the clock",
-        ),
-        (
-            {"issued_at": "0001-01-01T00:00:00+14:00"},
-            True,
-            "expired",
-            "issued 63930870123.0 s ago, valid for 5 s",
-        ),
-    ],
-)
-def test_a_command_that_is_not_provably_fresh_is_refused(
-    fields: dict[str, object], is_synchronised: bool, code: str, text: str
-) -> None:
-    rejection = refusal(command({"id": "c1", **fields}), clock_is_synchronised=is_synchronised)
-
-    assert (rejection.code, rejection.text) == (code, text)
-
-
-@pytest.mark.parametrize(
-    "fields",
-    [
-        {"boot": "boot-1"},
-        {"boot": "boot-1", "issued_at": "2026-11-22T00:00:00Z"},  # the sender's clock is ahead
-        {"boot": "boot-0", "issued_at": NOW},
-    ],
-)
-def test_one_proof_of_freshness_is_enough(fields: dict[str, object]) -> None:
-    assert isinstance(judge(command({"id": "c1", **fields})), CommandRequest)
-
-
-def test_the_right_boot_does_not_save_a_command_whose_time_has_run_out() -> None:
-    fields = {"id": "c1", "boot": "boot-1", "issued_at": "2026-11-21T00:00:00Z"}
-
-    assert refusal(command(fields)).code == "expired"
-
-
-def test_a_message_whose_own_expiry_has_run_out_is_expired() -> None:
-    assert refusal(command(fresh(), expiry_s=0)).code == "expired"
-    assert isinstance(judge(command(fresh(), expiry_s=1)), CommandRequest)
-
-
 @given(
     topic=st.sampled_from([START, STOP, "b/command/pump-1/alice/set", "b/audit"]) | st.text(max_size=30),
     payload=st.binary(max_size=300),
@@ -331,37 +212,3 @@ def test_random_messages_never_raise_and_only_a_live_stop_gets_through(
     if isinstance(judged, CommandRequest):
         assert judged.verb == "stop"
         assert not is_retained
-
-
-@given(
-    fields=st.dictionaries(
-        st.sampled_from(["id", "issued_at", "ttl_s", "boot", "operator", "reason", "args", "x"]),
-        st.none()
-        | st.booleans()
-        | st.integers()
-        | st.floats()
-        | st.text(max_size=70)
-        | st.dictionaries(st.text(), st.text(), max_size=2),
-    ),
-    age_s=st.floats(60.001, 1e9) | st.floats(-1e9, -2.001),
-    is_retained=st.booleans(),
-)
-def test_no_stale_or_retained_start_is_ever_accepted(
-    *, fields: dict[str, object], age_s: float, is_retained: bool
-) -> None:
-    if fields.get("boot") == "boot-1":
-        fields.pop("boot")
-    fields["issued_at"] = rfc3339(NOW_S - age_s)
-
-    judged = judge(command(fields, is_retained=is_retained))
-
-    assert isinstance(judged, Rejection)
-
-
-@given(age_s=st.floats(-1.999, 59.999), is_retained=st.booleans())
-def test_a_fresh_start_is_accepted_unless_it_is_retained(age_s: float, *, is_retained: bool) -> None:
-    fields = {"id": "c1", "ttl_s": 60, "issued_at": rfc3339(NOW_S - age_s)}
-
-    judged = judge(command(fields, is_retained=is_retained))
-
-    assert isinstance(judged, Rejection if is_retained else CommandRequest)

@@ -208,9 +208,9 @@ def test_a_value_brings_its_history_item_along() -> None:
 
 
 def test_history_is_a_batch_of_items() -> None:
-    message = payloads().history("b/starter/pump-1/history", ['{"seq":1}', '{"seq":2}'])
+    message = payloads().history("b/starter/pump-1/history", ['{"seq":1}', '{"seq":2}'], "boot-0")
 
-    assert text(message) == '{"boot":"boot-1","items":[{"seq":1},{"seq":2}]}'
+    assert text(message) == '{"boot":"boot-0","items":[{"seq":1},{"seq":2}]}'
     assert (message.qos, message.retain, message.is_kept, message.is_droppable) == (1, False, True, True)
 
 

@@ -21,7 +21,7 @@ class Desk:
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         payloads = Payloads(Topics("b"), "boot-1")
-        self.outbox = Outbox(last_topic=payloads.topics.gateway_status, pack=payloads.history)
+        self.outbox = Outbox(last_topic=payloads.topics.gateway_status, pack=payloads.history, boot="boot-1")
         self.publisher = Publisher(payloads, self.outbox, VirtualClock(loop))
         self.outbox.connected(1000)
         self.wakes = 0
@@ -218,7 +218,7 @@ def test_a_refusal_is_told_within_a_second_and_logged_once(caplog: pytest.LogCap
 def test_a_full_outbox_is_told_within_a_second_and_logged_once(caplog: pytest.LogCaptureFixture) -> None:
     async def main() -> list[tuple[int, Any]]:
         made = await desk()
-        made.outbox._max_rows = 1
+        made.outbox.kept._max_rows = 1
         task = asyncio.create_task(made.publisher.run())
         await asyncio.sleep(0.5)
         made.published()

@@ -15,12 +15,19 @@ from gateway.families.load import load_profile
 from gateway.families.procedure import Expect, Read
 from gateway.families.schema import Variant
 from gateway.modbus.pdu import Request, exception_code
+from gateway.modbus.writes import WriteCoil, WriteRegister
 from gateway.sim.factory import make_unit
 from gateway.sim.unit import Unit
 from tests.sim.wire import Talk
 
 PAUSE_S = 0.1
 SLOT_1 = Variant(slot=1)
+RAW_START: dict[str, Request] = {
+    "ssw06": WriteRegister(5003, 0x0101),
+    "ssw07": WriteCoil(100, is_on=True),
+    "ssw900": WriteRegister(685, 0x0013),
+    "sst": WriteCoil(0, is_on=True),
+}
 
 Rows = dict[str, tuple[int, ...]]
 

@@ -1,109 +1,16 @@
-"""Whatever is commanded in whatever order: no motor starts without a start, none stops by a stray write."""
+"""Whatever is commanded in whatever order: no motor starts without a start, none stops by a stray write.
+
+Here 2,000 commands a family; `make torture` sends 10,000 ("random commands").
+"""
 
 from __future__ import annotations
 
-import random
-from collections.abc import Callable
-from typing import Any
-
 import pytest
 
-from gateway.families.command import verbs
 from gateway.families.load import FAMILIES
-from gateway.modbus.pdu import Request
-from gateway.modbus.writes import WriteCoil, WriteRegister
-from gateway.sim.commanded import Commanded
-from gateway.sim.power import MotorState
-from gateway.sim.sst import Sst
-from tests.rules.acting import Actor
+from tests.rules.random_commands import send_at_random
 
-COMMANDS = 10_000
-STARTS = ("start", "jog on")
-STOPS = ("stop", "jog off", "general_enable off", "local_remote off")
-DEADLY = ("R42",)  # shorter than the starter's own start-up it restarts for ever, whatever is commanded
-VALUES = (0, 1, 2, 5, 10, 50, 0.5, True, "on", "Serial", "nonsense", None, -1, 70000)
-RAW_START: dict[str, Request] = {
-    "ssw06": WriteRegister(5003, 0x0101),
-    "ssw07": WriteCoil(100, is_on=True),
-    "ssw900": WriteRegister(685, 0x0013),
-    "sst": WriteCoil(0, is_on=True),
-}
-
-Happening = Callable[[Actor, random.Random], None]
-
-
-def is_driven(actor: Actor) -> bool:
-    motor = actor.unit.motor
-    return motor.is_turned_on or motor.state is MotorState.JOG or bool(getattr(actor.unit, "phase", ""))
-
-
-def some_args(actor: Actor, verb: str, dice: random.Random) -> dict[str, Any]:
-    profile = actor.profile
-    writable = [row.code for row in profile.parameters.values() if row.is_writable and row.code not in DEADLY]
-    code = dice.choice(
-        [*writable, *writable, *profile.command_word, "VB07", "COIL1", "COIL2", "P220", "P500"]
-    )
-    match verb:
-        case "general_enable" | "jog":
-            return {"value": dice.random() < 0.6}
-        case "direction" | "local_remote":
-            return {"value": dice.choice(profile.commands[verb].values)}
-        case "output":
-            return {"output": dice.choice(list(profile.outputs)), "value": dice.choice(VALUES)}
-        case "reset":
-            return {"whole": True} if profile.family == "sst" and dice.random() < 0.1 else {}
-        case "configure" if profile.family == "ssw06":
-            return {"leave": dice.choice(["P202", "factory"])}
-        case "configure":
-            return {f"R{dice.randint(30, 41)}": dice.choice(VALUES) for _ in range(dice.randint(0, 3))}
-        case "read":
-            return {"parameters": [code, dice.choice(list(profile.parameters))]}
-        case "set" if dice.random() < 0.3:
-            return {"parameters": {code: dice.choice(VALUES), "P314": dice.choice(VALUES)}}
-        case "set":
-            return {"parameter": code, "value": dice.choice(VALUES)}
-    return {}
-
-
-def trip(actor: Actor, dice: random.Random) -> None:
-    actor.unit.trip(12 if actor.profile.family == "sst" else 3)
-
-
-def lose_mains(actor: Actor, dice: random.Random) -> None:
-    actor.unit.set_mains(is_present=False)
-    actor.talk.wait(1.0)
-    actor.unit.set_mains(is_present=True)
-
-
-def run_by_hand(actor: Actor, dice: random.Random) -> None:
-    """Let another master send a start, so that a run command may stand without the gateway's doing."""
-    actor.talk.pdu(RAW_START[actor.profile.family])
-
-
-def switch_by_hand(actor: Actor, dice: random.Random) -> None:
-    unit = actor.unit
-    if isinstance(unit, Sst):
-        unit.set_control(dice.choice(["modbus", "modbus", "modbus", "usb", "parallel"]))
-    elif isinstance(unit, Commanded):
-        unit.set_enable_input(is_on=dice.random() < 0.8)
-        unit.set_remote(is_remote=dice.random() < 0.8)  # type: ignore[attr-defined]  # every WEG family has it
-
-
-def let_time_pass(actor: Actor, dice: random.Random) -> None:
-    actor.talk.wait(dice.choice([0.05, 1.0, 5.0, 30.0]))
-
-
-HAPPENINGS: tuple[Happening, ...] = (
-    trip, lose_mains, run_by_hand, switch_by_hand, let_time_pass, let_time_pass, let_time_pass, let_time_pass
-)  # fmt: skip
-
-
-def label(verb: str, args: dict[str, Any]) -> str:
-    if verb == "jog":
-        return f"jog {'on' if args['value'] else 'off'}"
-    if verb == "general_enable" and not args["value"]:
-        return "general_enable off"
-    return "local_remote off" if args.get("value") == "local" else verb
+COMMANDS = 2_000
 
 
 @pytest.mark.parametrize("keeps_run_command", [False, True])
@@ -111,25 +18,7 @@ def label(verb: str, args: dict[str, Any]) -> str:
 def test_no_random_sequence_of_commands_starts_a_motor_unasked_or_stops_one_by_a_stray_write(
     family: str, *, keeps_run_command: bool
 ) -> None:
-    dice = random.Random(f"{family} {keeps_run_command}")
-    options: dict[str, Any] = {} if family == "sst" else {"keeps_run_command": keeps_run_command}
-    ends: dict[str, int] = {}
-
-    for count in range(COMMANDS // 2):
-        if count % 100 == 0:  # one whose settings nobody has spoilt yet
-            actor = Actor(family, **options)
-        if dice.random() < 0.3:
-            dice.choice(HAPPENINGS)(actor, dice)
-        verb = dice.choice([*verbs(actor.profile), "start", "stop"])
-        args = some_args(actor, verb, dice)
-        actor.talk.wait(0.2)
-        was_driven, trips = is_driven(actor), len(actor.unit.trips)
-        done = actor.act(verb, args, seen=dict(actor.rows) if verb == "stop" else None)
-        what = label(verb, args)
-        has_tripped = len(actor.unit.trips) > trips  # a watchdog or protection, not the command
-        assert was_driven or not is_driven(actor) or what in STARTS, (args, done)
-        assert not was_driven or is_driven(actor) or what in STOPS or has_tripped, (what, args, done)
-        ends[f"{what} {done.end}"] = ends.get(f"{what} {done.end}", 0) + 1
+    ends = send_at_random(family, COMMANDS // 2, keeps_run_command=keeps_run_command)
 
     assert ends["start confirmed"] > COMMANDS / 200
     assert ends["stop confirmed"] > COMMANDS / 200

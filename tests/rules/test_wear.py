@@ -7,9 +7,17 @@ import math
 
 import pytest
 
-from gateway.starters.records import Phase
+from gateway.errors import DamagedError
+from gateway.starters.policy import Policy
+from gateway.starters.precautions import Precautions
+from gateway.starters.records import EventRecord, Phase
+from gateway.starters.rights import Rights
+from gateway.starters.sequence import Sequence
 from gateway.starters.wear import HOUR_S, MOST_PER_HOUR, Wear
+from tests.starters.fakes import RecordingSink
+from tests.starters.plant import FakeMemory
 from tests.starters.rig import CommandRig, virtually
+from tests.virtual_time import VirtualClock
 
 P313, P314 = 313, 314
 
@@ -57,6 +65,67 @@ def test_what_writes_nothing_that_is_kept_is_never_refused() -> None:
 
 def test_a_refusal_says_when_to_try_again() -> None:
     assert Wear(3).refusal(61.0).endswith("try again in 2 min")
+
+
+def test_each_count_is_told_with_the_hour_and_the_total() -> None:
+    told: list[tuple[str, str]] = []
+    wear = Wear(10, on_count=lambda *what: told.append(what))
+    wear.restore({"writes": {"pump": 240}})
+
+    wear.take("pump", 1, now_s=0.0)
+    wear.take("pump", 2, now_s=1.0)
+    wear.take("pump", 0, now_s=2.0)
+
+    assert told == [
+        ("pump", "1 write to its non-volatile memory: 1 of 10 this hour, 241 in all"),
+        ("pump", "2 writes to its non-volatile memory: 3 of 10 this hour, 243 in all"),
+    ]
+    assert wear.to_document() == {"writes": {"pump": 243}}
+
+
+@pytest.mark.parametrize("writes", [None, [], {"pump": "many"}, {"pump": True}, {"pump": -1}, {"pump": 1.5}])
+def test_counts_that_are_damaged_are_not_taken_over(writes: object) -> None:
+    with pytest.raises(DamagedError):
+        Wear().restore({"writes": writes})
+
+
+def precautions(memory: FakeMemory, sink: RecordingSink) -> Precautions:
+    return Precautions(
+        Policy(),
+        ["pump"],
+        rights=Rights(()),
+        sink=sink,
+        clock=VirtualClock(asyncio.get_running_loop()),
+        sequence=Sequence(),
+        wear_memory=memory,
+    )
+
+
+@virtually
+async def test_the_total_is_told_in_an_event_and_outlives_the_gateway() -> None:
+    memory, sink = FakeMemory(), RecordingSink()
+
+    precautions(memory, sink).wear.take("pump", 3, now_s=0.0)
+    await asyncio.sleep(1.0)
+    precautions(memory, sink).wear.take("pump", 1, now_s=0.0)
+    await asyncio.sleep(1.0)
+
+    assert [(event.starter, event.code, event.data["total"]) for event in sink.of(EventRecord)] == [
+        ("pump", "memory_written", 3),
+        ("pump", "memory_written", 4),
+    ]
+    assert memory.document == {"writes": {"pump": 4}}
+
+
+@virtually
+async def test_damaged_counts_are_put_aside_and_begin_again() -> None:
+    memory, sink = FakeMemory({"writes": 7}), RecordingSink()
+
+    begun = precautions(memory, sink)
+
+    assert begun.wear.total("pump") == 0
+    assert memory.set_asides == 1
+    assert sink.events() == ["memory_damaged"]
 
 
 async def ready(family: str = "ssw07") -> CommandRig:

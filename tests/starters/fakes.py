@@ -6,11 +6,12 @@ import asyncio
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from math import inf
 from typing import Any, TypeVar
 
 from gateway.families.load import load_profile
 from gateway.line.job import Lane, Poll
-from gateway.line.outcome import Answered, Outcome, Refused, Silent
+from gateway.line.outcome import TOO_LATE, Answered, Outcome, Refused, Silent
 from gateway.modbus.identify import Identification, ReadDeviceIdentification
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
@@ -130,11 +131,15 @@ class FakeLineClient:
     def writes(self) -> list[Request]:
         return [sent.request for sent in self.sent if sent.request.is_write]
 
-    async def transact(self, unit: int, request: Request, *, response_time_s: float, lane: Lane) -> Outcome:
+    async def transact(
+        self, unit: int, request: Request, *, response_time_s: float, lane: Lane, until_s: float = inf
+    ) -> Outcome:
         assert unit == 7
         assert response_time_s > 0
         async with self._turn:
             now_s = asyncio.get_running_loop().time()
+            if now_s > until_s:
+                return Silent(TOO_LATE, is_sent=False)
             self.sent.append(Sent(now_s, request, lane))
             outcome = self.outcome_of(request, at_s=now_s + TRANSACTION_S)
             await asyncio.sleep(TRANSACTION_S)

@@ -1,14 +1,13 @@
 """Whatever happens, in whatever order: a start goes out once at most, lawfully; every command has one end.
 
-Random commands, repetitions, reconnections, losses, crashes, local operations, locks and clock steps come
-over a real commander with a simulated line under it, in virtual time.
+Random commands, repetitions, reconnections, losses, crashes, standstills, local operations, locks and clock
+steps come over a real commander with a simulated line under it, in virtual time.
 """
 
 from __future__ import annotations
 
 import asyncio
 from collections.abc import Coroutine
-from itertools import pairwise
 from typing import Any
 
 from hypothesis import HealthCheck, settings
@@ -16,18 +15,15 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
 
 from gateway.mqtt.json_out import rfc3339
-from gateway.starters.logbook import MOVING, STANDING
-from gateway.starters.records import Phase, StateRecord
-from tests.starters.world import NAMES, PAUSE_S, STAGGER_S, START_PDU, STARTS_PER_HOUR, STOP_PDU, World
+from gateway.standstill import LIMIT_S
+from gateway.starters.records import Phase
+from tests.starters.history import TTL_S, History
+from tests.starters.world import NAMES, PAUSE_S, World
 from tests.virtual_time import VirtualTimeLoop
 
-STOP_BOUND_S = 1.0  # two starters at 19200 bit/s, one of which may be silent
-REOPENED_S = 10.0  # after it was plugged in, the port is open for sure
 ONLINE_S = 2.0
 SETTLED_S = 15.0  # a stop has 10 s, a status after a crash as long
-TTL_S = 5.0
 AHEAD_S = 2.0
-SLACK_S = 0.3  # what a frame may be later than the decision: a few transactions of the line
 
 starters, clients = st.sampled_from(NAMES), st.sampled_from(["alice", "bob", "mallory"])
 flips = st.sampled_from([False, False, False, True])
@@ -113,6 +109,24 @@ class CommandMachine(RuleBasedStateMachine):
             self.start_somehow(starter, client, kind, age_s, retained)
             self.wait(0.3)
 
+    @rule(
+        starter=starters,
+        seconds=st.sampled_from([0.5, LIMIT_S + 0.5, 20.0]),
+        kind=st.sampled_from(["token", "issued"]),
+    )
+    def start_that_waited_in_the_socket(self, starter: str, seconds: float, kind: str) -> None:
+        self.bring_to_rest(starter)
+        id_, (proof, is_fresh) = self.new_id(), self.proof(kind, 0.0)
+        if is_fresh and seconds < LIMIT_S:
+            self.lawful.add((starter, id_))
+        self.sent.append((starter, "alice", id_))
+        token = self.world.boot.token
+        self.run(self.world.stand_still(seconds))
+        self.do(lambda: self.world.publish(starter, "alice", "start", id=id_, **proof))
+        if self.world.boot.token != token:
+            self.tokens.append(token)
+        self.wait(0.3)
+
     @rule(starter=starters, seconds=st.sampled_from([1.0, 3.0]))
     def restart(self, starter: str, seconds: float) -> None:
         self.start(starter, 1.0)
@@ -190,6 +204,13 @@ class CommandMachine(RuleBasedStateMachine):
         self.wait(ONLINE_S + PAUSE_S)
         self.start(starter, 0.3)
 
+    @rule(starter=starters, until_s=waits, again_s=waits)
+    def crash_and_again_while_it_recovers(self, starter: str, until_s: float, again_s: float) -> None:
+        self.start(starter, until_s)
+        self.crash()
+        self.wait(again_s)
+        self.crash()
+
     @rule(starter=starters)
     def start_on_a_slow_disk(self, starter: str) -> None:
         self.bring_to_rest(starter)
@@ -225,11 +246,7 @@ class CommandMachine(RuleBasedStateMachine):
 
     def teardown(self) -> None:
         self.run(self.settle())
-        for name in NAMES:
-            self.check_starts(name)
-            self.check_stops(name)
-        self.check_stagger()
-        self.check_ends()
+        History(self.world, self.lawful).check()
         self.run(self.world.close())
         self.loop.close()
 
@@ -239,92 +256,6 @@ class CommandMachine(RuleBasedStateMachine):
         if not self.world.is_plugged:
             self.world.plug(is_plugged=True)
         await asyncio.sleep(SETTLED_S)
-
-    def check_starts(self, name: str) -> None:
-        """Every start frame belongs to a lawful start that was under way, and is its only one."""
-        frames = self.world.frames(name, START_PDU)
-        accepted = [
-            (at_s, str(each.id))
-            for at_s, each in self.world.results([name])
-            if each.verb == "start" and each.phase is Phase.ACCEPTED
-        ]
-        used: set[str] = set()
-        for frame_s in frames:
-            at_s, id_ = max(each for each in accepted if each[0] <= frame_s)
-            assert (name, id_) in self.lawful
-            assert id_ not in used, "two start frames for one id"
-            assert frame_s - at_s <= TTL_S + SLACK_S, "a start that came late"
-            used.add(id_)
-            assert not self.was_locked(name, frame_s)
-            assert len([each for each in frames if frame_s - 3600 < each <= frame_s]) <= STARTS_PER_HOUR
-            assert self.stood_for_s(name, frame_s) >= PAUSE_S - SLACK_S
-
-    def was_locked(self, name: str, at_s: float) -> bool:
-        """Return whether a lock had been confirmed, and no unlocking been accepted since."""
-        is_locked = False
-        for told_s, each in self.world.results([name]):
-            if (each.verb, each.phase) == ("lock", Phase.CONFIRMED) and told_s + SLACK_S <= at_s:
-                is_locked = True
-            elif (each.verb, each.phase) == ("unlock", Phase.ACCEPTED) and told_s <= at_s:
-                is_locked = False
-        return is_locked
-
-    def stood_for_s(self, name: str, at_s: float) -> float:
-        """Return how long the motor had been told to stand still."""
-        since_s = None
-        for told_s, record in self.world.sink.of(StateRecord):
-            if record.starter != name or told_s > at_s - SLACK_S:
-                continue
-            if record.state in MOVING:
-                since_s = None
-            elif record.state in STANDING and since_s is None:
-                since_s = told_s
-        return 0.0 if since_s is None else at_s - since_s
-
-    def check_stagger(self) -> None:
-        frames = sorted((at_s, name) for name in NAMES for at_s in self.world.frames(name, START_PDU))
-        for (one_s, one), (two_s, two) in pairwise(frames):
-            assert one == two or two_s - one_s >= STAGGER_S - SLACK_S
-
-    def check_stops(self, name: str) -> None:
-        """Every accepted stop leads to a stop frame soon, where the line is there and none is under way."""
-        frames = self.world.frames(name, STOP_PDU)
-        under_way: set[str | None] = set()
-        for at_s, each in self.world.results([name]):
-            if each.verb != "stop":
-                continue
-            if each.phase is Phase.ACCEPTED:
-                if not under_way and self.is_line_there(at_s):
-                    assert any(at_s <= frame_s <= at_s + STOP_BOUND_S for frame_s in frames)
-                under_way.add(each.id)
-            elif each.phase.is_final:
-                under_way.discard(each.id)
-
-    def is_line_there(self, at_s: float) -> bool:
-        """Return whether nothing kept the gateway from its line just then."""
-        world = self.world
-        plugged = [is_plugged for plug_s, is_plugged in world.plugs if plug_s <= at_s]
-        is_disturbed = any(
-            at_s - REOPENED_S < disturbed_s <= at_s + STOP_BOUND_S for disturbed_s in world.disturbances_s
-        )
-        return plugged[-1] and not is_disturbed
-
-    def check_ends(self) -> None:
-        """Every command that was accepted has one end; a group's stands for its members' when cut short."""
-        told = self.world.results([*NAMES, "both"])
-        groups = {(each.client, each.id) for _, each in told if each.starter == "both"}
-        accepted, ends = set(), []
-        for _, each in told:
-            key = (each.starter, each.client, each.id)
-            if each.starter != "both" and key[1:] in groups:
-                continue
-            if each.phase is Phase.ACCEPTED:
-                accepted.add(key)
-            elif each.phase.is_final and each.code != "too_many":
-                ends.append(key)
-        assert accepted <= set(ends)
-        for key in accepted:
-            assert ends.count(key) == 1, key
 
 
 CommandMachine.TestCase.settings = settings(

@@ -213,6 +213,53 @@ async def test_a_final_result_is_told_only_when_it_is_kept() -> None:
 
 
 @virtually
+async def test_that_a_command_is_accepted_is_told_only_when_it_is_kept() -> None:
+    rig = await rig_online(takes_s=0.2)
+
+    rig.submit("start", "1")
+    await asyncio.sleep(0.1)
+    rig.crash()
+    await asyncio.sleep(5.0)
+
+    assert rig.sink.phases("1") == []  # so whoever sends it again is told nothing that contradicts this
+    assert rig.disk.remembered() == []
+    assert rig.line.writes == []
+
+
+@virtually
+async def test_phases_are_told_in_their_order_however_slow_the_disk_is() -> None:
+    rig = await rig_online(takes_s=0.5)
+
+    rig.submit("start", "1")
+    await asyncio.sleep(10.0)
+
+    assert [phase for phase, _ in rig.sink.phases("1")] == ["accepted", "written", "confirmed"]
+
+
+@pytest.mark.parametrize("second_s", [0.0, 0.001, 0.1, 1.0, 9.99, 10.001, 11.0])
+@virtually
+async def test_killed_again_while_it_recovers_it_still_tells_the_end_once(second_s: float) -> None:
+    rig = await rig_online()
+    rig.submit("start", "1")
+    await rig.until_written()
+    rig.crash()
+    rig.lose()  # so that the first recovery waits for a status
+    rig.restart()
+    await asyncio.sleep(second_s)
+    rig.crash()
+    told = [each for each in rig.sink.of(ResultRecord) if each.phase.is_final]
+
+    rig.restart()
+    await asyncio.sleep(15.0)
+    told += [each for each in rig.sink.of(ResultRecord) if each.phase.is_final]
+
+    assert [(each.id, each.phase, each.code, each.is_duplicate) for each in told] == [
+        ("1", Phase.UNCONFIRMED, "crashed", False)
+    ]
+    assert rig.starts() == 1
+
+
+@virtually
 async def test_a_repeat_after_a_restart_gets_the_stored_result() -> None:
     rig = await rig_online()
     rig.submit("start", "1")
@@ -372,6 +419,20 @@ async def test_the_ledgers_age_is_carried_over_a_restart() -> None:
     await asyncio.sleep(5.0)
 
     assert not rig.sink.of(ResultRecord)[-1].is_duplicate  # forgotten, as any after seven days
+
+
+@virtually
+async def test_a_command_from_before_the_clock_was_set_is_still_known_after_a_restart() -> None:
+    rig = await rig_online()
+    in_1970 = ResultRecord("pump-1", "alice", "old", "start", Phase.CONFIRMED, "ok", "", 0.0)
+
+    rig.commander.recall([Remembered(in_1970, may_be_written=True, since_s=60.0)])
+    rig.submit("read", "new", args={"parameter": "P003"})
+    await asyncio.sleep(5.0)
+    rig.submit("start", "old")
+    await asyncio.sleep(5.0)
+
+    assert rig.sink.of(ResultRecord)[-1].is_duplicate
 
 
 @virtually

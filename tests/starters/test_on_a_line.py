@@ -137,7 +137,7 @@ async def test_a_motor_is_started_and_stopped_by_one_start_frame(family: str) ->
         assert len(here.unit(family).start_frames) == 1
         assert not here.unit(family).motor.is_turned_on
         events = [e.code for e in here.sink.of(EventRecord) if e.starter == family]
-        assert events == ["started", "stopped"]
+        assert [code for code in events if code != "memory_written"] == ["started", "stopped"]
 
 
 @pytest.mark.parametrize("family", FAMILIES)

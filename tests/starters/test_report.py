@@ -123,6 +123,18 @@ def test_news_is_a_change_of_quality_or_beyond_the_deadband(
     assert is_news(before, now, deadband) is expected
 
 
+def test_readings_that_were_sent_about_as_long_ago_go_out_together() -> None:
+    report = Report({})
+    report.offer({"current": reading(1.0)}, now_s=0.0)
+    report.take_due(0.0)
+    for at_s, name in ((2.0, "power"), (4.0, "voltage")):
+        report.offer({name: reading(1.0)}, now_s=at_s)
+        report.take_due(at_s)
+
+    assert set(report.take_due(30.0)) == {"current", "power"}
+    assert report.next_due_s() == 34.0
+
+
 def test_the_same_reading_offered_again_changes_nothing() -> None:
     report = Report({})
     same = {"current": reading(1.0)}

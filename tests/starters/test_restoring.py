@@ -50,7 +50,7 @@ def test_readings_commands_and_unknown_codes_are_passed_over() -> None:
         ("ssw07", "P313", Entry(raw=(1, 1)), "1 words, the file gives 2"),
         ("ssw07", "P313", Entry(value="Coffee"), "parameter's kind"),
         ("ssw07", "P314", Entry(value=20, raw=(30,)), "disagree"),
-        ("ssw900", "C1.2", Entry(raw=(990,)), "not printed intact"),
+        ("ssw900", "C1.4", Entry(raw=(1,)), "not legible"),
     ],
 )
 def test_what_cannot_be_written_is_left_with_the_reason(

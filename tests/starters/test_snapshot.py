@@ -105,3 +105,40 @@ def test_only_a_boolean_is_a_flag() -> None:
     assert as_flag(False) is False
     assert as_flag(1) is None
     assert as_flag(None) is None
+
+
+def test_only_readings_that_are_new_since_the_last_look_are_handed_out() -> None:
+    snapshot = Snapshot(UNITS)
+    assert set(snapshot.take_changed()) == {"current", "running"}
+    assert snapshot.take_changed() == {}
+
+    snapshot.apply({"current": decoded(12.0)}, at_s=5.0, time_s=1005.0)
+
+    assert snapshot.take_changed() == {"current": snapshot.readings["current"]}
+
+
+def test_a_snapshot_stands_as_it_did_while_only_measured_quantities_change() -> None:
+    snapshot = Snapshot(UNITS)
+    snapshot.apply(
+        {"current": decoded(12.0), "running": Decoded(True, label=None, unit="", raw=(1,))},
+        at_s=1.0,
+        time_s=0.0,
+    )
+    before = snapshot.standing
+
+    snapshot.apply({"current": decoded(13.0)}, at_s=2.0, time_s=0.0)
+    assert snapshot.standing == before
+    snapshot.apply({"running": Decoded(False, label=None, unit="", raw=(0,))}, at_s=3.0, time_s=0.0)
+    assert snapshot.standing > before
+    before = snapshot.standing
+    snapshot.mark_stale(["current"])
+    assert snapshot.standing > before
+
+
+def test_a_snapshot_says_whether_anything_is_good() -> None:
+    snapshot = read_once()
+    assert snapshot.has_good()
+
+    snapshot.mark_stale()
+
+    assert not snapshot.has_good()

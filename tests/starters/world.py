@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
+from gateway.clock import ClockWatch
 from gateway.families.load import load_profile
 from gateway.families.schema import Variant
 from gateway.line.client import LocalLineClient
@@ -17,12 +18,14 @@ from gateway.modbus.adu import decode
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil
 from gateway.mqtt.boot import Boot
-from gateway.mqtt.intake import Incoming, Intake, Rejection
+from gateway.mqtt.intake import Incoming
 from gateway.mqtt.topics import Topics
+from gateway.reception import Reception
 from gateway.sim.factory import make_unit
 from gateway.sim.impair import Reply
 from gateway.sim.line import SimulatedLine
 from gateway.sim.power import MotorData
+from gateway.standstill import StandstillWatch
 from gateway.starters.commander import Commander
 from gateway.starters.journal import Remembered
 from gateway.starters.policy import Policy
@@ -114,7 +117,6 @@ class World:
         sequence, rights, router = Sequence(), Rights(OPERATORS), Router()
         self.boot = Boot(f"run{self._runs}")
         self.connect()
-        self.intake = Intake(Topics("t"), self.boot)
         self.precautions = Precautions(
             Policy(rules=dict.fromkeys(NAMES, RULES), groups={"both": NAMES}),
             NAMES,
@@ -152,6 +154,20 @@ class World:
             router.starters[telemetry.setup.address] = telemetry
             telemetry.start()
         self._serving = asyncio.create_task(scheduler.run())
+        self.reception = Reception(
+            Topics("t"),
+            self.boot,
+            commander=self.commander,
+            clock=self.clock,
+            clock_watch=ClockWatch("trusted"),
+            restate=lambda: None,
+            tell=lambda *event: None,
+            standstill=self._watch,
+        )
+        self._looking = asyncio.create_task(self.reception.run())
+
+    def _watch(self, on_standstill: Callable[[float], None]) -> StandstillWatch:
+        return StandstillWatch(on_standstill, up_s=self.clock.now_s, utc_s=self.clock.utc_s)
 
     def connect(self) -> None:
         self.boot.connected(self.clock.now_s())
@@ -173,21 +189,21 @@ class World:
         for telemetry in self.telemetries.values():
             await telemetry.close()
         self._serving.cancel()
-        await asyncio.wait((self._serving,))
+        self._looking.cancel()
+        await asyncio.wait((self._serving, self._looking))
 
     def publish(
         self, starter: str, client: str, verb: str, *, is_retained: bool = False, **body: Any
     ) -> None:
         """Let a message arrive from the broker."""
-        incoming = Incoming(f"t/command/{starter}/{client}/{verb}", json.dumps(body).encode(), is_retained)
-        verdict = self.intake.judge(
-            incoming, utc_s=self.clock.utc_s(), received_s=self.clock.now_s(), clock_is_synchronised=True
-        )
-        assert verdict is not None
-        if isinstance(verdict, Rejection):
-            self.commander.reject(verdict, verdict.code, verdict.text)
-        else:
-            self.commander.submit(verdict)
+        topic = f"t/command/{starter}/{client}/{verb}"
+        self.reception.take(Incoming(topic, json.dumps(body).encode(), is_retained))
+
+    async def stand_still(self, seconds: float) -> None:
+        """Let what takes commands stand still for so long; what comes next has waited in the socket."""
+        self._looking.cancel()
+        await asyncio.sleep(seconds)
+        self._looking = asyncio.create_task(self.reception.run())
 
     def plug(self, *, is_plugged: bool) -> None:
         self.disturbances_s.append(self.clock.now_s())

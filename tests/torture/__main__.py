@@ -9,12 +9,16 @@ from __future__ import annotations
 import argparse
 import asyncio
 import sys
+from collections.abc import Callable
+from typing import Any
 
 from tests.mosquitto import missing_programs
-from tests.torture import fuzz, noise, of_commands, soak
+from tests.torture import big_reload, clocks, fuzz, noise, of_commands, soak
 from tests.torture.of_disk import may_mount
 from tests.torture.runner import SCENARIOS, run_place
-from tests.torture.scenario import Place, Row
+from tests.torture.scenario import Much, Place, Row
+
+IN_PROCESS = (*noise.SCENARIOS, *fuzz.SCENARIOS, *soak.SCENARIOS)
 
 
 def main() -> int:
@@ -22,40 +26,46 @@ def main() -> int:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("names", nargs="*", help="what to run; without any, everything")
     parser.add_argument("--short", action="store_true", help="a little of each")
+    parser.add_argument("--quick", action="store_true", help="the least, with real processes only")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--count", type=int, help="instead of the counts in the table")
     args = parser.parse_args()
     rows: list[Row] = []
-    for row in _rows(args):
-        print(row, flush=True)
-        for failure in row.failures:
-            print(f"    {failure}", flush=True)
+
+    def tell(row: Row) -> None:
+        print("\n    ".join([str(row), *row.failures]), flush=True)
         rows.append(row)
+
+    _run_all(args, tell)
     failed = [row.name for row in rows if row.failures]
     print(f"\n{len(rows)} scenarios, {len(failed)} fail: {', '.join(failed) or 'none'}")
     return 1 if failed or not rows else 0
 
 
-def _rows(args: argparse.Namespace):  # type: ignore[no-untyped-def] # rows, as they come
+def _run_all(args: argparse.Namespace, tell: Callable[[Row], None]) -> None:
     for place in Place:
         chosen = [
             each
             for each in SCENARIOS
-            if each.place is place and (_is_wanted(each.name, args.names) or place.value in args.names)
+            if each.place is place
+            and (_is_wanted(each.name, args.names) or place.value in args.names)
+            and (each.quick or not args.quick)
         ]
         if not chosen:
             continue
         if missing := missing_programs():
-            yield Row(place.value, "-", [f"not installed: {', '.join(missing)}"])
+            tell(Row(place.value, "-", [f"not installed: {', '.join(missing)}"]))
         elif place is Place.DISK and not may_mount():
-            yield Row(place.value, "-", ["only root can mount a small disk"])
+            tell(Row(place.value, "-", ["only root can mount a small disk"]))
         else:
-            yield from asyncio.run(
-                run_place(place, chosen, is_short=args.short, seed=args.seed, count=args.count)
-            )
-    for each in (*noise.SCENARIOS, *fuzz.SCENARIOS, *soak.SCENARIOS, *of_commands.SCENARIOS):
+            much = Much.QUICK if args.quick else Much.SHORT if args.short else Much.WHOLE
+            how: dict[str, Any] = {"much": much, "seed": args.seed, "count": args.count}
+            asyncio.run(run_place(place, chosen, tell=tell, **how))
+    if args.quick:
+        return
+    for each in (*big_reload.SCENARIOS, *clocks.SCENARIOS, *IN_PROCESS, *of_commands.SCENARIOS):
         if _is_wanted(each.name, args.names):
-            yield each.row(args.count or (each.short if args.short else each.whole), args.seed)
+            tell(each.row(args.count or (each.short if args.short else each.whole), args.seed))
 
 
 def _is_wanted(name: str, names: list[str]) -> bool:

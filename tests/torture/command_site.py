@@ -6,7 +6,7 @@ import asyncio
 import json
 from collections import Counter
 from collections.abc import AsyncIterator, Callable, Iterable
-from contextlib import asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from gateway.line.gaps import Restart
 from gateway.sim.unit import Unit
 from tests.end_to_end.site import FOUR_FAMILIES, site_config
 from tests.mosquitto import MosquittoBroker
+from tests.torture.old_broker import OldBroker
 from tests.torture.recorder import BASE, Recorder, is_final
 from tests.torture.supervisor import Supervisor
 from tests.torture.waiting import until
@@ -40,6 +41,17 @@ class Listener(Recorder):
     @property
     def boot(self) -> str:
         return str(self.latest["gateway/status"]["boot"])
+
+    def finals_of_ids(self) -> Counter[str]:
+        """Return how many final results each id has had; one that QoS 1 delivered again is still one."""
+        return Counter(
+            id_
+            for id_, *_ in {
+                (each["id"], each["time"], each["phase"], each["code"])
+                for each in self.results
+                if each["id"] and is_final(each) and not each["duplicate"]
+            }
+        )
 
     def of(self, id_: str, *, since: int = 0) -> list[dict[str, Any]]:
         """Return what was told of a command, from that result on."""
@@ -73,6 +85,7 @@ class CommandSite:
     gateway: Supervisor
     listener: Listener
     ears: dict[str, Ear]
+    old_broker: OldBroker | None = None  # between gateway and broker
     failures: list[str] = field(default_factory=list)
     figures: dict[str, Any] = field(default_factory=dict)
     stops: int = 0
@@ -150,26 +163,33 @@ class CommandSite:
 
 
 @asynccontextmanager
-async def command_site(folder: Path, *, every_s: float = 0.2) -> AsyncIterator[CommandSite]:
-    """Set it up and wait until all is well."""
+async def command_site(
+    folder: Path, *, every_s: float = 0.2, is_old: bool = False
+) -> AsyncIterator[CommandSite]:
+    """Set it up and wait until all is well; the gateway of an old site has to speak MQTT 3.1.1."""
     broker = MosquittoBroker(folder / "broker")
+    old_broker = OldBroker(broker.port) if is_old else None
     config = folder / "site.toml"
     others = "".join(
         f'\n[[operator]]\nclient = "{user}"\nmay = ["*"]\nstarters = ["*"]\n' for user in USERS[1:]
     )
-    text = site_config(broker_port=broker.port, port=f"{folder}/ttyHALL", starters=FOUR_FAMILIES + others)
+    port = broker.port if old_broker is None else old_broker.port
+    text = site_config(broker_port=port, port=f"{folder}/ttyHALL", starters=FOUR_FAMILIES + others)
     text = text.replace("every_s = 0.2", f"every_s = {every_s}")
     config.write_text(text.replace("[gateway]", '[gateway]\nclock = "trusted"'), "utf-8")
     listener, gateway = Listener(broker.port), Supervisor(config, AT_ONCE, folder)
     broker.start()
     try:
-        async with simulated_lines(load(config)) as lines:
+        async with AsyncExitStack() as stack:
+            lines = await stack.enter_async_context(simulated_lines(load(config)))
+            if old_broker is not None:
+                await stack.enter_async_context(old_broker.serving())
             bus = lines["hall"].line
             bus.tolerance_s = TOLERANCE_S
             for unit in bus.units:
                 unit.motor.data = replace(unit.motor.data, **QUICK)
             ears = {name: Ear(bus.unit(address)) for address, name in enumerate(STARTERS, 1)}
-            here = CommandSite(broker, gateway, listener, ears)
+            here = CommandSite(broker, gateway, listener, ears, old_broker)
             listener.start()
             await here.begin()
             yield here

@@ -1,4 +1,4 @@
-"""Random and mutated input, in this process: frames, MQTT payloads, configurations, store contents."""
+"""Random input, in this process: frames, MQTT payloads, configurations, store contents, commands."""
 
 from __future__ import annotations
 
@@ -19,11 +19,13 @@ from pymodbus.pdu import DecodePDU
 from gateway.config.load import parse
 from gateway.database import Database
 from gateway.errors import CodecError, ConfigError, GatewayError
+from gateway.families.load import FAMILIES
 from gateway.modbus.adu import decode, encode, reply_adu_size, request_adu_size
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.server import decode_request
 from gateway.mqtt.intake import Incoming, Intake
 from gateway.mqtt.topics import Topics
+from tests.rules.random_commands import send_at_random
 from tests.torture.of_disk import damage
 from tests.torture.scenario import Row
 
@@ -234,9 +236,22 @@ def _filled(path: Path, table: _Notes) -> None:
     database.close()
 
 
+def random_commands(dice: random.Random, count: int) -> dict[str, int]:
+    """Send commands to each family, as many to one as to the other, with faults and other hands between."""
+    tally = {"starts": 0, "stops": 0}
+    for family in FAMILIES:
+        for keeps_run_command in (False, True):
+            few = count // (2 * len(FAMILIES))
+            ends = send_at_random(family, few, keeps_run_command=keeps_run_command, seed=dice.random())
+            tally["starts"] += ends.get("start confirmed", 0)
+            tally["stops"] += ends.get("stop confirmed", 0)
+    return tally
+
+
 SCENARIOS = (
     FuzzScenario("fuzz frames", frames, 1_000_000, 20_000),
     FuzzScenario("fuzz payloads", payloads, 100_000, 2_000),
     FuzzScenario("fuzz configurations", configurations, 10_000, 100),
     FuzzScenario("fuzz store contents", stores, 1_000, 20),
+    FuzzScenario("random commands", random_commands, 40_000, 4_000),
 )

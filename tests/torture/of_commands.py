@@ -16,9 +16,9 @@ from pathlib import Path
 
 from tests.torture.command_site import CommandSite, command_site
 from tests.torture.of_flood import flood
-from tests.torture.of_kills import kills
+from tests.torture.of_kills import kills, stops_at_start_up
 from tests.torture.of_malformed import malformed_in_process, malformed_through_broker
-from tests.torture.of_stale import stale
+from tests.torture.of_stale import stale, stale_to_old
 from tests.torture.scenario import Row
 
 
@@ -32,6 +32,7 @@ class Proof:
     short: int
     unit: str  # of the count
     every_s: float = 0.2  # of the polls; more often than this line can
+    is_old: bool = False  # the broker speaks MQTT 3.1.1 only
 
     def row(self, count: int, seed: int) -> Row:
         """Try it and return what came of it."""
@@ -41,7 +42,7 @@ class Proof:
     async def on_site(self, folder: Path, count: int, seed: int) -> Row:
         """Try it in a folder."""
         begun_s = time.monotonic()
-        async with command_site(folder, every_s=self.every_s) as site:
+        async with command_site(folder, every_s=self.every_s, is_old=self.is_old) as site:
             try:
                 await self.prove(site, count, seed)
             except TimeoutError as error:
@@ -69,10 +70,20 @@ class PureProof:
 
 KILLS = Proof("SIGKILL around a start", kills, 200, 8, "times")
 FLOOD = Proof("flood of commands", flood, 60, 5, "s", every_s=1.0)  # a period that the line can keep
+STOPS = Proof("stop at start-up", stops_at_start_up, 50, 3, "times")
 STALE = Proof("stale commands", stale, 100, 5, "each")
+STALE_OLD = Proof("stale, gateway on 3.1.1", stale_to_old, 100, 5, "each", is_old=True)
 MALFORMED = Proof("malformed, by broker", malformed_through_broker, 200, 40, "payloads")
 MALFORMED_PURE = PureProof("malformed, in process", malformed_in_process, 100_000, 5_000, "payloads")
-SCENARIOS: tuple[Proof | PureProof, ...] = (KILLS, FLOOD, STALE, MALFORMED, MALFORMED_PURE)
+SCENARIOS: tuple[Proof | PureProof, ...] = (
+    KILLS,
+    STOPS,
+    FLOOD,
+    STALE,
+    STALE_OLD,
+    MALFORMED,
+    MALFORMED_PURE,
+)
 
 
 def main() -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import random
+import resource
 import signal
 import subprocess
 import time
@@ -46,15 +47,26 @@ async def full(w: World, seconds: int) -> None:
     await _usable_again(w)
 
 
+async def failing(w: World, seconds: int) -> None:
+    """Every write to a file fails, though there is room: the kernel says EFBIG, SQLite an I/O error."""
+    await w.start("pump")
+    pid, unlimited = w.gateway.pid, (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
+    resource.prlimit(pid, resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))
+    await _without_a_disk(w, seconds)
+    resource.prlimit(pid, resource.RLIMIT_FSIZE, unlimited)
+    await _usable_again(w)
+    w.check(w.gateway.pid == pid, "write errors ended the gateway")
+
+
 async def read_only(w: World, seconds: int) -> None:
     """The gateway finds its disk read-only when it starts, as ext4 is after an error."""
     await w.start("pump")
     lives = len(w.gateway.lives)
     w.gateway.signal(signal.SIGKILL)
-    await until(lambda: w.gateway.lives[-1].ended_s is not None, "the gateway is dead", within_s=5.0)
+    await _until_dead(w)
     _remount(w.state_dir, "ro")
     await w.gateway.until_up(lives=lives + 1, within_s=10.0)
-    await w.right(since_s=time.monotonic() - 0.5)
+    await w.right(since_s=w.gateway.lives[-1].began_s)
     await w.starters.order("mark")
     await _without_a_disk(w, seconds)
     _remount(w.state_dir, "rw")
@@ -66,14 +78,14 @@ async def damaged(w: World, count: int) -> None:
     held = 0
     for _ in range(count):
         w.begin_start("fan")
+        lives = len(w.gateway.lives)
         w.gateway.signal(signal.SIGKILL)
+        await _until_dead(w)
         for path in sorted(w.state_dir.rglob("*")):
             if path.is_file():
                 damage(path, w.dice)
-        lives = len(w.gateway.lives)
         await w.gateway.until_up(lives=lives + 1, within_s=10.0)
-        ready_s = time.monotonic()
-        await w.right(since_s=ready_s - 0.5)
+        await w.right(since_s=w.gateway.lives[-1].began_s)
         await w.stop("fan")
         held += await _is_held(w)
     w.recorder.results.clear()  # a ledger that was thrown back may tell an outcome once more
@@ -101,6 +113,10 @@ def damage(path: Path, dice: random.Random) -> None:
             path.unlink()
             return
     path.write_bytes(content)
+
+
+async def _until_dead(w: World) -> None:
+    await until(lambda: w.gateway.lives[-1].ended_s is not None, "the gateway is dead", within_s=5.0)
 
 
 async def _without_a_disk(w: World, seconds: int) -> None:
@@ -153,6 +169,7 @@ def _fill(path: Path) -> None:
 
 
 SCENARIOS = (
+    Scenario("write errors", Place.CRASH, failing, 60, 3, "s", quick=2),
     Scenario("disk full", Place.DISK, full, 60, 2, "s"),
     Scenario("disk read-only", Place.DISK, read_only, 60, 2, "s"),
     Scenario("store damaged", Place.DISK, damaged, 200, 2, "times"),

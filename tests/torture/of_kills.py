@@ -5,16 +5,22 @@ from __future__ import annotations
 import asyncio
 import random
 import signal
+import time
 from collections import Counter
 from typing import Any
 
 from tests.torture.command_site import PACE_S, STARTERS, CommandSite
 from tests.torture.recorder import is_final
+from tests.torture.world import STOP_WITHIN_S
 
 # After publishing: before the ledger, around it, around the write, in the read-back, and after all.
 WINDOWS_S = ((0.0, 0.004), (0.004, 0.02), (0.02, 0.1), (0.1, 0.4), (0.4, 1.2))
+RECOVERY_S = (0.0, 1.5)  # after it is up again: before the end of what was cut short is told, and after
+KILLED_AGAIN = 0.25  # of the times
 NOT_YET = ("crashed", "no_ledger")  # no answers to what is sent again
 CLEAN = "clean"
+CONFIRMED_WITHIN_S = 1.5  # after a stop's frame: both readings, of motors that stop in a third of it
+IDENTIFIED_S = 2.0  # after a restart; before that a start is refused
 
 
 async def kills(site: CommandSite, count: int, seed: int) -> None:
@@ -40,6 +46,33 @@ async def kills(site: CommandSite, count: int, seed: int) -> None:
     site.figures |= {"start frames": sum(frames.values()), "commanded": commanded.total()}
 
 
+async def stops_at_start_up(site: CommandSite, count: int, seed: int) -> None:
+    """Kill the gateway while a motor runs, and stop that as soon as the next one hears commands."""
+    dice = random.Random(seed)
+    frames_s, ends_s = [0.0], [0.0]
+    for number in range(count):
+        starter, lives = STARTERS[number % len(STARTERS)], len(site.gateway.lives)
+        await site.ready((starter,))
+        await asyncio.sleep(IDENTIFIED_S)
+        site.listener.command(starter, "start", f"run-{number}")
+        run = await site.listener.final(f"run-{number}")
+        site.check(run["phase"] == "confirmed", f"a start ended as {run}")
+        site.gateway.signal(signal.SIGKILL)
+        await site.gateway.until_up(lives=lives + 1)
+        began_s = site.gateway.lives[-1].began_s
+        await site.listener.until("gateway/status", since_s=began_s, within_s=20.0, state="online")
+        await asyncio.sleep(dice.uniform(0.0, 0.2))
+        sent_s = time.monotonic()
+        await site.stop(starter)
+        end_s = site.listener.received_s[f"result/{starter}/alice"] - sent_s
+        heard_s = [at_s for at_s, _ in site.ears[starter].writes() if at_s >= sent_s]
+        frames_s.append(heard_s[0] - sent_s)
+        ends_s.append(end_s - frames_s[-1])
+    site.check(max(frames_s) <= STOP_WITHIN_S, f"a stop's frame came after {max(frames_s):.2f} s")
+    site.check(max(ends_s) <= CONFIRMED_WITHIN_S, f"a stop was confirmed {max(ends_s):.2f} s after its frame")
+    site.figures |= {"frame s": round(max(frames_s), 3), "confirmed s later": round(max(ends_s), 3)}
+
+
 async def _clean_start(site: CommandSite, starter: str) -> Counter[bytes]:
     """Start and stop without any trouble; return what a start writes."""
     heard = site.mark(starter)
@@ -59,6 +92,11 @@ async def _kill(site: CommandSite, starter: str, id_: str, dice: random.Random) 
     await asyncio.sleep(dice.uniform(*dice.choice(WINDOWS_S)))
     site.gateway.signal(signal.SIGKILL)
     await site.gateway.until_up(lives=lives + 1)
+    if dice.random() < KILLED_AGAIN:
+        await asyncio.sleep(dice.uniform(*RECOVERY_S))
+        site.gateway.signal(signal.SIGKILL)
+        await site.gateway.until_up(lives=lives + 2)
+        site.figures["killed again"] = site.figures.get("killed again", 0) + 1
     began_s = site.gateway.lives[-1].began_s
     told = site.listener.of(id_)
     told = [each for each in told if each["code"] != "crashed"]

@@ -22,8 +22,10 @@ async def replugged(w: World, count: int) -> None:
         await until(lambda: _is_all_away(w), "all starters are shown as away", within_s=2.0)
         await until(lambda: not _good_values(w), "no value is shown as good", within_s=1.0)
         await asyncio.sleep(w.dice.uniform(0.0, 3.0))
+        plugged_s = time.monotonic()
         await w.starters.order("plug")
-        slowest_s = max(slowest_s, await w.right(since_s=time.monotonic()))
+        await w.right(since_s=plugged_s)
+        slowest_s = max(slowest_s, time.monotonic() - plugged_s)
     w.sample()
     w.figures |= {"right again s": round(slowest_s, 2), "files": w.samples[-1].files}
 
@@ -36,8 +38,8 @@ async def deaf(w: World, count: int) -> None:
         known = len(w.recorder.events)
         begun_s = time.monotonic()
         await w.starters.order("deafen")
-        await w.recorder.until("gateway/event", since_s=begun_s, code="port_deaf", within_s=4 * DEAF_AFTER_S)
-        told_s = time.monotonic()
+        within_s = 4 * DEAF_AFTER_S
+        told_s = await w.recorder.event("port_deaf", since_s=begun_s, within_s=within_s)
         await w.right(since_s=told_s)
         slowest_s = max(slowest_s, time.monotonic() - begun_s)
         codes = [event["code"] for event in w.recorder.events[known:]]
@@ -61,10 +63,10 @@ async def _flooded(w: World, seconds: int, **options: int) -> None:
     begun_s = time.monotonic()
     await w.starters.order("flood", seconds=seconds, **options)
     await asyncio.sleep(seconds)
-    ended_s = time.monotonic()
     last = w.sample()
-    share = (last.cpu_s - first.cpu_s) / (ended_s - begun_s)
-    w.figures |= {"CPU": f"{share:.0%}", "right again s": round(await w.right(since_s=ended_s), 2)}
+    share = (last.cpu_s - first.cpu_s) / (time.monotonic() - begun_s)
+    right_s = await w.right(since_s=begun_s + seconds / 2)  # shown as stale until the flood ends
+    w.figures |= {"CPU": f"{share:.0%}", "right again s": round(right_s, 2)}
     w.check(share < CPU_SHARE, f"a flood takes {share:.0%} of a core")
 
 
@@ -84,8 +86,8 @@ def _good_values(w: World) -> list[str]:
 
 
 SCENARIOS = (
-    Scenario("port replugged", Place.PORT, replugged, 100, 2, "times", may_trip=True),
-    Scenario("port deaf", Place.PORT, deaf, 20, 1, "times", may_trip=True),
-    Scenario("garbage at line rate", Place.PORT, garbage, 300, 4, "s", may_trip=True),
+    Scenario("port replugged", Place.PORT, replugged, 100, 2, "times", quick=1, may_trip=True),
+    Scenario("port deaf", Place.PORT, deaf, 20, 1, "times", quick=1, may_trip=True),
+    Scenario("garbage at line rate", Place.PORT, garbage, 300, 4, "s", quick=3, may_trip=True),
     Scenario("endless break", Place.PORT, endless_break, 300, 3, "s", may_trip=True),
 )

@@ -7,11 +7,18 @@ import fcntl
 import os
 import signal
 import time
+from collections.abc import Callable
 
+from gateway.line.gaps import FEEDS, LOOK_S
+from tests.torture.blockable import LOOPS
+from tests.torture.machine import MACHINE
 from tests.torture.scenario import Place, Scenario
 from tests.torture.world import World
 
-STUMBLE_SHARE = 0.8  # of the service watchdog's limit: more than half, less than all
+BLOCKED_S = 30.0
+ABORTED = "Fatal Python error: Aborted"  # [faulthandler]
+BLOCKS_IN = "tests/torture/blockable.py"
+DUMPED = "Timeout ("  # [faulthandler.dump_traceback_later]
 TOLD_EVERY_S = 30.0  # a state that does not change
 PIPE_BYTES = 4096
 F_SETPIPE_SZ = 1031  # [linux/fcntl.h]
@@ -32,44 +39,68 @@ async def sigkill(w: World, count: int) -> None:
         if is_starting:
             await w.stop(starter)
     await w.stop("pump")
-    w.figures |= {"right again s": round(longest_s, 2), "gap s": await w.longest_gap_s()}
-    w.figures["computed s"] = round(w.gaps.crash_s, 2)
-    w.check(w.figures["gap s"] <= w.gaps.crash_s, "a crash's gap was longer than computed")
+    w.figures["right again s"] = round(longest_s, 2)
+    await w.check_gap(w.gaps.crash_s, "a crash's gap was longer than computed")
 
 
 async def sigstop(w: World, count: int) -> None:
     """Let it stand still until the service watchdog ends it."""
-    for number in range(1, count + 1):
+    for _ in range(count):
         await asyncio.sleep(w.dice.uniform(0.5, 1.5))
-        await w.after_death(signal.SIGSTOP, within_s=w.gateway.restart.noticed_s + 10.0)
-        w.check(w.gateway.lives[-2].is_hung, "the watchdog did not end a gateway that stood still")
-        dumps = w.gateway.log.count("Fatal Python error: Aborted")
-        w.check(dumps == number, f"{dumps} of {number} hangs dumped their stacks")
-    w.figures |= {"gap s": await w.longest_gap_s(), "computed s": round(w.gaps.hang_s, 2)}
-    w.check(w.figures["gap s"] <= w.gaps.hang_s, "a hang's gap was longer than computed")
+        await _hang(w, lambda: w.gateway.signal(signal.SIGSTOP))
+    await w.check_gap(w.gaps.hang_s, "a hang's gap was longer than computed")
+
+
+async def blocked(w: World, count: int) -> None:
+    """Block one loop, or the interpreter, for longer than the service watchdog waits."""
+    for number in range(count):
+        await asyncio.sleep(w.dice.uniform(0.5, 1.5))
+        what = LOOPS[number % len(LOOPS)]
+        before = w.gateway.log.count(DUMPED)
+        await _hang(w, lambda what=what: w.gateway.block(what, BLOCKED_S))  # type: ignore[misc] # a default
+        w.check(w.gateway.log.count(DUMPED) > before, f"{what} blocked: no stacks before the end")
+    w.check(BLOCKS_IN in w.gateway.log, "the stacks do not say where it hangs")
+    await w.check_gap(w.gaps.hang_s, "a hang's gap was longer than computed")
 
 
 async def stumble(w: World, count: int) -> None:
-    """Let it stand still for most of the service watchdog's limit, then go on."""
-    lives = len(w.gateway.lives)
-    await asyncio.sleep(1.0)
-    for _ in range(count):
-        w.gateway.signal(signal.SIGSTOP)
-        await asyncio.sleep(STUMBLE_SHARE * w.gateway.restart.watchdog_s)
-        w.gateway.signal(signal.SIGCONT)
+    """Let loops, or all of it, stand still for most of the service watchdog's limit, then go on."""
+    watchdog_s = w.gateway.restart.watchdog_s
+    longest_s = watchdog_s * (1.0 - 1.0 / FEEDS) - 2 * LOOK_S  # the last sign of life was some time before
+    await asyncio.sleep(2.0)
+    for number in range(count):
+        seconds = w.dice.uniform(watchdog_s / 2 + LOOK_S, longest_s)
+        lives, begun_s = len(w.gateway.lives), time.monotonic()
+        if number % 4 == 3:
+            w.gateway.signal(signal.SIGSTOP)
+            await asyncio.sleep(seconds)
+            w.gateway.signal(signal.SIGCONT)
+        else:
+            w.gateway.block(LOOPS[number % 4], seconds)
+            await asyncio.sleep(seconds)
         await asyncio.sleep(2.0)
+        is_longer = seconds + MACHINE.held_s(begun_s) > longest_s  # it never was a mere stumble
+        w.check(len(w.gateway.lives) == lives or is_longer, "a stumble was taken for a hang")
+        await w.gateway.until_up(lives=lives)
         await w.right_still()
-    w.check(len(w.gateway.lives) == lives, "a stumble was taken for a hang")
-    w.check("Timeout (" in w.gateway.log, "a stumble dumped no stacks")
+    w.check(DUMPED in w.gateway.log, "a stumble dumped no stacks")
     w.check("stood still" in w.gateway.log, "a stumble was not told in the log")
     w.check(" s late" in w.gateway.log, "no loop's delay was told in the log")
+
+
+async def _hang(w: World, begin: Callable[[], None]) -> None:
+    """Let it hang; the watchdog ends it, and its stacks are in the log."""
+    aborts = w.gateway.log.count(ABORTED)
+    await w.after_hang(begin)
+    w.check(w.gateway.lives[-2].is_hung, "the watchdog did not end a gateway that stood still")
+    w.check(w.gateway.log.count(ABORTED) == aborts + 1, "a hang did not dump its stacks at its end")
 
 
 async def unread_log(w: World, seconds: int) -> None:
     """There is much to say, but the log's pipe is full and nobody reads it."""
     end_s = time.monotonic() + seconds
     while time.monotonic() < end_s:
-        w.broker.restart()
+        await asyncio.to_thread(w.broker.restart)
         await asyncio.sleep(1.0)
     await w.right(since_s=end_s - 1.0, within_s=TOLD_EVERY_S)
     await w.check_line_kept_time("the line waited for the log")
@@ -89,8 +120,9 @@ def full_pipe() -> tuple[int, int]:
 
 
 SCENARIOS = (
-    Scenario("SIGKILL", Place.CRASH, sigkill, 300, 3, "times"),
+    Scenario("SIGKILL", Place.CRASH, sigkill, 300, 3, "times", quick=2),
     Scenario("SIGSTOP", Place.HANG, sigstop, 20, 1, "times"),
-    Scenario("stumble", Place.HANG, stumble, 10, 1, "times"),
-    Scenario("log not read", Place.LOG, unread_log, 60, 3, "s"),
+    Scenario("loop blocked", Place.HANG, blocked, 21, 3, "times", quick=1),
+    Scenario("stumble", Place.HANG, stumble, 20, 4, "times", quick=1),
+    Scenario("log not read", Place.LOG, unread_log, 60, 3, "s", quick=2),
 )

@@ -1,35 +1,55 @@
-"""Retained, expired, replayed and queued commands through a real broker: no start, ever."""
+"""Retained, expired, replayed, queued and long-waiting commands through a real broker: no start, ever."""
 
 from __future__ import annotations
 
 import asyncio
 import json
+import math
+import signal
 import subprocess
 import time
 from collections.abc import Callable
 from contextlib import AsyncExitStack
 
 from gateway.mqtt.json_out import rfc3339
-from tests.torture.command_site import PACE_S, STARTERS, CommandSite, Pipe
+from gateway.standstill import LIMIT_S
+from tests.torture.command_site import PACE_S, STARTERS, USERS, CommandSite, Pipe
 from tests.torture.recorder import BASE
+from tests.torture.waiting import until
 
 VERSIONS = ("mqttv311", "mqttv5")
 SETTLED_S = 1.0
 EXPIRY = ("-D", "publish", "message-expiry-interval", "1")
 TTL_S = 60  # the longest that is allowed
+AT_ONCE = 40  # commands that wait for a gateway that stands still; more would be too many
 
 
 async def stale(site: CommandSite, count: int, seed: int) -> None:
-    """Try every kind on both versions of MQTT."""
-    told = 0
+    """Try every kind, sent with both versions of MQTT, on a gateway that speaks 5."""
+    await _try_all(site, count, (_retained, _expired, _replayed, _queued, _waiting))
+
+
+async def stale_to_old(site: CommandSite, count: int, seed: int) -> None:
+    """The same on a gateway that has to speak 3.1.1."""
+    assert site.old_broker is not None
+    site.check("MQTT 3.1.1" in site.gateway.log, "the gateway does not speak 3.1.1")
+    site.check(site.old_broker.refused > 0, "nobody tried 5")
+    await _try_all(site, count, (_retained_before, _expired, _replayed, _queued, _waiting))
+    await _retained_live(site)
+
+
+async def _try_all(
+    site: CommandSite, count: int, kinds: tuple[Callable[[CommandSite, str, int], object], ...]
+) -> None:
+    told = wanted = 0
     for version in VERSIONS:
-        for kind in (_retained, _expired, _replayed, _queued):
+        for kind in kinds:
             starts = site.starts()
-            expected = await kind(site, version, count)
-            told += count
+            expected = await kind(site, version, count)  # type: ignore[misc] # all are coroutines
+            told, wanted = told + count, wanted + expected
             name = f"{kind.__name__.strip('_')} {version}"
             site.check(site.starts() == starts + expected, f"{name}: {site.starts() - starts} start frames")
-    site.figures |= {"commands": told, "start frames": site.starts(), "wanted starts": len(VERSIONS)}
+    site.figures |= {"commands": told, "start frames": site.starts(), "wanted starts": wanted}
 
 
 async def _retained(site: CommandSite, version: str, count: int) -> int:
@@ -38,9 +58,44 @@ async def _retained(site: CommandSite, version: str, count: int) -> int:
     await _refused(site, ids, ("retained",))
     await site.restart()
     await asyncio.sleep(SETTLED_S)
-    for starter in STARTERS:
-        site.broker.publish(f"{BASE}/command/{starter}/alice/start", "", "-r")
+    _forget_retained(site)
     return 0
+
+
+async def _retained_before(site: CommandSite, version: str, count: int) -> int:
+    """Retained while the gateway was cut off; in MQTT 3.1.1 the flag shows in these only [MQTT-3.3.1-9]."""
+    assert site.old_broker is not None
+    places = [(starter, user) for starter in STARTERS for user in USERS]
+    for turn in range(math.ceil(count / len(places))):
+        site.old_broker.cut()
+        ids = [f"kept-{version}-{turn}-{number}" for number in range(len(places))]
+        for id_, (starter, user) in zip(ids, places, strict=True):
+            payload = site.payload(id_, issued_at=rfc3339(time.time()), ttl_s=TTL_S)
+            _publish_one(site, version, f"{starter}/{user}", payload)
+        site.old_broker.mend()
+        await _refused(site, ids, ("retained",), within_s=15.0)
+    _forget_retained(site)
+    return 0
+
+
+async def _retained_live(site: CommandSite) -> None:
+    """Told in docs/precautions.md: what 3.1.1 delivers live shows no flag; its copy is refused ever after."""
+    assert site.old_broker is not None
+    starts, id_ = site.starts(), "live"
+    _publish_one(site, "mqttv311", "pump/alice", site.payload(id_))
+    final = await site.listener.final(id_)
+    site.check(final["phase"] == "confirmed", f"a live command ended as {final}")
+    await site.stop("pump")
+    for _ in range(3):
+        since = len(site.listener.results)
+        site.old_broker.cut()
+        site.old_broker.mend()
+        await site.result(
+            lambda each: each["id"] == id_ and each["duplicate"], "the copy's answer", since=since
+        )
+        await asyncio.sleep(SETTLED_S)
+    site.check(site.starts() == starts + 1, f"a retained copy made {site.starts() - starts - 1} more starts")
+    _forget_retained(site)
 
 
 async def _expired(site: CommandSite, version: str, count: int) -> int:
@@ -99,8 +154,28 @@ async def _queued(site: CommandSite, version: str, count: int) -> int:
     await asyncio.sleep(SETTLED_S)
     told = [each["code"] for each in site.listener.results[since:]]
     site.check(set(told) <= {"retained"}, f"commands of before were judged: {told[:3]}")
-    for starter in STARTERS:
-        site.broker.publish(f"{BASE}/command/{starter}/alice/start", "", "-r")
+    _forget_retained(site)
+    return 0
+
+
+async def _waiting(site: CommandSite, version: str, count: int) -> int:
+    """Sent to a gateway that stands still, so that they wait in its socket, with the best of proofs."""
+    left = count
+    while left:
+        now, token = min(left, AT_ONCE), site.listener.boot
+        left -= now
+        site.gateway.signal(signal.SIGSTOP)
+
+        def payload(id_: str, boot: str = token) -> str:
+            issued_at = {"issued_at": rfc3339(time.time()), "ttl_s": TTL_S}
+            return json.dumps({"id": id_, "boot": boot, **(issued_at if id_.endswith("1") else {})})
+
+        ids = await _publish(site, version, now, payload, pace_s=0.0)
+        await asyncio.sleep(LIMIT_S + 0.5)
+        site.gateway.signal(signal.SIGCONT)
+        await _refused(site, ids, ("wrong_boot", "before_connection"))
+        await until(lambda token=token: site.listener.boot != token, "a new token", within_s=5.0)  # type: ignore[misc] # a default
+        await asyncio.sleep(2 * SETTLED_S)  # lest the next ones be too many
     return 0
 
 
@@ -112,6 +187,18 @@ def _leave_session(site: CommandSite, version: str) -> None:
         check=True,
         timeout=10.0,
     )
+
+
+def _publish_one(site: CommandSite, version: str, place: str, payload: str) -> None:
+    """Publish a start, retained."""
+    starter, user = place.split("/")
+    site.broker.publish(f"{BASE}/command/{starter}/{user}/start", payload, "-r", "-q", "1", "-V", version)
+
+
+def _forget_retained(site: CommandSite) -> None:
+    for starter in STARTERS:
+        for user in USERS:
+            site.broker.publish(f"{BASE}/command/{starter}/{user}/start", "", "-r")
 
 
 async def _publish(
@@ -138,9 +225,11 @@ async def _publish(
     return ids
 
 
-async def _refused(site: CommandSite, ids: list[str], codes: tuple[str, ...]) -> None:
+async def _refused(
+    site: CommandSite, ids: list[str], codes: tuple[str, ...], *, within_s: float = 5.0
+) -> None:
     """Check that each of these was refused, once, with one of these codes."""
     for id_ in ids:
-        result = await site.listener.final(id_, within_s=5.0)
+        result = await site.listener.final(id_, within_s=within_s)
         is_right = result["phase"] == "rejected" and result["code"] in codes
         site.check(is_right, f"{id_} ended as {result['phase']} {result['code']}")

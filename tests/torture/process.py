@@ -14,15 +14,15 @@ TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 
 
 class Starters:
-    """Runs `tests.torture.starters` and gives it orders."""
+    """Runs `tests.torture.starters`, or a module like it, and gives it orders."""
 
-    def __init__(self, config: Path, watchdog_s: int) -> None:
-        self._arguments = (str(config), str(watchdog_s))
+    def __init__(self, config: Path, watchdog_s: int, *, module: str = "tests.torture.starters") -> None:
+        self._arguments = (module, str(config), str(watchdog_s))
         self._process: asyncio.subprocess.Process | None = None
 
     async def start(self) -> None:
         self._process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", "tests.torture.starters", *self._arguments),
+            *(sys.executable, "-m", *self._arguments),
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
             limit=2**26,

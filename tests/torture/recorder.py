@@ -10,6 +10,7 @@ from typing import Any
 from paho.mqtt import client as paho
 from paho.mqtt.enums import CallbackAPIVersion
 
+from tests.torture.books import Books
 from tests.torture.waiting import until
 
 BASE = "starters/plant"
@@ -24,7 +25,8 @@ class Recorder:
         self.events: list[dict[str, Any]] = []
         self.results: list[dict[str, Any]] = []
         self.good: set[tuple[str, str, str]] = set()  # starter, point, value as JSON
-        self.seqs: set[int] = set()
+        self.books = Books()
+        self.seqs: set[int] = set()  # of whatever has one
         self.messages = 0
         self.bad: list[str] = []  # what no consumer could read
         self._port = port
@@ -65,6 +67,16 @@ class Recorder:
         await until(fits, f"{topic} has {wanted}", within_s=within_s)
         return self.received_s[topic]
 
+    async def event(self, code: str, *, since_s: float, within_s: float) -> float:
+        """Wait for an event that came after `since_s`; return when it came."""
+
+        def found() -> list[float]:
+            came_s = [each["received_s"] for each in self.events[:] if each["code"] == code]
+            return [at_s for at_s in came_s if at_s >= since_s]
+
+        await until(lambda: bool(found()), f"event {code}", within_s=within_s)
+        return found()[0]
+
     async def final(self, id_: str, *, within_s: float = 20.0) -> dict[str, Any]:
         """Wait for a command's final result."""
 
@@ -73,10 +85,6 @@ class Recorder:
 
         await until(lambda: bool(finals()), f"command {id_} has a final result", within_s=within_s)
         return finals()[0]
-
-    def repeated_events(self) -> int:
-        """Return how many events came more than once (boot and seq are the same)."""
-        return sum(count - 1 for count in Counter((e["boot"], e["seq"]) for e in self.events).values())
 
     def finals_of_ids(self) -> Counter[str]:
         """Return how many final results each id has had, duplicates that say so left out."""
@@ -105,13 +113,18 @@ class Recorder:
         if "seq" in body:
             self.seqs.add(body["seq"])
         if topic.endswith("/event"):
-            self.events.append({**body, "topic": topic})
+            event = {**body, "topic": topic, "received_s": self.received_s[topic]}
+            self.events.append(event)
+            self.books.event(event)
         elif topic.startswith("result/"):
             self.results.append(body)
-        elif "/value/" in topic and body.get("quality") == "good":
+        elif "/value/" in topic and body:
             _, starter, _, point = topic.split("/")
-            self.good.add((starter, point, json.dumps(body["value"])))
+            self.books.value(starter, point, body)
+            if body["quality"] == "good":
+                self.good.add((starter, point, json.dumps(body["value"])))
         elif topic.endswith("/history"):
+            self.books.history(topic, body)
             starter = topic.split("/")[1]
             for item in body["items"]:
                 self.seqs.add(item["seq"])

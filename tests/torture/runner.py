@@ -5,20 +5,23 @@ from __future__ import annotations
 import os
 import tempfile
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Any
 
 from gateway.line.gaps import Restart
-from tests.torture import of_broker, of_disk, of_port, of_process, of_soak
-from tests.torture.scenario import Place, Row, Scenario
+from tests.torture import of_broker, of_broker_rules, of_disk, of_port, of_process, of_reload, of_soak
+from tests.torture.scenario import Much, Place, Row, Scenario
 from tests.torture.supervisor import restart_of_unit
+from tests.torture.verdict import judge
 from tests.torture.world import World, world
 
 SCENARIOS = (
     *of_process.SCENARIOS,
+    *of_reload.SCENARIOS,
     *of_broker.SCENARIOS,
+    *of_broker_rules.SCENARIOS,
     *of_soak.SCENARIOS,
     *of_port.SCENARIOS,
     *of_disk.SCENARIOS,
@@ -28,13 +31,21 @@ SHORT_RESTART = Restart(restart_s=0.5, watchdog_s=3.0, abort_s=2.0, start_up_s=2
 
 
 async def run_place(
-    place: Place, scenarios: Iterable[Scenario], *, is_short: bool, seed: int, count: int | None = None
-) -> list[Row]:
+    place: Place,
+    scenarios: Iterable[Scenario],
+    *,
+    much: Much,
+    seed: int,
+    count: int | None = None,
+    tell: Callable[[Row], None],
+) -> None:
     """Run the scenarios of one place in one world, with their own counts unless one is given."""
     folder = Path(tempfile.mkdtemp(prefix=f"torture-{place.value}-"))
-    restart = SHORT_RESTART if is_short else restart_of_unit()
+    restart = restart_of_unit() if much is Much.WHOLE else SHORT_RESTART
     options: dict[str, Any] = {"seed": seed, "outlasts_hang": place is Place.HANG}
     async with AsyncExitStack() as stack:
+        if place is Place.HANG:
+            options["module"] = "tests.torture.blockable"
         if place is Place.PORT:
             options["deaf_after_s"] = of_port.DEAF_AFTER_S
         if place is Place.BROKER:
@@ -48,9 +59,8 @@ async def run_place(
             stack.callback(os.close, reading)
             stack.callback(os.close, writing)
         here = await stack.enter_async_context(world(folder, restart, **options))
-        return [
-            await _row(here, each, count or (each.short if is_short else each.whole)) for each in scenarios
-        ]
+        for each in scenarios:
+            tell(await _row(here, each, count or each.count(much)))
 
 
 async def _row(here: World, scenario: Scenario, count: int) -> Row:
@@ -60,7 +70,7 @@ async def _row(here: World, scenario: Scenario, count: int) -> Row:
     begun_s = time.monotonic()
     try:
         await scenario.run(here, count)
-        await here.judge(may_trip=scenario.may_trip)
+        await judge(here, begun_s=begun_s, may_trip=scenario.may_trip)
     except TimeoutError as error:
         here.check(False, str(error) or "something never came about")
     took_s = time.monotonic() - begun_s

@@ -21,6 +21,14 @@ class Place(enum.Enum):
     LOG = "log"  # nobody reads the log
 
 
+class Much(enum.Enum):
+    """How much of each scenario."""
+
+    WHOLE = enum.auto()
+    SHORT = enum.auto()
+    QUICK = enum.auto()
+
+
 @dataclass(frozen=True)
 class Scenario:
     """A fault with real processes; `run` is given the world and how much of it."""
@@ -31,7 +39,12 @@ class Scenario:
     whole: int
     short: int
     unit: str  # of the count: times, s
+    quick: int = 0  # in `make test`; 0: not there
     may_trip: bool = False  # the way to the starters is cut, so their watchdogs must act
+
+    def count(self, much: Much) -> int:
+        """Return how much that is here."""
+        return {Much.WHOLE: self.whole, Much.SHORT: self.short, Much.QUICK: self.quick}[much]
 
 
 @dataclass

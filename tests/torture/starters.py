@@ -36,6 +36,7 @@ ALARM_ONLY = 2  # C8.2.5.1
 LATE_TICK_S = 0.005
 LATE_S = 0.004  # more than this and the silences on our line are not what they seem
 LATE_AROUND_S = 0.3
+GAPS_TOLD = 20  # of each starter, the longest
 
 
 class TortureLine(PtyLine):
@@ -181,8 +182,7 @@ class Plant:
         self.bus.advance()
         now_s = asyncio.get_running_loop().time()
         found: dict[str, Any] = {
-            "violations": [str(each) for each in self._violations()],
-            "late": sum(at_s >= self._marked_s for at_s in self._late_s),
+            "violations": [[each.at_s, str(each)] for each in self._violations()],
             "starters": {name: self._of(name, now_s) for name in self.units},
         }
         if values:
@@ -215,10 +215,12 @@ class Plant:
         heard_s = [at_s for at_s in truth.heard_s if at_s >= self._marked_s]
         before_s = [at_s for at_s in truth.heard_s if at_s < self._marked_s][-1:]
         return {
-            "trips": [t.code for t in unit.trips if t.at_s >= self._marked_s and t.code in SILENCE_TRIPS],
+            "trips": [
+                [t.at_s, t.code] for t in unit.trips if t.at_s >= self._marked_s and t.code in SILENCE_TRIPS
+            ],
             "start_frames": len(unit.start_frames),
             "heard": len(heard_s),
-            "longest_gap_s": _longest_gap_s([*before_s, *heard_s, now_s]),
+            "gaps": _longest_gaps([*before_s, *heard_s, now_s]),
             "first_s": heard_s[0] if heard_s else None,
             "last_s": truth.heard_s[-1] if truth.heard_s else None,
             "writes": [[w.at_s, w.pdu.hex()] for w in unit.writes if w.at_s >= self._marked_s],
@@ -239,13 +241,14 @@ def watching_unit(family: str, address: int, watchdog_s: int) -> Unit:
     return unit  # type: ignore[no-any-return]
 
 
-def _longest_gap_s(times_s: Iterable[float]) -> float:
-    return max((later - earlier for earlier, later in pairwise(times_s)), default=0.0)
+def _longest_gaps(times_s: Iterable[float]) -> list[tuple[float, float]]:
+    """Return the begin and the end of the longest gaps."""
+    return sorted(pairwise(times_s), key=lambda gap: gap[0] - gap[1])[:GAPS_TOLD]
 
 
-async def serve(config: str, watchdog_s: int) -> None:
+async def serve(config: str, watchdog_s: int, kind: type[Plant] = Plant) -> None:
     (table,) = load(config).lines
-    plant = Plant(table, watchdog_s)
+    plant = kind(table, watchdog_s)
     await plant.plug()
     watching = asyncio.create_task(plant.watch_own_lateness())
     reader = asyncio.StreamReader()

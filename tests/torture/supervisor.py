@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import json
 import os
 import re
 import signal
@@ -15,6 +16,7 @@ from math import inf
 from pathlib import Path
 
 from gateway.line.gaps import Restart
+from tests.torture.blockable import BLOCK_FILE
 from tests.torture.waiting import until
 
 BAD_CONFIGURATION = 78  # RestartPreventExitStatus
@@ -51,6 +53,7 @@ class Supervisor:
     restart: Restart
     folder: Path
     stderr: int | None = None  # a descriptor; None: the log file
+    module: str = "gateway"
     lives: list[Life] = field(default_factory=list)
     _process: asyncio.subprocess.Process | None = None
     _task: asyncio.Task[None] | None = None
@@ -96,6 +99,11 @@ class Supervisor:
         if self._process is not None and self._process.returncode is None:
             self._process.send_signal(number)
 
+    def block(self, what: str, seconds: float) -> None:
+        """Block one of its loops, if it runs as `tests.torture.blockable`."""
+        (self.folder / "block.json").write_text(json.dumps({"what": what, "seconds": seconds}), "utf-8")
+        self.signal(signal.SIGUSR1)
+
     async def until_up(self, *, lives: int = 1, within_s: float = 30.0) -> None:
         """Wait until that many lives have begun and the last is ready."""
         await until(lambda: len(self.lives) >= lives and self.is_up, "the gateway is up", within_s=within_s)
@@ -116,44 +124,43 @@ class Supervisor:
             life = Life(time.monotonic())
             self.lives.append(life)
             self._process = await asyncio.create_subprocess_exec(
-                *(sys.executable, "-m", "gateway", "run", str(self.config)),
+                *(sys.executable, "-m", self.module, "run", str(self.config)),
                 env={**os.environ, **self._environ(address)},
                 stdin=asyncio.subprocess.DEVNULL,
                 stdout=asyncio.subprocess.DEVNULL,
                 stderr=self.stderr if self.stderr is not None else log,
             )
-            listening = asyncio.create_task(self._listen(notify, life))
-            watching = asyncio.create_task(self._watch(life))
+            watching = asyncio.create_task(self._watch(notify, life))
             life.code = await self._process.wait()
             life.ended_s = time.monotonic()
-            for task in (listening, watching):
-                task.cancel()
-            await asyncio.wait((listening, watching))
+            watching.cancel()
+            await asyncio.wait((watching,))
 
     def _environ(self, address: Path) -> dict[str, str]:
         return {
             "NOTIFY_SOCKET": str(address),
             "WATCHDOG_USEC": str(int(self.restart.watchdog_s * 1e6)),
             "PYTHONFAULTHANDLER": "1",
+            BLOCK_FILE: str(self.folder / "block.json"),
         }
 
     def _open_log(self):  # type: ignore[no-untyped-def] # an open file
         return (self.folder / "gateway.log").open("ab")
 
-    async def _listen(self, notify: socket.socket, life: Life) -> None:
-        loop = asyncio.get_running_loop()
-        while True:
-            words = (await loop.sock_recv(notify, 4096)).decode().splitlines()
-            if "READY=1" in words:
-                life.ready_s = life.ready_s or time.monotonic()
-                self._fed_s = time.monotonic()
-            if "WATCHDOG=1" in words:
-                self._fed_s = time.monotonic()
+    def _listen(self, notify: socket.socket, life: Life) -> None:
+        """Hear everything that the gateway has said until now."""
+        with contextlib.suppress(BlockingIOError):
+            while words := notify.recv(4096).decode().splitlines():
+                if "READY=1" in words:
+                    life.ready_s = life.ready_s or time.monotonic()
+                if "READY=1" in words or "WATCHDOG=1" in words:
+                    self._fed_s = time.monotonic()
 
-    async def _watch(self, life: Life) -> None:
+    async def _watch(self, notify: socket.socket, life: Life) -> None:
         """End a process that has stopped feeding; its stacks are asked for first."""
 
         def is_starved() -> bool:
+            self._listen(notify, life)
             return life.ready_s is not None and time.monotonic() - self._fed_s >= self.restart.watchdog_s
 
         await until(is_starved, "the watchdog is starved", within_s=inf)

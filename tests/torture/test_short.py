@@ -1,26 +1,41 @@
-"""The short form of `python -m tests.torture` that needs no real time: lines, noise and input, in process.
-
-The forms with real processes measure seconds and want the machine for themselves: `make torture`, or
-`python -m tests.torture --short`.
-"""
+"""A little of `python -m tests.torture`: with real processes and a real broker, and in this process."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
-from tests.torture import fuzz, noise, soak
+from tests.mosquitto import missing_programs
+from tests.torture import clocks, fuzz, noise, soak
+from tests.torture.scenario import Place
 
-LONGEST_S = 300.0
-IN_PROCESS = tuple(each.name for each in (*noise.SCENARIOS, *fuzz.SCENARIOS, *soak.SCENARIOS))
+LONGEST_S = 600.0  # on a machine with much other work
+IN_PROCESS = (*noise.SCENARIOS, *clocks.SCENARIOS, *fuzz.SCENARIOS, *soak.SCENARIOS)
+AT_ONCE = ((Place.CRASH, Place.BROKER, Place.LOG), (Place.HANG, Place.PORT))  # each takes half a minute
 
 
 @pytest.mark.end_to_end
 def test_what_is_promised_of_lines_and_input_holds_under_every_fault() -> None:
-    command = [sys.executable, "-m", "tests.torture", "--short", *IN_PROCESS]
+    command = [sys.executable, "-m", "tests.torture", "--short", *(each.name for each in IN_PROCESS)]
 
     done = subprocess.run(command, capture_output=True, text=True, timeout=LONGEST_S, check=False)
 
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.end_to_end
+@pytest.mark.skipif(bool(missing_programs()), reason="needs mosquitto (apt-get install mosquitto)")
+def test_what_is_promised_of_the_process_its_broker_and_its_port_holds(tmp_path: Path) -> None:
+    outputs = [tmp_path / f"{number}.txt" for number in range(len(AT_ONCE))]
+    running = []
+    for places, output in zip(AT_ONCE, outputs, strict=True):
+        command = [sys.executable, "-m", "tests.torture", "--quick", *(place.value for place in places)]
+        with output.open("wb") as file:
+            running.append(subprocess.Popen(command, stdout=file, stderr=subprocess.STDOUT))
+
+    codes = [process.wait(LONGEST_S) for process in running]
+
+    assert codes == [0] * len(AT_ONCE), "".join(output.read_text("utf-8") for output in outputs)

@@ -47,10 +47,12 @@ class Judge:
     false: Counter[str] = field(default_factory=Counter)
     codes: Counter[str] = field(default_factory=Counter)
     finals: dict[str, list[ResultRecord]] = field(default_factory=dict)
+    value_time_s: float = 0.0  # that the latest good value tells
 
     def put(self, record: Record) -> None:
         match record:
             case ValueRecord(quality=Quality.GOOD):
+                self.value_time_s = record.time_s or 0.0
                 point, truths = to_level(record.point), self.truths[record.starter]
                 if not any(record.value in truth.values.get(point, ()) for truth in truths):
                     self.false[f"value {record.starter} {record.point} {record.value}"] += 1
@@ -91,6 +93,7 @@ class VirtualLine:
     bus: SimulatedLine
     commander: Commander
     judge: Judge
+    clock: VirtualClock
     watchdog_s: int
     ids: int = 0
 
@@ -151,7 +154,7 @@ async def virtual_line(seed: int, *, every_s: float = 1.0) -> AsyncIterator[Virt
     task = asyncio.create_task(scheduler.run())
     await asyncio.sleep(SETTLED_S)
     judge.never_on = set(FAMILIES)
-    yield VirtualLine(bus, commander, judge, watchdog_s)
+    yield VirtualLine(bus, commander, judge, clock, watchdog_s)
     await commander.close()
     for telemetry in telemetries.values():
         await telemetry.close()

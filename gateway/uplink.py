@@ -1,0 +1,155 @@
+"""The gateway's way up: what waits to be said, and the connection to the broker.
+
+The connection can be moved to another broker, or another login, while everything else goes on.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+from collections.abc import Callable, Sequence
+
+from gateway import __version__
+from gateway.clock import Clock
+from gateway.config.schema import Config
+from gateway.config.setups import policy_of, tls_files_of
+from gateway.durable.outbox_disk import OutboxDisk
+from gateway.mqtt.boot import Boot
+from gateway.mqtt.broker import BrokerConnection
+from gateway.mqtt.intake import Incoming
+from gateway.mqtt.outbox import Outbox
+from gateway.mqtt.payload import GatewayInfo, Operator, Payloads
+from gateway.mqtt.publisher import Publisher
+from gateway.mqtt.settings import BrokerSettings, TlsSettings
+from gateway.mqtt.spooler import Spooler, Tell
+from gateway.mqtt.topics import Topics
+from gateway.site import Site
+from gateway.starters.records import ResultRecord
+
+FAREWELL_S = 3.0
+KEEP_WITHIN_S = 2.0
+MOVED = "the configuration names another broker or another login"
+
+
+class Uplink:
+    """Speaks MQTT below one base; all calls on the app's loop.
+
+    `on_incoming` hears every message on a command topic, `on_link` every change of the connection.
+    """
+
+    def __init__(
+        self,
+        site: Site,
+        boot: Boot,
+        *,
+        clock: Clock,
+        on_incoming: Callable[[Incoming], None],
+        on_link: Callable[[bool, str], None],
+        tell: Tell,
+    ) -> None:
+        self._on_incoming = on_incoming
+        self._on_link = on_link
+        self._seed = secrets.randbits(32)
+        self._settings = self._settings_of(site)
+        self.topics = Topics(site.config.base)
+        payloads = Payloads(self.topics, boot)
+        self.outbox = Outbox(last_topic=self.topics.gateway_status, pack=payloads.history, boot=boot.run)
+        self.spooler = Spooler(
+            self.outbox,
+            OutboxDisk(site.state_dir),
+            clock=clock,
+            tell=tell,
+            wake=lambda: self._connection.wake(),
+        )
+        self.publisher = Publisher(payloads, self.outbox, clock)
+        self.tell_info(site.config)
+        self._connection = self._connect()
+        self._serving: asyncio.Task[None] | None = None
+        self._moved = asyncio.Event()
+
+    def tell_info(self, config: Config) -> None:
+        """Publish what this gateway is."""
+        self.publisher.set_info(
+            GatewayInfo(
+                version=__version__,
+                starters=tuple(starter.name for line in config.lines for starter in line.starters),
+                lines=tuple(line.name for line in config.lines),
+                operators=tuple(Operator(each.client, each.may, each.starters) for each in config.operators),
+                groups=policy_of(config).groups,
+            )
+        )
+
+    async def run(self) -> None:
+        """Stay connected for ever, to whatever broker the latest configuration names."""
+        while True:
+            self._serving = asyncio.create_task(self._connection.run(), name="connection")
+            try:
+                await asyncio.wait((self._serving,))
+            finally:
+                self._serving.cancel()
+                await asyncio.wait((self._serving,))
+            if not self._serving.cancelled():
+                self._serving.result()
+            await self._moved.wait()
+            self._moved.clear()
+
+    async def move(self, site: Site) -> None:
+        """Say goodbye and connect as this site wants it, if that is otherwise than now."""
+        settings = self._settings_of(site)
+        if settings == self._settings:
+            return
+        await self.close(MOVED)
+        if self._serving is not None:
+            self._serving.cancel()
+            await asyncio.wait((self._serving,))
+        self._settings = settings
+        self._connection = self._connect()
+        is_connected = False
+        self._on_link(is_connected, f"moving to broker {settings.address}: {MOVED}")
+        self._moved.set()
+
+    def start(self) -> None:
+        """Begin to keep what waits; the disk is opened elsewhere."""
+        self.spooler.start()
+
+    def tell_again(self, results: Sequence[ResultRecord]) -> None:
+        """Publish final results that a crash may have kept back, unless the outbox has them too."""
+
+        def tell() -> None:
+            for result in results:
+                self.publisher.put(result)
+
+        self.spooler.when_recalled(tell)
+
+    async def close(self, reason: str) -> None:
+        """Say what waits, and that the gateway is offline."""
+        await self._connection.close(self.publisher.farewell(reason), within_s=FAREWELL_S)
+
+    async def end(self) -> None:
+        """Keep what could not be said, for the next run; after `close`."""
+        await self.spooler.close(within_s=KEEP_WITHIN_S)
+
+    def _connect(self) -> BrokerConnection:
+        connection = BrokerConnection(
+            self._settings,
+            self.outbox,
+            command_filter=self.topics.command_filter,
+            will=self.publisher.will,
+            on_incoming=self._on_incoming,
+            on_link=self._on_link,
+        )
+        self.publisher.wake_with(connection.wake)
+        return connection
+
+    def _settings_of(self, site: Site) -> BrokerSettings:
+        mqtt = site.config.mqtt
+        return BrokerSettings(
+            host=mqtt.host,
+            port=mqtt.port,
+            client_id=site.config.client_id,
+            username=mqtt.username,
+            password=site.password,
+            tls=TlsSettings(*tls_files_of(site.config, site.folder)) if mqtt.is_tls else None,
+            keepalive_s=mqtt.keepalive_s,
+            seed=self._seed,
+        )

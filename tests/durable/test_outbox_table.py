@@ -1,0 +1,199 @@
+"""The outbox's tables in a file of their own, without a thread."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, TypeVar
+
+import pytest
+
+from gateway.database import Connection, Database
+from gateway.durable.outbox_table import DAMAGED, FULL, HIGHEST, MOST_REFUSED, OutboxTable
+from gateway.errors import DamagedError
+from gateway.spool import Changes, Kind, Loss, Page, Refusal, Row, Share
+
+T = TypeVar("T")
+
+
+def row(number: int, kind: Kind = Kind.EVENT, **more: Any) -> Row:
+    fields: dict[str, Any] = {
+        "boot": "run",
+        "topic": "b/event",
+        "payload": b'{"seq":1}',
+        "correlation": None,
+        "key": "",
+        "time_s": float(number),
+        **more,
+    }
+    return Row(number, kind, **fields)
+
+
+class Kept:
+    """A table in a database of its own."""
+
+    def __init__(self, folder: Path, table: OutboxTable) -> None:
+        self.table = table
+        self.database = Database(folder / "x.sqlite", [table], 2**20)
+        self.database.open()
+
+    def do(self, work: Callable[[Connection], T]) -> T:
+        (answer,) = self.database.transact([work])
+        return answer  # type: ignore[no-any-return]  # of the one piece of work
+
+    def apply(self, *rows: Row, **changes: Any) -> tuple[Loss, ...]:
+        return self.do(lambda connection: self.table.apply(connection, Changes(rows, **changes)))
+
+    def page(self, kind: Kind, after: int = -1, before: int = 100, most: int = 50) -> Page:
+        return self.do(lambda c: self.table.page(c, kind=kind, after=after, before=before, most=most))
+
+    def numbers(self, kind: Kind) -> list[int]:
+        return [each.number for each in self.page(kind, before=HIGHEST, most=10_000).rows]
+
+    def execute(self, sql: str) -> None:
+        self.do(lambda connection: connection.execute(sql) and None)
+
+
+@pytest.fixture
+def kept(tmp_path: Path) -> Iterator[Kept]:
+    kept = Kept(tmp_path, OutboxTable(most_rows=100))
+    yield kept
+    kept.database.close()
+
+
+def test_rows_come_back_as_they_were_put_each_kind_for_itself(kept: Kept) -> None:
+    rows = [
+        row(1, payload=b"\xff\x00", correlation=b"\x01"),
+        row(2, Kind.RESULT, key="alice/7"),
+        row(3, topic="b/ümlaut"),
+        row(4, Kind.VALUE),
+    ]
+    kept.apply(*rows)
+
+    assert kept.page(Kind.EVENT) == Page((rows[0], rows[2]), is_last=True)
+    assert kept.page(Kind.RESULT) == Page((rows[1],), is_last=True)
+    assert kept.page(Kind.EVENT, after=1) == Page((rows[2],), is_last=True)
+    assert kept.page(Kind.EVENT, before=3, most=1) == Page((rows[0],), is_last=True)
+    assert kept.page(Kind.EVENT, before=4, most=1) == Page((rows[0],), is_last=False)
+
+
+def test_a_row_that_is_put_again_takes_its_own_place(kept: Kept) -> None:
+    kept.apply(row(1))
+    kept.apply(row(1, payload=b"again"))
+
+    assert kept.page(Kind.EVENT).rows == (row(1, payload=b"again"),)
+
+
+def test_what_is_gone_is_gone(kept: Kept) -> None:
+    kept.apply(row(1), row(2), row(3, Kind.RESULT))
+    kept.apply(gone=((Kind.EVENT, 1), (Kind.RESULT, 3), (Kind.VALUE, 77)))
+
+    assert kept.do(kept.table.recall)[1].shares[Kind.EVENT] == Share(1, 7 + 9 + 220, 2.0)
+    assert kept.numbers(Kind.RESULT) == []
+
+
+def test_the_next_run_learns_what_there_is(kept: Kept) -> None:
+    kept.apply(
+        row(5, Kind.VALUE), row(7, Kind.RESULT, key="alice/7"), losses=(Loss("x", Kind.VALUE, 2, 1.0, None),)
+    )
+    kept.apply(losses=(Loss("x", Kind.VALUE, 3, None, 9.0), Loss("y", Kind.EVENT, 1, 4.0, 4.0)))
+
+    highest, recalled = kept.do(kept.table.recall)
+
+    assert highest == 7
+    assert recalled.shares[Kind.EVENT] == Share(0, 0, 0.0)
+    assert recalled.shares[Kind.VALUE].rows == 1
+    assert recalled.keys == {"alice/7"}
+    assert set(recalled.losses) == {Loss("x", Kind.VALUE, 5, 1.0, 9.0), Loss("y", Kind.EVENT, 1, 4.0, 4.0)}
+
+
+def test_losses_that_were_told_are_forgotten_before_new_ones_are_noted(kept: Kept) -> None:
+    kept.apply(losses=(Loss("x", Kind.VALUE, 2, 1.0, 1.0),))
+    kept.apply(losses=(Loss("x", Kind.VALUE, 1, 2.0, 2.0),), are_losses_told=True)
+
+    assert kept.do(kept.table.recall)[1].losses == (Loss("x", Kind.VALUE, 1, 2.0, 2.0),)
+
+
+def test_too_many_rows_cost_the_oldest_values_then_events_then_results(kept: Kept) -> None:
+    kinds = [Kind.RESULT, Kind.EVENT, Kind.VALUE]
+    assert kept.apply(*(row(number, kinds[number % 3]) for number in range(90))) == ()
+
+    first = kept.apply(*(row(number, Kind.RESULT) for number in range(90, 120)))
+    assert first == (Loss(FULL, Kind.VALUE, 21, 2.0, 62.0, 62),)
+
+    second = kept.apply(*(row(number, Kind.RESULT) for number in range(120, 150)))
+    assert [(loss.kind, loss.rows, loss.upto) for loss in second] == [
+        (Kind.VALUE, 9, 89),
+        (Kind.EVENT, 21, 61),
+    ]
+
+    third = kept.apply(*(row(number, Kind.RESULT) for number in range(150, 180)))
+    assert [(loss.kind, loss.rows) for loss in third] == [(Kind.EVENT, 9), (Kind.RESULT, 21)]
+    assert len(kept.numbers(Kind.RESULT)) == 99
+    declared = {(loss.kind, loss.rows) for loss in kept.do(kept.table.recall)[1].losses}
+    assert declared == {(Kind.VALUE, 30), (Kind.EVENT, 30), (Kind.RESULT, 21)}
+
+
+def test_a_full_file_makes_room_and_tells_once_what_it_cost(kept: Kept) -> None:
+    kept.apply(*(row(number, Kind.VALUE) for number in range(50)))
+
+    kept.database.make_room()
+
+    assert kept.table.take_made_room() == (Loss(FULL, Kind.VALUE, 6, 0.0, 5.0, 5),)
+    assert kept.table.take_made_room() == ()
+    assert kept.numbers(Kind.VALUE) == list(range(6, 50))
+    assert kept.do(kept.table.recall)[1].losses == (Loss(FULL, Kind.VALUE, 6, 0.0, 5.0),)
+
+
+def test_room_is_made_in_an_empty_file_too(kept: Kept) -> None:
+    kept.database.make_room()
+
+    assert kept.table.take_made_room() == ()
+
+
+@pytest.mark.parametrize(
+    "damage",
+    ["payload = x'00'", "topic = 'b/#'", "time_s = 'soon'", "boot = 7", "checksum = 0", "correlation = 1.5"],
+)
+def test_a_damaged_row_is_never_told_but_declared(kept: Kept, damage: str) -> None:
+    kept.apply(row(1), row(2), row(3))
+    kept.execute(f"UPDATE spool SET {damage} WHERE number = 2")
+
+    page = kept.page(Kind.EVENT)
+
+    assert page == Page((row(1), row(3)), is_last=True, losses=(Loss(DAMAGED, Kind.EVENT, 1, None, None),))
+    assert kept.page(Kind.EVENT) == Page((row(1), row(3)), is_last=True)
+    assert kept.do(kept.table.recall)[1].losses == page.losses
+
+
+@pytest.mark.parametrize("number", ["'last'", "-5", str(2**61)])
+def test_numbers_that_make_no_sense_are_damage(kept: Kept, number: str) -> None:
+    kept.execute("CREATE TABLE spool2 AS SELECT * FROM spool")
+    kept.execute("DROP TABLE spool")
+    kept.execute("ALTER TABLE spool2 RENAME TO spool")
+    kept.execute(f"INSERT INTO spool VALUES (1, {number}, '', '', x'', NULL, '', 1.0, 0)")
+
+    with pytest.raises(DamagedError):
+        kept.do(kept.table.recall)
+
+
+def test_times_and_losses_that_make_no_sense_are_left_out(kept: Kept) -> None:
+    kept.apply(row(1), losses=(Loss("x", Kind.VALUE, 2, 1.0, 1.0), Loss("y", Kind.EVENT, 2, 1.0, 1.0)))
+    kept.execute("UPDATE spool SET time_s = 'soon'")
+    kept.execute("UPDATE loss SET kind = 9 WHERE reason = 'x'")
+    kept.execute("UPDATE loss SET first_s = 'soon'")
+
+    _, recalled = kept.do(kept.table.recall)
+
+    assert recalled.shares[Kind.EVENT].first_s == 0.0
+    assert recalled.losses == (Loss("y", Kind.EVENT, 2, None, 1.0),)
+
+
+def test_of_what_the_broker_refused_the_newest_are_kept(kept: Kept) -> None:
+    for number in range(MOST_REFUSED + 20):
+        kept.apply(refusals=(Refusal(float(number), 0x87, "b/event", b"x"),))
+
+    refused = kept.do(kept.table.refused)
+
+    assert [each.time_s for each in refused] == [float(number) for number in range(20, MOST_REFUSED + 20)]
+    assert refused[0] == Refusal(20.0, 0x87, "b/event", b"x")

@@ -1,0 +1,105 @@
+"""The demo as a newcomer meets it: everything by topics alone, also what a hand at the starter would do."""
+
+from __future__ import annotations
+
+import re
+import signal
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.end_to_end.site import Program, Scada
+from tests.mosquitto import MosquittoBroker, missing_programs
+
+pytestmark = [
+    pytest.mark.end_to_end,
+    pytest.mark.mosquitto,
+    pytest.mark.skipif(bool(missing_programs()), reason="mosquitto is not installed"),
+]
+
+# What each family's starter trips with, the alarm's topic, and how it is configured.
+STARTERS: dict[str, tuple[str, str, str, dict[str, Any]]] = {
+    "pump": ("E05", "e05", "set", {"parameter": "P314", "value": 30}),
+    "fan": ("E05", "fault", "set", {"parameter": "P313", "value": "General disable"}),
+    "mill": ("F005", "f005", "set", {"parameter": "C8.2.5.3", "value": 12.5}),
+    "belt": ("COIL17", "coil17", "configure", {"R33": 4.0, "R41": 30}),
+}
+FIRMWARE = {"pump": "1.40", "fan": "1.60", "mill": "1.20", "belt": "4.04"}
+
+
+@asynccontextmanager
+async def demo(folder: Path) -> AsyncIterator[Scada]:
+    """Run the demo and wait until all four starters are ready."""
+    async with Program("gateway", "demo") as program:
+        await program.says("others    simulator/")
+        port = re.search(r"on 127\.0\.0\.1:(\d+)", program.output)
+        assert port is not None
+        broker = MosquittoBroker(folder / "nobody")  # only its clients: the demo has a broker of its own
+        broker.port = int(port[1])
+        async with broker.watch("starters/demo/#", "simulator/+/done") as watcher:
+            scada = Scada(broker, watcher, base="starters/demo", client="demo")
+            for starter in STARTERS:
+                await scada.until(f"starter/{starter}/state", state="ready", quality="good")
+                await scada.until(f"starter/{starter}/info", firmware=FIRMWARE[starter])  # identified
+            yield scada
+        program.signal(signal.SIGINT)
+        assert await program.exit_code() == 0
+
+
+async def by_hand(scada: Scada, starter: str, knob: str, setting: str) -> dict[str, Any]:
+    """Turn a knob of a simulated starter and return the answer."""
+    scada.latest.pop(f"simulator/{starter}/done", None)
+    await scada.turn(starter, knob, setting)
+    return await scada.until(f"simulator/{starter}/done", knob=knob)
+
+
+async def test_every_family_is_started_stopped_tripped_reset_and_configured_by_topics_alone(
+    tmp_path: Path,
+) -> None:
+    async with demo(tmp_path) as scada:
+        for starter in STARTERS:
+            await scada.command(starter, "start", f"{starter}-1")
+        for starter in STARTERS:
+            await scada.result(starter, id=f"{starter}-1", phase="confirmed")
+        for starter in STARTERS:
+            await scada.command(starter, "stop", f"{starter}-2")
+        for starter in STARTERS:
+            await scada.result(starter, id=f"{starter}-2", phase="confirmed")
+            await scada.until(f"starter/{starter}/state", state="ready", quality="good")
+        for starter in STARTERS:
+            await scada.command(starter, "start", f"{starter}-3")
+            await scada.result(starter, id=f"{starter}-3", phase="confirmed")
+        for starter, (code, alarm, _, _) in STARTERS.items():
+            assert (await by_hand(scada, starter, "trip", code))["text"] == f"tripped: {code}"
+            await scada.until(f"starter/{starter}/state", state="fault", quality="good")
+            await scada.until(f"starter/{starter}/alarm/{alarm}", active=True, severity="fault")
+        for starter in STARTERS:
+            await scada.command(starter, "reset", f"{starter}-4")
+        for starter, (_, alarm, _, _) in STARTERS.items():
+            await scada.result(starter, id=f"{starter}-4", phase="confirmed")
+            await scada.until(f"starter/{starter}/alarm/{alarm}", active=False)
+            await scada.until(f"starter/{starter}/state", state="ready", quality="good")
+        for starter, (_, _, verb, args) in STARTERS.items():
+            await scada.command(starter, verb, f"{starter}-5", **args)
+            await scada.result(starter, id=f"{starter}-5", phase="confirmed")
+
+    assert all(scada.phases(f"{starter}-1") == ["accepted", "written", "confirmed"] for starter in STARTERS)
+
+
+async def test_a_hand_at_the_starter_takes_control_and_power_away_and_gives_them_back(tmp_path: Path) -> None:
+    async with demo(tmp_path) as scada:
+        await by_hand(scada, "pump", "control", "local")
+        await scada.until("starter/pump/state", remote=False)
+        await scada.command("pump", "start", "held")
+        held = await scada.result("pump", id="held", phase="rejected")
+        await by_hand(scada, "mill", "power", "off")
+        await scada.until("starter/mill/availability", state="offline")
+        await by_hand(scada, "mill", "power", "on")
+        await scada.until("starter/mill/state", state="ready", quality="good")
+        refused = await by_hand(scada, "pump", "trip", "often")
+
+    assert held["code"] == "remote"
+    assert "no number 'often'" in refused["error"]

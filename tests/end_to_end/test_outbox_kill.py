@@ -1,0 +1,110 @@
+"""What waits for the broker outlives SIGKILL."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import random
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.database import Database
+from gateway.durable.outbox_disk import FILE
+from gateway.durable.outbox_table import HIGHEST, OutboxTable
+from gateway.spool import Kind
+from tests.conftest import StartMosquitto
+from tests.end_to_end.site import Program, Scada, site_config, write_config
+
+pytestmark = [pytest.mark.end_to_end]
+
+KILLS = 12
+LONGEST_S = 0.15
+OUTAGE_S = 3.0
+
+
+def write_until_killed(folder: Path, run: str, after_s: float) -> list[str]:
+    """Let a writer write for a while, kill it, and return what it said was kept."""
+    command = [sys.executable, "-m", "tests.end_to_end.outbox_writer", str(folder), run]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as writer:
+        assert writer.stdout is not None
+        told = [writer.stdout.readline().strip()]  # it has begun
+        try:
+            writer.wait(after_s)
+        except subprocess.TimeoutExpired:
+            writer.kill()
+        told += writer.stdout.read().splitlines()
+    assert writer.returncode == -signal.SIGKILL
+    return told
+
+
+def texts_of(folder: Path) -> list[str]:
+    """Return what is in the file, in its order; it must open without anything being put aside."""
+    table = OutboxTable()
+    database = Database(folder / FILE, [table], 2**26)
+    assert database.open() == ""
+    rows = []
+    for kind in (Kind.VALUE, Kind.EVENT):
+        (page,) = database.transact(
+            [lambda c, k=kind: table.page(c, kind=k, after=-1, before=HIGHEST, most=10**6)]
+        )
+        assert page.losses == ()
+        rows += page.rows
+    database.close()
+    return [row.payload.decode() for row in sorted(rows)]
+
+
+def test_no_row_that_was_kept_is_lost_when_the_process_is_killed(tmp_path: Path) -> None:
+    dice = random.Random(21)
+    kept: list[str] = []
+    for kill in range(KILLS):
+        kept += write_until_killed(tmp_path, f"run{kill}", dice.uniform(0.0, LONGEST_S))
+
+        found = texts_of(tmp_path)
+
+        assert len(found) == len(set(found))
+        assert [text for text in found if text in set(kept)] == kept
+    assert len(kept) > 20 * KILLS
+
+
+@pytest.mark.mosquitto
+async def test_what_happened_without_a_broker_is_told_after_a_kill(
+    start_mosquitto: StartMosquitto, tmp_path: Path
+) -> None:
+    broker = start_mosquitto()
+    config = write_config(tmp_path, site_config(broker_port=broker.port, port=str(tmp_path / "ttyHALL")))
+    async with Program("gateway", "simulate", str(config)) as simulator:
+        await simulator.says("line hall")
+        async with Program("gateway", "run", str(config)) as gateway:
+            async with broker.watch("starters/plant/#") as w:
+                run = (await Scada(broker, w).until("gateway/status", state="online"))["run"]
+            broker.stop()
+            await asyncio.sleep(OUTAGE_S)
+            gateway.signal(signal.SIGKILL)
+            await gateway.exit_code()
+        broker.start()
+        async with broker.watch("starters/plant/#") as w, Program("gateway", "run", str(config)):
+            told = await until_told(w, run)
+
+    assert told["event"]["code"] == "broker_away"
+    assert len(told["items"]) > 0
+    assert all(item["seq"] > 0 for item in told["items"])
+
+
+async def until_told(watcher: Any, run: str) -> dict[str, Any]:
+    """Wait until an earlier run's loss of the broker, and values from then, are told."""
+    told: dict[str, Any] = {"items": []}
+    async with asyncio.timeout(15.0):
+        while "event" not in told or not told["items"]:
+            seen = await watcher.next()
+            if seen.topic.endswith(("gateway/event", "/history")):
+                message = json.loads(seen.payload)
+                if message["boot"] == run and message.get("code") == "broker_away":
+                    told["event"] = message
+                elif message["boot"] == run:
+                    told["items"] += message.get("items", [])
+    return told

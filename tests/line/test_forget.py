@@ -1,0 +1,95 @@
+"""A unit that is gone, or whose place another has taken: nothing of it is remembered."""
+
+from __future__ import annotations
+
+from gateway.line.figures import Figures
+from gateway.line.health import UnitState
+from gateway.line.learnt import ENOUGH, Learnt
+from gateway.line.outcome import Answered, Silent
+from gateway.line.plan import Plan, Turn
+from tests.line.fakes import poll
+
+SILENT = Silent()
+LIMIT_S = 0.1
+
+
+def silenced(plan: Plan) -> None:
+    """Let the unit of the only poll go silent."""
+    now_s = 0.0
+    while plan.state_of(1) is not UnitState.SILENT:
+        turn = plan.pick(now_s)
+        if turn is not None:
+            plan.record(turn, SILENT, now_s)
+        now_s += 0.1
+
+
+def test_who_takes_a_silent_units_place_is_asked_at_once_and_is_news() -> None:
+    plan = Plan([poll("a")])
+    plan.begin(0.0)
+    silenced(plan)
+
+    plan.remove_poll("a")
+    plan.forget(1)
+    plan.add_poll(poll("b"), 100.0)
+    turn = plan.pick(100.0)
+
+    assert turn is not None
+    assert turn.poll is not None
+    assert turn.poll.key == "b"
+    assert plan.state_of(1) is UnitState.NEW
+    assert plan.record(turn, Answered((), at_s=100.1, response_time_s=0.01), 100.1).is_answering is True
+
+
+def test_a_unit_that_still_has_polls_is_not_forgotten() -> None:
+    plan = Plan([poll("a")])
+    plan.begin(0.0)
+    silenced(plan)
+
+    plan.forget(1)
+    plan.forget(99)  # nor is one that nobody knows
+
+    assert plan.state_of(1) is UnitState.SILENT
+
+
+def test_the_watchdog_of_a_forgotten_unit_has_nobody_asked() -> None:
+    plan = Plan([poll("a")])
+    plan.begin(0.0)
+    plan.set_deadline(1, 4.0)
+    first = plan.pick(0.0)
+    assert first is not None
+    plan.record(first, Answered((), at_s=0.1, response_time_s=0.01), 0.1)
+
+    plan.remove_poll("a")
+    plan.forget(1)
+
+    assert plan.pick(1000.0) is None
+
+
+def test_what_was_learnt_and_counted_of_a_unit_is_dropped_with_it() -> None:
+    figures = Figures()
+    figures.begin(0.0)
+    read = poll("a")
+    turn = Turn(1, read.request, read.response_time_s, 0.0, poll=read)
+    figures.note(turn, Answered((), at_s=0.1, response_time_s=0.01), took_s=0.02, now_s=0.1)
+
+    figures.forget(1)
+    told = figures.to_dict([read], worst_stop_latency_s=0.1, now_s=0.2)
+    assert (told["units"], told["answered"], told["sweep_s"]) == ({}, 1, 0.02)
+
+    figures.forget_poll("a")
+    figures.forget_poll("never asked")
+    assert figures.to_dict([read], worst_stop_latency_s=0.1, now_s=0.2)["sweep_s"] == 0.0
+
+
+def test_a_forgotten_unit_is_waited_for_as_long_as_it_may_take() -> None:
+    learnt = Learnt()
+    for _ in range(ENOUGH):
+        learnt.note_answer(1, 3, 0.01)
+    learnt.note_miss(2)
+    assert learnt.response_time_s(1, 3, limit_s=LIMIT_S, floor_s=0.005) < LIMIT_S
+
+    learnt.forget(1)
+    learnt.forget(2)
+
+    assert learnt.response_time_s(1, 3, limit_s=LIMIT_S, floor_s=0.005) == LIMIT_S
+    assert learnt.quantiles(1) == {"p50": None, "p99": None}

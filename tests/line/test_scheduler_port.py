@@ -1,0 +1,93 @@
+"""A line's port that goes and comes back."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+from collections.abc import Iterable
+
+import pytest
+
+from gateway.line.job import Lane
+from gateway.line.outcome import Answered, Outcome, Silent
+from gateway.line.scheduler import REOPEN_CEILING_S, REOPEN_FLOOR_S
+from tests.line.fakes import Rig, Said, Units, nobody, poll
+from tests.line.served import NO_PORT, READ, WRITE
+from tests.virtual_time import run_virtually
+
+
+def test_a_port_that_cannot_be_opened_is_told_once_per_reason_and_tried_ever_less_often() -> None:
+    rig = Rig(Units({1}), [poll("a")])
+    rig.opener.failure = "no such port"
+
+    async def scenario() -> Outcome:
+        async with rig:
+            outcome = await rig.transact(1, WRITE, Lane.STOP)
+            await asyncio.sleep(30.0)
+            rig.opener.failure = "busy"
+            await asyncio.sleep(20.0)
+            rig.opener.failure = None
+            await asyncio.sleep(20.0)
+            return outcome
+
+    assert run_virtually(scenario()) == NO_PORT
+    assert [event[1:] for event in rig.listener.ports] == [
+        (False, "port fake: no such port"),
+        (False, "port fake: busy"),
+        (True, "open"),
+    ]
+    tried_s = rig.opener.tried_s
+    gaps_s = [later - earlier for earlier, later in itertools.pairwise(tried_s[:7])]
+    assert gaps_s == pytest.approx([0.5, 1.0, 2.0, 2.0, 2.0, 2.0])
+    assert REOPEN_FLOOR_S == 0.5
+    assert REOPEN_CEILING_S == 2.0
+    assert isinstance(rig.listener.outcomes("a")[0], Answered)
+
+
+def test_a_lost_port_ends_all_jobs_and_is_opened_again() -> None:
+    def answer(frame: bytes) -> Iterable[Said]:
+        return nobody(frame) if frame[1] == 6 else Units({1})(frame)
+
+    rig = Rig(answer, [])
+
+    async def scenario() -> list[Outcome]:
+        async with rig:
+            jobs = [asyncio.create_task(rig.transact(1, WRITE)) for _ in range(2)]
+            await asyncio.sleep(0.010)  # the first is on the wire
+            rig.port.hang_up()
+            outcomes = await asyncio.gather(*jobs)
+            outcomes.append(await rig.transact(1, WRITE))
+            await asyncio.sleep(1.0)
+            outcomes.append(await rig.transact(1, READ))
+            return outcomes
+
+    outcomes = run_virtually(scenario())
+
+    assert outcomes[:3] == [Silent("port lost", is_sent=True), NO_PORT, NO_PORT]
+    assert isinstance(outcomes[3], Answered)
+    assert [event[1:] for event in rig.listener.ports] == [
+        (True, "open"),
+        (False, "port fake: lost"),
+        (True, "open"),
+    ]
+    assert rig.opener.ports[0].is_closed
+    assert rig.opener.tried_s[1] - rig.listener.ports[1][0] == pytest.approx(REOPEN_FLOOR_S)
+    assert [event[2] for event in rig.listener.units] == [True]  # a lost port is no unit's fault
+
+
+def test_a_flapping_port_is_tried_ever_less_often_and_one_that_lasted_at_once() -> None:
+    rig = Rig(Units({1}), [poll("a", every_s=0.1)])
+
+    async def scenario() -> None:
+        async with rig:
+            for lasts_s in (1.0, 1.0, 1.0, 60.0):
+                await asyncio.sleep(lasts_s)
+                rig.opener.opened.clear()
+                rig.port.hang_up()
+                await rig.opener.opened.wait()
+
+    run_virtually(scenario())
+
+    lost_s = [at_s for at_s, is_open, _ in rig.listener.ports if not is_open]
+    gaps_s = [tried - lost for lost, tried in zip(lost_s, rig.opener.tried_s[1:], strict=True)]
+    assert gaps_s == pytest.approx([0.5, 1.0, 2.0, 0.5])

@@ -1,0 +1,149 @@
+"""What keeps a tty from being opened, and how that is told."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import os
+import termios
+import threading
+
+import pytest
+import serial
+
+from gateway.errors import PortError
+from gateway.line import serial_port
+from gateway.line.serial_port import port_error
+from gateway.modbus.timing import Framing
+from tests.line.fakes import until
+from tests.line.opened import LONG_S, Pty, opener, read_pty, settled
+
+
+async def test_reopening_waits_until_the_port_before_is_closed(pty: Pty) -> None:
+    opens = opener(pty.path)
+    before = len(os.listdir("/proc/self/fd"))
+
+    for number in range(20):
+        port = await opens()
+        port.write(bytes((number,)))
+        assert await read_pty(pty, 1) == bytes((number,))
+        if number % 2:
+            port.close()
+    await settled(port)
+
+    assert len(os.listdir("/proc/self/fd")) == before
+
+
+async def test_a_second_opener_finds_the_port_busy(pty: Pty) -> None:
+    port = await opener(pty.path)()
+
+    with pytest.raises(PortError, match=r"busy \(another program holds it"):
+        await opener(pty.path)()
+
+    await settled(port)
+
+
+@pytest.mark.parametrize(
+    ("path", "told"),
+    [
+        ("/dev/serial/by-id/nowhere", "no such port (plug the adapter in"),
+        ("/dev/null", "not a serial port"),
+        ("/etc/hostname", "not a serial port"),
+        ("socket://", "write socket://host:port"),
+        ("socket://[half:1", "write socket://host:port"),
+        ("rfc2217://host:1", "write socket://host:port"),
+    ],
+)
+async def test_what_cannot_be_opened_is_told_with_its_mend(path: str, told: str) -> None:
+    with pytest.raises(PortError) as caught:
+        await opener(path)()
+
+    assert told in str(caught.value)
+    assert caught.value.port == path
+
+
+@pytest.mark.parametrize(
+    ("error", "told"),
+    [
+        (PermissionError(errno.EACCES, "denied"), "add the user to group dialout"),
+        (serial.SerialException(errno.EBUSY, "busy"), "another program holds it"),
+        (OSError(errno.EIO, "io"), "unplug the adapter"),
+        (termios.error(errno.ENOTTY, "no tty"), "not a serial port"),
+        (ValueError("Invalid baud rate: 7"), "Invalid baud rate: 7"),
+    ],
+)
+def test_errors_of_the_system_are_told_in_a_users_words(error: Exception, told: str) -> None:
+    assert told in str(port_error("/dev/ttyUSB0", error))
+
+
+async def test_a_descriptor_that_select_cannot_serve_is_refused(
+    pty: Pty, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(serial_port, "_SELECT_LIMIT", 3)
+    before = len(os.listdir("/proc/self/fd"))
+
+    with pytest.raises(PortError, match="too many open files"):
+        await opener(pty.path)()
+
+    assert len(os.listdir("/proc/self/fd")) == before
+
+
+async def test_a_tty_that_does_not_open_in_time_is_given_up_and_closed_when_it_does(
+    pty: Pty, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opens = opener(pty.path)
+    may_open = threading.Event()
+    open_device = opens._open_device
+    opened: list[serial.Serial] = []
+
+    def open_late() -> serial.Serial:
+        may_open.wait(LONG_S)
+        opened.append(open_device())
+        return opened[0]
+
+    monkeypatch.setattr(opens, "_open_device", open_late)
+    monkeypatch.setattr(serial_port, "OPEN_LIMIT_S", 0.01)
+
+    with pytest.raises(PortError, match="does not open within"):
+        await opens()
+    may_open.set()
+    await until(lambda: bool(opened) and not opened[0].is_open)
+
+
+async def test_a_tty_that_fails_to_open_too_late_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    opens = opener("/dev/ttyUSB0")
+    may_fail, has_failed = threading.Event(), threading.Event()
+
+    def fail_late() -> serial.Serial:
+        may_fail.wait(LONG_S)
+        has_failed.set()
+        raise PortError(opens.name, "too late")
+
+    monkeypatch.setattr(opens, "_open_device", fail_late)
+    monkeypatch.setattr(serial_port, "OPEN_LIMIT_S", 0.01)
+
+    with pytest.raises(PortError, match="does not open within"):
+        await opens()
+    may_fail.set()
+    await until(has_failed.is_set)
+    await asyncio.get_running_loop().shutdown_default_executor()
+
+
+@pytest.mark.parametrize("framing", ["8N1", "8N2", "8E1", "8O1"])
+async def test_rate_and_framing_are_set_and_the_control_lines_left_low(
+    pty: Pty, framing: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = Framing.parse(framing)
+    monkeypatch.setattr(serial_port, "_PSEUDO_TERMINALS", ())
+
+    device = opener(pty.path, 9600, asked)._open_device()
+
+    assert device.baudrate == 9600
+    assert device.parity == asked.parity
+    assert device.stopbits == asked.stop_bits
+    assert not device.rts
+    assert not device.dtr
+    attributes = termios.tcgetattr(device.fileno())
+    assert bool(attributes[2] & termios.CSTOPB) == (asked.stop_bits == 2)
+    assert attributes[4] == termios.B9600
+    device.close()

@@ -1,0 +1,118 @@
+"""Connections that are missing, lost, or ended."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from pathlib import Path
+
+from gateway.mqtt.settings import TlsSettings
+from tests.mqtt.fake_broker import (
+    DISCONNECT,
+    HANG_UP,
+    LEVEL_5,
+    LEVEL_311,
+    PUBLISH,
+    FakeBroker,
+)
+from tests.mqtt.rig import Rig, settings
+
+
+async def test_a_missing_broker_is_reported_once_and_found_when_it_comes() -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        async with Rig(settings(probe.getsockname()[1])) as rig:
+            is_connected, trouble = await rig.link()
+
+    assert not is_connected
+    assert trouble.endswith("nothing listens there (is the broker running?)")
+
+
+async def test_an_unusable_certificate_file_is_reported_and_not_fatal(tmp_path: Path) -> None:
+    how = settings(1, tls=TlsSettings(ca_file=str(tmp_path / "missing.pem")))
+    async with Rig(how) as rig:
+        is_connected, trouble = await rig.link()
+        assert rig.task is not None
+        assert not rig.task.done()
+
+    assert not is_connected
+    assert trouble.startswith("ca_file ")
+
+
+async def test_an_end_that_is_not_acknowledged_takes_no_longer_than_allowed_and_keeps_the_will() -> None:
+    async with FakeBroker(acknowledges=False) as broker, Rig(settings(broker.port)) as rig:
+        await rig.until_connected()
+        async with asyncio.timeout(5.0):
+            await rig.connection.close(rig.publisher.farewell("stopped"), within_s=0.2)
+            assert rig.task is not None
+            await rig.task
+
+        kinds = [broker.received.get_nowait().kind for _ in range(broker.received.qsize())]
+        assert PUBLISH in kinds
+        assert DISCONNECT not in kinds
+
+
+async def test_an_end_with_a_full_window_and_no_acknowledgement_leaves_the_last_word_to_the_will() -> None:
+    async with FakeBroker(acknowledges=False) as broker, Rig(settings(broker.port, window=1)) as rig:
+        await rig.until_connected()
+        await broker.publication()
+        async with asyncio.timeout(5.0):
+            await rig.connection.close(rig.publisher.farewell("stopped"), within_s=0.2)
+
+        assert broker.received.empty()
+
+
+async def test_an_end_before_any_connection_is_at_once_and_stops_the_retries() -> None:
+    async with (
+        FakeBroker(answers={LEVEL_5: HANG_UP, LEVEL_311: HANG_UP}) as broker,
+        Rig(settings(broker.port, first_retry_s=30.0, last_retry_s=30.0)) as rig,
+    ):
+        await rig.link()
+        async with asyncio.timeout(5.0):
+            await rig.connection.close(rig.publisher.farewell("stopped"))
+            assert rig.task is not None
+            await rig.task
+
+
+async def test_a_connection_attempt_can_be_cancelled_while_it_blocks() -> None:
+    async with FakeBroker() as broker:  # it speaks no TLS, so the handshake hangs
+        rig = Rig(settings(broker.port, tls=TlsSettings()))
+        async with rig:
+            async with asyncio.timeout(5.0):
+                await broker.is_reached.wait()
+            async with asyncio.timeout(1.0):
+                await rig.vanish()
+
+
+async def test_a_broker_that_falls_silent_is_noticed_and_left() -> None:
+    async with (
+        FakeBroker(answers_pings=False) as broker,
+        Rig(settings(broker.port, keepalive_s=1)) as rig,
+    ):
+        await rig.until_connected()
+        is_connected, trouble = await rig.link()
+
+    assert not is_connected
+    assert trouble.endswith("the broker has stopped answering")
+
+
+async def test_after_connections_that_held_the_next_one_comes_soon() -> None:
+    async with (
+        FakeBroker() as broker,
+        Rig(settings(broker.port, steady_s=0.0, last_retry_s=100.0)) as rig,
+    ):
+        for _ in range(12):
+            await rig.until_connected()
+            broker._writers[-1].close()
+
+
+async def test_nothing_is_published_after_the_loss_of_the_connection() -> None:
+    async with FakeBroker() as broker, Rig(settings(broker.port)) as rig:
+        await rig.until_connected()
+        session = rig.connection._session
+        assert session is not None
+        broker._writers[-1].close()
+        await session.lost
+
+        assert session.publish(99, rig.publisher.will()) is None
+        assert session.has_room

@@ -1,0 +1,172 @@
+"""A plant of four watching starters on two simulated lines, which can be reloaded; for virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Mapping, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+from gateway.config.changes import changes_of
+from gateway.config.load import parse
+from gateway.config.schema import Config, LineTable
+from gateway.config.setups import policy_of, rights_of, timing_of
+from gateway.plant import Plant
+from gateway.sim.line import SimulatedLine, SimulatedOpener
+from gateway.sim.unit import Unit
+from gateway.starters.companions import Companions
+from gateway.starters.precautions import Precautions
+from gateway.starters.records import AvailabilityRecord, Severity, StateRecord
+from gateway.starters.sequence import Sequence as Numbers
+from tests.local_host import LocalHost
+from tests.starters.fakes import RecordingSink
+from tests.torture.starters import SILENCE_TRIPS, watching_unit
+from tests.virtual_time import VirtualClock
+
+WATCHDOG_S = 6
+LINE = '[[line]]\nname = "{name}"\nport = "/dev/{name}"\nbaud = 19200\nframing = "8N2"\n'
+STARTER = (
+    '[[line.starter]]\nname = "{name}"\naddress = {address}\nfamily = "{family}"\nevery_s = 1.0\n'
+    f"watchdog_s = {WATCHDOG_S}\n"
+)
+HEAD = '[gateway]\nname = "plant"\nstate_dir = "state"\n[mqtt]\nurl = "mqtt://127.0.0.1"\n'
+
+
+def starter(name: str, address: int, family: str) -> str:
+    return STARTER.format(name=name, address=address, family=family)
+
+
+HALL = LINE.format(name="hall") + starter("pump", 1, "ssw07") + starter("fan", 2, "ssw06")
+YARD = LINE.format(name="yard") + starter("mill", 1, "ssw900") + starter("belt", 2, "sst")
+SITE = HEAD + HALL + YARD
+
+
+def site(*changes: tuple[str, str]) -> Config:
+    text = SITE
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    return parse(text, "site.toml")
+
+
+@dataclass
+class Here:
+    """A running plant, its two buses, and what it tells the gateway."""
+
+    sink: RecordingSink = field(default_factory=RecordingSink)
+    config: Config = field(default_factory=site)
+    buses: dict[str, SimulatedLine] = field(default_factory=dict)
+    heard_s: dict[str, list[float]] = field(default_factory=dict)  # requests, by "port address"
+    told: list[str] = field(default_factory=list)
+    forgotten: list[str] = field(default_factory=list)
+    plant: Plant = field(init=False)
+    companions: Companions = field(init=False)
+
+    # PlantListener
+
+    def tell(self, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None) -> None:
+        self.told.append(f"{code} {(data or {}).get('line')}")
+
+    def forget(self, starters: Sequence[str]) -> None:
+        self.forgotten += starters
+
+    def note_change(self) -> None:
+        pass
+
+    def note_port(self, line: str, trouble: str) -> None:
+        pass
+
+    # The line
+
+    def opener(self, table: LineTable) -> SimulatedOpener:
+        return self.buses[table.port].opener(timing=timing_of(table))
+
+    def unit(self, port: str, address: int) -> Unit:
+        return self.buses[f"/dev/{port}"].unit(address)
+
+    def connect(self, port: str, address: int, family: str) -> None:
+        """Add a starter that watches its line and remembers when it was asked."""
+        table = next(line for line in site().lines if line.port == f"/dev/{port}")
+        bus = self.buses.setdefault(table.port, SimulatedLine(timing_of(table)))
+        unit = watching_unit(family, address, WATCHDOG_S)
+        heard_s = self.heard_s.setdefault(f"{port} {address}", [])
+        handle = unit.handle
+
+        def remember(pdu: bytes, now_s: float) -> bytes | None:
+            heard_s.append(now_s)
+            return handle(pdu, now_s)
+
+        unit.handle = remember  # type: ignore[method-assign] # that is the point of it
+        bus.add(unit)
+
+    # What is asked of it
+
+    async def reload(self, *changes: tuple[str, str]) -> None:
+        """Go over to the site, changed."""
+        config = site(*changes)
+        ended = self.plant.apply(changes_of(self.config, config))
+        self.config = config
+        await ended
+
+    def states(self, name: str) -> list[str]:
+        return [record.state for record in self.sink.of(StateRecord) if record.starter == name]
+
+    def said(self, name: str) -> list[str]:
+        """Return the availability of a starter as it was told, one after the other."""
+        return [record.state for record in self.sink.of(AvailabilityRecord) if record.starter == name]
+
+    def trips(self) -> list[str]:
+        return [
+            f"{unit.family} {trip.code}"
+            for bus in self.buses.values()
+            for unit in bus.units
+            for trip in unit.trips
+            if trip.code in SILENCE_TRIPS
+        ]
+
+    def writes(self) -> int:
+        return sum(len(unit.writes) for bus in self.buses.values() for unit in bus.units)
+
+
+@asynccontextmanager
+async def running(settled_s: float = 30.0, *changes: tuple[str, str]) -> AsyncIterator[Here]:
+    """Run the plant; all four starters are online, identified and looked through."""
+    here = Here(config=site(*changes))
+    clock, sequence = VirtualClock(asyncio.get_running_loop()), Numbers()
+    for port, address, family in (
+        *(("hall", 1, "ssw07"), ("hall", 2, "ssw06")),
+        *(("yard", 1, "ssw900"), ("yard", 2, "sst")),
+    ):
+        here.connect(port, address, family)
+    precautions = Precautions(
+        policy_of(here.config),
+        ["pump", "fan", "mill", "belt"],
+        rights=rights_of(here.config),
+        sink=here.sink,
+        clock=clock,
+        sequence=sequence,
+    )
+    companions = here.companions = Companions(
+        here.sink, patrol_every_s=3600.0
+    )  # both would look at the same instant
+    plant = here.plant = Plant(
+        here,
+        precautions=precautions,
+        companions=companions,
+        clock=clock,
+        sequence=sequence,
+        make_opener=here.opener,
+    )
+    host = LocalHost(plant)
+    plant.build(host, here.config.lines)
+    companions.add_fast_lanes(
+        precautions=precautions, sink=here.sink, clock=clock, sequence=sequence, may_write=True
+    )
+    plant.start()
+    companions.start()
+    await asyncio.sleep(settled_s)
+    yield here
+    await host.stop()
+    await plant.close()
+    await companions.close()

@@ -1,0 +1,116 @@
+"""What a history of a world must look like, whatever happened in it."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+from gateway.starters.logbook import MOVING, STANDING
+from gateway.starters.records import Phase, StateRecord
+from tests.starters.world import NAMES, PAUSE_S, STAGGER_S, START_PDU, STARTS_PER_HOUR, STOP_PDU, World
+
+STOP_BOUND_S = 1.0  # two starters at 19200 bit/s, one of which may be silent
+REOPENED_S = 10.0  # after it was plugged in, the port is open for sure
+TTL_S = 5.0
+SLACK_S = 0.3  # what a frame may be later than the decision: a few transactions of the line
+
+
+class History:
+    """All that went over the wire and was told; `lawful` are the starts, as starter and id, that may be."""
+
+    def __init__(self, world: World, lawful: set[tuple[str, str]]) -> None:
+        self._world = world
+        self._lawful = lawful
+
+    def check(self) -> None:
+        """AssertionError for what must never happen."""
+        for name in NAMES:
+            self._check_starts(name)
+            self._check_stops(name)
+        self._check_stagger()
+        self._check_ends()
+
+    def _check_starts(self, name: str) -> None:
+        """Every start frame belongs to a lawful start that was under way, and is its only one."""
+        frames = self._world.frames(name, START_PDU)
+        accepted = [
+            (at_s, str(each.id))
+            for at_s, each in self._world.results([name])
+            if each.verb == "start" and each.phase is Phase.ACCEPTED
+        ]
+        used: set[str] = set()
+        for frame_s in frames:
+            at_s, id_ = max(each for each in accepted if each[0] <= frame_s)
+            assert (name, id_) in self._lawful
+            assert id_ not in used, "two start frames for one id"
+            assert frame_s - at_s <= TTL_S + SLACK_S, "a start that came late"
+            used.add(id_)
+            assert not self._was_locked(name, frame_s)
+            assert len([each for each in frames if frame_s - 3600 < each <= frame_s]) <= STARTS_PER_HOUR
+            assert self._stood_for_s(name, frame_s) >= PAUSE_S - SLACK_S
+
+    def _was_locked(self, name: str, at_s: float) -> bool:
+        """Return whether a lock had been confirmed, and no unlocking been accepted since."""
+        is_locked = False
+        for told_s, each in self._world.results([name]):
+            if (each.verb, each.phase) == ("lock", Phase.CONFIRMED) and told_s + SLACK_S <= at_s:
+                is_locked = True
+            elif (each.verb, each.phase) == ("unlock", Phase.ACCEPTED) and told_s <= at_s:
+                is_locked = False
+        return is_locked
+
+    def _stood_for_s(self, name: str, at_s: float) -> float:
+        """Return how long the motor had been told to stand still."""
+        since_s = None
+        for told_s, record in self._world.sink.of(StateRecord):
+            if record.starter != name or told_s > at_s - SLACK_S:
+                continue
+            if record.state in MOVING:
+                since_s = None
+            elif record.state in STANDING and since_s is None:
+                since_s = told_s
+        return 0.0 if since_s is None else at_s - since_s
+
+    def _check_stagger(self) -> None:
+        frames = sorted((at_s, name) for name in NAMES for at_s in self._world.frames(name, START_PDU))
+        for (one_s, one), (two_s, two) in pairwise(frames):
+            assert one == two or two_s - one_s >= STAGGER_S - SLACK_S
+
+    def _check_stops(self, name: str) -> None:
+        """Every accepted stop leads to a stop frame soon, where the line is there and none is under way."""
+        frames = self._world.frames(name, STOP_PDU)
+        under_way: set[str | None] = set()
+        for at_s, each in self._world.results([name]):
+            if each.verb != "stop":
+                continue
+            if each.phase is Phase.ACCEPTED:
+                if not under_way and self._is_line_there(at_s):
+                    assert any(at_s <= frame_s <= at_s + STOP_BOUND_S for frame_s in frames)
+                under_way.add(each.id)
+            elif each.phase.is_final:
+                under_way.discard(each.id)
+
+    def _is_line_there(self, at_s: float) -> bool:
+        """Return whether nothing kept the gateway from its line just then."""
+        world = self._world
+        plugged = [is_plugged for plug_s, is_plugged in world.plugs if plug_s <= at_s]
+        is_disturbed = any(
+            at_s - REOPENED_S < disturbed_s <= at_s + STOP_BOUND_S for disturbed_s in world.disturbances_s
+        )
+        return plugged[-1] and not is_disturbed
+
+    def _check_ends(self) -> None:
+        """Every command that was accepted has one end; a group's stands for its members' when cut short."""
+        told = self._world.results([*NAMES, "both"])
+        groups = {(each.client, each.id) for _, each in told if each.starter == "both"}
+        accepted, ends = set(), []
+        for _, each in told:
+            key = (each.starter, each.client, each.id)
+            if each.starter != "both" and key[1:] in groups:
+                continue
+            if each.phase is Phase.ACCEPTED:
+                accepted.add(key)
+            elif each.phase.is_final and each.code != "too_many":
+                ends.append(key)
+        assert accepted <= set(ends)
+        for key in accepted:
+            assert ends.count(key) == 1, key

@@ -1,0 +1,41 @@
+"""A stop that comes while the gateway begins: it goes out at once and is confirmed by the first readings."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from gateway.starters.records import Phase
+from tests.starters.rig import virtually
+from tests.starters.world import PAUSE_S, STOP_PDU, World
+
+FRAME_WITHIN_S = 0.1  # the port is opened, and one transaction may be under way
+CONFIRMED_WITHIN_S = 0.5  # two readings 0.1 s apart, of a motor that decelerates at once
+
+
+@pytest.mark.parametrize("after_s", [0.001, 0.01, 0.02, 0.03, 0.05, 0.1, 0.3, 1.0, 2.0])
+@pytest.mark.parametrize("starter", ["a", "b"])
+@virtually
+async def test_a_stop_just_after_the_start_is_confirmed_as_soon_as_at_any_other_time(
+    starter: str, after_s: float
+) -> None:
+    world = World()
+    await asyncio.sleep(2.0 + PAUSE_S)
+    world.publish(starter, "alice", "start", id="1", boot=world.boot.token)
+    await asyncio.sleep(2.0)
+    assert world.units[starter].motor.is_turned_on
+
+    await world.crash()
+    await asyncio.sleep(after_s)
+    asked_s = world.clock.now_s()
+    world.publish(starter, "alice", "stop", id="2")
+    await asyncio.sleep(15.0)
+
+    frames_s = [at_s for at_s in world.frames(starter, STOP_PDU) if at_s >= asked_s]
+    told = [(at_s, each.phase) for at_s, each in world.results([starter]) if each.id == "2"]
+    assert frames_s[0] - asked_s <= FRAME_WITHIN_S
+    assert len(frames_s) == 1  # acknowledged: it need not be repeated
+    assert [phase for _, phase in told] == [Phase.ACCEPTED, Phase.WRITTEN, Phase.CONFIRMED]
+    assert told[-1][0] - frames_s[0] <= CONFIRMED_WITHIN_S
+    await world.close()

@@ -1,0 +1,166 @@
+"""Lines and starters that come, go and change, and what is told of them; in virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+
+from gateway.line.outcome import Answered, Silent
+from gateway.starters.records import AvailabilityRecord, EventRecord, InfoRecord
+from tests.plant_rig import HALL, running, starter
+from tests.starters.rig import virtually
+
+TURN_S = 0.25  # more than any one turn of another starter on its line
+FAN = starter("fan", 2, "ssw06")
+
+
+@virtually
+async def test_a_reload_that_changes_nothing_touches_nothing() -> None:
+    async with running() as here:
+        records, told = len(here.sink.records), list(here.told)
+        starters, lines = dict(here.plant.starters), dict(here.plant.lines)
+
+        await here.reload()
+
+        assert here.plant.starters == starters
+        assert here.plant.lines == lines
+        assert len(here.sink.records) == records
+        assert here.told == told
+
+
+@virtually
+async def test_another_period_takes_effect_and_the_starter_stays_online() -> None:
+    async with running() as here:
+        before = here.plant.starters["fan"]
+        records = len(here.sink.records)
+
+        await here.reload((FAN, FAN.replace("every_s = 1.0", "every_s = 0.2")))
+        await asyncio.sleep(10.0)
+
+        assert here.plant.starters["fan"] is before
+        assert here.said("fan") == ["offline", "online"]
+        assert not [r for r in here.sink.records[records:] if isinstance(r, AvailabilityRecord)]
+        assert sum(at_s > 30.0 for at_s in here.heard_s["hall 2"]) > 45
+
+
+@virtually
+async def test_a_starter_that_goes_is_asked_no_more_and_forgotten() -> None:
+    async with running() as here:
+        await here.reload((FAN, ""))
+        records, asked = len(here.sink.records), len(here.heard_s["hall 2"])
+        await asyncio.sleep(60.0)
+
+        assert here.forgotten == ["fan"]
+        assert len(here.heard_s["hall 2"]) <= asked + 1  # one may have been on the wire
+        assert not [r for r in here.sink.records[records:] if getattr(r, "starter", "") == "fan"]
+        assert "fan" not in here.plant.starters
+        figures = here.plant.lines["hall"].figures()
+        assert 1 in figures["units"]
+
+
+@virtually
+async def test_a_starter_that_comes_is_asked_at_once_identified_and_told() -> None:
+    async with running() as here:
+        here.connect("hall", 3, "ssw07")
+        await here.reload((FAN, FAN + starter("new", 3, "ssw07")))
+        came_s = asyncio.get_running_loop().time()
+        await asyncio.sleep(10.0)
+
+        assert here.heard_s["hall 3"][0] - came_s < TURN_S
+        assert here.said("new") == ["offline", "online"]
+        assert here.states("new")[-1] == "ready"
+        infos = [record for record in here.sink.of(InfoRecord) if record.starter == "new"]
+        assert infos[-1].model is not None
+        readiness = [e for e in here.sink.of(EventRecord) if (e.starter, e.code) == ("new", "readiness")]
+        assert len(readiness) == 1
+        assert here.writes() == 0
+
+
+@virtually
+async def test_an_answer_to_a_question_of_before_is_not_taken_for_the_new_starters() -> None:
+    async with running() as here:
+        old = here.plant.starters["fan"]
+        keys = [poll.key for poll in old.polls()]
+
+        await here.reload((FAN, FAN.replace("every_s = 1.0", "every_s = 1.0\nresponse_time_s = 0.5")))
+        new = here.plant.starters["fan"]
+        for key in keys:
+            here.plant.on_poll("hall", key, 2, Answered((0xFFFF,) * 20, at_s=30.0, response_time_s=0.01))
+
+        assert new is not old
+        assert here.said("fan")[-1] == "offline"
+        assert new.snapshot.good_values() == {}
+        assert {poll.key for poll in new.polls()}.isdisjoint(keys)
+
+
+@virtually
+async def test_a_starter_that_was_silent_is_asked_at_once_when_another_takes_its_place() -> None:
+    async with running() as here:
+        here.buses["/dev/hall"].remove(here.unit("hall", 2))
+        await asyncio.sleep(120.0)
+        assert here.said("fan")[-1] == "offline"
+
+        here.connect("hall", 2, "ssw07")
+        await here.reload((FAN, starter("blower", 2, "ssw07")))
+        await asyncio.sleep(1.0)
+
+        assert here.said("blower")[-1] == "online"
+
+
+@virtually
+async def test_a_reload_maps_no_fast_words_though_a_start_would() -> None:
+    async with running() as here:
+        mill = starter("mill", 1, "ssw900")
+        await here.reload((mill, f"{mill}fast_words = true\n"))
+        await asyncio.sleep(60.0)
+
+        codes = [event.code for event in here.sink.of(EventRecord) if event.starter == "mill"]
+        assert "fast_words_unmapped" in codes
+        assert here.writes() == 0
+
+
+@virtually
+async def test_where_nobody_may_command_any_more_no_fast_words_are_mapped() -> None:
+    mill = starter("mill", 1, "ssw900")
+    async with running(0.0, (mill, f"{mill}fast_words = true\n")) as here:
+        here.companions.forbid_writing()
+        await asyncio.sleep(60.0)
+
+        assert "fast_words_unmapped" in [event.code for event in here.sink.of(EventRecord)]
+        assert here.writes() == 0
+
+
+@virtually
+async def test_what_a_starter_tells_on_a_new_line_is_its_own() -> None:
+    async with running() as here:
+        await here.reload((HALL, HALL.replace("19200", "19200\nadapter_allowance_s = 0.03")))
+        await asyncio.sleep(5.0)
+
+        assert here.told.count("port_open hall") == 2
+        assert here.told.count("port_open yard") == 1
+        assert here.said("pump") == ["offline", "online", "offline", "online"]
+        assert here.said("mill") == ["offline", "online"]
+        assert here.buses["/dev/hall"].opened == 2
+        assert here.buses["/dev/yard"].opened == 1
+
+
+@virtually
+async def test_a_lost_port_makes_only_its_own_starters_offline() -> None:
+    async with running() as here:
+        here.buses["/dev/hall"].unplug()
+        await asyncio.sleep(3.0)
+
+        assert (here.said("pump")[-1], here.said("mill")[-1]) == ("offline", "online")
+        assert here.told[-1] == "port_away hall"
+
+
+@virtually
+async def test_news_of_nobody_is_for_nobody() -> None:
+    async with running() as here:
+        records = len(here.sink.records)
+
+        here.plant.on_poll("hall", "x", 99, Silent())
+        here.plant.on_unit("hall", 99, is_answering=True, reason="answers", frames=())
+        here.plant.on_trouble("hall", "babbling", 0, "somebody talks", ())
+
+        assert len(here.sink.records) == records
+        assert here.told[-1] == "babbling hall"

@@ -1,0 +1,91 @@
+"""When starters are asked while others come, go and change; in virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+import functools
+from itertools import pairwise
+
+import pytest
+
+from tests.plant_rig import YARD, running, starter
+from tests.virtual_time import run_virtually
+
+SETTLED_S, RUN_S = 30.0, 60.0
+REGULAR_S = 1.3  # the longest that a settled starter of this site waits for a request, at a period of 1 s
+TURN_S = 0.25  # more than any one turn of another starter on its line
+
+
+async def times_of(*changes: tuple[str, str]) -> dict[str, list[float]]:
+    """Return when each starter was asked; with changes, these are made and taken back three times."""
+    async with running(SETTLED_S) as here:
+        for _ in range(3 if changes else 0):
+            await here.reload(*changes)
+            await asyncio.sleep(3.0)
+            await here.reload()
+            await asyncio.sleep(3.0)
+        await asyncio.sleep(RUN_S - asyncio.get_running_loop().time())
+        assert here.trips() == []
+        assert here.writes() == 0
+        return here.heard_s
+
+
+@functools.cache
+def undisturbed_times() -> dict[str, list[float]]:
+    return run_virtually(times_of())
+
+
+def longest_gap_s(times_s: list[float]) -> float:
+    return max(after - before for before, after in pairwise(times_s) if before >= SETTLED_S - 2.0)
+
+
+BELT = starter("belt", 2, "sst")
+FAN = starter("fan", 2, "ssw06")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        ((BELT, ""),),
+        ((BELT, BELT.replace("every_s = 1.0", "every_s = 0.5")),),
+        ((BELT, BELT + starter("new", 3, "ssw07")),),
+        ((YARD, YARD.replace('port = "/dev/yard"', 'port = "/dev/yard"\nadapter_allowance_s = 0.05')),),
+        ((YARD, ""),),
+    ],
+    ids=["starter gone", "other period", "starter added", "line reopened", "line gone"],
+)
+def test_a_line_that_stays_is_polled_at_the_very_same_instants_as_without_a_reload(
+    changes: tuple[tuple[str, str], ...],
+) -> None:
+    undisturbed = undisturbed_times()
+
+    reloaded = run_virtually(times_of(*changes))
+
+    for place in ("hall 1", "hall 2"):
+        assert reloaded[place] == undisturbed[place]
+    assert reloaded["yard 2"] != undisturbed["yard 2"]
+    assert longest_gap_s(undisturbed["hall 1"]) < REGULAR_S
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        ((FAN, ""),),
+        ((FAN, FAN.replace("every_s = 1.0", "every_s = 0.5")),),
+        ((FAN, FAN.replace("ssw06", 'ssw06"\nresponse_time_s = 0.5  # "')),),
+        ((FAN, starter("blower", 2, "ssw06")),),
+        ((FAN, FAN + starter("new", 3, "ssw07")),),
+    ],
+    ids=["gone", "other period", "other machine", "other name", "one more that is not there"],
+)
+def test_a_starter_that_stays_on_a_changed_line_misses_no_poll(changes: tuple[tuple[str, str], ...]) -> None:
+    reloaded = run_virtually(times_of(*changes))
+
+    assert longest_gap_s(reloaded["hall 1"]) < REGULAR_S + TURN_S
+
+
+def test_a_line_that_is_opened_anew_keeps_nobody_waiting_longer_than_two_turns() -> None:
+    reloaded = run_virtually(times_of(('framing = "8N2"', 'framing = "8N2"\nadapter_allowance_s = 0.03')))
+
+    assert longest_gap_s(reloaded["hall 1"]) < REGULAR_S + 2 * TURN_S
+    assert longest_gap_s(reloaded["hall 2"]) < REGULAR_S + 2 * TURN_S
