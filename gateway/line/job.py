@@ -19,8 +19,8 @@ class Lane(enum.IntEnum):
 
     STOP = 0
     COMMAND = 1  # what makes motors move
-    READ_BACK = 2  # and what we ask of our own accord
-    PARAMETERS = 3  # reads and settings on demand: what can wait
+    READ_BACK = 2  # whether they did, and who a starter is
+    PARAMETERS = 3  # reads and settings on demand, and what we look after of our own accord: what can wait
 
 
 @dataclass(frozen=True, slots=True)

@@ -106,7 +106,7 @@ class ReadinessWatch:
         setup = self._starter.setup
         response_time_s = setup.response_time_of(request)
         return await self._starter.line.transact(
-            setup.address, request, response_time_s=response_time_s, lane=Lane.READ_BACK
+            setup.address, request, response_time_s=response_time_s, lane=Lane.PARAMETERS
         )
 
 

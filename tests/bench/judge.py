@@ -51,6 +51,7 @@ class Spec:
     family: str = ""  # simulated starters of this family; "": ten registers or what else is asked for
     is_bytewise: bool = False
     is_strict: bool = False  # a request that breaks the silence is not understood
+    is_calm: bool = False  # sleeps instead of waiting in a busy loop, which costs whoever shares its core
     delay_s: float = 0.005
 
     @property
@@ -124,7 +125,9 @@ class Judge:
         """Return how long nothing can happen that must be met on the spot."""
         wake_s = now_s + IDLE_S
         if self._due:
-            wake_s = min(wake_s, self._due[0][0] - BUSY_S)
+            wake_s = min(wake_s, self._due[0][0] - (0.0 if self._spec.is_calm else BUSY_S))
+        if self._spec.is_calm:
+            return wake_s - now_s
         for tap in self._taps.values():
             if tap.is_replying:
                 continue

@@ -7,7 +7,7 @@ import json
 import os
 import signal
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -137,15 +137,27 @@ class Scada:
     async def until(self, topic: str, *, within_s: float = PATIENCE_S, **wanted: Any) -> dict[str, Any]:
         """Wait until the latest message of a topic (below the base) has all these fields; return it."""
 
-        def fits(seen: Mapping[str, Any] | None) -> bool:
-            return seen is not None and all(seen.get(key) == value for key, value in wanted.items())
+        return await self._until(
+            topic,
+            lambda seen: all(seen.get(key) == value for key, value in wanted.items()),
+            f"had {wanted}",
+            within_s=within_s,
+        )
 
+    async def ready(self, starter: str) -> None:
+        """Wait until a starter is ready, and known to be what is configured: then it takes commands."""
+        await self.until(f"starter/{starter}/state", state="ready", quality="good")
+        await self._until(f"starter/{starter}/info", lambda seen: bool(seen["firmware"]), "was identified")
+
+    async def _until(
+        self, topic: str, fits: Callable[[dict[str, Any]], bool], what: str, *, within_s: float = PATIENCE_S
+    ) -> dict[str, Any]:
         try:
             async with asyncio.timeout(within_s):
-                while not fits(self.latest.get(topic)):
+                while topic not in self.latest or not fits(self.latest[topic]):
                     self._take(await self.watcher.next(within_s=within_s))
         except TimeoutError:
-            raise AssertionError(f"{topic} never had {wanted}: {self.latest.get(topic)}") from None
+            raise AssertionError(f"{topic} never {what}: {self.latest.get(topic)}") from None
         found: dict[str, Any] = self.latest[topic]
         return found
 

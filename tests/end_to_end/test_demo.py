@@ -27,7 +27,6 @@ STARTERS: dict[str, tuple[str, str, str, dict[str, Any]]] = {
     "mill": ("F005", "f005", "set", {"parameter": "C8.2.5.3", "value": 12.5}),
     "belt": ("COIL17", "coil17", "configure", {"R33": 4.0, "R41": 30}),
 }
-FIRMWARE = {"pump": "1.40", "fan": "1.60", "mill": "1.20", "belt": "4.04"}
 
 
 @asynccontextmanager
@@ -42,8 +41,7 @@ async def demo(folder: Path) -> AsyncIterator[Scada]:
         async with broker.watch("starters/demo/#", "simulator/+/done") as watcher:
             scada = Scada(broker, watcher, base="starters/demo", client="demo")
             for starter in STARTERS:
-                await scada.until(f"starter/{starter}/state", state="ready", quality="good")
-                await scada.until(f"starter/{starter}/info", firmware=FIRMWARE[starter])  # identified
+                await scada.ready(starter)
             yield scada
         program.signal(signal.SIGINT)
         assert await program.exit_code() == 0

@@ -74,7 +74,7 @@ async def test_a_start_that_a_kill_cut_short_is_told_once_and_never_repeated(
         scada = Scada(broker, w)
         async with Program("gateway", "run", str(config)) as gateway:
             for starter in ("pump", "fan", "mill", "belt"):
-                await scada.until(f"starter/{starter}/state", state="ready", quality="good")
+                await scada.ready(starter)
             await scada.command("pump", "start", "cut")
             await scada.result("pump", id="cut", phase="written")
             gateway.signal(signal.SIGKILL)

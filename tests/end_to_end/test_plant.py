@@ -31,7 +31,7 @@ async def plant(broker: MosquittoBroker, folder: Path) -> AsyncIterator[tuple[Sc
         async with Program("gateway", "run", str(config)) as gateway:
             scada = Scada(broker, watcher)
             for starter in STARTERS:
-                await scada.until(f"starter/{starter}/state", state="ready", quality="good")
+                await scada.ready(starter)
             yield scada, gateway, config
 
 
