@@ -17,6 +17,7 @@ IDLE_FACTOR = 3  # values are read so many times less often while it stands, the
 SLOWEST_FACTOR = 10  # slow rows are asked for ten times less often,
 SLOW_AT_LEAST_S = 10.0  # and never more often than this
 OVERDUE_PERIODS = 3  # a value that was not read for so many periods is stale,
+UNKNOWN_GAP_S = 3.0  # how long a round may take before one has been seen
 OVERDUE_GRACE_S = 1.0  # with this much patience for a loaded line
 
 
@@ -41,13 +42,19 @@ class _Polled:
     block: Block
     every_s: float
     last_s: float | None = None  # of the last answer; None since the starter was lost
-    gap_s: float = 0.0  # between the last two answers
+    gap_s: float | None = None  # between the last two answers, which an over-full line puts off
+    is_overdue: bool = False
 
     def overdue_s(self) -> float:
         """Return when the values of this block are stale unless it is answered before."""
-        if self.last_s is None:
+        if self.last_s is None or self.is_overdue:
             return math.inf
-        return self.last_s + OVERDUE_PERIODS * max(self.every_s, self.gap_s) + OVERDUE_GRACE_S
+        gap_s = UNKNOWN_GAP_S if self.gap_s is None else self.gap_s
+        return self.last_s + OVERDUE_PERIODS * max(self.every_s, gap_s) + OVERDUE_GRACE_S
+
+    def forget(self) -> None:
+        """Be as if it had never been answered."""
+        self.last_s, self.gap_s, self.is_overdue = None, None, False
 
 
 class Polling:
@@ -74,7 +81,7 @@ class Polling:
         polled = self._polled[key]
         if polled.last_s is not None:
             polled.gap_s = at_s - polled.last_s
-        polled.last_s = at_s
+        polled.last_s, polled.is_overdue = at_s, False
         self._soonest_overdue_s = min(self._soonest_overdue_s, polled.overdue_s())
 
     def note_refusal(self, key: str) -> tuple[str, ...]:
@@ -93,7 +100,7 @@ class Polling:
     def note_silence(self) -> None:
         """Take over that the starter is lost: nothing is overdue until it answers again."""
         for polled in self._polled.values():
-            polled.last_s, polled.gap_s = None, 0.0
+            polled.forget()
 
     def set_every(self, every_s: float) -> None:
         """Take over another period for the status and the electrical values."""
@@ -159,7 +166,7 @@ class Polling:
         codes: list[str] = []
         for polled in self._polled.values():
             if polled.overdue_s() <= now_s:
-                polled.last_s, polled.gap_s = None, 0.0
+                polled.is_overdue = True
                 codes += polled.block.codes
         self._soonest_overdue_s = min(
             (polled.overdue_s() for polled in self._polled.values()), default=math.inf
@@ -173,7 +180,7 @@ class Polling:
     @property
     def status_period_s(self) -> float:
         """Return the longest time that passes between two readings of the status, as far as it is known."""
-        periods = [max(p.every_s, p.gap_s) for p in self._polled.values() if p.block.group == "status"]
+        periods = [max(p.every_s, p.gap_s or 0.0) for p in self._polled.values() if p.block.group == "status"]
         return max(periods, default=self._setup.every_s)
 
     @property

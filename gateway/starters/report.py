@@ -12,9 +12,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from gateway.starters.snapshot import Reading
+from gateway.starters.waker import TICK_S
 
 SOONEST_S = 0.25
-LATEST_S = 30.0
+LATEST_S = 30.0 - TICK_S  # whoever is to wake up for it may do so a tick late
 TOGETHER = 0.1  # of that time: so much sooner readings go out that were sent long ago, with one that must
 
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Callable
 
 from gateway.clock import Clock
 
-SHORTEST_PAUSE_S = 0.001
+TICK_S = 0.25  # all starters' timers run out on ticks, so that the loop wakes up once for many of them
 
 
 class Waker:
-    """Calls back when it is time, or somewhat sooner: whoever is called looks again and asks anew."""
+    """Calls back when it is time, up to a tick later, or sooner: whoever is called looks again and asks anew."""
 
     def __init__(self, clock: Clock, call: Callable[[], None]) -> None:
         self._clock = clock
@@ -21,12 +22,12 @@ class Waker:
 
     def at(self, due_s: float) -> None:
         """Call at `due_s`; a timer that runs out before that is left as it is, since most are put off."""
-        if self._timer is not None and self._due_s <= due_s:
+        if due_s == math.inf or (self._timer is not None and self._due_s <= due_s):
             return
         self.cancel()
-        self._due_s = due_s
-        pause_s = max(due_s - self._clock.now_s(), SHORTEST_PAUSE_S)
-        self._timer = asyncio.get_running_loop().call_later(pause_s, self._run)
+        now_s = self._clock.now_s()
+        self._due_s = math.ceil(max(due_s, now_s) / TICK_S) * TICK_S
+        self._timer = asyncio.get_running_loop().call_later(self._due_s - now_s, self._run)
 
     def cancel(self) -> None:
         """Call no more."""

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from gateway.starters.records import Quality
-from gateway.starters.report import Report, is_news
+from gateway.starters.report import LATEST_S, Report, is_news
 from gateway.starters.snapshot import Reading, Value
 
 
@@ -78,9 +78,9 @@ def test_an_unchanged_value_is_published_after_thirty_seconds() -> None:
     report = Report({})
     sent(report, 1.0, 0.0)
 
-    assert report.take_due(29.9) == {}
-    assert report.next_due_s() == 30.0
-    assert report.take_due(30.0) == {"current": reading(1.0)}
+    assert report.take_due(LATEST_S - 0.1) == {}
+    assert report.next_due_s() == LATEST_S
+    assert report.take_due(LATEST_S) == {"current": reading(1.0)}
 
 
 def test_a_value_that_went_stale_while_it_waited_goes_out_as_stale() -> None:
@@ -131,8 +131,8 @@ def test_readings_that_were_sent_about_as_long_ago_go_out_together() -> None:
         report.offer({name: reading(1.0)}, now_s=at_s)
         report.take_due(at_s)
 
-    assert set(report.take_due(30.0)) == {"current", "power"}
-    assert report.next_due_s() == 34.0
+    assert set(report.take_due(LATEST_S)) == {"current", "power"}
+    assert report.next_due_s() == 4.0 + LATEST_S
 
 
 def test_the_same_reading_offered_again_changes_nothing() -> None:
@@ -143,7 +143,7 @@ def test_the_same_reading_offered_again_changes_nothing() -> None:
 
     report.offer(same, now_s=1.0)
 
-    assert report.next_due_s() == 30.0
+    assert report.next_due_s() == LATEST_S
 
 
 def test_a_reading_offered_before_the_first_was_taken_replaces_it() -> None:

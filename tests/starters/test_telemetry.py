@@ -233,6 +233,20 @@ async def test_a_slow_line_does_not_make_its_values_stale() -> None:
     assert {record.quality for record in rig.sink.values("running")} == {Quality.GOOD}
 
 
+@pytest.mark.parametrize("every_s", [0.0, 1.0])
+@virtually
+async def test_a_line_that_takes_long_for_each_round_makes_its_values_stale_at_most_once(every_s: float) -> None:
+    rig = await Rig(every_s=every_s).online()
+
+    for _ in range(10):
+        await asyncio.sleep(15.0)
+        rig.poll()
+
+    qualities = [record.quality for record in rig.sink.values("running")]
+    assert qualities.count(STALE) == 1
+    assert qualities[-1] is Quality.GOOD
+
+
 @virtually
 async def test_closing_leaves_no_timer_and_no_task_behind() -> None:
     rig = Rig()

@@ -18,7 +18,7 @@ class Books:
         self.told_late = 0  # values, in histories
         self.declared: list[dict[str, Any]] = []  # losses
         self._latest: dict[str, int] = {}  # seq of the latest new event, by boot
-        self._history: defaultdict[tuple[str, str], int] = defaultdict(int)  # seq, by topic and boot
+        self._history: defaultdict[tuple[str, str, str], int] = defaultdict(int)  # seq, by topic, boot, point
         self._live: set[tuple[str, str, int, str | None]] = set()  # starter, point, seq, time
         self._items: set[tuple[str, str, int]] = set()  # values told late: topic, boot, seq
 
@@ -44,16 +44,17 @@ class Books:
             self._live.add((starter, point, body["seq"], body["time"]))
 
     def history(self, topic: str, body: dict[str, Any]) -> None:
-        """Take a history: what is new in it is younger than all before of that starter and run."""
+        """Take a history: what is new in it is younger than all before of that point and run."""
         boot, starter = body["boot"], topic.split("/")[1]
         for item in body["items"]:
             key = (topic, boot, item["seq"])
             if key in self._items or (starter, item["point"], item["seq"], item["time"]) in self._live:
                 self.repeated += 1
                 continue
-            if item["seq"] < self._history[topic, boot]:
-                self.wrong.append(f"{topic}: {item['seq']} came after {self._history[topic, boot]}")
-            self._history[topic, boot] = item["seq"]
+            line = (topic, boot, item["point"])
+            if item["seq"] < self._history[line]:
+                self.wrong.append(f"{topic} {item['point']}: {item['seq']} came after {self._history[line]}")
+            self._history[line] = item["seq"]
             self._items.add(key)
             self.told_late += 1
 
