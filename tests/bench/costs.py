@@ -37,8 +37,8 @@ def cpu() -> Row:
     rows += [_cost(f"{master}, 1 x 8", measured(master, Spec(is_calm=True))) for master in OTHERS]
     note = (
         "A request's. Here the gateway reads SSW-07s whose motors run: 1 to 3 registers a request, so some 60"
-        "\nrequests a second, each decoded and published. More lines cost less each: caches stay warm. The judge"
-        "\nsleeps here: a neighbour in a busy loop takes some of the processor that two threads share."
+        "\nrequests a second, each decoded and published. More lines cost less each: caches stay warm."
+        "\nThe judge sleeps here: a neighbour in a busy loop takes some of the processor that two threads share."
     )
     head = ["master, lines x starters", "requests", "CPU ms", "MiB"]
     return Row(table("Cost of a transaction, 19200", head, rows, note=note), goals)

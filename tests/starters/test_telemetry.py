@@ -235,7 +235,7 @@ async def test_a_slow_line_does_not_make_its_values_stale() -> None:
 
 @pytest.mark.parametrize("every_s", [0.0, 1.0])
 @virtually
-async def test_a_line_that_takes_long_for_each_round_makes_its_values_stale_at_most_once(every_s: float) -> None:
+async def test_a_line_with_long_rounds_makes_its_values_stale_at_most_once(every_s: float) -> None:
     rig = await Rig(every_s=every_s).online()
 
     for _ in range(10):
