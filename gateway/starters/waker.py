@@ -12,7 +12,7 @@ TICK_S = 0.25  # all starters' timers run out on ticks, so that the loop wakes u
 
 
 class Waker:
-    """Calls back when it is time, up to a tick later, or sooner: whoever is called looks again and asks anew."""
+    """Calls back when it is time, up to a tick later, or sooner: whoever is called looks and asks anew."""
 
     def __init__(self, clock: Clock, call: Callable[[], None]) -> None:
         self._clock = clock

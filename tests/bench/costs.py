@@ -38,7 +38,7 @@ def cpu() -> Row:
     note = (
         "A request's. Here the gateway reads SSW-07s whose motors run: 1 to 3 registers a request, so some 60"
         "\nrequests a second, each decoded and published. More lines cost less each: caches stay warm."
-        "\nThe judge sleeps here: a neighbour in a busy loop takes some of the processor that two threads share."
+        "\nThe judge sleeps here: a neighbour in a busy loop slows down whoever shares its core."
     )
     head = ["master, lines x starters", "requests", "CPU ms", "MiB"]
     return Row(table("Cost of a transaction, 19200", head, rows, note=note), goals)
