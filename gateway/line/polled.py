@@ -9,7 +9,7 @@ from math import inf
 from gateway.line.agenda import NOWHERE
 from gateway.line.health import Sign, UnitState
 from gateway.line.job import Poll
-from gateway.line.outcome import Garbled, Outcome, Silent
+from gateway.line.outcome import Garbled, Outcome
 from gateway.line.roster import Entry, Unit
 from gateway.line.rota import Rota
 from gateway.line.silence import BACK_OFF_CEILING_S, back_off_s
@@ -179,22 +179,21 @@ class Polled:
         sign = unit.health.take(outcome, now_s)
         self.rota.is_after_silence = sign is Sign.MISS
         if sign is Sign.ANSWER:
-            unit.heard_s = now_s
+            unit.patient_until_s = now_s + PATIENCE_S
             self.watchdogs.heard(unit.number, since_s)
             self._release(unit, poll, now_s)
             if was_silent:
                 self._wake_neighbours(unit, now_s)
         else:
             self.watchdogs.tried(unit.number, now_s)
-            if unit.is_held and poll is not None and isinstance(outcome, Silent):
+            if unit.is_held and poll is not None and since_s >= unit.patient_until_s:
                 self.rota.budget.spend(now_s - since_s, now_s)
         if sign is Sign.MISS:
             if not was_suspect and not was_silent:
                 unit.missed_s = now_s
             unit.miss_cost_s = now_s - since_s
-            unit.is_garbled = isinstance(outcome, Garbled)
-            if unit.is_garbled:
-                unit.probes, unit.heard_s = 0, now_s
+            if isinstance(outcome, Garbled):
+                unit.probes, unit.patient_until_s = 0, now_s + PATIENCE_S
             self._miss(unit, now_s, is_probe=poll is not None or not was_silent)
         if unit.is_suspect is not was_suspect and not unit.is_held:
             for entry in unit.entries:
@@ -210,7 +209,7 @@ class Polled:
             pause_s = back_off_s(
                 unit.pace_s, unit.probes, jitter=self._jitter, chance=self._chance, ceiling_s=ceiling_s
             )
-            if now_s - unit.heard_s >= PATIENCE_S:
+            if now_s >= unit.patient_until_s:
                 unit.probes += 1
             self._hold(unit, now_s + pause_s)
 

@@ -45,8 +45,7 @@ class Unit:
     entries: list[Entry] = field(default_factory=list)
     is_held: bool = False
     probes: int = 0  # without an answer since it went silent
-    is_garbled: bool = False  # the latest miss was a spoilt reply: somebody is there, no back-off is due
-    heard_s: float = -inf  # the latest reply, spoilt or not
+    patient_until_s: float = -inf  # from the latest reply on, spoilt or not: until then it is no dead unit
     woken_s: float = -inf  # for a neighbour that answered
     missed_s: float = -inf  # the first miss of those in a row
     miss_cost_s: float = 0.0

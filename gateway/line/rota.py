@@ -100,7 +100,7 @@ class Rota:
         return min((self._affordable_s(entry) for entry in waiting if entry is not None), default=inf)
 
     def _affordable_s(self, entry: Entry) -> float:
-        if entry.unit.is_garbled:
+        if entry.release_s < entry.unit.patient_until_s:
             return entry.release_s
         from_s = self.budget.from_s(entry.unit.miss_cost_s, in_advance=entry.is_hastened)
         return max(entry.release_s, from_s)

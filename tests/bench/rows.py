@@ -138,7 +138,7 @@ def dead() -> Row:
     for master, numbers in (("line", (1, 2, 6)), ("pymodbus", (1,)), ("minimalmodbus", (1,))):
         for number in numbers:
             spec = Spec(dead=tuple(range(2, 2 + number)))
-            run = run_subject(master, spec, warm_s=4.0, seconds=8.0, response_s=0.02)
+            run = run_subject(master, spec, warm_s=8.0, seconds=20.0, response_s=0.02)
             found = account(run.seen, run.law)
             shares = [f"{found.efficiency:.4f}", f"{found.whole:.4f}", f"{found.silent_share:.2%}"]
             rows.append([f"{master}, {number} of 8 dead", *shares, str(found.too_soon)])

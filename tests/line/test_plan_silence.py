@@ -102,7 +102,7 @@ def test_the_dead_take_a_twentieth_of_a_full_line_at_most_however_many_they_are(
 def test_every_silent_unit_has_its_turn() -> None:
     plant = Plant(polls_of(50), set(range(1, 50)))
 
-    plant.run(300.0)
+    plant.run(350.0)
 
     late = {turn.unit for at_s, turn in plant.turns if at_s > 200.0}
     assert late == set(range(1, 51))
