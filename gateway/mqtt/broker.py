@@ -117,8 +117,8 @@ class BrokerConnection:
             return
         await self._wait_until(lambda: self._source.is_idle or session.lost.done(), within_s / 2)
         self._is_source_shut = True
-        await self._wait_until(lambda: session.has_room or session.lost.done(), within_s / 4)
-        if session.has_room:
+        await self._wait_until(lambda: _has_room(session) or session.lost.done(), within_s / 4)
+        if _has_room(session):
             session.publish(FAREWELL_TICKET, farewell)
             await self._wait_until(
                 lambda: self._farewell_code is not None or session.lost.done(), within_s / 4
@@ -184,7 +184,10 @@ class BrokerConnection:
         else:
             self._source.acked(ticket, reason_code)
         self._acknowledged.set()
-        self.wake()
+        session = self._session
+        # A message for each acknowledgement, one by one, would wake us and the broker for each.
+        if session is not None and session.in_flight <= session.window // 2:
+            self.wake()
 
     def _tell(self, trouble: str, *, is_connected: bool) -> None:
         if (is_connected, trouble) == self._link or self._closing.is_set():
@@ -219,3 +222,8 @@ class BrokerConnection:
                     await self._acknowledged.wait()
         except TimeoutError:
             return
+
+
+def _has_room(session: Session) -> bool:
+    """Return whether the broker takes one more message now."""
+    return session.in_flight < session.window

@@ -91,9 +91,9 @@ class Session:
         return bool(await self._answer(self._suback, "SUBACK") < 0x80)
 
     @property
-    def has_room(self) -> bool:
-        """Return whether the broker takes one more message now."""
-        return len(self._tickets) < self.window
+    def in_flight(self) -> int:
+        """Return how many messages the broker has not acknowledged yet."""
+        return len(self._tickets)
 
     def publish(self, ticket: int, message: Message) -> int | None:
         """Send a message; return a reason code when it cannot be sent at all, else `on_ack` tells its end."""

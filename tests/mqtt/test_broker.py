@@ -226,3 +226,25 @@ async def test_figures_go_out_without_waiting_for_an_acknowledgement() -> None:
         session = rig.connection._session
         assert session is not None
         assert len(session._tickets) == 1  # the status
+
+
+async def test_acknowledgements_are_answered_by_the_half_window_not_one_by_one() -> None:
+    async with FakeBroker(acknowledges=False) as broker, Rig(settings(broker.port, window=4)) as rig:
+        await rig.until_connected()
+        for seq in range(7):
+            rig.publisher.put(event(seq))
+        session = rig.connection._session
+        assert session is not None
+        in_flight = []
+        async with asyncio.timeout(10.0):
+            while session.in_flight < session.window:
+                await asyncio.sleep(0)
+            for _ in range(8):  # the gateway's status is one
+                before = session.in_flight
+                broker.acknowledge(await broker.publication())
+                while session.in_flight == before:
+                    await asyncio.sleep(0)
+                await asyncio.sleep(0)  # what goes out because of it is on its way
+                in_flight.append(session.in_flight)
+
+    assert in_flight == [3, 4, 3, 4, 3, 2, 1, 0]
