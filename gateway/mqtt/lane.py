@@ -19,6 +19,7 @@ from gateway.spool import Kind, Row, Share
 
 ROW_BYTES = 200  # what a row costs besides its topic and payload, roughly
 LOOKAHEAD = 1000  # entries among which a batch is gathered
+MOST_GONE = 100  # that may stand in a lane although nobody wants them any more
 LOWEST = -(2**62)
 
 
@@ -131,6 +132,8 @@ class Lane:
         else:
             self._gone += 1
             self.bytes -= entry.size
+            if self._gone > max(MOST_GONE, len(self)):
+                self._sweep()
 
     def thin(self) -> None:
         """Let go of what is written, beyond the window."""
@@ -195,6 +198,12 @@ class Lane:
         self.sunk = _less(self.sunk, rows, self.sunk.bytes * rows // max(self.sunk.rows, 1))
         self._join()
         return rows
+
+    def _sweep(self) -> None:
+        """Let go of what is gone: nobody may ever come to take what stands before it."""
+        self._head = deque(entry for entry in self._head if not entry.is_gone)
+        self._tail = deque(entry for entry in self._tail if not entry.is_gone)
+        self._gone = 0
 
     def _sink(self, entry: Entry) -> None:
         if entry.is_gone:

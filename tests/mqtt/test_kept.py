@@ -5,7 +5,7 @@ from __future__ import annotations
 from gateway.mqtt.kept import Kept
 from gateway.mqtt.lane import LOWEST, Entry, Lane, State, row_of
 from gateway.spool import Changes, Kind, Page, Recalled, Row, Share
-from tests.mqtt.outboxes import event, result
+from tests.mqtt.outboxes import event, result, value
 
 NEVER = 0  # late up to here: nothing
 
@@ -153,3 +153,16 @@ def test_what_came_from_the_disk_and_is_on_its_way_is_no_reason_to_drop_what_is_
     box.put(Kind.EVENT, event("new"), 0.0)
 
     assert take(box).message.payload == b"new"
+
+
+def test_values_that_were_told_live_after_all_do_not_stay_in_memory() -> None:
+    box = kept()
+    held = [box.put(Kind.VALUE, value(number), 0.0, is_held=True) for number in range(1000)]
+    lane = held[0].lane
+    for entry in held[1:]:
+        box.cancel(entry)
+
+    assert len(lane) == 1
+    assert len(lane._head) + len(lane._tail) < 200
+    box.release(held[0])
+    assert box.take_history(10) == [held[0]]
