@@ -33,6 +33,7 @@ class PreciseSelector(selectors.SelectSelector):
         self._note_delay = note_delay
         self._read_only: dict[int, selectors.SelectorKey] = {}
         self._others = 0  # files of which more than their reading is watched
+        self._first: dict[int, Callable[[], None]] = {}  # by descriptor: what is done before all else
         self._looked_s = -math.inf  # when files were looked at last
         self._returned_s = math.inf
 
@@ -48,9 +49,14 @@ class PreciseSelector(selectors.SelectSelector):
             self._others += 1
         return key
 
+    def do_first(self, number: int, call: Callable[[], None]) -> None:
+        """Have something done the moment a watched descriptor can be read, before the loop hears of it."""
+        self._first[number] = call
+
     def unregister(self, fileobj: Any) -> selectors.SelectorKey:
         """Watch a file no more."""
         key = super().unregister(fileobj)
+        self._first.pop(key.fd, None)
         if self._read_only.pop(key.fd, None) is None:
             self._others -= 1
         return key
@@ -78,10 +84,27 @@ class PreciseSelector(selectors.SelectSelector):
             return super().select(timeout)
         waits_s = None if timeout is None else max(timeout, 0.0)
         readable, _, _ = select.select(self._read_only, (), (), waits_s)
-        return [(self._read_only[number], selectors.EVENT_READ) for number in readable]
+        ready = [(self._read_only[number], selectors.EVENT_READ) for number in readable]
+        for number in readable:
+            if number in self._first:
+                self._first[number]()
+        return ready
 
 
-def new_precise_loop(note_delay: NoteDelay | None = None) -> asyncio.AbstractEventLoop:
+class PreciseLoop(asyncio.SelectorEventLoop):
+    """A loop on a PreciseSelector."""
+
+    def __init__(self, note_delay: NoteDelay | None = None) -> None:
+        self._precise = PreciseSelector(note_delay)
+        super().__init__(self._precise)
+
+    def add_quick_reader(self, number: int, take: Callable[[], None], tell: Callable[[], None]) -> None:
+        """Call `take` the moment a descriptor can be read, and `tell` in the loop's turn after that."""
+        self.add_reader(number, tell)
+        self._precise.do_first(number, take)
+
+
+def new_precise_loop(note_delay: NoteDelay | None = None) -> PreciseLoop:
     """Return an event loop with exact timers for the calling thread.
 
     `note_delay` is told after each wait how long what ran before it took, or how late it ended.
@@ -89,4 +112,4 @@ def new_precise_loop(note_delay: NoteDelay | None = None) -> asyncio.AbstractEve
     # Without this, waits end 50 us later, and ports learn to allow for that.
     with contextlib.suppress(AttributeError, OSError):
         ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, _SHORTEST_SLACK_NS, 0, 0, 0)
-    return asyncio.SelectorEventLoop(PreciseSelector(note_delay))
+    return PreciseLoop(note_delay)

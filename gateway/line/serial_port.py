@@ -20,8 +20,9 @@ import serial
 import serial_asyncio
 
 from gateway.errors import PortError
-from gateway.line.open_port import OpenPort, SocketPort, TtyPort
+from gateway.line.open_port import OpenPort, SocketPort
 from gateway.line.port import Port
+from gateway.line.tty_port import TtyPort
 from gateway.modbus.timing import Framing, LineTiming
 
 OPEN_LIMIT_S = 5.0  # for the driver to open a tty, or the other side to accept a connection

@@ -10,7 +10,13 @@ from typing import Any
 import pytest
 
 from gateway.line import precise_selector
-from gateway.line.precise_selector import DESCRIPTOR_LIMIT, LOOK_EVERY_S, PreciseSelector, new_precise_loop
+from gateway.line.precise_selector import (
+    DESCRIPTOR_LIMIT,
+    LOOK_EVERY_S,
+    PreciseLoop,
+    PreciseSelector,
+    new_precise_loop,
+)
 
 READ, WRITE = 1, 2
 
@@ -127,3 +133,33 @@ def test_a_file_whose_writing_is_watched_too_is_reported_for_both(selector: Prec
         assert [(key.data, events) for key, events in selector.select(1.0)] == [("reading", READ)]
         selector.unregister(one)
         assert selector.select(0.001) == []
+
+
+def test_what_is_to_be_done_first_is_done_before_the_loop_hears_of_a_file(pipe: tuple[int, int]) -> None:
+    done: list[str] = []
+
+    async def read_once() -> None:
+        loop = asyncio.get_running_loop()
+        assert isinstance(loop, PreciseLoop)
+        told = asyncio.Event()
+
+        def take() -> None:
+            done.append(f"taken {os.read(pipe[0], 1)!r}")
+
+        def tell() -> None:
+            done.append("told")
+            loop.remove_reader(pipe[0])
+            told.set()
+
+        loop.add_quick_reader(pipe[0], take, tell)
+        os.write(pipe[1], b"x")
+        loop.call_soon(lambda: done.append("what was to be done anyway"))
+        await told.wait()
+        os.write(pipe[1], b"y")
+        await asyncio.sleep(2 * LOOK_EVERY_S)
+
+    with asyncio.Runner(loop_factory=new_precise_loop) as runner:
+        runner.run(read_once())
+
+    assert sorted(done) == ["taken b'x'", "told", "what was to be done anyway"]
+    assert done.index("taken b'x'") < done.index("told")
