@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import random
-from collections.abc import Iterable
 
 import pytest
 
@@ -13,11 +11,10 @@ from gateway.line.learnt import ENOUGH
 from gateway.line.outcome import TOO_LATE, Answered, Outcome, Silent
 from gateway.line.plan import JOBS_IN_ROW
 from gateway.line.prepared import Preparations
-from gateway.line.suspicion import ADDRESS_CONFLICT, BABBLING
 from gateway.modbus import adu
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteRegister
-from tests.line.fakes import DELAY_S, RESPONSE_TIME_S, TIMING, Rig, Said, Units, poll, reply_pdu
+from tests.line.fakes import DELAY_S, RESPONSE_TIME_S, TIMING, Rig, Units, poll
 from tests.virtual_time import run_virtually
 
 WRITE = WriteRegister(5003, 1)
@@ -207,57 +204,6 @@ def test_response_times_are_told_by_function() -> None:
     unit = rig.scheduler.figures()["units"][1]
     assert unit["functions"][3] == pytest.approx({"p50": DELAY_S, "p99": DELAY_S, "p999": DELAY_S})
     assert set(unit["functions"]) == {3, 6}
-
-
-class Twins:
-    """Two starters with one address, the second a little slower and of another opinion."""
-
-    def __init__(self, gap_s: float, *, merged: bool = False) -> None:
-        self.gap_s = gap_s
-        self.merged = merged
-
-    def __call__(self, frame: bytes) -> Iterable[Said]:
-        unit, pdu = adu.decode(frame)
-        first = adu.encode(unit, reply_pdu(pdu))
-        if unit != 1:
-            return (Said(first),)
-        if self.merged:
-            return (Said(bytes(byte | 0x81 for byte in first)),)
-        second = adu.encode(unit, READ.encode_reply((7,) * 10))
-        return Said(first), Said(second, DELAY_S + TIMING.wire_s(len(first)) + self.gap_s)
-
-
-@pytest.mark.parametrize("twins", [Twins(0.0), Twins(0.0015), Twins(0.02), Twins(0.0, merged=True)], ids=str)
-def test_two_starters_with_one_address_are_named_once_with_the_frames_that_show_it(twins: Twins) -> None:
-    polls = [poll(str(unit), unit, 0.0) for unit in (1, 2, 3, 4)]
-    rig = Rig(twins, polls)
-
-    async def scenario() -> None:
-        async with rig:
-            await asyncio.sleep(60.0)
-
-    run_virtually(scenario())
-
-    assert [trouble[:2] for trouble in rig.listener.troubles] == [(ADDRESS_CONFLICT, 1)]
-    _, _, text, frames = rig.listener.troubles[0]
-    assert "address 1" in text
-    assert any("<< 01" in frame or "<< 81" in frame or "?? 01" in frame for frame in frames)
-
-
-def test_a_starter_that_talks_unasked_is_named() -> None:
-    rig = Rig(Units({1, 2}), [poll(str(unit), unit, 0.0) for unit in (1, 2)])
-    chance = random.Random(1)
-    spoken = adu.encode(9, READ.encode_reply((7,) * 10))
-
-    async def scenario() -> None:
-        async with rig:
-            for _ in range(60):
-                await asyncio.sleep(chance.uniform(0.2, 0.8))
-                rig.port.say(Said(spoken, 0.0))
-
-    run_virtually(scenario())
-
-    assert [trouble[:2] for trouble in rig.listener.troubles] == [(BABBLING, 9)]
 
 
 def test_every_frame_is_handed_on_while_somebody_captures() -> None:

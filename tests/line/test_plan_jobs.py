@@ -1,0 +1,217 @@
+"""Jobs and repetitions among the polls."""
+
+from __future__ import annotations
+
+from math import inf
+
+from gateway.line.health import UnitState
+from gateway.line.job import Lane
+from gateway.line.outcome import Garbled
+from gateway.line.plan import JOBS_IN_ROW, Verdict
+from tests.line.fakes import poll
+from tests.line.planned import GARBLED, READ, WRITE, begun, job, key_of, take
+
+
+def test_jobs_come_before_polls_and_lanes_in_their_order() -> None:
+    plan = begun(poll("a", every_s=0.0))
+    take(plan, 0.0)
+    jobs = {lane: job(lane) for lane in (Lane.PARAMETERS, Lane.READ_BACK, Lane.STOP, Lane.COMMAND)}
+    for waiting in jobs.values():
+        plan.submit(waiting, 0.0)
+
+    assert plan.next_due_s() == -inf
+    turns = [take(plan, 0.0) for _ in range(5)]
+
+    assert [turn.job for turn in turns if turn] == [jobs[lane] for lane in sorted(Lane)] + [None]
+
+
+def test_every_units_first_poll_waits_for_stops_and_commands_only() -> None:
+    plan = begun(poll("a"), poll("b", unit=2), poll("c"))
+    jobs = {lane: job(lane) for lane in Lane}
+    for waiting in jobs.values():
+        plan.submit(waiting, 0.0)
+
+    turns = [take(plan, 0.0) for _ in range(7)]
+
+    assert [key_of(turn) or (turn and turn.job) for turn in turns] == [
+        *(jobs[Lane.STOP], jobs[Lane.COMMAND], "a", "b"),
+        *(jobs[Lane.READ_BACK], jobs[Lane.PARAMETERS], "c"),
+    ]
+
+
+def test_an_overdue_poll_waits_for_a_few_jobs_only() -> None:
+    plan = begun(poll("a", every_s=0.0))
+    for _ in range(10):
+        plan.submit(job(), 0.0)
+
+    keys = [key_of(take(plan, 0.0)) for _ in range(12)]
+
+    assert [at for at, key in enumerate(keys) if key == "a"] == [JOBS_IN_ROW, 2 * JOBS_IN_ROW + 1]
+
+
+def test_jobs_go_on_while_no_poll_is_due() -> None:
+    plan = begun(poll("a", every_s=10.0))
+    take(plan, 0.0)
+    for _ in range(2 * JOBS_IN_ROW):
+        plan.submit(job(), 0.0)
+
+    assert all(take(plan, 1.0) for _ in range(2 * JOBS_IN_ROW))
+
+
+def test_a_stop_overtakes_an_overdue_poll_however_many_jobs_there_were() -> None:
+    plan = begun(poll("a", every_s=0.0))
+    for _ in range(10):
+        plan.submit(job(Lane.STOP), 0.0)
+
+    turns = [take(plan, 0.0) for _ in range(11)]
+
+    assert [turn is not None and turn.job is not None for turn in turns] == [True] * 10 + [False]
+
+
+def test_a_waiting_job_can_be_withdrawn_and_one_under_way_cannot() -> None:
+    plan = begun()
+    first, second = job(), job()
+    plan.submit(first, 0.0)
+    plan.submit(second, 0.0)
+
+    assert plan.withdraw(second)
+    assert not plan.withdraw(second)
+    plan.pick(0.0)
+    assert not plan.withdraw(first)
+    assert plan.pick(0.0) is None
+
+
+def test_all_waiting_jobs_can_be_taken_out() -> None:
+    plan = begun()
+    jobs = [job(Lane.READ_BACK), job(Lane.STOP)]
+    for waiting in jobs:
+        plan.submit(waiting, 0.0)
+
+    assert plan.take_jobs() == (jobs[1], jobs[0])
+    assert plan.take_jobs() == ()
+
+
+def test_a_garbled_poll_is_repeated_once_at_once_and_counts_when_it_was_no_use() -> None:
+    plan = begun(poll("a"), poll("b"))
+    first = plan.pick(0.0)
+    assert first is not None
+    assert plan.record(first, GARBLED, 0.1) == Verdict(is_final=False)
+    assert plan.state_of(1) is UnitState.NEW
+
+    second = plan.pick(0.1)
+
+    assert second is not None
+    assert key_of(second) == "a"
+    assert second.is_repetition
+    assert plan.record(second, GARBLED, 0.2) == Verdict(is_final=True)
+    assert plan.state_of(1) is UnitState.SUSPECT
+    third = plan.pick(0.2)
+    assert third is not None
+    assert (key_of(third), third.is_repetition) == ("b", False)
+
+
+def test_a_garbled_read_job_is_repeated_before_the_others_of_its_lane() -> None:
+    plan = begun()
+    read, other = job(Lane.READ_BACK, request=READ), job(Lane.READ_BACK, request=READ)
+    plan.submit(read, 0.0)
+    plan.submit(other, 0.0)
+
+    first = plan.pick(0.0)
+    assert first is not None
+    assert not plan.record(first, GARBLED, 0.0).is_final
+    again = plan.pick(0.0)
+
+    assert again is not None
+    assert again.job is read
+    assert plan.record(again, GARBLED, 0.0).is_final
+
+
+def test_a_garbled_write_is_never_repeated() -> None:
+    plan = begun()
+    plan.submit(job(request=WRITE), 0.0)
+
+    turn = plan.pick(0.0)
+
+    assert turn is not None
+    assert plan.record(turn, GARBLED, 0.0).is_final
+    assert plan.pick(0.0) is None
+
+
+def test_what_was_not_sent_for_noise_is_not_repeated_at_once() -> None:
+    plan = begun(poll("a", every_s=1.0))
+
+    turn = plan.pick(0.0)
+
+    assert turn is not None
+    assert plan.record(turn, Garbled("noise", b"", is_sent=False), 0.0).is_final
+    assert plan.pick(0.0) is None
+
+
+def test_a_poll_that_is_put_back_lets_others_pass_and_a_job_stays_the_first() -> None:
+    plan = begun(poll("a"), poll("b"))
+    first, second = job(), job()
+    turn = plan.pick(0.0)
+    assert turn is not None
+    plan.put_back(turn, 0.5)
+    plan.submit(first, 0.0)
+    plan.submit(second, 0.0)
+
+    taken_back = plan.pick(0.0)
+    assert taken_back is not None
+    plan.put_back(taken_back, 0.5)
+
+    turns = [take(plan, at_s) for at_s in (0.0, 0.0, 0.1, 0.1, 0.5)]
+    assert [turn.job for turn in turns[:2] if turn] == [first, second]
+    assert [key_of(turn) for turn in turns[2:]] == ["b", None, "a"]
+
+
+def test_a_removed_poll_that_is_put_back_stays_removed() -> None:
+    plan = begun(poll("a"))
+    turn = plan.pick(0.0)
+    assert turn is not None
+
+    plan.remove_poll("a")
+    plan.put_back(turn, 0.5)
+
+    assert plan.next_due_s() == inf
+
+
+def test_a_poll_that_is_removed_before_its_repetition_is_not_repeated() -> None:
+    plan = begun(poll("a"), poll("b"))
+    turn = plan.pick(0.0)
+    assert turn is not None
+    plan.record(turn, GARBLED, 0.1)
+
+    plan.remove_poll("a")
+
+    assert key_of(take(plan, 0.1)) == "b"
+
+
+def test_a_repetition_that_is_put_back_at_once_is_still_the_next() -> None:
+    plan = begun(poll("a"), poll("b"))
+    turn = plan.pick(0.0)
+    assert turn is not None
+    plan.record(turn, GARBLED, 0.1)
+    again = plan.pick(0.1)
+    assert again is not None
+
+    plan.put_back(again, 0.1)
+
+    third = plan.pick(0.1)
+    assert third is not None
+    assert (key_of(third), third.is_repetition) == ("a", True)
+
+
+def test_what_was_hastened_keeps_its_hurry_when_it_is_put_back() -> None:
+    plan = begun(poll("a", every_s=10.0), poll("b", every_s=10.0))
+    take(plan, 0.0)
+    take(plan, 0.0)
+    plan.hasten("b", 3.0)
+    plan.hasten("b", 3.0)  # does no more than once
+    turn = plan.pick(3.0)
+    assert turn is not None
+    plan.put_back(turn, 3.0)
+    plan.hasten("a", 3.0)
+
+    assert {key_of(take(plan, 3.0)), key_of(take(plan, 3.0))} == {"a", "b"}
+    assert plan.pick(3.0) is None
