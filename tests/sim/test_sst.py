@@ -6,51 +6,10 @@ from typing import Any
 
 import pytest
 
-from gateway.modbus.reads import ReadCoils, ReadInputRegisters
-from gateway.modbus.writes import WriteCoil, WriteRegister, WriteRegisters
-from gateway.sim.factory import make_unit
+from gateway.modbus.writes import WriteRegister, WriteRegisters
 from gateway.sim.power import MotorState
-from gateway.sim.sst import Sst
 from gateway.sim.unit import Trip
-from tests.sim.wire import Talk
-
-
-def coil(number: int, *, is_on: bool = True) -> WriteCoil:
-    return WriteCoil(number - 1, is_on)
-
-
-START, STOP = coil(1), coil(1, is_on=False)
-
-
-def make(**options: Any) -> tuple[Talk, Sst]:
-    unit = make_unit("sst", 1, **options)
-    assert isinstance(unit, Sst)
-    return Talk(unit), unit
-
-
-def running(**options: Any) -> tuple[Talk, Sst]:
-    talk, unit = make(**options)
-    talk.ask(START)
-    talk.wait(10.0)
-    assert unit.motor.is_at_full_voltage
-    return talk, unit
-
-
-def ones(talk: Talk) -> set[int]:
-    """Return the numbers of the coils that are 1."""
-    return {number for number, is_set in enumerate(talk.ask(ReadCoils(0, 26)), 1) if is_set}
-
-
-def register(talk: Talk, number: int) -> int:
-    return int(talk.ask(ReadInputRegisters(number, 1))[0])
-
-
-def initialise(talk: Talk, changes: dict[int, int] | None = None) -> None:
-    talk.ask(coil(2))
-    for number, value in (changes or {}).items():
-        talk.ask(WriteRegister(number, value))
-    talk.ask(coil(2, is_on=False))
-    talk.wait(1.0)
+from tests.sim.sst_rig import START, STOP, coil, initialise, make, ones, register, running
 
 
 def test_st_07_a_starter_that_is_not_initialised_is_so_by_coil_2() -> None:

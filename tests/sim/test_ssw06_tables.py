@@ -9,33 +9,10 @@ import pytest
 from gateway.modbus.identify import ReadDeviceIdentification
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters
 from gateway.modbus.writes import MaskWriteRegister, WriteRegister, WriteRegisters
-from gateway.sim.factory import make_unit
 from gateway.sim.power import MotorState
-from gateway.sim.ssw06 import Ssw06
 from gateway.sim.supervised import OUTPUT_BY_SERIAL
 from gateway.sim.unit import Trip
-from tests.sim.wire import Talk
-
-VB03 = 5003
-START = WriteRegister(VB03, 0x0101)
-STATUS = ReadHoldingRegisters(5001, 1)
-
-
-def make(**options: Any) -> tuple[Talk, Ssw06]:
-    unit = make_unit("ssw06", 1, **options)
-    assert isinstance(unit, Ssw06)
-    return Talk(unit), unit
-
-
-def running(**options: Any) -> tuple[Talk, Ssw06]:
-    talk, unit = make(**options)
-    talk.ask(START)
-    talk.wait(10.0)
-    return talk, unit
-
-
-def status(talk: Talk) -> int:
-    return int(talk.ask(STATUS)[0])
+from tests.sim.ssw06_rig import STATUS, VB03, make, running, status
 
 
 def test_s6_12_relays_follow_vb08_only_where_set_to_serial() -> None:

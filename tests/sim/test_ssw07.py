@@ -2,39 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters
 from gateway.modbus.writes import WriteCoil, WriteCoils, WriteRegister
-from gateway.sim.factory import make_unit
 from gateway.sim.power import MotorState
-from gateway.sim.ssw07 import Ssw07
 from gateway.sim.unit import Trip
-from tests.sim.wire import Talk
-
-START = WriteCoil(100, is_on=True)
-STOP = WriteCoil(100, is_on=False)
-RESET = WriteCoil(107, is_on=True)
-STATUS = ReadHoldingRegisters(5001, 1)
-
-
-def make(**options: Any) -> tuple[Talk, Ssw07]:
-    unit = make_unit("ssw07", 1, **options)
-    assert isinstance(unit, Ssw07)
-    return Talk(unit), unit
-
-
-def running(**options: Any) -> tuple[Talk, Ssw07]:
-    talk, unit = make(**options)
-    talk.ask(START)
-    talk.wait(10.0)
-    return talk, unit
-
-
-def status(talk: Talk) -> int:
-    return int(talk.ask(STATUS)[0])
+from tests.sim.ssw07_rig import RESET, START, STOP, make, running, status
 
 
 def test_a_start_by_coil_works_as_delivered() -> None:

@@ -2,38 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegister
-from gateway.sim.factory import make_unit
 from gateway.sim.power import MotorState
-from gateway.sim.ssw07 import Ssw07
-from tests.sim.wire import Talk
-
-START = WriteCoil(100, is_on=True)
-STOP = WriteCoil(100, is_on=False)
-RESET = WriteCoil(107, is_on=True)
-STATUS = ReadHoldingRegisters(5001, 1)
-
-
-def make(**options: Any) -> tuple[Talk, Ssw07]:
-    unit = make_unit("ssw07", 1, **options)
-    assert isinstance(unit, Ssw07)
-    return Talk(unit), unit
-
-
-def running(**options: Any) -> tuple[Talk, Ssw07]:
-    talk, unit = make(**options)
-    talk.ask(START)
-    talk.wait(10.0)
-    return talk, unit
-
-
-def status(talk: Talk) -> int:
-    return int(talk.ask(STATUS)[0])
+from tests.sim.ssw07_rig import RESET, START, STATUS, STOP, make, running, status
 
 
 def test_with_the_option_running_stays_on_during_the_ramp_down() -> None:

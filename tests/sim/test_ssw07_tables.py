@@ -10,32 +10,10 @@ from gateway.modbus.identify import ReadDeviceIdentification
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil, WriteRegister, WriteRegisters
-from gateway.sim.factory import make_unit
 from gateway.sim.power import MotorState
-from gateway.sim.ssw07 import Ssw07
 from gateway.sim.supervised import OUTPUT_BY_SERIAL
 from gateway.sim.unit import Trip
-from tests.sim.wire import Talk
-
-START = WriteCoil(100, is_on=True)
-STATUS = ReadHoldingRegisters(5001, 1)
-
-
-def make(**options: Any) -> tuple[Talk, Ssw07]:
-    unit = make_unit("ssw07", 1, **options)
-    assert isinstance(unit, Ssw07)
-    return Talk(unit), unit
-
-
-def running(**options: Any) -> tuple[Talk, Ssw07]:
-    talk, unit = make(**options)
-    talk.ask(START)
-    talk.wait(10.0)
-    return talk, unit
-
-
-def status(talk: Talk) -> int:
-    return int(talk.ask(STATUS)[0])
+from tests.sim.ssw07_rig import STATUS, make, running, status
 
 
 def test_s7_08_relays_follow_vb08_only_where_their_function_is_serial() -> None:

@@ -2,39 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import MaskWriteRegister, WriteRegister
-from gateway.sim.factory import make_unit
 from gateway.sim.power import MotorState
-from gateway.sim.ssw900 import Ssw900
-from tests.sim.wire import Talk
+from tests.sim.ssw900_rig import START, WORD, make, read, running, status
 
-WORD = 685
-START = WriteRegister(WORD, 0x0013)
 STOP = WriteRegister(WORD, 0x0012)
-
-
-def make(**options: Any) -> tuple[Talk, Ssw900]:
-    unit = make_unit("ssw900", 1, **options)
-    assert isinstance(unit, Ssw900)
-    return Talk(unit), unit
-
-
-def running(**options: Any) -> tuple[Talk, Ssw900]:
-    talk, unit = make(**options)
-    talk.ask(START)
-    talk.wait(10.0)
-    return talk, unit
-
-
-def read(talk: Talk, register: int) -> int:
-    return int(talk.ask(ReadHoldingRegisters(register, 1))[0])
-
-
-def status(talk: Talk) -> int:
-    return read(talk, 680)
 
 
 def test_as_delivered_the_word_is_0012h_and_the_slot_commands_in_remote() -> None:

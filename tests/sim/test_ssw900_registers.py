@@ -14,18 +14,9 @@ from gateway.modbus.writes import (
     WriteRegister,
     WriteRegisters,
 )
-from gateway.sim.factory import make_unit
-from gateway.sim.ssw900 import Ssw900
-from tests.sim.wire import Talk
+from tests.sim.ssw900_rig import START, make
 
-START = WriteRegister(685, 0x0013)
 USER_1 = 1110  # C11.3.1, signed, 32 bits
-
-
-def make(**options: Any) -> tuple[Talk, Ssw900]:
-    unit = make_unit("ssw900", 1, **options)
-    assert isinstance(unit, Ssw900)
-    return Talk(unit), unit
 
 
 @pytest.mark.parametrize(
