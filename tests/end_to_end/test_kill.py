@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import random
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -13,27 +11,13 @@ import pytest
 from gateway.database import Database
 from gateway.durable.ledger_table import LedgerTable
 from tests.conftest import StartMosquitto
+from tests.end_to_end.killed_writer import write_until_killed
 from tests.end_to_end.site import Program, Scada, site_config, write_config
 
 pytestmark = [pytest.mark.end_to_end]
 
 KILLS = 20
 LONGEST_S = 0.15
-
-
-def write_until_killed(path: Path, run: str, after_s: float) -> list[str]:
-    """Let a writer write for a while, kill it, and return what it had acknowledged."""
-    command = [sys.executable, "-m", "tests.end_to_end.ledger_writer", str(path), run]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as writer:
-        assert writer.stdout is not None
-        told = [writer.stdout.readline().strip()]  # it has begun
-        try:
-            writer.wait(after_s)
-        except subprocess.TimeoutExpired:
-            writer.kill()
-        told += writer.stdout.read().splitlines()
-    assert writer.returncode == -signal.SIGKILL
-    return told
 
 
 def rows_of(path: Path) -> list[str]:
@@ -51,7 +35,7 @@ def test_no_acknowledged_row_is_lost_when_the_process_is_killed(tmp_path: Path) 
     path = tmp_path / "x.sqlite"
     acknowledged: list[str] = []
     for kill in range(KILLS):
-        acknowledged += write_until_killed(path, f"run{kill}", dice.uniform(0.0, LONGEST_S))
+        acknowledged += write_until_killed("ledger_writer", path, f"run{kill}", dice.uniform(0.0, LONGEST_S))
 
         kept = rows_of(path)
 

@@ -6,8 +6,6 @@ import asyncio
 import json
 import random
 import signal
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +16,7 @@ from gateway.durable.outbox_disk import FILE
 from gateway.durable.outbox_table import HIGHEST, OutboxTable
 from gateway.spool import Kind
 from tests.conftest import StartMosquitto
+from tests.end_to_end.killed_writer import write_until_killed
 from tests.end_to_end.site import Program, Scada, site_config, write_config
 
 pytestmark = [pytest.mark.end_to_end]
@@ -25,21 +24,6 @@ pytestmark = [pytest.mark.end_to_end]
 KILLS = 12
 LONGEST_S = 0.15
 OUTAGE_S = 3.0
-
-
-def write_until_killed(folder: Path, run: str, after_s: float) -> list[str]:
-    """Let a writer write for a while, kill it, and return what it said was kept."""
-    command = [sys.executable, "-m", "tests.end_to_end.outbox_writer", str(folder), run]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as writer:
-        assert writer.stdout is not None
-        told = [writer.stdout.readline().strip()]  # it has begun
-        try:
-            writer.wait(after_s)
-        except subprocess.TimeoutExpired:
-            writer.kill()
-        told += writer.stdout.read().splitlines()
-    assert writer.returncode == -signal.SIGKILL
-    return told
 
 
 def texts_of(folder: Path) -> list[str]:
@@ -62,7 +46,7 @@ def test_no_row_that_was_kept_is_lost_when_the_process_is_killed(tmp_path: Path)
     dice = random.Random(21)
     kept: list[str] = []
     for kill in range(KILLS):
-        kept += write_until_killed(tmp_path, f"run{kill}", dice.uniform(0.0, LONGEST_S))
+        kept += write_until_killed("outbox_writer", tmp_path, f"run{kill}", dice.uniform(0.0, LONGEST_S))
 
         found = texts_of(tmp_path)
 

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 import random
-import time
 from dataclasses import dataclass
 
 from gateway.starters.records import Phase
 from tests.torture.noise import REST_S, RUN_S, STARTED
 from tests.torture.scenario import Row
-from tests.torture.virtual_line import VirtualLine, virtual_line
-from tests.virtual_time import EPOCH_S, run_virtually
+from tests.torture.virtual_line import VirtualLine, virtual_line, virtual_row
+from tests.virtual_time import EPOCH_S
 
 STEPS_S = (-3600.0, -2.0, -0.01, 0.01, 2.0, 3600.0, 10 * 366 * 86_400.0)
 VALUES_WITHIN_S = RUN_S  # while a motor starts there is always news
@@ -29,15 +27,7 @@ class ClockScenario:
 
     def row(self, count: int, seed: int) -> Row:
         """Let the clock step so many times and judge."""
-        row = Row(self.name, f"{count} times")
-        began_s = time.monotonic()
-        logging.disable(logging.CRITICAL)
-        try:
-            run_virtually(self._run(row, count, seed))
-        finally:
-            logging.disable(logging.NOTSET)
-        row.took_s = time.monotonic() - began_s
-        return row
+        return virtual_row(self.name, f"{count} times", lambda row: self._run(row, count, seed))
 
     async def _run(self, row: Row, count: int, seed: int) -> None:
         dice = random.Random(seed)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import logging
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -15,8 +13,7 @@ from gateway.sim.supervised import P_TIMEOUT
 from gateway.starters.records import Phase
 from tests.torture.scenario import Row
 from tests.torture.truth import Truth
-from tests.torture.virtual_line import VirtualLine, virtual_line
-from tests.virtual_time import run_virtually
+from tests.torture.virtual_line import VirtualLine, virtual_line, virtual_row
 
 RUN_S, REST_S = 15.0, 165.0  # more starts would trip the overload
 UNDETECTED = 20_000  # one of so many spoilt frames passes a CRC-16 (1 in 51,000 of those with 1-6 wrong bits)
@@ -37,15 +34,7 @@ class NoiseScenario:
 
     def row(self, count: int, seed: int) -> Row:
         """Run so many transactions and judge."""
-        row = Row(self.name, f"{count} frames")
-        began_s = time.monotonic()
-        logging.disable(logging.CRITICAL)
-        try:
-            run_virtually(self._run(row, count, seed))
-        finally:
-            logging.disable(logging.NOTSET)
-        row.took_s = time.monotonic() - began_s
-        return row
+        return virtual_row(self.name, f"{count} frames", lambda row: self._run(row, count, seed))
 
     async def _run(self, row: Row, count: int, seed: int) -> None:
         async with virtual_line(seed) as line:

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import gc
-import logging
 import random
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
 from gateway.sim.impair import Babbling, CutShort, Doubled, Impairment, Late, Noisy, Silent
 from tests.torture.noise import STARTED
 from tests.torture.scenario import Row
-from tests.torture.virtual_line import VirtualLine, virtual_line
-from tests.virtual_time import run_virtually
+from tests.torture.virtual_line import VirtualLine, virtual_line, virtual_row
 
 EVERY_S = 10.0  # the starters' period; a day then takes some minutes
 HOUR_S = 3600.0
@@ -38,15 +35,7 @@ class SoakScenario:
 
     def row(self, count: int, seed: int) -> Row:
         """Let so many hours pass and judge."""
-        row = Row(self.name, f"{count} h")
-        began_s = time.monotonic()
-        logging.disable(logging.CRITICAL)
-        try:
-            run_virtually(self._run(row, count, seed))
-        finally:
-            logging.disable(logging.NOTSET)
-        row.took_s = time.monotonic() - began_s
-        return row
+        return virtual_row(self.name, f"{count} h", lambda row: self._run(row, count, seed))
 
     async def _run(self, row: Row, count: int, seed: int) -> None:
         dice = random.Random(seed)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import math
+import time
 from collections import Counter
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable, Coroutine
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
+from typing import Any
 
 from gateway.families.load import FAMILIES, load_profile
 from gateway.families.schema import Variant
@@ -29,9 +32,10 @@ from gateway.starters.rights import Operator, Rights
 from gateway.starters.sequence import Sequence
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry import StarterTelemetry
+from tests.torture.scenario import Row
 from tests.torture.starters import SILENCE_TRIPS, watching_unit
 from tests.torture.truth import Truth
-from tests.virtual_time import VirtualClock
+from tests.virtual_time import VirtualClock, run_virtually
 
 TIMING = LineTiming(19200, Framing.parse("8N2"))
 SETTLED_S = 3.0
@@ -173,3 +177,16 @@ def _watchdog_s(polls: list) -> int:  # type: ignore[type-arg] # of Poll
         gaps_of(longest_gap_s(prospect, unit), first_request_s(polls, TIMING, unit)).crash_s for unit in units
     ]
     return math.ceil(WIDE_FACTOR * max(gaps))
+
+
+def virtual_row(name: str, count: str, work: Callable[[Row], Coroutine[Any, Any, None]]) -> Row:
+    """Return a row that `work` has filled in virtual time, with the log switched off."""
+    row = Row(name, count)
+    began_s = time.monotonic()
+    logging.disable(logging.CRITICAL)
+    try:
+        run_virtually(work(row))
+    finally:
+        logging.disable(logging.NOTSET)
+    row.took_s = time.monotonic() - began_s
+    return row
