@@ -48,10 +48,10 @@ def test_no_row_that_was_kept_is_lost_when_the_process_is_killed(tmp_path: Path)
     for kill in range(KILLS):
         kept += write_until_killed("outbox_writer", tmp_path, f"run{kill}", dice.uniform(0.0, LONGEST_S))
 
-        found = texts_of(tmp_path)
+        found, told = texts_of(tmp_path), set(kept)
 
         assert len(found) == len(set(found))
-        assert [text for text in found if text in set(kept)] == kept
+        assert [text for text in found if text in told] == kept
     assert len(kept) > 20 * KILLS
 
 
