@@ -7,6 +7,8 @@ A poll that has become due waits for the request under way and for others:
 - Otherwise they go by deadline, a period after they are due. Those of the same period go first once; those of
   shorter ones as often as they come in that time, and once more when all are hastened meanwhile; those of
   longer ones only if they may have waited for longer than the periods differ.
+
+A poll without a period waits for its equals once, and until no poll with a period is due, or it has its share.
 """
 
 from __future__ import annotations
@@ -14,13 +16,15 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
-from math import floor, inf
+from itertools import pairwise
+from math import ceil, floor, inf
 from typing import NamedTuple
 
 from gateway.line.stretch import BUSY, EASED, FREE_ROOM, fullness_of
 
 _ROUNDS = 1000  # towards the length of a wait; what takes more has no end
 _SAME_S = 1e-9
+_INTERVALS = 32  # of the time in which all may be asked for at once
 
 
 class Asked(NamedTuple):
@@ -88,12 +92,40 @@ class _Line:
         The others have the line until the share of those without a period is due again.
         """
         longest_s = max([self._longest_s, *(cost_s for cost_s, _ in self._urgent)])
-        once_s = longest_s + sum(self._free_s)
-        if not self._sums_s:
-            return self._end_s(lambda _: once_s)
-        by_load_s = self._timed_end_s(partial(self._ahead_s, once_s, tuple(self._sums_s), inf))
+        by_load_s = self._stormy_end_s(longest_s + sum(self._free_s))
         by_share_s = self._end_s(lambda _: sum(cost_s / FREE_ROOM + longest_s for cost_s in self._free_s))
         return min(by_load_s, by_share_s)
+
+    def _stormy_end_s(self, once_s: float) -> float:
+        """Return when nothing with a period is due any more, all being due at first and asked for once more.
+
+        What still waits then is not asked for twice, so of each period no more comes again than what can have
+        been served since it was due; and from then on its periods begin anew.
+        """
+        calm_s = self._end_s(lambda wait_s: once_s + self._due_s(wait_s))
+        if calm_s == inf or not self._sums_s:
+            return calm_s
+        ends_s = {calm_s * number / _INTERVALS for number in range(_INTERVALS + 1)}
+        for every_s in self._sums_s:
+            ends_s |= {every_s * number for number in range(min(ceil(calm_s / every_s), _INTERVALS))}
+        return max(self._asked_again_end_s(once_s, *span) for span in pairwise(sorted(ends_s)))
+
+    def _asked_again_end_s(self, once_s: float, from_s: float, to_s: float) -> float:
+        """Return the same when all are asked for once more at some time between these two."""
+        before_s = again_s = 0.0
+        for every_s, cost_s in self._sums_s.items():
+            times = ceil(to_s / every_s - _SAME_S)  # that it was due by then
+            before_s += times * cost_s
+            again_s += min(cost_s, to_s - (times - 1) * every_s if (times - 1) * every_s <= from_s else inf)
+        first_s = once_s + before_s + min(again_s, to_s) - sum(self._sums_s.values())
+        return self._end_s(lambda wait_s: first_s + self._due_s(wait_s - from_s))
+
+    def _due_s(self, within_s: float) -> float:
+        """Return what the polls that are due within some time cost, those that are due at its begin too."""
+        return sum(
+            cost_s * (1 + floor(max(within_s, 0.0) / every_s + _SAME_S))
+            for every_s, cost_s in self._sums_s.items()
+        )
 
     def _waits_s(self, at_most_s: Mapping[float, float]) -> dict[float, float]:
         """Return the waits by period when none is longer than these."""

@@ -19,6 +19,7 @@ from gateway.modbus.timing import LineTiming
 from tests.line.ideal_line import IdealLine, cost_s
 
 HURRY_S = 5.0
+EARLY = (0.0, 0.06, 0.13, 0.19, 0.25, 0.31)  # of its wait: so long before its end all others are asked for
 
 
 @dataclass(frozen=True)
@@ -51,9 +52,12 @@ def worst_of(victim: Poll, polls: list[Poll], timing: LineTiming, prospect: Fore
     tried = []
     for each in itertools.starmap(Circumstances, itertools.product((False, True), repeat=3)):
         calm = _Trial(victim, polls, timing).run(prospect, each, random.Random(seed))
+        moments_s = (calm.due_s, calm.asked_s)
+        if not victim.every_s:
+            moments_s = tuple(calm.asked_s - early * calm.gap_s for early in EARLY)
         storms = (
             _Trial(victim, polls, timing, storm_s=at_s).run(prospect, each, random.Random(seed))
-            for at_s in (calm.due_s, calm.asked_s)
+            for at_s in moments_s
         )
         tried += [calm, *storms]
     return Seen(max(each.gap_s for each in tried), max(each.excess_s for each in tried))
@@ -113,7 +117,7 @@ class _Trial:
         due_s = began_s + self._period_s(self._victim) - 1e-6
         for poll in self._others:
             period_s = self._period_s(poll)
-            if poll.every_s != self._victim.every_s:
+            if poll.every_s and poll.every_s != self._victim.every_s:
                 yield due_s - ceil((due_s - began_s) / period_s) * period_s, poll
 
     def _period_s(self, poll: Poll) -> float:
@@ -138,8 +142,13 @@ class _Trial:
         is_quick = self._is_quick and turn.poll.key == self._victim.key
         took_s = self._quick_s if is_quick else self._late_s[turn.poll.key]
         now_s = self._line.now_s
+        if is_quick and not self._victim.every_s:  # it goes first: so the others become due right after it
+            self._hasten_others(now_s)
         if now_s < self._storm_s <= now_s + took_s + 1e-9:
             self._storm_s = inf
-            for other in self._others:
-                self._line.plan.hasten(other.key, now_s)
+            self._hasten_others(now_s)
         return took_s
+
+    def _hasten_others(self, now_s: float) -> None:
+        for other in self._others:
+            self._line.plan.hasten(other.key, now_s)
