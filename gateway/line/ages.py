@@ -8,7 +8,7 @@ A poll that has become due waits for the request under way and for others:
   shorter ones as often as they come in that time, and once more when all are hastened meanwhile; those of
   longer ones only if they may have waited for longer than the periods differ.
 
-A poll without a period waits for its equals once, and until no poll with a period is due, or it has its share.
+A poll without a period waits for its equals once, and until no other is due, or it has its share.
 """
 
 from __future__ import annotations
