@@ -70,10 +70,11 @@ def stop() -> Row:
         late_ms = max((each.excess_s for each in found), default=float("nan")) * 1e3
         goals.append(Goal(f"stop, beyond what it must wait: {what}", late_ms, 5, is_most=True, unit=" ms"))
         goals.append(Goal(f"stops seen: {what}", len(found), len(run.span.stops)))
-    head = ["master", "stops", "p50 ms", "most", "transaction", "p50 / it", "beyond p50", "most"]
+    head = ["master", "stops", "crossed", "p50 ms", "most", "transaction", "p50 / it", "beyond p50", "most"]
     note = (
         "Milliseconds from submission (gateway: the message's arrival at another subscriber) to the"
         "\nfirst byte on the wire. Transaction: the one under way, its silence too, p50. Beyond: after that."
+        "\nCrossed: a request began in the millisecond that a stop needs to the line; it waits for that."
     )
     return Row(table("Stop, 19200, saturated", head, rows, note=note), goals)
 
@@ -121,6 +122,7 @@ def _stop_cells(found: list[Stop]) -> list[str]:
     excess_s = [each.excess_s for each in found]
     under_way_s = quantile((each.under_way_s for each in found), 0.5)
     return [
+        str(sum(each.is_crossed for each in found)),
         f"{quantile(waits_s, 0.5) * 1e3:.1f}",
         f"{quantile(waits_s, 1.0) * 1e3:.1f}",
         f"{under_way_s * 1e3:.1f}",

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from gateway.modbus.timing import Framing, LineTiming
-from tests.bench.account import Law, Seen, Submitted, account, between, quantile, stops, sweeps_s
+from tests.bench.account import Law, Seen, Stop, Submitted, account, between, quantile, stops, sweeps_s
 from tests.bench.pictures import efficiency_picture, line_time_picture
 from tests.bench.report import Goal, table
 
@@ -83,6 +83,20 @@ def test_a_stop_is_charged_only_for_what_it_need_not_have_waited() -> None:
 
     assert found.excess_s == pytest.approx(0.002)
     assert found.latency_s == pytest.approx(found.under_way_s - 0.001 + 0.002)
+
+
+def test_a_request_that_begins_while_a_stop_is_on_its_way_is_one_that_the_stop_must_wait_for() -> None:
+    seen = line(0.0)
+    write = Seen(0, seen[-1].end_s + SILENCE_S + 0.002, 7, 5, 8, 8, 0.0, SILENCE_S + 0.002, 0.0)
+
+    def stop(before_s: float) -> Stop:
+        (found,) = stops([*seen, write], [Submitted(0.0, seen[-1].start_s - before_s, 7)], LAW)
+        return found
+
+    assert stop(0.0009).is_crossed
+    assert stop(0.0009).excess_s == pytest.approx(0.002)
+    assert not stop(0.0011).is_crossed
+    assert stop(0.0011).excess_s > 0.005
 
 
 def test_a_stop_that_never_came_is_not_counted() -> None:
