@@ -20,6 +20,7 @@ Connection = sqlite3.Connection
 APPLICATION_ID = 0x53474154  # "SGAT": a file without it is not ours
 VERSION = 1
 PAGE_BYTES = 4096
+CACHE_KIB = 512  # rows are written once and read once: more would only fill up memory
 LOCKED_WITHIN_S = 1.0  # how long another process may take to let go of the file
 MOST_ASIDE = 3  # files put aside that are kept: a bad disk is not to be filled as well
 
@@ -154,6 +155,7 @@ class Database:
         _ask(connection, "PRAGMA synchronous = FULL")
         self._is_flushing = True
         _ask(connection, f"PRAGMA max_page_count = {self._max_pages}")
+        _ask(connection, f"PRAGMA cache_size = -{CACHE_KIB}")
         _ask(connection, f"PRAGMA journal_size_limit = {2**20}")
         connection.execute("BEGIN IMMEDIATE")
         connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")

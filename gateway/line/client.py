@@ -27,12 +27,13 @@ class LineClient(Protocol):
         """The line's rate and framing, and the silences that follow from them."""
         ...
 
-    async def transact(
+    def transact(
         self, unit: int, request: Request, *, response_time_s: float, lane: Lane, until_s: float = inf
-    ) -> Outcome:
-        """Send a request once and return what became of it; when cancelled before it is sent, it never is.
+    ) -> asyncio.Future[Outcome]:
+        """Hand a request to the line now, to be sent once, and return what is to become of it.
 
-        Nor is it after `until_s` on the steady clock: it then ends as `Silent(TOO_LATE, is_sent=False)`.
+        Cancelled before it is sent, it never is; nor is it after `until_s` on the steady clock: it then ends
+        as `Silent(TOO_LATE, is_sent=False)`.
         """
         ...
 
@@ -69,6 +70,33 @@ class LineClient(Protocol):
         ...
 
 
+class _Asked(asyncio.Future[Outcome]):
+    """An outcome to come; who cancels it has withdrawn the request before doing anything else."""
+
+    def __init__(self, withdraw: Callable[[], None]) -> None:
+        super().__init__(loop=asyncio.get_running_loop())
+        self._withdraw = withdraw
+
+    def settle(self, outcome: Outcome) -> None:
+        """Tell what became of it, unless nobody waits any more."""
+        if not self.done():
+            self.set_result(outcome)
+
+    def cancel(self, msg: Any = None) -> bool:
+        """Take the request back; asyncio calls this for whoever waits."""
+        is_cancelled = super().cancel(msg)
+        if is_cancelled:
+            self._withdraw()
+        return is_cancelled
+
+
+def settled(outcome: Outcome) -> asyncio.Future[Outcome]:
+    """Return an outcome that is known already."""
+    future: asyncio.Future[Outcome] = asyncio.get_running_loop().create_future()
+    future.set_result(outcome)
+    return future
+
+
 class LocalLineClient:
     """A LineClient of a scheduler that runs on the same loop."""
 
@@ -85,30 +113,21 @@ class LocalLineClient:
         """The line's rate and framing."""
         return self._scheduler.timing
 
-    async def transact(
+    def transact(
         self, unit: int, request: Request, *, response_time_s: float, lane: Lane, until_s: float = inf
-    ) -> Outcome:
-        """Send a request once and return what became of it; when cancelled before it is sent, it never is."""
-        future: asyncio.Future[Outcome] = asyncio.get_running_loop().create_future()
-
-        def settle(outcome: Outcome) -> None:
-            if not future.done():
-                future.set_result(outcome)
-
+    ) -> asyncio.Future[Outcome]:
+        """Hand a request to the line now, to be sent once; when cancelled before it is sent, it never is."""
+        asked = _Asked(lambda: self._to_line(lambda: self._scheduler.withdraw(job)))
         job = Job(
             unit,
             request,
             response_time_s,
             lane,
-            lambda outcome: self._to_app(lambda: settle(outcome)),
+            lambda outcome: self._to_app(lambda: asked.settle(outcome)),
             until_s,
         )
         self._to_line(lambda: self._scheduler.submit(job))
-        try:
-            return await future
-        except asyncio.CancelledError:
-            self._to_line(lambda: self._scheduler.withdraw(job))
-            raise
+        return asked
 
     def add_poll(self, poll: Poll) -> None:
         """Repeat a request from now on; its key must be new on this line."""

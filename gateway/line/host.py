@@ -16,7 +16,7 @@ from typing import Any
 
 from gateway.lag import LagMeter
 from gateway.line.budget import ALLOWANCE_S
-from gateway.line.client import LineClient, LocalLineClient
+from gateway.line.client import LineClient, LocalLineClient, settled
 from gateway.line.courier import CarriedListener, Courier
 from gateway.line.job import Lane, Poll
 from gateway.line.listener import LineListener
@@ -31,7 +31,7 @@ from gateway.repetition import Repetition
 
 RESTART_PAUSE_S = 1.0  # after a bug has ended a line's loop
 FIGURES_EVERY_S = 1.0
-SWITCH_INTERVAL_S = 0.0005  # Python's 5 ms are two silences: too long to wait for the app's thread
+SWITCH_INTERVAL_S = 0.0001  # Python's 5 ms are two silences: too long to wait for the app's thread
 
 logger = logging.getLogger(__name__)
 
@@ -233,15 +233,13 @@ class _HostedLineClient(LocalLineClient):
         self._hosted = hosted
         self._host = host
 
-    async def transact(
+    def transact(
         self, unit: int, request: Request, *, response_time_s: float, lane: Lane, until_s: float = inf
-    ) -> Outcome:
-        """Send a request once; without a running line nothing is sent."""
+    ) -> asyncio.Future[Outcome]:
+        """Hand a request to the line; without a running line nothing is sent."""
         if not self._host.is_running():
-            return Silent("port closed", is_sent=False)
-        return await super().transact(
-            unit, request, response_time_s=response_time_s, lane=lane, until_s=until_s
-        )
+            return settled(Silent("port closed", is_sent=False))
+        return super().transact(unit, request, response_time_s=response_time_s, lane=lane, until_s=until_s)
 
     def figures(self) -> dict[str, Any]:
         """Return the line's counters and times, and its crashes, at most about a second old."""

@@ -227,6 +227,8 @@ class Commander:
                 text = "it is being stopped, for so many commands that this one gets no answer of its own"
                 self._excess.refuse(self._key(request), request, text)
             return
+        for name in names:
+            self._begin_stop(name)  # before anything is told: that takes longer than the line's silence
         errand = Errand(request, self._desk, is_repeat=is_repeat)
         errand.accept()
         if request.starter not in self._groups:
@@ -242,15 +244,21 @@ class Commander:
                 text = f"{request.client} has no right to stop {name}"
                 member.finish(End(Phase.REJECTED, "not_allowed", text))
 
-    def _stop(self, name: str, errand: Errand | None) -> None:
-        """Cut what this starter is doing, then stop it; a stop that is under way is joined."""
+    def _begin_stop(self, name: str) -> Stopping:
+        """Cut what this starter is doing, then stop it, unless that is under way."""
         conduct = self._conducts.get(name)
         if conduct is not None:
             conduct.halt("stopped_first")
         stopping = self._stops.get(name)
         if stopping is None:
             stopping = self._stops[name] = Stopping(self._starters[name])
+            stopping.begin()
             self._spawn(self._until_stopped(name, stopping))
+        return stopping
+
+    def _stop(self, name: str, errand: Errand | None) -> None:
+        """Stop a starter, for one more command if one is given."""
+        stopping = self._begin_stop(name)
         if errand is None:
             stopping.extend()
         else:

@@ -36,6 +36,13 @@ class Stopping:
         self._is_taken = False  # the starter acknowledged a stop
         self._refusal: RefusedError | None = None
 
+    def begin(self) -> None:
+        """Hand the first write to the line, before anything else is done about this stop."""
+        try:
+            self._wire.begin_write(self._procedure().steps[0].request, lane=Lane.STOP)
+        except Exception:
+            logger.exception("starter=%s stop not begun; it is tried once more", self._starter.setup.name)
+
     def join(self, errand: Errand) -> None:
         """Take in one more stop command, already accepted; the deadline is the last one's."""
         self._errands.append(errand)

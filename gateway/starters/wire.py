@@ -49,7 +49,8 @@ class Wire:
         self._starter = starter
         self._read_back_lane = read_back_lane
         self._halted: str | None = None
-        self._inner: asyncio.Task[Any] | None = None
+        self._begun: asyncio.Future[Outcome] | None = None
+        self._inner: asyncio.Future[Any] | None = None
 
     def halt(self, code: str) -> None:
         """Let nothing more go out.
@@ -57,11 +58,19 @@ class Wire:
         What waits for the line is withdrawn before anything that the caller hands to the line from now on.
         """
         self._halted = self._halted or code
-        if self._inner is not None:
-            self._inner.cancel()
+        for asked in (self._begun, self._inner):
+            if asked is not None:
+                asked.cancel()
+
+    def begin_write(self, request: Request, *, lane: Lane) -> None:
+        """Hand a write to the line at once; the next `write` waits for it and sends no other."""
+        self._begun = self._ask(request, lane)
 
     async def write(self, request: Request, *, lane: Lane, until_s: float = inf) -> Outcome:
         """Send a write once, not later than `until_s`; a HaltedError leaves open whether it went out."""
+        begun, self._begun = self._begun, None
+        if begun is not None:
+            return await self._do(begun)
         return await self._transact(request, lane, until_s=until_s)
 
     async def read(self, reads: Iterable[Read], *, lane: Lane) -> Rows:
@@ -104,22 +113,26 @@ class Wire:
 
     async def pause(self, seconds: float) -> None:
         """Wait, unless halted."""
-        await self._do(asyncio.sleep(seconds))
+        await self._do(asyncio.ensure_future(asyncio.sleep(seconds)))
 
     async def wait_for(self, work: Coroutine[Any, Any, None]) -> None:
         """Wait for something that has to be done before a write, unless halted."""
-        await self._do(work)
+        await self._do(asyncio.ensure_future(work))
 
     async def _transact(self, request: Request, lane: Lane, *, until_s: float = inf) -> Outcome:
+        if self._halted is not None:
+            raise HaltedError(self._halted)
+        return await self._do(self._ask(request, lane, until_s=until_s))
+
+    def _ask(self, request: Request, lane: Lane, *, until_s: float = inf) -> asyncio.Future[Outcome]:
         setup = self._starter.setup
-        work = self._starter.line.transact(
+        return self._starter.line.transact(
             setup.address,
             request,
             response_time_s=setup.response_time_of(request),
             lane=lane,
             until_s=until_s,
         )
-        return await self._do(work)
 
     def _rows_from(self, read: Read, outcome: Outcome) -> Rows:
         match outcome:
@@ -136,11 +149,9 @@ class Wire:
             case _:
                 assert_never(outcome)
 
-    async def _do(self, work: Coroutine[Any, Any, T]) -> T:
+    async def _do(self, inner: asyncio.Future[T]) -> T:
         if self._halted is not None:
-            work.close()
-            raise HaltedError(self._halted)
-        inner: asyncio.Task[T] = asyncio.get_running_loop().create_task(work)
+            inner.cancel()
         self._inner = inner
         try:
             await asyncio.wait((inner,))

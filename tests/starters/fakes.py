@@ -131,8 +131,14 @@ class FakeLineClient:
     def writes(self) -> list[Request]:
         return [sent.request for sent in self.sent if sent.request.is_write]
 
-    async def transact(
+    def transact(
         self, unit: int, request: Request, *, response_time_s: float, lane: Lane, until_s: float = inf
+    ) -> asyncio.Future[Outcome]:
+        work = self._transact(unit, request, response_time_s=response_time_s, lane=lane, until_s=until_s)
+        return asyncio.ensure_future(work)
+
+    async def _transact(
+        self, unit: int, request: Request, *, response_time_s: float, lane: Lane, until_s: float
     ) -> Outcome:
         assert unit == 7
         assert response_time_s > 0
