@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import gc
 import logging
 import sys
 import threading
@@ -17,6 +16,7 @@ from typing import Any
 from gateway.lag import LagMeter
 from gateway.line.budget import ALLOWANCE_S
 from gateway.line.client import LineClient, LocalLineClient, settled
+from gateway.line.collector import SparedCollector
 from gateway.line.courier import CarriedListener, Courier
 from gateway.line.job import Lane, Poll
 from gateway.line.listener import LineListener
@@ -61,6 +61,7 @@ class LineHost:
         self.lag = LagMeter()  # of the lines' loop
         self._listener = listener
         self._courier = Courier()
+        self._collector = SparedCollector()
         self._lines: dict[str, _Hosted] = {}
         self._ending: set[asyncio.Task[None]] = set()  # of lines that were removed; of the lines' loop
         self._on_frame: OnFrame | None = None
@@ -113,8 +114,7 @@ class LineHost:
     async def start(self) -> None:
         """Start the thread; returns once its loop takes calls."""
         self._courier.loop = asyncio.get_running_loop()
-        gc.collect()
-        gc.freeze()  # what lives as long as the gateway is not looked through again and again
+        self._collector.spare()
         self._stopping = asyncio.Event()
         started = threading.Event()
         self._thread = threading.Thread(target=self._run_thread, args=(started,), name="lines", daemon=True)
@@ -129,7 +129,7 @@ class LineHost:
         self.to_line(self._stopping.set)
         await asyncio.to_thread(thread.join)
         self._loop = None
-        gc.unfreeze()
+        self._collector.end()
 
     def progress(self) -> dict[str, int]:
         """Return each line's count of steps; one that stands still for long is stuck."""
