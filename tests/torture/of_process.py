@@ -16,7 +16,7 @@ from tests.torture.scenario import Place, Scenario
 from tests.torture.world import World
 
 BLOCKED_S = 30.0
-ABORTED = "Fatal Python error: Aborted"  # [faulthandler]
+ABORTED = "Aborted"  # [faulthandler]; in pieces, between which those of another dump may stand
 BLOCKS_IN = "tests/torture/blockable.py"
 DUMPED = "Timeout ("  # [faulthandler.dump_traceback_later]
 TOLD_EVERY_S = 30.0  # a state that does not change
