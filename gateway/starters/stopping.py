@@ -38,9 +38,10 @@ class Stopping:
 
     def begin(self) -> None:
         """Hand the first write to the line, before anything else is done about this stop."""
+        self.extend()
         try:
             self._wire.begin_write(self._procedure().steps[0].request, lane=Lane.STOP)
-        except Exception:
+        except Exception:  # whatever it is, `run` meets it again and ends the commands
             logger.exception("starter=%s stop not begun; it is tried once more", self._starter.setup.name)
 
     def join(self, errand: Errand) -> None:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from gateway.modbus.timing import LineTiming
 
 TOO_SOON_S = 0.00005  # a request may start so much before the silence is over: clocks and wake-ups
-CROSSING_S = 0.001  # on its way to the line for so long at most: what begins meanwhile cannot be held back
+CROSSING_S = 0.001  # on its way to the line for so long at most: what begins meanwhile goes first
 
 
 class Seen(NamedTuple):
@@ -112,26 +112,26 @@ class Stop:
     latency_s: float  # from its submission to its first byte on the wire
     excess_s: float  # beyond the end of the transaction under way and its silence
     under_way_s: float  # the length of that transaction, silence included
-    is_crossed: bool  # that transaction began while the stop was on its way to the line
+    is_crossed: bool  # another one began while the stop was on its way to the line
 
 
 def stops(seen: Sequence[Seen], submitted: Iterable[Submitted], law: Law) -> list[Stop]:
     """Match the stops of one line, each with the first write to its unit after it was sent.
 
-    Under way is what is on the line when the stop can have got there, CROSSING_S after it was submitted.
+    Under way is what is on the line when the stop is submitted.
     """
     found: list[Stop] = []
     for stop in submitted:
         after = (each for each in seen if each.start_s > stop.sent_s)
         first = next((each for each in after if each.unit == stop.unit and each.is_write), None)
-        there_s = stop.at_s + CROSSING_S
-        before = [each for each in seen if each.start_s <= there_s and each is not first]
+        before = [each for each in seen if each.start_s <= stop.at_s and each is not first]
         if not before or first is None:
             continue
         free_s = before[-1].end_s + law.timing.silence_s
         under_way_s = free_s - before[-1].start_s
         excess_s = first.start_s - max(stop.at_s, free_s)
-        is_crossed = before[-1].start_s > stop.at_s
+        crossing = (each for each in seen if stop.at_s < each.start_s <= stop.at_s + CROSSING_S)
+        is_crossed = any(each is not first for each in crossing)
         found.append(Stop(first.start_s - stop.at_s, excess_s, under_way_s, is_crossed))
     return found
 

@@ -74,7 +74,7 @@ def stop() -> Row:
     note = (
         "Milliseconds from submission (gateway: the message's arrival at another subscriber) to the"
         "\nfirst byte on the wire. Transaction: the one under way, its silence too, p50. Beyond: after that."
-        "\nCrossed: a request began in the millisecond that a stop needs to the line; it waits for that."
+        "\nCrossed: a request began in the millisecond that a stop needs to the line, and went first."
     )
     return Row(table("Stop, 19200, saturated", head, rows, note=note), goals)
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+from typing import Any
 
 import pytest
 
 from gateway.line.job import Lane
+from gateway.line.outcome import Outcome
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegister
-from gateway.starters.records import Phase
+from gateway.starters.records import Phase, ResultRecord
 from tests.starters.fakes import READY, VB01
 from tests.starters.rig import CommandRig, virtually
 from tests.starters.rules import ACCEPTED, CONFIRMED, WRITTEN, ignore, running
@@ -156,3 +158,25 @@ async def test_closing_during_a_stops_first_write_leaves_it_unconfirmed() -> Non
 async def occupy(rig: CommandRig) -> None:
     request = ReadHoldingRegisters(VB01, 1)
     await rig.line.transact(7, request, response_time_s=0.1, lane=Lane.COMMAND)
+
+
+@virtually
+async def test_a_stop_is_at_the_line_before_anything_is_told_of_it() -> None:
+    rig = CommandRig()
+    await rig.online()
+    told: list[int] = []
+    transact = rig.line.transact
+
+    def watched(*args: Any, **options: Any) -> asyncio.Future[Outcome]:
+        if options["lane"] is Lane.STOP:
+            told.append(len(rig.sink.of(ResultRecord)))
+        return transact(*args, **options)
+
+    rig.line.transact = watched  # type: ignore[method-assign]  # looks on, and does the same
+    rig.submit("stop", "1")
+
+    assert told == [0]
+    assert rig.sink.phases("1") == [ACCEPTED]
+    await asyncio.sleep(5.0)
+    assert rig.sink.phases("1") == [ACCEPTED, WRITTEN, CONFIRMED]
+    assert told == [0]  # it was acknowledged, and so written once
