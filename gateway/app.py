@@ -99,8 +99,8 @@ class App:
                 ("capture", self._capture.run),
             )
         ]
-        self._plant.start()
-        await self._host.start()
+        await self._host.start()  # before all else: the starters' watchdogs run
+        await self._plant.start()
         self._keeper.start(__version__)
         self._uplink.start()
         self._companions.start()

@@ -107,10 +107,9 @@ class Plant:
         for table in tables:
             self._add_line(table)
 
-    def start(self) -> None:
-        """Publish what is known before the first answer; once, on the app's loop."""
-        for starter in self.starters.values():
-            starter.start()
+    async def start(self) -> None:
+        """Publish what is known before the first answers are told; once, on the app's loop."""
+        await _introduce(self.starters.values())
 
     def apply(self, changes: Changes) -> Coroutine[Any, Any, None]:
         """Change everything at this instant; await what is returned, which tells of it.
@@ -205,11 +204,9 @@ class Plant:
     async def _welcome(
         self, come: Sequence[StarterTelemetry], endings: Sequence[Coroutine[Any, Any, object]]
     ) -> None:
-        """Tell of the new starters, one by one, so that hundreds keep nothing else waiting."""
+        """Tell of the new starters while those that go end."""
         ended = asyncio.gather(*endings)
-        for starter in come:
-            starter.start()
-            await asyncio.sleep(0)
+        await _introduce(come)
         await ended
 
     def _setups(self, table: LineTable) -> list[StarterSetup]:
@@ -228,3 +225,10 @@ class Plant:
         self.starters[setup.name] = self._by_unit[setup.line, setup.address] = starter
         self._companions.add(starter)
         return starter
+
+
+async def _introduce(starters: Iterable[StarterTelemetry]) -> None:
+    """Let starters tell of themselves, one by one, so that hundreds keep nothing else waiting."""
+    for starter in tuple(starters):
+        starter.start()
+        await asyncio.sleep(0)

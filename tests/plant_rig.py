@@ -163,7 +163,7 @@ async def running(settled_s: float = 30.0, *changes: tuple[str, str]) -> AsyncIt
     companions.add_fast_lanes(
         precautions=precautions, sink=here.sink, clock=clock, sequence=sequence, may_write=True
     )
-    plant.start()
+    await plant.start()
     companions.start()
     await asyncio.sleep(settled_s)
     yield here

@@ -12,9 +12,9 @@ from typing import Any
 from gateway.commands.command import Subparsers
 from gateway.commands.failure_gaps import as_json, print_gaps, tight_watchdogs
 from gateway.config.fast_gain import fast_gains, fast_lines
-from gateway.config.load import load
+from gateway.config.load import examine
 from gateway.config.mending import relief_of
-from gateway.config.prospects import LineProspect, StarterProspect, prospects_of
+from gateway.config.prospects import LineProspect, StarterProspect
 from gateway.config.schema import Config
 from gateway.errors import ConfigError
 
@@ -34,12 +34,12 @@ def add_parser(subparsers: Subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print the budget and the warnings; the caller prints the problems of a wrong configuration."""
     try:
-        config = load(args.config)
+        examined = examine(args.config)
     except ConfigError as error:
         if args.json:
             _print_json(args.config, is_valid=False, problems=_problems(error))
         raise
-    prospects = prospects_of(config)
+    config, prospects = examined.config, examined.prospects
     warnings = [
         *_line_warnings(prospects),
         *tight_watchdogs(prospects),

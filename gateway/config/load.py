@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from pydantic import ValidationError
 from gateway.config.explain import explain
 from gateway.config.locate import line_of, locate
 from gateway.config.mistake import Mistake, spell
-from gateway.config.prospects import missed_deadlines
+from gateway.config.prospects import LineProspect, missed_deadlines, prospects_of
 from gateway.config.rules import broken_rules
 from gateway.config.schema import Config
 from gateway.errors import ConfigError, Problem
@@ -21,26 +22,45 @@ _SYNTAX_PLACE = re.compile(r" \(at (?:line (\d+), column \d+|end of document)\)$
 _MAX_BYTES = 1_000_000
 
 
+@dataclass(frozen=True, slots=True)
+class Examined:
+    """A configuration that can be used, and what its lines will be like."""
+
+    config: Config
+    prospects: tuple[LineProspect, ...]
+
+
 def load(path: str | Path) -> Config:
     """Return the configuration in a file; ConfigError with every problem when it cannot be used."""
-    return parse(_read(path), str(path))
+    return examine(path).config
+
+
+def examine(path: str | Path) -> Examined:
+    """Do as `load`, for those who need what had to be reckoned for it too."""
+    return _examine(_read(path), str(path))
 
 
 def parse(text: str, path: str) -> Config:
     """Return the configuration in a TOML text; `path` is what messages call it."""
+    return _examine(text, path).config
+
+
+def _examine(text: str, path: str) -> Examined:
     document = _document(text, path)
     mistakes: list[Mistake] = []
     config = None
+    prospects: tuple[LineProspect, ...] = ()
     try:
         config = Config.model_validate(document)
     except ValidationError as error:
         mistakes += explain(error)
     mistakes += broken_rules(document)
     if config is not None and not mistakes:
-        mistakes = missed_deadlines(config)
+        prospects = prospects_of(config)
+        mistakes = missed_deadlines(prospects)
     if config is None or mistakes:
         raise ConfigError(path, _problems(text, mistakes))
-    return config
+    return Examined(config, prospects)
 
 
 def _read(path: str | Path) -> str:

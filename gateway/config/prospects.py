@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import isinf
 from typing import Any
@@ -60,10 +61,10 @@ def computed_of(line: LineProspect) -> dict[str, Any]:
     }
 
 
-def missed_deadlines(config: Config) -> list[Mistake]:
-    """Return the watchdogs that would trip although everything works."""
+def missed_deadlines(prospects: Iterable[LineProspect]) -> list[Mistake]:
+    """Return the watchdogs that would trip although everything works; of a site's lines in their order."""
     mistakes = []
-    for index, line in enumerate(prospects_of(config)):
+    for index, line in enumerate(prospects):
         missed = [each for each in line.starters if each.margin_s is not None and each.margin_s < 0]
         mend = mend_of(line.table) if missed else ""
         for starter in missed:
