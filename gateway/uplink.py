@@ -23,6 +23,7 @@ from gateway.mqtt.publisher import Publisher
 from gateway.mqtt.settings import BrokerSettings, TlsSettings
 from gateway.mqtt.spooler import Spooler, Tell
 from gateway.mqtt.topics import Topics
+from gateway.mqtt.unread import Unread
 from gateway.site import Site
 from gateway.starters.records import ResultRecord
 
@@ -51,6 +52,7 @@ class Uplink:
         self._on_link = on_link
         self._seed = secrets.randbits(32)
         self._settings = self._settings_of(site)
+        self.unread = Unread()
         self.topics = Topics(site.config.base)
         payloads = Payloads(self.topics, boot)
         self.outbox = Outbox(last_topic=self.topics.gateway_status, pack=payloads.history, boot=boot.run)
@@ -137,6 +139,7 @@ class Uplink:
             will=self.publisher.will,
             on_incoming=self._on_incoming,
             on_link=self._on_link,
+            unread=self.unread,
         )
         self.publisher.wake_with(connection.wake)
         return connection

@@ -10,6 +10,7 @@ from typing import Any
 from gateway.errors import PortError, PortLostError
 from gateway.line.budget import ALLOWANCE_S, worst_stop_latency_s
 from gateway.line.deafness import Deafness
+from gateway.line.doorstep import Doorstep
 from gateway.line.figures import Figures
 from gateway.line.job import Job, Poll
 from gateway.line.listener import LineListener
@@ -43,6 +44,7 @@ class Scheduler:
         seed: int = 0,
         deaf_after_s: float | None = None,
         hurry: Callable[[], None] | None = None,  # called when what was told before must not wait
+        has_arrived: Callable[[], bool] = lambda: False,  # something that may become a stop
     ) -> None:
         self.name = name
         self.timing = timing
@@ -55,6 +57,7 @@ class Scheduler:
         self._figures = Figures()
         self._preparations = Preparations()
         self._deafness = Deafness(deaf_after_s)
+        self._doorstep = Doorstep(has_arrived)
         self._time: Callable[[], float] = lambda: -inf
         self._serving: Serving | None = None  # while the port is open
         self._is_stopping = False
@@ -198,6 +201,7 @@ class Scheduler:
             plan=self._plan,
             figures=self._figures,
             deafness=self._deafness,
+            doorstep=self._doorstep,
             preparations=self._preparations,
             voice=self._voice,
             step=self._step,

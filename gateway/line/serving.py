@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from gateway.errors import PortLostError
 from gateway.line.deafness import DEAF, Deafness
+from gateway.line.doorstep import LOOK_EVERY_S, Doorstep
 from gateway.line.figures import Figures
 from gateway.line.job import Job, Lane
 from gateway.line.outcome import TOO_LATE, Garbled, Outcome, Silent
@@ -29,6 +30,7 @@ class Serving:
         plan: Plan,
         figures: Figures,
         deafness: Deafness,
+        doorstep: Doorstep,
         preparations: Preparations,
         voice: Voice,
         step: Callable[[], None],
@@ -39,12 +41,14 @@ class Serving:
         self._plan = plan
         self._figures = figures
         self._deafness = deafness
+        self._doorstep = doorstep
         self._preparations = preparations
         self._voice = voice
         self._step = step  # called whenever the loop gets on
         self._time = asyncio.get_running_loop().time
         self._turn: Turn | None = None  # chosen, not yet sent
         self._is_overtaken = False  # by a job that came since
+        self._has_stop = False  # which came since
         self._gave_way = False  # a poll, once already since the last one was sent
         self._waker: asyncio.Future[None] | None = None
 
@@ -62,7 +66,7 @@ class Serving:
         """Queue a job: a stop goes before whatever has been chosen, others before a poll, not for ever."""
         self._plan.submit(job, self._time())
         if job.lane is Lane.STOP:
-            self._is_overtaken = True
+            self._is_overtaken = self._has_stop = True
         elif self._turn is not None and self._turn.poll is not None and not self._gave_way:
             self._is_overtaken = self._gave_way = True
         self.wake()
@@ -91,6 +95,8 @@ class Serving:
                 self.ask_all_anew()
             self._choose(max(line.quiet_from_s(), free_s))
             noise = await self._fall_silent()
+            if noise is None and await self._let_in():
+                noise = await self._fall_silent()
             turn = self._chosen()
             if turn is None:
                 self._voice.flush()
@@ -110,7 +116,7 @@ class Serving:
 
     def _choose(self, when_s: float) -> None:
         """Choose what is to be sent then."""
-        self._is_overtaken = False
+        self._is_overtaken = self._has_stop = False
         self._turn = self._plan.pick(when_s)
 
     def _chosen(self) -> Turn | None:
@@ -129,6 +135,18 @@ class Serving:
             return None
         self._voice.flush()  # this may take long
         return await self.line.settle()
+
+    async def _let_in(self) -> bool:
+        """Hold what was chosen back while a stop may be about to come; return whether that took time."""
+        began_s = self._time()
+        if self._turn is None or self._turn.is_stop or not self._doorstep.is_worth_waiting(began_s):
+            return False
+        now_s = began_s
+        while not self._has_stop and self._doorstep.is_worth_waiting(now_s, began_s):
+            await self._sleep(now_s + LOOK_EVERY_S)
+            now_s = self._time()
+        self._doorstep.waited(began_s, now_s)
+        return True
 
     async def _take(self, turn: Turn, noise: Garbled | None) -> Outcome:
         """Do one transaction, unless too late or on too noisy a line; a job ends even when this does not."""
@@ -179,7 +197,11 @@ class Serving:
     async def _wait_for_work(self, until_s: float) -> None:
         """Sleep until then, or until a job comes or it is time to look at the port."""
         self._voice.flush()
-        until_s = min(until_s, self._time() + IDLE_WAKE_S)
+        await self._sleep(min(until_s, self._time() + IDLE_WAKE_S))
+        self._step()
+
+    async def _sleep(self, until_s: float) -> None:
+        """Let go until then, or until somebody wakes us."""
         loop = asyncio.get_running_loop()
         self._waker = loop.create_future()
         timer = loop.call_at(until_s, self.wake)
@@ -188,4 +210,3 @@ class Serving:
         finally:
             timer.cancel()
             self._waker = None
-        self._step()

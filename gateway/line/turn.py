@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gateway.line.job import Job, Poll
+from gateway.line.job import Job, Lane, Poll
 from gateway.modbus.pdu import Request
 
 
@@ -19,6 +19,11 @@ class Turn:
     poll: Poll | None = None
     job: Job | None = None
     is_repetition: bool = False  # the reply to the first attempt was garbled
+
+    @property
+    def is_stop(self) -> bool:
+        """Return whether this stops a motor."""
+        return self.job is not None and self.job.lane is Lane.STOP
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ from gateway.mqtt.payload import Message
 from gateway.mqtt.retry import Backoff, Version, VersionChoice
 from gateway.mqtt.session import Session
 from gateway.mqtt.settings import BrokerSettings
+from gateway.mqtt.unread import Unread
 
 log = logging.getLogger(__name__)
 
@@ -62,8 +63,10 @@ class BrokerConnection:
         will: Callable[[], Message | None],
         on_incoming: Callable[[Incoming], None],
         on_link: Callable[[bool, str], None],
+        unread: Unread | None = None,
     ) -> None:
         self._settings = settings
+        self._unread = unread or Unread()
         self._source = source
         self._command_filter = command_filter
         self._will = will
@@ -136,6 +139,7 @@ class BrokerConnection:
             will=self._will(),
             on_incoming=self._on_incoming,
             on_ack=self._acked,
+            unread=self._unread,
         )
         try:
             await session.connect()

@@ -27,6 +27,7 @@ from gateway.mqtt.payload import Message
 from gateway.mqtt.reasons import PACKET_TOO_LARGE, refused, unreachable
 from gateway.mqtt.retry import Version
 from gateway.mqtt.settings import BrokerSettings
+from gateway.mqtt.unread import Unread
 
 MAX_INCOMING_BYTES = 65_536  # asked of the broker; commands are 4 KB at most
 READS_AT_ONCE = 100  # packets handled before other tasks of the loop have their turn
@@ -43,6 +44,7 @@ class Session:
         will: Message | None,
         on_incoming: Callable[[Incoming], None],
         on_ack: Callable[[int, int], None],
+        unread: Unread | None = None,
     ) -> None:
         self._loop = asyncio.get_running_loop()
         self._settings = settings
@@ -50,6 +52,7 @@ class Session:
         self._will = will
         self._on_incoming = on_incoming
         self._on_ack = on_ack
+        self._unread = unread or Unread()
         self._connack: asyncio.Future[None] = self._loop.create_future()
         self._suback: asyncio.Future[int] = self._loop.create_future()
         self._tickets: dict[int, tuple[int, float]] = {}  # by packet id: ticket, time sent
@@ -182,6 +185,7 @@ class Session:
     def _serve(self) -> None:
         self._sock = self._client.socket()
         self._loop.add_reader(self._sock, self._read)
+        self._unread.watch(self._sock.fileno())
         self._loop.add_writer(self._sock, self._client.loop_write)  # CONNECT is waiting already
         self._tick()
 
@@ -189,11 +193,17 @@ class Session:
         if self._misc is not None:
             self._misc.cancel()
         if self._sock is not None:
+            self._unread.forget()
             self._loop.remove_reader(self._sock)
             self._loop.remove_writer(self._sock)
             self._sock = None
 
     def _read(self) -> None:
+        self._unread.begin()
+        self._read_on()
+        self._loop.call_soon(self._unread.end)  # after what was received has been handed over
+
+    def _read_on(self) -> None:
         for _ in range(READS_AT_ONCE):
             try:
                 self._client.loop_read()

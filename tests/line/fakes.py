@@ -233,6 +233,7 @@ class Rig:
         timing: LineTiming = TIMING,
         *,
         deaf_after_s: float | None = None,
+        has_arrived: Callable[[], bool] = lambda: False,
     ) -> None:
         self.listener = Listener()
         self.opener = FakeOpener(lambda: FakePort(answer, timing))
@@ -243,6 +244,7 @@ class Rig:
             polls=tuple(polls),
             listener=self.listener,
             deaf_after_s=deaf_after_s,
+            has_arrived=has_arrived,
         )
         self.client = LocalLineClient(self.scheduler)
 

@@ -37,8 +37,7 @@ class Machine:
         self._thread: threading.Thread | None = None
         self._delays_s: dict[tuple[int, int], float] = {}  # by process and thread
         self._stolen_s = 0.0
-        self._times_s: deque[float] = deque(maxlen=KEPT)
-        self._sums_s: deque[float] = deque(maxlen=KEPT)  # held up until then, in all
+        self._sums_s: deque[tuple[float, float]] = deque(maxlen=KEPT)  # a time; held up until then, in all
         self._sum_s = 0.0
         self._workers: list[int] = []
         self._workers_due_s = 0.0
@@ -64,16 +63,16 @@ class Machine:
         return time.monotonic() - self._sum_s
 
     def _sum_at(self, at_s: float | None) -> float:
-        times_s, sums_s = list(self._times_s), list(self._sums_s)
-        if not times_s or at_s is None:
+        sums_s = list(self._sums_s)
+        if not sums_s or at_s is None:
             return self._sum_s
-        after = bisect_right(times_s, at_s)
+        after = bisect_right(sums_s, at_s, key=lambda each: each[0])
         if after == 0:
-            return sums_s[0]
-        if after >= len(sums_s):
-            return sums_s[-1]
-        share = (at_s - times_s[after - 1]) / (times_s[after] - times_s[after - 1])
-        return sums_s[after - 1] + share * (sums_s[after] - sums_s[after - 1])
+            return sums_s[0][1]
+        if after == len(sums_s):
+            return sums_s[-1][1]
+        (sooner_s, less_s), (later_s, more_s) = sums_s[after - 1], sums_s[after]
+        return less_s + (more_s - less_s) * (at_s - sooner_s) / (later_s - sooner_s)
 
     def _run(self) -> None:
         before_s = time.monotonic()
@@ -102,8 +101,7 @@ class Machine:
         held_s = sum(waited_s.values()) + stolen_s - self._stolen_s
         self._sum_s += passed_s if held_s >= LOST_FROM_S else held_s
         self._delays_s, self._stolen_s = delays_s, stolen_s
-        self._sums_s.append(self._sum_s)
-        self._times_s.append(time.monotonic())
+        self._sums_s.append((time.monotonic(), self._sum_s))
 
 
 def _delays_s(processes: Iterable[int]) -> Iterator[tuple[tuple[int, int], float]]:

@@ -1,0 +1,134 @@
+"""A request holds back a moment for what has arrived and may be a stop."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from gateway.line.doorstep import GRACE_S, LOOK_EVERY_S, REST, Doorstep
+from gateway.line.job import Lane
+from gateway.modbus.writes import WriteRegister
+from tests.line.fakes import DELAY_S, TIMING, Rig, Units, poll
+from tests.virtual_time import run_virtually
+
+START = WriteRegister(5003, 1)
+STOP = WriteRegister(5003, 0)
+REPLY_END_S = TIMING.wire_s(8 + 25) + DELAY_S
+ROUND_S = REPLY_END_S + TIMING.silence_s
+SOON_S = 0.0002  # the next request is due, and has been chosen
+
+
+class Arrivals:
+    """What has arrived and is being read, until it is done."""
+
+    def __init__(self) -> None:
+        self.is_there = False
+
+    def __call__(self) -> bool:
+        return self.is_there
+
+
+def written(rig: Rig) -> list[int]:
+    return [frame[1] for _, frame in rig.port.sent]
+
+
+async def until_a_silence_ends(rig: Rig) -> None:
+    """Sleep until right before the second request."""
+    while not rig.port.sent:  # noqa: ASYNC110 - in virtual time
+        await asyncio.sleep(0.0001)
+    await asyncio.sleep(sent_s(rig)[0] + ROUND_S - SOON_S - asyncio.get_running_loop().time())
+
+
+def sent_s(rig: Rig) -> list[float]:
+    return [at_s for at_s, _ in rig.port.sent]
+
+
+@pytest.mark.parametrize(
+    ("request_", "lane", "taken_s"),
+    [(STOP, Lane.STOP, 0.0004), (STOP, Lane.STOP, GRACE_S - LOOK_EVERY_S), (START, Lane.COMMAND, 0.0008)],
+)
+def test_a_stop_that_is_still_being_read_when_the_silence_ends_goes_before_the_poll(
+    request_: WriteRegister, lane: Lane, taken_s: float
+) -> None:
+    arrivals = Arrivals()
+    rig = Rig(Units({1}), [poll("a", every_s=0.0)], has_arrived=arrivals)
+
+    async def scenario() -> None:
+        async with rig:
+            await until_a_silence_ends(rig)
+            arrivals.is_there = True
+            await asyncio.sleep(SOON_S + taken_s)
+            answered = asyncio.create_task(rig.transact(1, request_, lane))
+            await asyncio.sleep(0.0)
+            arrivals.is_there = False
+            await answered
+
+    run_virtually(scenario())
+
+    assert written(rig)[:2] == [3, 6]
+
+
+def test_a_stop_goes_as_soon_as_it_is_there_although_more_keeps_arriving() -> None:
+    arrivals = Arrivals()
+    rig = Rig(Units({1}), [poll("a", every_s=0.0)], has_arrived=arrivals)
+
+    async def scenario() -> float:
+        async with rig:
+            await until_a_silence_ends(rig)
+            arrivals.is_there = True
+            await asyncio.sleep(SOON_S + 0.0005)
+            asked_s = asyncio.get_running_loop().time()
+            await rig.transact(1, STOP, Lane.STOP)
+            return asked_s
+
+    asked_s = run_virtually(scenario())
+
+    assert written(rig)[:2] == [3, 6]
+    assert sent_s(rig)[1] == pytest.approx(asked_s, abs=0.0001)
+
+
+def test_what_turns_out_to_be_no_command_costs_the_poll_no_more_than_its_reading() -> None:
+    arrivals = Arrivals()
+    rig = Rig(Units({1}), [poll("a", every_s=0.0)], has_arrived=arrivals)
+
+    async def scenario() -> None:
+        async with rig:
+            await until_a_silence_ends(rig)
+            arrivals.is_there = True
+            await asyncio.sleep(SOON_S + 0.0005)
+            arrivals.is_there = False
+            await asyncio.sleep(ROUND_S)
+
+    run_virtually(scenario())
+
+    times_s = sent_s(rig)
+    assert 0.0004 < times_s[1] - times_s[0] - ROUND_S < 0.0005 + 1.5 * LOOK_EVERY_S
+
+
+def test_what_never_ends_to_arrive_takes_a_fiftieth_of_the_line_at_most() -> None:
+    polls = [poll("a", every_s=0.0)]
+
+    def rounds(*, is_there: bool) -> int:
+        rig = Rig(Units({1}), polls, has_arrived=lambda: is_there)
+
+        async def scenario() -> None:
+            async with rig:
+                await asyncio.sleep(20.0)
+
+        run_virtually(scenario())
+        return len(rig.port.sent)
+
+    assert rounds(is_there=True) > rounds(is_there=False) * (1 - 1 / REST) - 2
+
+
+def test_a_request_is_held_back_for_three_milliseconds_at_most_and_the_next_ones_not_at_all() -> None:
+    doorstep = Doorstep(lambda: True)
+    assert doorstep.is_worth_waiting(10.0)
+    assert doorstep.is_worth_waiting(10.0 + GRACE_S - 0.0001, began_s=10.0)
+    assert not doorstep.is_worth_waiting(10.0 + GRACE_S, began_s=10.0)
+
+    doorstep.waited(10.0, 10.0 + GRACE_S)
+
+    assert not doorstep.is_worth_waiting(10.0 + REST * GRACE_S)
+    assert doorstep.is_worth_waiting(10.0 + (REST + 1) * GRACE_S + 0.0001)
