@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from gateway.line.doorstep import GRACE_S, LOOK_EVERY_S, REST, Doorstep
+from gateway.line.doorstep import CREDIT_S, GRACE_S, LOOK_EVERY_S, SHARE, Doorstep
 from gateway.line.job import Lane
 from gateway.modbus.writes import WriteRegister
 from tests.line.fakes import DELAY_S, TIMING, Rig, Units, poll
@@ -106,7 +106,7 @@ def test_what_turns_out_to_be_no_command_costs_the_poll_no_more_than_its_reading
     assert 0.0004 < times_s[1] - times_s[0] - ROUND_S < 0.0005 + 1.5 * LOOK_EVERY_S
 
 
-def test_what_never_ends_to_arrive_takes_a_fiftieth_of_the_line_at_most() -> None:
+def test_what_never_ends_to_arrive_takes_a_hundredth_of_the_line_at_most() -> None:
     polls = [poll("a", every_s=0.0)]
 
     def rounds(*, is_there: bool) -> int:
@@ -119,16 +119,20 @@ def test_what_never_ends_to_arrive_takes_a_fiftieth_of_the_line_at_most() -> Non
         run_virtually(scenario())
         return len(rig.port.sent)
 
-    assert rounds(is_there=True) > rounds(is_there=False) * (1 - 1 / REST) - 2
+    assert rounds(is_there=True) > rounds(is_there=False) * (1 - SHARE) - 2
 
 
-def test_a_request_is_held_back_for_three_milliseconds_at_most_and_the_next_ones_not_at_all() -> None:
+def test_a_request_is_held_back_for_three_milliseconds_at_most() -> None:
     doorstep = Doorstep(lambda: True)
     assert doorstep.is_worth_waiting(10.0)
     assert doorstep.is_worth_waiting(10.0 + GRACE_S - 0.0001, began_s=10.0)
     assert not doorstep.is_worth_waiting(10.0 + GRACE_S, began_s=10.0)
 
-    doorstep.waited(10.0, 10.0 + GRACE_S)
 
-    assert not doorstep.is_worth_waiting(10.0 + REST * GRACE_S)
-    assert doorstep.is_worth_waiting(10.0 + (REST + 1) * GRACE_S + 0.0001)
+def test_the_right_to_hold_requests_back_is_used_up_and_comes_again() -> None:
+    doorstep = Doorstep(lambda: True)
+    assert doorstep.is_worth_waiting(10.0)
+    doorstep.waited(10.0, 10.0 + 1.1 * CREDIT_S)
+
+    assert not doorstep.is_worth_waiting(10.0)
+    assert doorstep.is_worth_waiting(10.0 + GRACE_S / SHARE)
