@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import gc
 import logging
 from collections.abc import Callable
 from typing import Protocol
 
 from gateway.errors import ConfigError
+from gateway.line.collector import spare_what_lives
 from gateway.site import Site
 from gateway.starters.records import Severity
 from gateway.systemd import Notifier
@@ -73,7 +73,9 @@ class Reload:
             text = "the reload was cut short by an error inside the gateway (see its log); restart it"
             self._running.tell("reload_failed", Severity.ERROR, text, {})
             return text
-        self._spare_the_collector()
+        is_much = self._remains >= MOST_REMAINS
+        spare_what_lives(with_look=is_much)
+        self._remains = 0 if is_much else self._remains
         log.info("reload: the new configuration is in force")
         return "polling; the new configuration is in force"
 
@@ -84,11 +86,3 @@ class Reload:
         text = f"the new configuration is refused, the old one stays in force: {mistakes[0]}{more}"
         self._running.tell("reload_refused", Severity.ERROR, text, {"mistakes": mistakes})
         return text
-
-    def _spare_the_collector(self) -> None:
-        """Take what lives on out of garbage collection; look for what does not when it is worth a pause."""
-        if self._remains >= MOST_REMAINS:
-            self._remains = 0
-            gc.unfreeze()
-            gc.collect()
-        gc.freeze()

@@ -22,8 +22,7 @@ class SparedCollector:
         """Begin, with one whole collection."""
         self._before = gc.get_threshold()
         gc.set_threshold(*THRESHOLDS)
-        gc.collect()
-        gc.freeze()
+        spare_what_lives(with_look=True)
         loop = asyncio.get_running_loop()
         self._timers = [loop.call_later(after_s, gc.freeze) for after_s in SETTLED_S]
 
@@ -33,3 +32,11 @@ class SparedCollector:
             timer.cancel()
         gc.unfreeze()
         gc.set_threshold(*self._before)
+
+
+def spare_what_lives(*, with_look: bool) -> None:
+    """Keep what there is by now out of garbage collection; a look at all before that stops every loop."""
+    if with_look:
+        gc.unfreeze()
+        gc.collect()
+    gc.freeze()
