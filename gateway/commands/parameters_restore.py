@@ -9,6 +9,7 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from gateway.commands.kept_identity import identity_trouble
+from gateway.commands.kept_wear import count_writes
 from gateway.commands.parameters_live import LiveStarter, read_with_progress
 from gateway.commands.progress import Progress
 from gateway.errors import CommandError, UsageError
@@ -60,7 +61,14 @@ async def restore(
         work = Restore(bench, plan, clock=live.clock)
         with suppress(NotImplementedError, ValueError):  # only the main thread's loop hears signals
             asyncio.get_running_loop().add_signal_handler(signal.SIGINT, work.interrupt)
-        return _show_end(await work.run(_teller(plan, progress)), progress)
+        try:
+            end = await work.run(_teller(plan, progress))
+        finally:
+            trouble = count_writes(live.state_dir, live.setup.name, work.writes)
+        code = _show_end(end, progress)
+        if trouble:
+            print(trouble)
+        return code
 
 
 def _check_identity(live: LiveStarter, bench: Bench, *, is_dry: bool) -> None:

@@ -87,6 +87,10 @@ class FileMemory:
         """Write the file anew, in a thread; done when it is on the disk."""
         await asyncio.to_thread(self._write, json.dumps(document).encode())
 
+    def write(self, document: Mapping[str, Any]) -> None:
+        """Do as `save`, for those who have nothing else to do meanwhile."""
+        self._write(json.dumps(document).encode())
+
     def _write(self, content: bytes) -> None:
         new = self._path.with_name(f"{self._path.name}.new")
         try:

@@ -16,9 +16,11 @@ from gateway.starters.records import Phase, Record, ResultRecord
 from gateway.starters.request import CommandRequest
 from gateway.starters.restoring import Change, RestorePlan, prepare_change
 from gateway.starters.sequence import Sequence
+from gateway.starters.wear import Wear
 
 CLIENT = "parameters"
 INTERRUPTED = "interrupted"
+NO_LIMIT = 1_000_000  # writes an hour: a person restores what a person chose, each row once
 
 
 @dataclass(slots=True)
@@ -38,9 +40,17 @@ class Restore:
         self._bench = bench
         self._plan = plan
         self._finals = _Finals()
-        self._desk = Desk(sink=self._finals, clock=clock, sequence=Sequence(), ledger=Ledger())
+        self._wear = Wear(most_per_hour=NO_LIMIT)
+        self._desk = Desk(
+            sink=self._finals, clock=clock, sequence=Sequence(), ledger=Ledger(), wear=self._wear
+        )
         self._conduct: Conduct | None = None
         self._is_interrupted = False
+
+    @property
+    def writes(self) -> int:
+        """How many writes have gone to the starter's non-volatile memory so far."""
+        return self._wear.total(self._bench.setup.name)
 
     def interrupt(self) -> None:
         """Write nothing more, but leave the starter safe."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import io
+import json
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from gateway.modbus.adu import decode
 from gateway.sim.factory import make_unit
 from gateway.starters.parameter_file import from_toml, to_toml
 from gateway.starters.setup import StarterSetup
+from gateway.starters.wear import WEAR_FILE
 from tests.commands.parameters_place import TIMING, Place
 from tests.virtual_time import VirtualClock, run_virtually
 
@@ -123,6 +125,39 @@ def test_only_what_differs_is_written_and_read_back(capsys: pytest.CaptureFixtur
     assert len(place.written) == 1
     assert "written and read back: P314" in capsys.readouterr().out
     assert "writing P314" in place.said.getvalue()
+
+
+def test_the_writes_of_a_restore_are_counted_beside_those_of_the_gateway(tmp_path: Path) -> None:
+    wear = tmp_path / WEAR_FILE
+    wear.write_text('{"writes": {"pump": 40, "fan": 7}}')
+    place = Place(make_unit("ssw07", 1))
+    place.state_dir = tmp_path
+
+    assert place.restore({"P314": 30, "P313": 1}) == 0
+
+    assert json.loads(wear.read_text()) == {"writes": {"pump": 41, "fan": 7}}
+
+
+def test_a_restore_without_a_gateway_keeps_no_count(tmp_path: Path) -> None:
+    place = Place(make_unit("ssw07", 1))
+    place.state_dir = tmp_path / "none"
+
+    assert place.restore({"P314": 30}) == 0
+
+    assert not place.state_dir.exists()
+
+
+def test_a_restore_says_when_its_writes_cannot_be_counted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / WEAR_FILE).write_text("damaged")
+    place = Place(make_unit("ssw07", 1))
+    place.state_dir = tmp_path
+
+    assert place.restore({"P314": 30}) == 0
+
+    assert "writes to the memory of pump that are not counted: 1" in capsys.readouterr().out
+    assert (tmp_path / WEAR_FILE).read_text() == "damaged"
 
 
 def test_a_restored_starter_differs_in_nothing_any_more() -> None:

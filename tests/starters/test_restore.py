@@ -1,4 +1,4 @@
-"""A restore that is interrupted leaves the starter safe."""
+"""A restore that is interrupted leaves the starter safe; a long one is not cut short."""
 
 from __future__ import annotations
 
@@ -19,16 +19,17 @@ from gateway.starters.restore import Restore, RestoreEnd
 from gateway.starters.restoring import plan_restore
 from gateway.starters.sequence import Sequence
 from gateway.starters.setup import StarterSetup
+from gateway.starters.wear import MOST_PER_HOUR
 from tests.starters.fakes import RecordingSink
 from tests.virtual_time import VirtualClock, run_virtually
 
 TIMING = LineTiming(19200, Framing.parse("8N2"))
 
 
-def interrupted_restore(unit: Any, values: dict[str, int], *, after_s: float) -> RestoreEnd:
-    """Restore these values, and interrupt that so long after its beginning."""
+def restored(unit: Any, values: dict[str, int], *, after_s: float | None = None) -> tuple[RestoreEnd, int]:
+    """Restore these values; return the end and how many writes it took. Interrupt it after so long."""
 
-    async def run() -> RestoreEnd:
+    async def run() -> tuple[RestoreEnd, int]:
         clock = VirtualClock(asyncio.get_running_loop())
         profile = load_profile(unit.family)
         setup = StarterSetup("pump", "pumps", 1, profile, Variant())
@@ -40,11 +41,11 @@ def interrupted_restore(unit: Any, values: dict[str, int], *, after_s: float) ->
             seen = dict.fromkeys(values, (0,))
             plan = plan_restore(profile, bench.variant, wanted=wanted, seen=seen)
             work = Restore(bench, plan, clock=clock)
-            if after_s:
-                asyncio.get_running_loop().call_later(after_s, work.interrupt)
-            else:
+            if after_s == 0.0:
                 work.interrupt()
-            return await work.run(lambda _: None)
+            elif after_s is not None:
+                asyncio.get_running_loop().call_later(after_s, work.interrupt)
+            return await work.run(lambda _: None), work.writes
 
     return run_virtually(run())
 
@@ -52,8 +53,9 @@ def interrupted_restore(unit: Any, values: dict[str, int], *, after_s: float) ->
 def test_nothing_is_tried_after_an_interruption() -> None:
     unit = make_unit("ssw07", 1)
 
-    end = interrupted_restore(unit, {"P314": 3}, after_s=0.0)
+    end, writes = restored(unit, {"P314": 3}, after_s=0.0)
 
+    assert writes == 0
     assert [change.code for change in end.untried] == ["P314"]
     assert list(unit.writes) == []
 
@@ -62,7 +64,7 @@ def test_nothing_is_tried_after_an_interruption() -> None:
 def test_an_sst_is_never_left_in_its_configuration_mode(after_s: float) -> None:
     unit: Any = make_unit("sst", 1)
 
-    end = interrupted_restore(unit, {"R41": 9, "R42": 20}, after_s=after_s)
+    end, _ = restored(unit, {"R41": 9, "R42": 20}, after_s=after_s)
 
     assert not unit.is_configuring
     assert end.done or end.failure is not None
@@ -71,8 +73,20 @@ def test_an_sst_is_never_left_in_its_configuration_mode(after_s: float) -> None:
 def test_what_was_done_before_an_interruption_stays_and_is_told() -> None:
     unit: Any = make_unit("ssw07", 1)
 
-    end = interrupted_restore(unit, {"P314": 3, "P313": 0}, after_s=0.25)
+    end, _ = restored(unit, {"P314": 3, "P313": 0}, after_s=0.25)
 
     assert unit.settings[314] == 3
     assert "P314" in [change.code for change in (*end.done, *end.failed)]
     assert len(end.done) < 2
+
+
+def test_a_restore_of_more_rows_than_commands_may_write_in_an_hour_is_carried_out_whole() -> None:
+    unit: Any = make_unit("ssw900", 1)
+    profile = load_profile("ssw900")
+    wanted = {row.code: 1 for row in profile.parameters.values() if row.is_writable and row.words == 1}
+
+    end, writes = restored(unit, wanted)
+
+    assert len(end.done) > MOST_PER_HOUR
+    assert (end.failed, end.untried) == ((), ())
+    assert writes > MOST_PER_HOUR
