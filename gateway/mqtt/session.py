@@ -1,8 +1,7 @@
 """One connection to the broker, from CONNECT to its loss; the only module that knows paho.
 
-A paho client that connects a second time replays its queue without regard to any window, so every session has
-a client of its own. paho's sockets are served by the running asyncio loop; only `connect`, which blocks, runs
-in a thread, and the loop touches the client only when that thread is done.
+A client that connects a second time replays its queue without regard to any window, so each session has its
+own. The running loop serves its socket; only `connect` blocks, in a thread, and the loop waits for its end.
 """
 
 from __future__ import annotations
@@ -30,6 +29,8 @@ from gateway.mqtt.settings import BrokerSettings
 from gateway.mqtt.unread import Unread
 
 MAX_INCOMING_BYTES = 65_536  # asked of the broker; commands are 4 KB at most
+CALLBACKS = [f"on_{each}" for each in ("connect", "disconnect", "publish", "subscribe", "message")]
+CALLBACKS += [f"on_socket_{each}" for each in ("open", "close", "register_write", "unregister_write")]
 READS_AT_ONCE = 100  # packets handled before other tasks of the loop have their turn
 
 
@@ -77,6 +78,8 @@ class Session:
             raise
         except (OSError, ValueError) as error:
             raise unreachable(self._settings.address, error) from error
+        finally:
+            del connecting  # it holds what was raised, whose traceback holds this frame
         self.is_reached = True
         self._serve()
         await self._answer(self._connack, "CONNACK")
@@ -128,6 +131,8 @@ class Session:
         self._lose("closed by the gateway")
         for answer in (self._connack, self._suback):
             answer.cancel()
+        for name in CALLBACKS:  # or the two hold each other until the next whole garbage collection
+            setattr(self._client, name, None)
 
     def _make_client(self) -> paho.Client:
         is_v5 = self._version is Version.V5
@@ -139,15 +144,8 @@ class Session:
             reconnect_on_failure=False,
         )
         client.max_inflight_messages_set(0)  # paho knows no Receive Maximum; the outbox keeps to `window`
-        client.on_connect = self._connected
-        client.on_disconnect = self._disconnected
-        client.on_publish = self._published
-        client.on_subscribe = self._subscribed
-        client.on_message = self._received
-        client.on_socket_open = self._socket_opened
-        client.on_socket_close = self._socket_closed
-        client.on_socket_register_write = self._write_wanted
-        client.on_socket_unregister_write = self._write_done
+        for name in CALLBACKS:
+            setattr(client, name, getattr(self, f"_{name}"))
         return client
 
     def _connect_blocking(self) -> None:
@@ -230,14 +228,13 @@ class Session:
             self.lost.set_result(reason)
 
     # paho's callbacks; up to the end of `connect` those of the socket come from its thread.
-
-    def _socket_opened(self, _client: paho.Client, _userdata: Any, sock: Any) -> None:
+    def _on_socket_open(self, _client: Any, _userdata: Any, sock: Any) -> None:
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
-    def _socket_closed(self, _client: paho.Client, _userdata: Any, _sock: Any) -> None:
+    def _on_socket_close(self, _client: Any, _userdata: Any, _sock: Any) -> None:
         self._release()
 
-    def _write_wanted(self, _client: paho.Client, _userdata: Any, _sock: Any) -> None:
+    def _on_socket_register_write(self, _client: Any, _userdata: Any, _sock: Any) -> None:
         if self._sock is not None:
             self._loop.call_soon(self._write)
 
@@ -251,34 +248,28 @@ class Session:
             if self._client.want_write():  # more than the socket takes
                 self._loop.add_writer(self._sock, self._client.loop_write)
 
-    def _write_done(self, _client: paho.Client, _userdata: Any, _sock: Any) -> None:
+    def _on_socket_unregister_write(self, _client: Any, _userdata: Any, _sock: Any) -> None:
         if self._sock is not None:
             self._loop.remove_writer(self._sock)
 
-    def _connected(
-        self, _client: paho.Client, _userdata: Any, _flags: Any, code: ReasonCode, properties: Any
-    ) -> None:
+    def _on_connect(self, _client: Any, _userdata: Any, _flags: Any, code: ReasonCode, told: Any) -> None:
         self.connack_code = code.value
         if code.is_failure:
             self._connack.set_exception(refused(self._settings.address, code.value, str(code)))
             return
-        self.window = min(self._settings.window, getattr(properties, "ReceiveMaximum", 65_535))
-        self._max_packet = getattr(properties, "MaximumPacketSize", None)
+        self.window = min(self._settings.window, getattr(told, "ReceiveMaximum", 65_535))
+        self._max_packet = getattr(told, "MaximumPacketSize", None)
         self._connack.set_result(None)
 
-    def _subscribed(
-        self, _client: paho.Client, _userdata: Any, _mid: int, codes: list[ReasonCode], _properties: Any
-    ) -> None:
+    def _on_subscribe(self, _client: Any, _userdata: Any, _mid: int, codes: Any, _told: Any) -> None:
         self._suback.set_result(max((code.value for code in codes), default=0))
 
-    def _published(
-        self, _client: paho.Client, _userdata: Any, mid: int, code: ReasonCode, _properties: Any
-    ) -> None:
+    def _on_publish(self, _client: Any, _userdata: Any, mid: int, code: ReasonCode, _told: Any) -> None:
         ticket, _ = self._tickets.pop(mid, (None, 0.0))
         if ticket is not None:
             self._on_ack(ticket, code.value)
 
-    def _received(self, _client: paho.Client, _userdata: Any, message: paho.MQTTMessage) -> None:
+    def _on_message(self, _client: Any, _userdata: Any, message: paho.MQTTMessage) -> None:
         try:
             topic = message.topic
         except UnicodeDecodeError:
@@ -295,9 +286,7 @@ class Session:
         # Not from within paho: whatever goes wrong with a command must not spoil its parser.
         self._loop.call_soon(self._on_incoming, incoming)
 
-    def _disconnected(
-        self, _client: paho.Client, _userdata: Any, flags: Any, code: ReasonCode, _properties: Any
-    ) -> None:
+    def _on_disconnect(self, _client: Any, _userdata: Any, flags: Any, code: ReasonCode, _told: Any) -> None:
         if flags.is_disconnect_packet_from_server:
             self._lose(f"the broker closed the connection: {code}")
         elif code.getName() == "Keep alive timeout":

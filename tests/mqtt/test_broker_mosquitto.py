@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import gc
 import json
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from paho.mqtt import client as paho
 
 from gateway.mqtt.retry import Version
+from gateway.mqtt.session import Session
 from gateway.mqtt.settings import TlsSettings
 from tests.conftest import StartMosquitto
 from tests.mosquitto import Certificate, Seen
@@ -272,3 +275,25 @@ async def test_a_forgotten_starter_leaves_nothing_retained(start_mosquitto: Star
             messages = await late.until(lambda seen: seen.topic == "b/starter/end")
 
     assert [seen.topic for seen in messages] == ["b/starter/end"]
+
+
+async def test_connections_that_are_lost_or_fail_leave_nothing_to_the_garbage_collection(
+    start_mosquitto: StartMosquitto,
+) -> None:
+    broker = start_mosquitto()
+    gc.collect()
+    gc.disable()
+    try:
+        async with Rig(settings(broker.port)) as rig:
+            await rig.until_connected()
+            for _ in range(3):
+                broker.kill()
+                while "nothing listens" not in (await rig.link())[1]:
+                    pass
+                broker.start()
+                await rig.until_connected()
+            alive = [each for each in gc.get_objects() if isinstance(each, Session | paho.Client)]
+    finally:
+        gc.enable()
+
+    assert len(alive) == 2  # the present one

@@ -9,21 +9,19 @@ from tests.torture.of_broker import AGAIN_S
 from tests.torture.scenario import Place, Scenario
 from tests.torture.world import World
 
-# Until then what is bounded fills up: SQLite's caches, one write-ahead log, the allocator's arenas.
-WARM_UP_S = 900
+WARM_UP = 0.3  # of the time
 START_EVERY_S = 180.0  # more often, and the motor's overload trips
 JUDGED_FROM_S = 600  # less says nothing of growth
 GROWTH_KB_PER_H = 1024.0
 
 
 async def soak(w: World, seconds: int) -> None:
-    """Start, stop, trip and reset motors, and take the broker away now and then; so long after a warm-up."""
+    """Start, stop, trip and reset motors, and take the broker away now and then."""
     begun_s = time.monotonic()
     used: list[tuple[float, int]] = []
-    warm_up_s = WARM_UP_S if seconds >= JUDGED_FROM_S else 0
     w.sample()
     start_due_s = 0.0
-    while (passed_s := time.monotonic() - begun_s) < warm_up_s + seconds:
+    while (passed_s := time.monotonic() - begun_s) < seconds:
         if passed_s >= start_due_s:
             start_due_s = passed_s + START_EVERY_S
             w.begin_start("fan")
@@ -33,7 +31,7 @@ async def soak(w: World, seconds: int) -> None:
         used.append((passed_s, w.sample().rss_kb))
     await w.right(since_s=begun_s, within_s=AGAIN_S)
     w.sample()
-    settled = [each for each in used if each[0] >= warm_up_s]
+    settled = [each for each in used if each[0] >= WARM_UP * seconds]
     hours = max(settled[-1][0] - settled[0][0], 1.0) / 3600.0
     growth = (settled[-1][1] - settled[0][1]) / hours
     w.figures |= {"growth KB/h": round(growth), "RSS KB": used[-1][1]}
