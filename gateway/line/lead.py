@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-FIRST_S, LEAST_S, MOST_S = 0.0001, 0.00005, 0.0003
-JUST_IN_TIME_S = 0.00003  # left after waking up: as long as it takes to get to the write
+FIRST_S, LEAST_S, MOST_S = 0.0001, 0.00005, 0.0004
 
-_EARLIER_S, _LATER_S = 0.000012, 0.000003  # the steps of learning: one in five then is later than that
+_EARLIER_S, _LATER_S = 0.000012, 0.000003  # the steps of learning: one write in five then is late
 
 
 class Lead:
-    """Learns from each wait that was woken."""
+    """Learns from each write that follows a wait."""
 
     def __init__(self) -> None:
         self.seconds = FIRST_S
 
     def learn(self, left_s: float) -> None:
-        """Take over how much time was left, negative when it was too late."""
-        if left_s < JUST_IN_TIME_S:
+        """Take over how much time was left when all was ready, negative when it was too late."""
+        if left_s < 0.0:
             self.seconds = min(self.seconds + _EARLIER_S, MOST_S)
         else:
             self.seconds = max(self.seconds - _LATER_S, LEAST_S)

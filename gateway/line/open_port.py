@@ -29,7 +29,8 @@ class OpenPort(asyncio.Protocol, abc.ABC):
         self._wanted = 1  # bytes for which whoever reads is woken
         self._last_byte_s = -inf
         self._waiter: Wakeup | None = None
-        self._lead = Lead()  # a read ends so long before its time; what wakes it is about as late
+        self._lead = Lead()  # a read ends so long before its time: what wakes it is late, and a write takes time
+        self._was_woken = False  # the latest read, by the time
         self._hold_s = -inf  # until then nothing is written
         self._lost: str | None = None  # the reason
         self._closed = asyncio.Event()
@@ -48,6 +49,7 @@ class OpenPort(asyncio.Protocol, abc.ABC):
 
         A write that follows waits for the rest of the time, so that all that is done between the two is free.
         """
+        self._was_woken = False
         while len(self._received) < count:
             if self._lost is not None:
                 if not self._received:
@@ -57,8 +59,7 @@ class OpenPort(asyncio.Protocol, abc.ABC):
                 self._look_once()
                 self._hold_s = until_s
                 break
-            if await self._wait(until_s - self._lead.seconds, count):
-                self._lead.learn(until_s - self._time())
+            self._was_woken = await self._wait(until_s - self._lead.seconds, count)
         chunk = bytes(self._received)
         self._received.clear()
         return chunk
@@ -100,6 +101,9 @@ class OpenPort(asyncio.Protocol, abc.ABC):
     def _hold(self) -> None:
         """Wait for the end of a read that ended early without letting go: no sleep ends as exactly."""
         time, until_s = self._time, self._hold_s
+        if self._was_woken:
+            self._lead.learn(until_s - time())
+            self._was_woken = False
         while time() < until_s:
             pass
 
