@@ -29,7 +29,7 @@ class OpenPort(asyncio.Protocol, abc.ABC):
         self._wanted = 1  # bytes for which whoever reads is woken
         self._last_byte_s = -inf
         self._waiter: Wakeup | None = None
-        self._lead = Lead()  # a read ends so long before its time: what wakes it is late, and a write takes time
+        self._lead = Lead()  # a read ends so long before its time: waking up and writing take as long
         self._was_woken = False  # the latest read, by the time
         self._hold_s = -inf  # until then nothing is written
         self._lost: str | None = None  # the reason
