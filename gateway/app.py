@@ -100,8 +100,8 @@ class App:
             )
         ]
         await self._host.start()  # before all else: the starters' watchdogs run
-        await self._plant.start()
         self._keeper.start(__version__)
+        await self._plant.start()
         self._uplink.start()
         self._companions.start()
         self._is_up.set()
