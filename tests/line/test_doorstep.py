@@ -33,11 +33,13 @@ def written(rig: Rig) -> list[int]:
     return [frame[1] for _, frame in rig.port.sent]
 
 
-async def until_a_silence_ends(rig: Rig) -> None:
-    """Sleep until right before the second request."""
+async def let_arrive(arrivals: Arrivals, rig: Rig, taken_s: float) -> None:
+    """Let something arrive right before the second request, and let so much time pass after that was due."""
     while not rig.port.sent:  # noqa: ASYNC110 - in virtual time
         await asyncio.sleep(0.0001)
     await asyncio.sleep(sent_s(rig)[0] + ROUND_S - SOON_S - asyncio.get_running_loop().time())
+    arrivals.is_there = True
+    await asyncio.sleep(SOON_S + taken_s)
 
 
 def sent_s(rig: Rig) -> list[float]:
@@ -56,9 +58,7 @@ def test_a_stop_that_is_still_being_read_when_the_silence_ends_goes_before_the_p
 
     async def scenario() -> None:
         async with rig:
-            await until_a_silence_ends(rig)
-            arrivals.is_there = True
-            await asyncio.sleep(SOON_S + taken_s)
+            await let_arrive(arrivals, rig, taken_s)
             answered = asyncio.create_task(rig.transact(1, request_, lane))
             await asyncio.sleep(0.0)
             arrivals.is_there = False
@@ -75,9 +75,7 @@ def test_a_stop_goes_as_soon_as_it_is_there_although_more_keeps_arriving() -> No
 
     async def scenario() -> float:
         async with rig:
-            await until_a_silence_ends(rig)
-            arrivals.is_there = True
-            await asyncio.sleep(SOON_S + 0.0005)
+            await let_arrive(arrivals, rig, 0.0005)
             asked_s = asyncio.get_running_loop().time()
             await rig.transact(1, STOP, Lane.STOP)
             return asked_s
@@ -94,9 +92,7 @@ def test_what_turns_out_to_be_no_command_costs_the_poll_no_more_than_its_reading
 
     async def scenario() -> None:
         async with rig:
-            await until_a_silence_ends(rig)
-            arrivals.is_there = True
-            await asyncio.sleep(SOON_S + 0.0005)
+            await let_arrive(arrivals, rig, 0.0005)
             arrivals.is_there = False
             await asyncio.sleep(ROUND_S)
 
