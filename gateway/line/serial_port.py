@@ -2,6 +2,11 @@
 
 pyserial-asyncio 0.6 reports a port as lost before it is closed, so reopening waits; pyserial uses select(),
 so descriptors from 1024 on are refused.
+
+A port belongs to the one process that holds its flock, which the kernel ends with that process. That is all that
+pyserial's `exclusive` takes: it keeps out only programs that ask for it too. TIOCEXCL keeps out the others, but
+belongs to the terminal: it lasts until the last descriptor is closed. On a pseudo terminal (socat, ser2net) the
+other end holds it open, so a gateway that was killed would never be let in again, unless it is root's.
 """
 
 from __future__ import annotations
@@ -122,8 +127,10 @@ class SerialOpener:
         if max(device.fileno(), device.pipe_abort_read_r or 0) >= _SELECT_LIMIT:
             device.close()
             raise PortError(self._name, "too many open files", f"fewer than {_SELECT_LIMIT} can be served")
-        with contextlib.suppress(OSError):  # the lock taken above binds only programs that ask for it
-            fcntl.ioctl(device.fileno(), termios.TIOCEXCL)
+        with contextlib.suppress(
+            OSError
+        ):  # the flock is ours: what an earlier holder has left counts no more
+            fcntl.ioctl(device.fileno(), termios.TIOCNXCL if is_pseudo else termios.TIOCEXCL)
         with contextlib.suppress(OSError, ValueError, AttributeError):  # FTDI holds bytes back for 16 ms else
             device.set_low_latency_mode(True)
         return device
