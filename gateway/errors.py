@@ -4,6 +4,7 @@ GatewayError
 ├── ConfigError          the configuration is wrong: print all problems, exit 78
 ├── ProfileError         a shipped family profile is wrong: a bug, exit 1
 ├── UsageError           a command line asks for what does not exist: exit 2
+├── StartError           another gateway runs, or this user may not: exit 1
 ├── PortError            the port cannot be opened (now): report, wait, try again
 │   └── PortLostError    an open port is gone: report, reopen
 ├── CodecError           bytes that are no valid Modbus: `transaction` turns it into an outcome
@@ -62,6 +63,13 @@ class ProfileError(GatewayError):
 
 class UsageError(GatewayError):
     """A command line asks for something that does not exist."""
+
+
+class StartError(GatewayError):
+    """The gateway must not run here now: another one does, or its user may not write where it has to."""
+
+    def __init__(self, reason: str, mend: str) -> None:
+        super().__init__(f"{reason} ({mend})")
 
 
 class PortError(GatewayError):

@@ -1,4 +1,4 @@
-"""What an ordinary user may do, tested by whoever runs the tests: as root, a program drops its rights first."""
+"""What an ordinary user may do, whoever runs the tests: as root, a program gives its rights up first."""
 
 from __future__ import annotations
 
