@@ -7,6 +7,7 @@ GatewayError
 ├── StartError           another gateway runs, or this user may not: exit 1
 ├── PortError            the port cannot be opened (now): report, wait, try again
 │   └── PortLostError    an open port is gone: report, reopen
+│       └── PortResetError  we have reset a connection, so that nothing in it acts late: reopen at once
 ├── CodecError           bytes that are no valid Modbus: `transaction` turns it into an outcome
 │   ├── BadFrameError    wrong CRC, too short, too long
 │   ├── BadReplyError    a valid frame that does not answer this request
@@ -84,6 +85,10 @@ class PortError(GatewayError):
 
 class PortLostError(PortError):
     """An open port has gone: unplugged, hung up, read error."""
+
+
+class PortResetError(PortLostError):
+    """A connection that was reset on purpose: what was still under way in it must not arrive later."""
 
 
 class CodecError(GatewayError):

@@ -146,6 +146,10 @@ class SocketPort(OpenPort):
             raise PortLostError(self._name, "stuck: takes no more bytes", "restart the serial server")
         transport.write(frame)
 
+    def reset(self) -> None:
+        """Close the connection; the opener has set SO_LINGER so that this drops what has not left yet."""
+        self.close()
+
     def data_received(self, data: bytes) -> None:
         """Take bytes; asyncio calls this."""
         self._take(data, self._time())

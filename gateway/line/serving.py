@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
-from gateway.errors import PortLostError
+from gateway.errors import PortLostError, PortResetError
 from gateway.line.deafness import DEAF, Deafness
 from gateway.line.doorstep import LOOK_EVERY_S, Doorstep
 from gateway.line.figures import Figures
@@ -16,6 +16,7 @@ from gateway.line.prepared import Preparations
 from gateway.line.transaction import Transactor
 from gateway.line.voice import Voice
 
+RESET = "reset: a write was not answered in time, and must not act later"
 IDLE_WAKE_S = 1.0  # an idle line looks at its port so often
 
 
@@ -109,6 +110,8 @@ class Serving:
             outcome = await self._take(turn, noise)
             self._step()
             self._record(turn, outcome, took_s=self._time() - free_s)
+            if _may_act_late(turn, outcome) and line.reset():
+                raise PortResetError(self._port_name, RESET)
             if turn.unit and self._deafness.take(outcome, self._time()):
                 raise PortLostError(self._port_name, DEAF)
             if not self._deafness.is_deaf:
@@ -210,3 +213,9 @@ class Serving:
         finally:
             timer.cancel()
             self._waker = None
+
+
+def _may_act_late(turn: Turn, outcome: Outcome) -> bool:
+    """Return whether a write that must not act late was sent, and it is not known that it arrived."""
+    is_unsure = isinstance(outcome, Silent | Garbled) and outcome.is_sent
+    return is_unsure and turn.job is not None and turn.job.must_not_act_late

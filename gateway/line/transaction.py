@@ -12,7 +12,7 @@ from gateway.line.budget import ALLOWANCE_S
 from gateway.line.hearing import Hearing, judge
 from gateway.line.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.pace import Pace
-from gateway.line.port import Port
+from gateway.line.port import DeliversLate, Port
 from gateway.line.prepared import MIRRORED, Prepared
 from gateway.line.quarantine import Quarantine
 from gateway.line.suspicion import Suspicions, whole_frame
@@ -61,6 +61,13 @@ class Transactor:
         self.is_on_wire = False  # from the moment a request is written until its outcome is known
         self.written_s = -inf  # when the latest request was written
         self.stray_bytes = 0  # that nobody waited for, since the port was opened
+
+    def reset(self) -> bool:
+        """Let nothing that was written reach the wire later; return whether the port is closed for that."""
+        if not isinstance(self._port, DeliversLate):
+            return False
+        self._port.reset()
+        return True
 
     def quiet_from_s(self) -> float:
         """Return when the line will have been silent for long enough, if nothing more comes."""

@@ -10,13 +10,18 @@ from tests.line.opened import opener
 from tests.ordinary_user import become_ordinary
 
 
+def say(text: str) -> None:
+    sys.stdout.write(f"{text}\n")
+    sys.stdout.flush()
+
+
 async def hold(path: str) -> None:
     try:
         port = await opener(path)()
     except PortError as error:
-        print(error, flush=True)
+        say(str(error))
         return
-    print("open", flush=True)
+    say("open")
     await asyncio.to_thread(sys.stdin.read)
     port.close()
 
