@@ -226,6 +226,7 @@ class App:
             sequence=self._sequence,
             journal=self._keeper.journal,
             precautions=self._precautions,
+            stood_still_s=lambda: self._reception.stood_still_s(),
         )
 
     def _build_reception(self) -> Reception:

@@ -9,7 +9,6 @@ from math import inf
 
 from gateway.line.outcome import Outcome
 from gateway.modbus.adu import BROADCAST
-from gateway.modbus.codes import WRITES
 from gateway.modbus.pdu import Request
 
 
@@ -54,4 +53,4 @@ class Job:
     @property
     def must_not_act_late(self) -> bool:
         """Whether it may do harm when it arrives after its answer was due: every write but a stop."""
-        return self.lane is not Lane.STOP and self.request.function in WRITES and self.unit != BROADCAST
+        return self.lane is not Lane.STOP and self.request.is_write and self.unit != BROADCAST

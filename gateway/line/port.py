@@ -51,6 +51,15 @@ class PortOpener(Protocol):
 
 
 @runtime_checkable
+class HoldsBack(Protocol):
+    """A port whose `write` waits for the end of the read before; `hold` does that waiting alone."""
+
+    def hold(self) -> None:
+        """Return when a frame may be written without further waiting."""
+        ...
+
+
+@runtime_checkable
 class DeliversLate(Protocol):
     """A port whose bytes may reach the other side long after `write`: a TCP connection that stands still."""
 

@@ -6,7 +6,7 @@ so descriptors from 1024 on are refused.
 A port belongs to the one process that holds its flock, which the kernel ends with that process. It is all
 that pyserial's `exclusive` takes: it keeps out only programs that ask for it too. TIOCEXCL keeps out the
 others, but belongs to the terminal and lasts until its last descriptor is closed. On a pseudo terminal (of
-socat, ser2net) the other end holds it open: a killed gateway would never be let in again, unless it is root's.
+socat, ser2net) the other end holds it open: a killed gateway that is not root's would never be let in again.
 """
 
 from __future__ import annotations

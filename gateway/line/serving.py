@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from math import inf
 
 from gateway.errors import PortLostError, PortResetError
 from gateway.line.deafness import DEAF, Deafness
@@ -153,7 +154,8 @@ class Serving:
 
     async def _take(self, turn: Turn, noise: Garbled | None) -> Outcome:
         """Do one transaction, unless too late or on too noisy a line; a job ends even when this does not."""
-        if turn.job is not None and self._time() > turn.job.until_s:
+        until_s = inf if turn.job is None else turn.job.until_s
+        if self._time() > until_s:
             return Silent(TOO_LATE, is_sent=False)
         if noise is not None:
             return noise
@@ -167,9 +169,11 @@ class Serving:
                 prepared,
                 response_time_s=self._figures.response_time_s(turn),
                 longest_s=turn.response_time_s,
+                until_s=until_s,
                 meanwhile=self._voice.flush,
             )
-            self._figures.note_sent(turn, self.line.written_s)
+            if outcome != Silent(TOO_LATE, is_sent=False):
+                self._figures.note_sent(turn, self.line.written_s)
         finally:
             if outcome is None and turn.job is not None:
                 self._voice.finish(turn.job, Silent("port lost", is_sent=self.line.is_on_wire))

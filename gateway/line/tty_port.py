@@ -53,7 +53,7 @@ class TtyPort(OpenPort):
         """Hand one whole frame to the wire; raise PortLostError when the port is gone or stuck."""
         if self._lost is not None:
             raise PortLostError(self._name, self._lost)
-        self._hold()
+        self.hold()
         try:
             count = os.write(self._fd, frame)
         except BlockingIOError:

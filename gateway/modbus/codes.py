@@ -24,18 +24,6 @@ class Function(enum.IntEnum):
     ENCAPSULATED = 43
 
 
-WRITES = frozenset(
-    {
-        Function.WRITE_COIL,
-        Function.WRITE_REGISTER,
-        Function.WRITE_COILS,
-        Function.WRITE_REGISTERS,
-        Function.MASK_WRITE_REGISTER,
-        Function.READ_WRITE_REGISTERS,
-    }
-)
-
-
 class ExceptionCode(enum.IntEnum):
     """Why a unit refuses a request [APP 7]."""
 
