@@ -110,6 +110,7 @@ class App:
             log.info("ending: %s", reason)
             await self._commander.close()
             await self._host.stop()
+            self._plant.end(f"the gateway ended: {reason}")  # published while all that follows is done
             await self._plant.close()
             await self._companions.close()
             await self._precautions.identities.close()
@@ -226,6 +227,7 @@ class App:
             sequence=self._sequence,
             journal=self._keeper.journal,
             precautions=self._precautions,
+            stood_still_s=lambda: self._reception.stood_still_s(),
         )
 
     def _build_reception(self) -> Reception:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from math import inf
 
 from gateway.clock import Clock, ClockWatch
 from gateway.mqtt.boot import Boot
@@ -40,11 +41,17 @@ class Reception:
         self._clock_watch = clock_watch
         self._restate = restate
         self._tell = tell
+        self._stood_still_s = -inf
         self._standstill = standstill(self._note_standstill)
 
     async def run(self) -> None:
         """Watch for standstills for ever."""
         await self._standstill.run()
+
+    def stood_still_s(self) -> float:
+        """Return when the latest standstill ended, on the steady clock; one that just has is noticed."""
+        self._standstill.look()
+        return self._stood_still_s
 
     def take(self, incoming: Incoming) -> None:
         """Pass an operator's message on, or tell its sender why not."""
@@ -65,7 +72,8 @@ class Reception:
 
     def _note_standstill(self, seconds: float) -> None:
         """Refuse what was sent before now: it may have waited as long, in the broker or in our own socket."""
-        self._boot.stood_still(self._clock.now_s())
+        self._stood_still_s = self._clock.now_s()
+        self._boot.stood_still(self._stood_still_s)
         self._restate()
         text = f"stood still for {seconds:.1f} s, or the clock was set ahead: what was sent before is refused"
         log.warning("%s", text)

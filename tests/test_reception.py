@@ -128,3 +128,14 @@ async def test_what_is_no_command_is_nobodys() -> None:
     await asyncio.sleep(1.0)
 
     assert [each.code for each in here.plant.sink.of(ResultRecord)] == ["bad_json"]
+
+
+@virtually
+async def test_a_command_under_way_learns_of_a_standstill_that_nobody_has_noticed_yet() -> None:
+    here = await desk()
+    before_s = here.reception.stood_still_s()
+    await asyncio.sleep(0.01)
+    here.asleep_s = 3600.0
+
+    assert here.reception.stood_still_s() == here.plant.clock.now_s() > before_s
+    assert [code for code, _, _ in here.events] == ["stood_still"]

@@ -16,6 +16,7 @@ from gateway.config.load import examine
 from gateway.config.mending import relief_of
 from gateway.config.prospects import LineProspect, StarterProspect
 from gateway.config.schema import Config
+from gateway.config.secrets import password_in
 from gateway.errors import ConfigError
 
 _SAFE_FACTOR = 1.5  # a watchdog below this many longest gaps leaves little room for commands and retries
@@ -116,11 +117,22 @@ def _line_warnings(prospects: tuple[LineProspect, ...]) -> Iterator[str]:
                 yield f"starter {starter.table.name}: {what} (make it {wanted_s:.1f} s, or every_s shorter)"
 
 
+def _password_warnings(path: Path) -> Iterator[str]:
+    """Say what `run` will refuse; a file that only the gateway's user may read is as it should be."""
+    try:
+        password_in(path)
+    except ConfigError as error:
+        for problem in error.problems:
+            yield f"mqtt.password_file: {path}: {problem.what} ({problem.mend})"
+
+
 def _site_warnings(config: Config, folder: Path) -> Iterator[str]:
     for name in ("password_file", "ca_file", "cert_file", "key_file"):
         file = getattr(config.mqtt, name)
         if file is not None and not (folder / file).exists():
             yield f"mqtt.{name}: {folder / file} is not there (put it there before `run`)"
+        elif file is not None and name == "password_file":
+            yield from _password_warnings(folder / file)
     for line in config.lines:
         if line.port.startswith(("/dev/ttyUSB", "/dev/ttyACM")):
             yield f"line {line.name}: {line.port} may be another adapter tomorrow (use /dev/serial/by-id/...)"

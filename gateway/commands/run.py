@@ -17,6 +17,7 @@ from gateway.commands.command import Subparsers
 from gateway.config.schema import Config
 from gateway.reload import Reload
 from gateway.site import Site
+from gateway.system.instance_lock import instance_lock
 from gateway.systemd import Notifier, PriorityFormatter, is_journal, watchdog_interval_s
 
 
@@ -30,12 +31,13 @@ def add_parser(subparsers: Subparsers) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run until SIGTERM or SIGINT; ConfigError when the configuration is wrong."""
+    """Run until SIGTERM or SIGINT; ConfigError when the configuration is wrong, StartError beside another."""
     path = Path(args.config)
     site = Site.read(path, os.environ)
     faulthandler.enable()  # systemd's SIGABRT ends a hang: it is to say where
     log_to_stderr(is_verbose=args.verbose)
-    asyncio.run(_serve(path, site))
+    with instance_lock(site.state_dir):
+        asyncio.run(_serve(path, site))
     return 0
 
 

@@ -30,6 +30,7 @@ from gateway.modbus.timing import LineTiming
 from gateway.repetition import Repetition
 
 RESTART_PAUSE_S = 1.0  # after a bug has ended a line's loop
+STOP_WITHIN_S = 3.0  # of the 10 s in which the gateway ends; the longest transaction takes less
 FIGURES_EVERY_S = 1.0
 SWITCH_INTERVAL_S = 0.0001  # Python's 5 ms are two silences: too long to wait for the app's thread
 
@@ -126,12 +127,17 @@ class LineHost:
         await asyncio.to_thread(started.wait)
 
     async def stop(self) -> None:
-        """Let each transaction under way end, close the ports and end the thread."""
+        """Let each transaction under way end, close the ports and end the thread.
+
+        A port that does not close (a driver that hangs) is waited for `STOP_WITHIN_S` at most.
+        """
         thread, self._thread = self._thread, None
         if thread is None:
             return
         self.to_line(self._stopping.set)
-        await asyncio.to_thread(thread.join)
+        await asyncio.to_thread(thread.join, STOP_WITHIN_S)
+        if thread.is_alive():
+            logger.error("the lines did not end within %g s: a port hangs", STOP_WITHIN_S)
         self._loop = None
         self._collector.end()
 

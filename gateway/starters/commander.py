@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Collection, Coroutine, Iterable, Mapping
+from collections.abc import Callable, Collection, Coroutine, Iterable, Mapping
 from contextlib import suppress
+from math import inf
 from typing import Any
 
 from gateway.clock import Clock
@@ -50,6 +51,7 @@ class Commander:
         sequence: Sequence,
         journal: Journal | None = None,
         precautions: Precautions | None = None,
+        stood_still_s: Callable[[], float] = lambda: -inf,
     ) -> None:
         self._starters = starters
         self._rights = rights
@@ -65,6 +67,7 @@ class Commander:
             ledger=self._ledger,
             wear=self._precautions.wear,
             journal=self._journal,
+            stood_still_s=stood_still_s,
         )
         self._groups = self._precautions.policy.groups
         self._admission = Admission(

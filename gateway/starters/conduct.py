@@ -29,14 +29,23 @@ MOST_READINGS = 4  # until two in a row agree
 RECENT_PERIODS = 2  # a poll of this age still counts as one of the two readings,
 SLOW_DISK_S = 0.25  # what was read before a disk took this long is read again
 RECENT_AT_MOST_S = 10.0  # however rarely the starter is polled
+DECIDES_FOR_S = 2.0  # after that a reading decides about no motor any more: much can have happened since
+WAITS_FOR_S = 10.0  # the same of what moves no motor, and may wait for its turn
+MOST_DECISIONS = 5  # each on new readings, when the line was not free while the ones before counted
 MAY_BE_TURNING = "the motor may be turning"
 CAN_WAIT = frozenset({"read", "set", "configure", "output"})  # verbs that move no motor
+
+LINE_NOT_FREE = "the line was not free while the command was valid"
 
 HALTED = {
     "stopped_first": "a stop came first",
     "locked": "a maintenance lock came first",
     "shutting_down": "the gateway is shutting down",
 }
+
+
+class _OutdatedError(Exception):
+    """What was decided has not been written, and is to be decided again."""
 
 
 class Conduct:
@@ -84,7 +93,14 @@ class Conduct:
             if not procedure.steps:
                 return self._unwritten(procedure, rows)
             self.errand.wear_out(procedure.wears)
-            return await self._carry_out(procedure)
+            for _ in range(MOST_DECISIONS):
+                try:
+                    return await self._carry_out(procedure)
+                except _OutdatedError:
+                    rows, procedure = await self._decide()
+                    if not procedure.steps:
+                        return self._unwritten(procedure, rows)
+            return self._cut("expired", LINE_NOT_FREE)
         except CommandError as error:
             return self._cut(error.code, error.text)
         except RefusedError as error:
@@ -127,6 +143,8 @@ class Conduct:
         """Return what the last polls would lead to; None when they are too old, lack a row or forbid it."""
         longest_s = min(RECENT_PERIODS * self._starter.status_period_s, RECENT_AT_MOST_S)
         since_s = self.errand.now_s() - longest_s
+        if self.errand.is_outdated(since_s):
+            return None  # some of it may have been read before the gateway stood still
         recent = self._starter.snapshot.rows_since(since_s)
         codes = {code for read in self._preparation.reads for code in read.codes}
         if not codes <= recent.keys():
@@ -181,15 +199,31 @@ class Conduct:
             setup = self._starter.setup
             self._starter.line.expect_silence(setup.address, setup.profile.timing.restart_s)
         try:
-            return await self._wire.write(step.request, lane=self._lane, until_s=self._until_s())
+            return await self._hand_over(step)
         except HaltedError:
             self.errand.write()  # it may have been on its way already
             raise
 
-    def _until_s(self) -> float:
-        """Return how late the first write may be sent: what has begun is not left half done."""
+    async def _hand_over(self, step: WriteStep) -> Outcome:
+        """Give a write to the line, which sends it only while what was read last still decides.
+
+        _OutdatedError when it does not any more and nothing has been written yet. What moves no motor is not
+        left half done: its later writes go out whenever the line is free.
+        """
+        is_begun = self.errand.life.is_written
+        if is_begun and self.can_wait:
+            return await self._wire.write(step.request, lane=self._lane)
         expires_s = self.errand.request.expires_s
-        return inf if expires_s is None or self.errand.life.is_written else expires_s
+        if expires_s is None or is_begun:
+            expires_s = inf
+        until_s = self._wire.seen_s + (WAITS_FOR_S if self.can_wait else DECIDES_FOR_S)
+        outcome: Outcome = Silent(TOO_LATE, is_sent=False)
+        if not self.errand.is_outdated(self._wire.seen_s):
+            outcome = await self._wire.write(step.request, lane=self._lane, until_s=min(until_s, expires_s))
+        is_unsent = isinstance(outcome, Silent) and outcome.reason == TOO_LATE and not outcome.is_sent
+        if is_unsent and not is_begun and self.errand.now_s() <= expires_s:
+            raise _OutdatedError
+        return outcome
 
     def _taken(self, outcome: Outcome) -> End | None:
         """Take over what became of a write; return the end when it did not go out or was refused."""
@@ -201,7 +235,7 @@ class Conduct:
                 refusal = RefusedError(outcome.code)
                 return End(Phase.FAILED, refusal.code, str(refusal))
             case Silent(reason=reason, is_sent=False) if reason == TOO_LATE:
-                return self._cut("expired", "the line was not free while the command was valid")
+                return self._cut("expired", LINE_NOT_FREE)
             case Silent(is_sent=False) | Garbled(is_sent=False):
                 return self._cut("line_down", f"the write could not be sent: {outcome.reason}")
             case Silent() | Garbled():

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from math import inf
 from typing import Any
 
 from gateway.clock import Clock
@@ -41,6 +42,7 @@ class Desk:
     ledger: Ledger
     wear: Wear = field(default_factory=Wear)
     journal: Journal = field(default_factory=NoJournal)
+    stood_still_s: Callable[[], float] = lambda: -inf  # when the latest standstill ended, on the steady clock
 
 
 class Errand:
@@ -60,6 +62,10 @@ class Errand:
     def now_s(self) -> float:
         """Return the steady clock's time."""
         return self._desk.clock.now_s()
+
+    def is_outdated(self, seen_s: float) -> bool:
+        """Return whether the gateway has stood still since that moment: what was read by then is old."""
+        return seen_s < self._desk.stood_still_s()
 
     def wear_out(self, writes: int) -> None:
         """Count writes of the starter's non-volatile memory; CommandError when there were too many."""
