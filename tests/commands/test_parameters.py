@@ -215,7 +215,7 @@ def test_nothing_is_written_while_the_motor_turns(
     assert place.written == []
     assert place.unit.motor.is_turned_on
     out = capsys.readouterr().out
-    assert f"rejected: {code}: the motor is stopped: required" in out
+    assert f"rejected: {code}: the motor is not stopped (" in out
     assert "written and read back: nothing" in out
 
 
