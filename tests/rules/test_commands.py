@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
 
+from gateway.errors import CommandError
+from gateway.families.command import build
+from gateway.families.load import load_profile
+from gateway.families.schema import Variant
 from gateway.modbus.writes import WriteRegister
 from gateway.sim.power import MotorState
 from gateway.sim.sst import Sst
@@ -194,3 +199,33 @@ def test_an_ssw900_between_the_accepted_start_and_its_ramp_is_not_taken_for_one_
 
     assert actor.act("direction", {"value": "reverse"}).end == "motor_running"
     assert actor.act("start").end == "motor_running"
+
+
+def test_an_sst130i_whose_start_capacitor_is_charged_is_not_started_late_but_refused_with_the_reading() -> (
+    None
+):
+    actor = Actor("sst", model="SST130i-75-M", variant=Variant(model="SST130i-75-M", firmware="2.21"))
+    assert actor.act("start").end == "confirmed"
+    actor.act("stop", seen=dict(actor.rows))
+    actor.talk.wait(1.0)
+
+    done = actor.act("start")
+
+    assert (done.end, done.written) == ("capacitor_charged", [])
+    assert re.search(r"R20 reads \d+ V, more than 30 V; wait until", done.text)
+    actor.talk.wait(8.0)
+    assert not actor.unit.motor.is_turning
+    assert actor.act("start").end == "confirmed"
+
+
+@pytest.mark.parametrize(
+    "variant",
+    [Variant(model="SST330i-M"), Variant(model="SST130i-75-M", firmware="1.90")],
+    ids=["three phases", "firmware before 2.00"],
+)
+def test_the_register_of_the_capacitor_counts_only_where_it_exists(variant: Variant) -> None:
+    profile = load_profile("sst")
+
+    assert build(profile, variant, "start", {}, seen={"R20": (310,)}).steps
+    with pytest.raises(CommandError, match="capacitor_charged"):
+        build(profile, Variant(), "start", {}, seen={"R20": (310,)})
