@@ -116,6 +116,8 @@ def _show_end(end: RestoreEnd, progress: Progress) -> int:
     progress.end()
     written = ", ".join(change.code for change in end.done) or "nothing"
     print(f"written and read back: {written}")
+    for note in end.notes:
+        print(note)
     if end.failure is not None:
         codes = ", ".join(change.code for change in end.failed)
         print(f"{end.failure.phase.value}: {codes}: {end.failure.text} [{end.failure.code}]")

@@ -248,6 +248,7 @@ def test_who_commands_the_motor_is_left_as_it_is_unless_asked_for(
     assert "--command-sources" in capsys.readouterr().out
 
     assert place.restore({"P230": "DI"}, with_sources=True) == 0
+    assert "run = 0 was written first" in capsys.readouterr().out
     assert place.unit.settings[230] == 1
 
 
