@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import suppress
 
 from gateway.commands.kept_identity import identity_trouble
@@ -18,7 +18,7 @@ from gateway.line.precise_selector import new_precise_loop
 from gateway.starters.bench import Bench
 from gateway.starters.parameter_set import ParameterSet
 from gateway.starters.restore import Restore, RestoreEnd
-from gateway.starters.restoring import COMMAND_SOURCES, Change, RestorePlan, plan_restore, restore_codes
+from gateway.starters.restoring import Change, RestorePlan, plan_restore, restore_codes
 
 
 def run_restore(live: LiveStarter, wanted: ParameterSet, args: argparse.Namespace, progress: Progress) -> int:
@@ -55,7 +55,7 @@ async def restore(
         reads = bulk_reads(bench.profile, restore_codes(bench.profile, wanted))
         seen = (await read_with_progress(bench, reads, progress)).rows
         plan = plan_restore(bench.profile, bench.variant, wanted=wanted, seen=seen, with_sources=with_sources)
-        _show_plan(plan, is_dry=is_dry)
+        _show_plan(plan, bench.profile.protected.command_sources, is_dry=is_dry)
         if is_dry or not plan.changes:
             return 0
         work = Restore(bench, plan, clock=live.clock)
@@ -87,9 +87,9 @@ def _check_model(bench: Bench, wanted: ParameterSet, *, is_other_model: bool) ->
         raise UsageError(f"{what} (--other-model restores it nevertheless)")
 
 
-def _show_plan(plan: RestorePlan, *, is_dry: bool) -> None:
+def _show_plan(plan: RestorePlan, sources: Collection[str], *, is_dry: bool) -> None:
     for code, why in plan.left.items():
-        mend = " (--command-sources restores it too)" if code in COMMAND_SOURCES else ""
+        mend = " (--command-sources restores it too)" if code in sources else ""
         print(f"left as it is: {code}: {why}{mend}")
     if not plan.changes:
         print("nothing to write: the starter holds these settings already")
@@ -116,6 +116,8 @@ def _show_end(end: RestoreEnd, progress: Progress) -> int:
     progress.end()
     written = ", ".join(change.code for change in end.done) or "nothing"
     print(f"written and read back: {written}")
+    for note in end.notes:
+        print(note)
     if end.failure is not None:
         codes = ", ".join(change.code for change in end.failed)
         print(f"{end.failure.phase.value}: {codes}: {end.failure.text} [{end.failure.code}]")

@@ -12,6 +12,7 @@ from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegister, WriteRegisters
 
+_UNNAMED = "not named in this manual"
 _RAW_CODE = re.compile(r"P([0-9]{1,5})")
 _LARGEST = Decimal(10) ** 12  # no row carries more; keeps the arithmetic small whatever is asked for
 
@@ -40,7 +41,7 @@ def raw_row(profile: Profile, address: int) -> Parameter | None:
         return None
     return Parameter(
         code=f"P{address:03d}",
-        name="not named in this manual",
+        name=_UNNAMED,
         table=Table.HOLDING,
         address=address,
         type=Type.U16,
@@ -125,6 +126,8 @@ def _why_not(parameter: Parameter) -> str:
         return "only commands write it"
     if parameter.access is Access.NONE:
         return parameter.note
+    if parameter.confidence is Confidence.EXTRA or parameter.name == _UNNAMED:
+        return "the serial manual does not give it: it can be read, but not set over the serial line"
     if parameter.access is not Access.RW:
         return "read-only"
     if parameter.code == "P000":  # ssw06-es 4.3, ssw07 4.3

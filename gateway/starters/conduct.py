@@ -16,7 +16,7 @@ from gateway.families.parameters import find
 from gateway.families.procedure import Expect, Preparation, Procedure, WriteStep
 from gateway.line.job import Lane
 from gateway.line.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
-from gateway.modbus.codes import ExceptionCode
+from gateway.modbus.codes import ExceptionCode, exception_name
 from gateway.starters.control import StarterControlView
 from gateway.starters.errand import End, Errand
 from gateway.starters.guard import Guard
@@ -34,6 +34,14 @@ WAITS_FOR_S = 10.0  # the same of what moves no motor, and may wait for its turn
 MOST_DECISIONS = 5  # each on new readings, when the line was not free while the ones before counted
 MAY_BE_TURNING = "the motor may be turning"
 CAN_WAIT = frozenset({"read", "set", "configure", "output"})  # verbs that move no motor
+LOOK = "look at the starter"
+_NOT_SET_UP = (  # what a write is refused with that the starter is not set up for, or does not have
+    ExceptionCode.ILLEGAL_FUNCTION,
+    ExceptionCode.ILLEGAL_DATA_ADDRESS,
+    ExceptionCode.ILLEGAL_DATA_VALUE,
+)
+
+_NOTHING_ELSE = "nothing else was written; do it at the starter, where the motor can be watched"
 
 LINE_NOT_FREE = "the line was not free while the command was valid"
 
@@ -121,7 +129,7 @@ class Conduct:
     def _cut(self, code: str, text: str) -> End:
         """Return the end of a command that something came in the way of."""
         if self.errand.life.is_written:
-            return End(Phase.UNCONFIRMED, code, f"{text}; it was written before: {MAY_BE_TURNING}")
+            return End(Phase.UNCONFIRMED, code, f"{text}; it was written before: {self._outlook}")
         if code == "internal":
             return End(Phase.FAILED, code, text)
         return End(Phase.REJECTED, code, f"{text}; nothing was written")
@@ -160,7 +168,7 @@ class Conduct:
         violations = check(profile, self._preparation.requires, self._points(rows))
         if violations:
             text = "; ".join(violation.text for violation in violations)
-            raise CommandError(violations[0].rule, text)
+            raise CommandError(violations[0].code, text)
         if self._guard is not None:
             self._guard.check(self._points(rows))
         return build(profile, self._starter.variant, request.verb, request.args, seen=rows)
@@ -168,30 +176,71 @@ class Conduct:
     async def _carry_out(self, procedure: Procedure) -> End:
         """Write each step once, each only after what the one before has to bring about."""
         self._procedure = procedure
-        for step in procedure.steps:
-            end = await self._take_step(step, is_last=step is procedure.steps[-1])
+        for place, step in enumerate(procedure.steps, 1):
+            is_last = all(later.may_be_refused for later in procedure.steps[place:])
+            end = await self._take_step(step, is_last=is_last)
             if end is not None:
-                return await self._abandoned(end)
+                return end if step.is_run_off else await self._abandoned(end)
         if procedure.verify is None:
-            text = f"written, but it cannot be read back: {MAY_BE_TURNING}"
+            text = f"written, but it cannot be read back: {self._outlook}"
             return End(Phase.UNCONFIRMED, "not_readable", text)
         values = await self._wire.see(procedure.verify)
         if values is None:
-            end = _not_seen(procedure.verify)
+            end = self._not_seen(procedure.verify)
             return await self._abandoned(replace(end, text=_noted(end.text, procedure)))
         return self._confirmed(procedure, values)
 
     async def _take_step(self, step: WriteStep, *, is_last: bool) -> End | None:
         """Write one step and see what it must bring about; return the end when the next must not follow."""
         outcome = await self._write(step)
-        end = self._taken(outcome)
+        is_excused = step.may_be_refused and isinstance(outcome, Refused) and outcome.code in _NOT_SET_UP
+        end = None if is_excused else self._taken(outcome)
+        if step.is_run_off:
+            return await self._run_off(step, outcome, end, is_excused=is_excused)
         if end is not None:
             return end
         if step.then is not None:
-            return None if await self._wire.see(step.then) is not None else _not_seen(step.then)
+            return None if await self._wire.see(step.then) is not None else self._not_seen(step.then)
         if is_last or step.is_silence_expected or isinstance(outcome, (Answered, Refused)):
             return None
         return self._cut("no_answer", f"a write before the last was not answered ({outcome.reason})")
+
+    async def _run_off(
+        self, step: WriteStep, outcome: Outcome, end: End | None, *, is_excused: bool
+    ) -> End | None:
+        """Return the end when run = 0 was not taken: nothing that lets a run command act may follow."""
+        if isinstance(outcome, Refused) and end is not None:
+            text = (
+                f"the starter refused run = 0 ({exception_name(outcome.code)}): a run command may stand in it"
+            )
+            return End(Phase.FAILED, "run_not_cleared", f"{text}; {_NOTHING_ELSE}")
+        if end is not None:
+            return end
+        if not is_excused and not isinstance(outcome, (Answered, Refused)):
+            text = f"run = 0 was not answered ({outcome.reason}): a run command may stand in the starter"
+            return End(Phase.UNCONFIRMED, "no_answer", f"{text}; {_NOTHING_ELSE}")
+        if step.then is None or await self._wire.see(step.then) is not None:
+            return None
+        seen = f"{step.then.name} was not seen to take it within {step.then.within_s:g} s"
+        text = f"run = 0 was written, but {seen}"
+        return End(Phase.FAILED, "run_not_cleared", f"{text}; {_NOTHING_ELSE}")
+
+    @property
+    def _outlook(self) -> str:
+        """What may be the case once something was written and not seen to act."""
+        wakes = self._procedure is not None and self._procedure.is_run_cleared
+        return MAY_BE_TURNING if wakes or not self.can_wait else LOOK
+
+    def _not_seen(self, expect: Expect) -> End:
+        within = f"within {expect.within_s:g} s"
+        if self._outlook is LOOK:
+            text = f"{expect.name} does not read as written {within}: it did not follow; {LOOK}"
+            return End(Phase.UNCONFIRMED, "not_followed", text)
+        if self._procedure is not None and self._procedure.is_run_cleared:
+            text = f"{expect.name} as commanded, and the motor at rest, were not both seen {within}"
+            return End(Phase.UNCONFIRMED, "not_seen", f"{text}; run = 0 is written again: {MAY_BE_TURNING}")
+        text = f"{expect.name} did not become what was commanded {within}: {MAY_BE_TURNING}"
+        return End(Phase.UNCONFIRMED, "not_seen", text)
 
     async def _write(self, step: WriteStep) -> Outcome:
         """Send one write, once."""
@@ -300,8 +349,3 @@ def _only_reads(procedure: Procedure) -> bool:
 def _noted(text: str, procedure: Procedure) -> str:
     """Return a result's text with what the operator must know besides."""
     return f"{text}; {procedure.note}" if procedure.note else text
-
-
-def _not_seen(expect: Expect) -> End:
-    text = f"{expect.name} did not become what was commanded within {expect.within_s:g} s: {MAY_BE_TURNING}"
-    return End(Phase.UNCONFIRMED, "not_seen", text)

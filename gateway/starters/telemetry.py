@@ -17,6 +17,7 @@ from gateway.line.client import LineClient
 from gateway.line.job import Poll
 from gateway.line.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.modbus.codes import exception_name
+from gateway.starters.addressed import stop_profile
 from gateway.starters.answers import Answers, Told
 from gateway.starters.changes import UNKNOWN
 from gateway.starters.decoding import Sources, unit_of
@@ -89,6 +90,11 @@ class StarterTelemetry:
     def is_answering(self) -> bool:
         """Return whether the starter is online."""
         return self._is_answering
+
+    @property
+    def identity(self) -> Identity:
+        """Return what the one who answers said about itself."""
+        return self._identity
 
     @property
     def identity_standing(self) -> Standing:
@@ -291,6 +297,7 @@ class StarterTelemetry:
         logger.warning("%s %s", self._where, text)
         if self.identity_standing is Standing.MISMATCHED:
             seen = self._identity
+            stop_profile(self.profile, seen)  # loaded now, so that a stop need not wait for it
             data = {"expected": self.profile.family, "seen": seen.family_seen, "model": seen.model}
             self.publisher.event("identity_mismatch", Severity.ERROR, text, data)
         else:
