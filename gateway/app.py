@@ -25,6 +25,7 @@ from gateway.site import Site
 from gateway.starters.commander import Commander
 from gateway.starters.companions import Companions
 from gateway.starters.identities import IDENTITIES_FILE
+from gateway.starters.ledger import Proofs
 from gateway.starters.memory import FileMemory, SwitchedMemory
 from gateway.starters.precautions import Precautions
 from gateway.starters.records import EventRecord, Severity
@@ -226,7 +227,12 @@ class App:
             sequence=self._sequence,
             journal=self._keeper.journal,
             precautions=self._precautions,
+            proofs=Proofs(MAX_TTL_S + MAX_AHEAD_S, boot=lambda: self._boot.token, renew=self._renew_boot),
         )
+
+    def _renew_boot(self) -> None:
+        self._boot.renew()
+        self._uplink.publisher.restate()
 
     def _build_reception(self) -> Reception:
         return Reception(
