@@ -9,6 +9,7 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from gateway.commands.kept_identity import identity_trouble
+from gateway.commands.kept_lock import lock_trouble
 from gateway.commands.kept_wear import count_writes
 from gateway.commands.parameters_live import LiveStarter, read_with_progress
 from gateway.commands.progress import Progress
@@ -50,6 +51,7 @@ async def restore(
 ) -> int:
     """Restore what differs; 0 when the starter then holds everything that can be written."""
     async with live.bench() as bench:
+        _check_lock(live, is_dry=is_dry)
         _check_identity(live, bench, is_dry=is_dry)
         _check_model(bench, wanted, is_other_model=is_other_model)
         reads = bulk_reads(bench.profile, restore_codes(bench.profile, wanted))
@@ -69,6 +71,15 @@ async def restore(
         if trouble:
             print(trouble)
         return code
+
+
+def _check_lock(live: LiveStarter, *, is_dry: bool) -> None:
+    """Let nothing be written while the starter is locked for maintenance: the gateway would refuse it too."""
+    trouble = lock_trouble(live.state_dir, live.setup.name)
+    if trouble is not None and not is_dry:
+        raise CommandError(trouble.code, f"{live.setup.name}: {trouble.text}; nothing was written")
+    if trouble is not None:
+        print(f"would be refused: {trouble.text}")
 
 
 def _check_identity(live: LiveStarter, bench: Bench, *, is_dry: bool) -> None:

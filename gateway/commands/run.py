@@ -16,6 +16,7 @@ from gateway.background_log import BackgroundHandler
 from gateway.commands.command import Subparsers
 from gateway.config.schema import Config
 from gateway.reload import Reload
+from gateway.repetition import TraceFilter
 from gateway.site import Site
 from gateway.systemd import Notifier, PriorityFormatter, is_journal, watchdog_interval_s
 
@@ -70,6 +71,7 @@ async def _serve(path: Path, site: Site) -> None:
 def log_to_stderr(*, is_verbose: bool) -> None:
     """Log to stderr without waiting for it: for people with the time, for the journal with priorities."""
     handler = BackgroundHandler(sys.stderr.fileno())
+    handler.addFilter(TraceFilter())
     if is_journal(os.environ, sys.stderr):
         handler.setFormatter(PriorityFormatter())
     else:

@@ -146,12 +146,13 @@ class Intake:
             return None
         lenient = _read_leniently(incoming.payload)
         if isinstance(address, Malformed):
-            return _rejected(address, lenient, incoming, MALFORMED_TOPIC, f"nothing was done: {address.text}")
+            error = CommandError(MALFORMED_TOPIC, f"nothing was done: {address.text}")
+            return _rejected(address, lenient, incoming, error)
         try:
             now_s = utc_s if clock_is_synchronised else None
             body, expires_s = self._accepted(address, incoming, lenient, now_s=now_s, received_s=received_s)
         except CommandError as error:
-            return _rejected(address, lenient, incoming, error.code, error.text)
+            return _rejected(address, lenient, incoming, error)
         request = self._request(address, incoming, body=body, received_s=received_s)
         return replace(request, expires_s=expires_s)
 
@@ -225,15 +226,15 @@ class Intake:
 
 
 def _rejected(
-    address: CommandAddress | Malformed, lenient: _Body, incoming: Incoming, code: str, text: str
+    address: CommandAddress | Malformed, lenient: _Body, incoming: Incoming, error: CommandError
 ) -> Rejection:
     return Rejection(
         starter=address.starter,
         client=address.client,
         verb=address.verb,
         id=lenient.id,
-        code=code,
-        text=text,
+        code=error.code,
+        text=error.text,
         operator=lenient.operator,
         args=lenient.args,
         correlation=incoming.correlation,

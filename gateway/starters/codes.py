@@ -127,6 +127,7 @@ CODES: Mapping[str, Mapping[str, Code]] = {
             "The starter is locked for maintenance. This replaces no physical lock.", "Ask who locked it."
         ),
         "not_locked": Code("The starter is not locked.", "Nothing."),
+        "lock_removed": Code("Another client has removed your lock.", "Ask him before you touch the motor."),
         "select_first": Code("This starter takes two steps.", "select, then the verb with its token."),
         "not_selected": Code("The token selects nothing of yours.", "Select again."),
         "selection_expired": Code("The selection was longer ago than it is valid.", "Select again."),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -87,6 +87,11 @@ class Errand:
         """Give the final result; without `is_kept` a repetition of the command is judged anew."""
         self._report(end, is_kept=is_kept)
         self._audit(end)
+
+    def inform(self, client: str, end: End) -> None:
+        """Publish to another client what this command did to what is his; a result without an id."""
+        result = self.result(end)
+        self._desk.sink.put(replace(result, client=client, id=None, correlation=None, response_topic=None))
 
     def result(self, end: End) -> ResultRecord:
         """Return what the client reads of such an end, or of a phase before it."""
