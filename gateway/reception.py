@@ -88,10 +88,14 @@ class Reception:
     ) -> None:
         """Answer what came on a topic that names no command: mistyped, or with a verb that does not exist."""
         self._commander.reject(verdict, code, text)
-        self._malformed.put(problem, {"problem": problem, "topic": shortened(incoming.topic, 120), "text": text})
+        self._malformed.put(
+            problem, {"problem": problem, "topic": shortened(incoming.topic, 120), "text": text}
+        )
 
     def _tell_malformed(self, malformed: Mapping[str, Any], count: int) -> None:
-        which = f"{count} more messages came on malformed command topics, the last" if count else "a message came"
+        which = (
+            f"{count} more messages came on malformed command topics, the last" if count else "a message came"
+        )
         text = f"{which} on {malformed['topic']}: {malformed['text']}"
         data = {"problem": malformed["problem"], "topic": malformed["topic"], "count": max(count, 1)}
         self._tell(MALFORMED_TOPIC, Severity.WARNING, text, data)

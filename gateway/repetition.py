@@ -34,7 +34,9 @@ class TraceFilter(logging.Filter):
             return True
         if str(count).rstrip("0") != "1":
             return False
-        record.msg = f"{record.getMessage().splitlines()[0][:200]} (the same {kind.__name__} for the {count}th time)"
+        record.msg = (
+            f"{record.getMessage().splitlines()[0][:200]} (the same {kind.__name__} for the {count}th time)"
+        )
         record.args = record.exc_info = record.exc_text = None
         return True
 

@@ -197,11 +197,14 @@ ODD = st.recursive(
     | st.floats()
     | st.text(st.characters(), max_size=20)
     | st.sampled_from(["\ud800", "P314", "a\udfff", "\x00", "1", "run"]),
-    lambda inner: st.lists(inner, max_size=3)
-    | st.dictionaries(
-        st.sampled_from(["parameter", "value", "reason", "verb", "args", "state", "\ud800"]) | st.text(max_size=5),
-        inner,
-        max_size=4,
+    lambda inner: (
+        st.lists(inner, max_size=3)
+        | st.dictionaries(
+            st.sampled_from(["parameter", "value", "reason", "verb", "args", "state", "\ud800"])
+            | st.text(max_size=5),
+            inner,
+            max_size=4,
+        )
     ),
     max_leaves=8,
 )
@@ -221,7 +224,10 @@ BODIES = st.fixed_dictionaries(
 )
 PAYLOADS = st.binary(max_size=60) | BODIES.map(lambda body: json.dumps(body).encode())
 TOPICS = st.sampled_from(
-    [f"pump-1/alice/{verb}" for verb in ("start", "stop", "set", "read", "select", "lock", "unlock", "STOP", "x")]
+    [
+        f"pump-1/alice/{verb}"
+        for verb in ("start", "stop", "set", "read", "select", "lock", "unlock", "STOP", "x")
+    ]
 ) | st.text(st.characters(exclude_categories=["Cs"]), max_size=40)
 
 

@@ -20,6 +20,7 @@ from gateway.starters.bench import Bench
 from gateway.starters.parameter_set import ParameterSet
 from gateway.starters.restore import Restore, RestoreEnd
 from gateway.starters.restoring import COMMAND_SOURCES, Change, RestorePlan, plan_restore, restore_codes
+from gateway.system.private_files import keep_private
 
 
 def run_restore(live: LiveStarter, wanted: ParameterSet, args: argparse.Namespace, progress: Progress) -> int:
@@ -27,6 +28,7 @@ def run_restore(live: LiveStarter, wanted: ParameterSet, args: argparse.Namespac
     if wanted.family != live.setup.profile.family:
         what = f"the file is of family {wanted.family}, {live.setup.name} of {live.setup.profile.family}"
         raise UsageError(f"{what}: choose another file")
+    keep_private(live.state_dir)
     with asyncio.Runner(loop_factory=new_precise_loop) as runner:
         return runner.run(
             restore(

@@ -18,6 +18,7 @@ from gateway.config.schema import Config
 from gateway.reload import Reload
 from gateway.repetition import TraceFilter
 from gateway.site import Site
+from gateway.system.private_files import keep_private
 from gateway.systemd import Notifier, PriorityFormatter, is_journal, watchdog_interval_s
 
 
@@ -36,6 +37,7 @@ def run(args: argparse.Namespace) -> int:
     site = Site.read(path, os.environ)
     faulthandler.enable()  # systemd's SIGABRT ends a hang: it is to say where
     log_to_stderr(is_verbose=args.verbose)
+    keep_private(site.state_dir)
     asyncio.run(_serve(path, site))
     return 0
 

@@ -23,6 +23,7 @@ from gateway.store import Store
 INTEND_WITHIN_S = 1.0  # a start must not go out late because of a slow disk
 TELL_WITHIN_S = 2.0  # a result is told without the disk after this time
 MOST_UNSAVED = 10_000
+SAVE_AT_ONCE = 20  # of what the disk has missed
 FORGET_AT_ONCE = 100  # keys
 MOST_EXTRA = 16_384  # characters; a result with more is remembered without its values
 STOP = "stop"  # written whatever the journal says
@@ -186,11 +187,15 @@ class StoredJournal:
             self._unsaved.popitem(last=False)
 
     def _save_unsaved(self) -> None:
-        rows, self._unsaved = list(self._unsaved.values()), OrderedDict()
-        for row in rows:
+        """Keep what the disk has missed, a part at a time: what succeeds has the next part follow.
+
+        All at once would hold up the loop, and with it a stop.
+        """
+        for _ in range(min(len(self._unsaved), SAVE_AT_ONCE)):
+            _, row = self._unsaved.popitem(last=False)
             self._when_done(self._put(row), partial(self._noted, row, waiting=_Waiting(None)))
-        keys, self._unsaved_told = list(self._unsaved_told), OrderedDict()
-        for key in keys:
+        for _ in range(min(len(self._unsaved_told), SAVE_AT_ONCE)):
+            key, _ = self._unsaved_told.popitem(last=False)
             self._put_told(key)
 
     def _put_told(self, key: str) -> None:
@@ -199,7 +204,9 @@ class StoredJournal:
         self._when_done(self._store.submit(work, is_flushed=False), lambda done: self._noted_told(key, done))
 
     def _noted_told(self, key: str, future: Future[None]) -> None:
-        if future.exception() is not None:
+        if future.exception() is None:
+            self._save_unsaved()
+        else:
             self._unsaved_told[key] = None
             if len(self._unsaved_told) > MOST_UNSAVED:
                 self._unsaved_told.popitem(last=False)

@@ -15,6 +15,7 @@ from gateway.errors import DamagedError
 # so no client's id begins so.
 UNNAMED = "\t"
 
+
 @dataclass(frozen=True, slots=True)
 class LedgerRow:
     """One command's latest phase. The fields are the columns, in their order."""

@@ -105,7 +105,9 @@ class Administration:
             if owner is not None and owner.by != GATEWAY:
                 who = f"{request.client} ({request.operator})" if request.operator else request.client
                 text = f"your lock was removed by {who}: {why or 'no reason given'}; it was: {owner.reason}"
-                errand.inform(owner.by, End(Phase.CONFIRMED, "lock_removed", text, values={"by": request.client}))
+                errand.inform(
+                    owner.by, End(Phase.CONFIRMED, "lock_removed", text, values={"by": request.client})
+                )
         elif is_lock:
             text = "locked as long as this gateway runs, but that could not be kept on the disk"
             errand.finish(End(Phase.FAILED, "not_kept", text))

@@ -29,8 +29,12 @@ _REPEATABLE = frozenset({"read", "stop"})  # verbs that may act again
 class Proofs:
     """How long a copy of a command can prove itself fresh."""
 
-    longest_s: float = 62.0  # after its first arrival, by its age: the longest ttl, with a clock that is ahead
-    boot: Callable[[], str] = lambda: ""  # the present boot: for some commands proof enough, whatever their age
+    longest_s: float = (
+        62.0  # after its first arrival, by its age: the longest ttl, with a clock that is ahead
+    )
+    boot: Callable[[], str] = lambda: (
+        ""
+    )  # the present boot: for some commands proof enough, whatever their age
     renew: Callable[[], None] = lambda: None  # replaces the boot
 
 

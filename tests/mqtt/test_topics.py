@@ -82,7 +82,9 @@ def test_every_command_topic_matches_the_filter_and_is_read_back() -> None:
     assert topics.parse_command(topic) == CommandAddress("pump-1", "alice", "local_remote")
 
 
-@pytest.mark.parametrize("topic", ["", "other/command/pump-1/alice/start", "b/result/pump-1/alice/start", "b/commands"])
+@pytest.mark.parametrize(
+    "topic", ["", "other/command/pump-1/alice/start", "b/result/pump-1/alice/start", "b/commands"]
+)
 def test_a_topic_that_is_not_below_command_is_none_of_ours(topic: str) -> None:
     assert Topics("b").parse_command(topic) is None
 

@@ -8,7 +8,7 @@ import pytest
 
 from gateway.starters.journal import Remembered
 from gateway.starters.records import AuditRecord, EventRecord, Phase, ResultRecord
-from tests.starters.fakes import AT_SPEED, TRANSACTION_S, VB01
+from tests.starters.fakes import AT_SPEED, READY, TRANSACTION_S, VB01
 from tests.starters.journal_rig import rig_online
 from tests.starters.rig import virtually
 
@@ -231,3 +231,45 @@ async def test_at_most_one_start_frame_per_id_goes_out_whenever_the_gateway_cras
         assert len(finals) == 1, (moment_s, finals)
         if before:
             assert finals[0].phase in (Phase.CONFIRMED, Phase.UNCONFIRMED), moment_s
+
+
+@pytest.mark.parametrize("is_running", [True, False])
+@virtually
+async def test_a_stop_without_an_id_that_a_crash_cuts_short_is_reported_once_after_the_restart(
+    is_running: bool,
+) -> None:
+    rig = await rig_online()
+    rig.unit.holding[VB01] = AT_SPEED
+    rig.poll()
+    rig.unit.on_write = lambda _: None
+    rig.submit("stop", None)
+    await asyncio.sleep(1.0)
+    rig.crash()
+    rig.unit.holding[VB01] = AT_SPEED if is_running else READY
+    rig.poll()
+
+    rig.restart()
+    await asyncio.sleep(15.0)
+
+    (told,) = rig.sink.of(ResultRecord)
+    assert (told.id, told.verb, told.phase, told.code) == (None, "stop", Phase.UNCONFIRMED, "crashed")
+    assert told.values == {"state": "running" if is_running else "ready"}
+    (event,) = [each for each in rig.sink.of(EventRecord) if each.code == "command_cut_short"]
+    assert event.data["verb"] == "stop"
+    rig.crash()
+    rig.restart()
+    await asyncio.sleep(15.0)
+    assert rig.sink.of(ResultRecord) == []
+
+
+@virtually
+async def test_a_stop_without_an_id_that_has_ended_is_not_reported_after_a_crash() -> None:
+    rig = await rig_online()
+    rig.submit("stop", None)
+    await asyncio.sleep(5.0)
+    rig.crash()
+
+    rig.restart()
+    await asyncio.sleep(15.0)
+
+    assert rig.sink.of(ResultRecord) == []
