@@ -10,10 +10,10 @@ MOST_KNOWN = 200  # different errors; the one that was not seen for longest coun
 
 
 class TraceFilter(logging.Filter):
-    """Lets the trace of each error pass the first time; then a line without it at the 10th, 100th, 1000th time.
+    """Lets the trace of an error pass once, then a line without it at the 10th, 100th, 1000th time.
 
-    The same error is one of the same kind, raised at the same place and reported by the same logger with the same
-    arguments; its message may differ, because asyncio puts foreign data into that.
+    The same error is one of the same kind, raised at the same place and reported by the same logger with the
+    same arguments; its message may differ, because asyncio puts foreign data into that.
     """
 
     def __init__(self) -> None:

@@ -22,7 +22,7 @@ class Log:
 
     def fail(self, message: str = "work failed", *args: object, error: type[Exception] = ValueError) -> None:
         try:
-            raise error("a foreign text")
+            raise error("a foreign text")  # noqa: TRY301 - it is to have a trace
         except error:
             self.logger.exception(message, *args)
 

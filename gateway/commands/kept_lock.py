@@ -1,4 +1,4 @@
-"""Whether a starter is locked for maintenance: judged by what the gateway has kept; it does not run meanwhile."""
+"""Whether a starter is locked for maintenance: as the gateway, which does not run now, has kept it."""
 
 from __future__ import annotations
 

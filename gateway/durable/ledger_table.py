@@ -1,6 +1,6 @@
 """The commands in the store: which they were, what became of them, and whose end nobody has heard of yet.
 
-What is forgotten, and when, is `gateway.starters.ledger`'s decision alone; no clock and no count decides here.
+What is forgotten, and when, `gateway.starters.ledger` alone decides; no clock and no count does so here.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from dataclasses import astuple, dataclass, fields
 from gateway.database import Connection
 from gateway.errors import DamagedError
 
-# Begins the id under which a stop without one is kept: UNNAMED, the run, "/", the starter. It cannot be printed,
-# so no client's id begins so.
+# Begins the id under which a stop without one is kept: UNNAMED, the run, "/", the starter. It cannot be
+# printed, so no client's id begins so.
 UNNAMED = "\t"
 
 

@@ -43,7 +43,7 @@ class Incoming:
 
 @dataclass(frozen=True, slots=True)
 class Rejection:
-    """A command that is not acted on: `code` names the rule, the rest whom to tell; empty when that is unknown."""
+    """A command that is not acted on: `code` names the rule, the rest its sender, empty when unknown."""
 
     starter: str
     client: str

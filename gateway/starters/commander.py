@@ -200,7 +200,7 @@ class Commander:
         audit(request, self._desk, decision="duplicate", code=earlier.code)
 
     def _refuse(self, request: CommandRequest, error: CommandError, *, is_kept: bool) -> None:
-        """Refuse a command; under an id that has a result, as a duplicate: that id's one end stays what it is."""
+        """Refuse a command; under an id that has a result, as a duplicate: that result stays."""
         is_known = self._ledger.find(request.client, request.id) is not None
         errand = Errand(request, self._desk, is_repeat=is_known)
         errand.finish(End(Phase.REJECTED, error.code, error.text), is_kept=is_kept and not is_known)

@@ -1,9 +1,9 @@
-"""What became of the commands, so that none is carried out twice: the one rule of what may be forgotten, and when.
+"""What became of the commands, so that none is carried out twice, and what may be forgotten when.
 
 1. A command under way is never forgotten.
-2. Refused commands, reads and stops go first, the oldest before the others: carrying them out (again) is harmless.
-3. A command that was acted on stays as long as a copy of it could still prove itself fresh. When the ledger is
-   full of these, `has_room` is false and new commands are refused; nothing is forgotten for them.
+2. Refused commands, reads and stops go first, the oldest before the others: they may act again without harm.
+3. A command that was acted on stays as long as a copy of it could still prove itself fresh. When the ledger
+   is full of these, `has_room` is false and new commands are refused; nothing is forgotten for them.
 4. Ages are differences of the steady clock of this run. The wall clock decides nothing.
 
 What is kept on the disk follows: `on_forgotten` hears the keys that have gone.
