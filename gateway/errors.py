@@ -14,7 +14,8 @@ GatewayError
 │   └── BadRequestError  a request that no starter could accept; the simulator answers an exception
 ├── CommandError         a command that cannot be carried out as asked: `rejected`, with a code
 ├── StoreError           nothing can be kept on the disk (now): report, do without, try again
-│   └── DamagedError     what is on the disk is not what was kept there: put it aside, begin afresh
+│   ├── DamagedError     what is on the disk is not what was kept there: put it aside, begin afresh
+│   └── UnstorableError  a piece of work failed by a bug: it would fail again, so do not repeat it
 ├── BrokerError          the broker refuses or is away: report, wait, try again
 ├── CaptureError         a running gateway's lines cannot be recorded: exit 1
 └── NoResultError        a command was sent and nobody knows its end: look at the starter
@@ -126,6 +127,10 @@ class StoreError(GatewayError):
 
 class DamagedError(StoreError):
     """What is on the disk is not what was kept there."""
+
+
+class UnstorableError(StoreError):
+    """A piece of work for the store failed by an error inside the gateway, not of the disk."""
 
 
 class BrokerError(GatewayError):

@@ -9,6 +9,7 @@ from collections.abc import Callable, Collection
 from contextlib import suppress
 
 from gateway.commands.kept_identity import identity_trouble
+from gateway.commands.kept_lock import lock_trouble
 from gateway.commands.kept_wear import count_writes
 from gateway.commands.parameters_live import LiveStarter, read_with_progress
 from gateway.commands.progress import Progress
@@ -19,6 +20,7 @@ from gateway.starters.bench import Bench
 from gateway.starters.parameter_set import ParameterSet
 from gateway.starters.restore import Restore, RestoreEnd
 from gateway.starters.restoring import Change, RestorePlan, plan_restore, restore_codes
+from gateway.system.private_files import keep_private
 
 
 def run_restore(live: LiveStarter, wanted: ParameterSet, args: argparse.Namespace, progress: Progress) -> int:
@@ -26,6 +28,7 @@ def run_restore(live: LiveStarter, wanted: ParameterSet, args: argparse.Namespac
     if wanted.family != live.setup.profile.family:
         what = f"the file is of family {wanted.family}, {live.setup.name} of {live.setup.profile.family}"
         raise UsageError(f"{what}: choose another file")
+    keep_private(live.state_dir)
     with asyncio.Runner(loop_factory=new_precise_loop) as runner:
         return runner.run(
             restore(
@@ -50,6 +53,7 @@ async def restore(
 ) -> int:
     """Restore what differs; 0 when the starter then holds everything that can be written."""
     async with live.bench() as bench:
+        _check_lock(live, is_dry=is_dry)
         _check_identity(live, bench, is_dry=is_dry)
         _check_model(bench, wanted, is_other_model=is_other_model)
         reads = bulk_reads(bench.profile, restore_codes(bench.profile, wanted))
@@ -69,6 +73,15 @@ async def restore(
         if trouble:
             print(trouble)
         return code
+
+
+def _check_lock(live: LiveStarter, *, is_dry: bool) -> None:
+    """Let nothing be written while the starter is locked for maintenance: the gateway would refuse it too."""
+    trouble = lock_trouble(live.state_dir, live.setup.name)
+    if trouble is not None and not is_dry:
+        raise CommandError(trouble.code, f"{live.setup.name}: {trouble.text}; nothing was written")
+    if trouble is not None:
+        print(f"would be refused: {trouble.text}")
 
 
 def _check_identity(live: LiveStarter, bench: Bench, *, is_dry: bool) -> None:

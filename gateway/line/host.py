@@ -27,7 +27,6 @@ from gateway.line.scheduler import Scheduler
 from gateway.line.voice import OnFrame
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
-from gateway.repetition import Repetition
 
 RESTART_PAUSE_S = 1.0  # after a bug has ended a line's loop
 STOP_WITHIN_S = 3.0  # of the 10 s in which the gateway ends; the longest transaction takes less
@@ -217,7 +216,6 @@ class LineHost:
 
     async def _supervise(self, hosted: _Hosted, earlier: Sequence[asyncio.Task[None]]) -> None:
         """Run one line; whatever ends it is a bug that the other lines must not feel."""
-        repetition = Repetition()
         scheduler = hosted.scheduler
         if earlier:
             await asyncio.wait(earlier)
@@ -225,10 +223,9 @@ class LineHost:
             while True:
                 try:
                     await scheduler.run()
-                except Exception as error:  # the one guard at this task's top
+                except Exception:  # the one guard at this task's top
                     hosted.crashes += 1
-                    if repetition.is_news(error):
-                        logger.exception("line=%s crashed, starts again", scheduler.name)
+                    logger.exception("line=%s crashed, starts again", scheduler.name)
                 await asyncio.sleep(RESTART_PAUSE_S)
         finally:
             if isinstance(hosted.opener, ClosesLate):

@@ -142,6 +142,7 @@ CODES: Mapping[str, Mapping[str, Code]] = {
             "The starter is locked for maintenance. This replaces no physical lock.", "Ask who locked it."
         ),
         "not_locked": Code("The starter is not locked.", "Nothing."),
+        "lock_removed": Code("Another client has removed your lock.", "Ask him before you touch the motor."),
         "select_first": Code("This starter takes two steps.", "select, then the verb with its token."),
         "not_selected": Code("The token selects nothing of yours.", "Select again."),
         "selection_expired": Code("The selection was longer ago than it is valid.", "Select again."),
@@ -162,6 +163,10 @@ CODES: Mapping[str, Mapping[str, Code]] = {
         "ledger_unavailable": Code(
             "The gateway cannot note commands on its disk, so it takes none but stop.", "Look at state_dir."
         ),
+        "ledger_full": Code(
+            "Of so many commands a copy could still be carried out that no new one can be remembered.",
+            "Wait a minute; prove freshness by token, not by boot alone. A stop is always taken.",
+        ),
         "not_kept": Code("It could not be kept on the disk.", "Look at state_dir."),
         "shutting_down": Code("The gateway is ending.", f"{_LOOK} {_AGAIN}"),
         "interrupted": Code("The one who gave the command interrupted it.", _LOOK),
@@ -172,6 +177,10 @@ CODES: Mapping[str, Mapping[str, Code]] = {
         "not_fresh": Code("Nothing proves that it is fresh.", "Send boot, or issued_at by a right clock."),
         "wrong_boot": Code("Its boot is not the present one.", "Read gateway/status again, decide again."),
         "before_connection": Code("It is older than the gateway's connection.", "Decide again, send again."),
+        "malformed_topic": Code(
+            "The topic is not command/STARTER/CLIENT/VERB in lower case; nothing was done.",
+            "Send it to the right topic.",
+        ),
         "no_id": Code("Every command but stop needs an id.", _SENDER),
         "id_reused": Code("This id stood for another command.", "Use a new id for each command."),
         "unknown_starter": Code("This gateway has no such starter.", "See gateway/info."),
