@@ -6,9 +6,9 @@ import logging
 from collections.abc import Callable
 
 from gateway.clock import Clock, ClockWatch
-from gateway.mqtt.boot import Boot
+from gateway.mqtt.freshness import Moment, Tokens
 from gateway.mqtt.intake import Incoming, Intake, Rejection
-from gateway.mqtt.topics import Topics
+from gateway.mqtt.topics import CommandAddress, Topics
 from gateway.standstill import StandstillWatch
 from gateway.starters.commander import Commander
 from gateway.starters.records import Severity
@@ -24,7 +24,7 @@ class Reception:
     def __init__(
         self,
         topics: Topics,
-        boot: Boot,
+        tokens: Tokens,
         *,
         commander: Commander,
         clock: Clock,
@@ -33,8 +33,8 @@ class Reception:
         tell: Tell,
         standstill: Callable[[Callable[[float], None]], StandstillWatch] = StandstillWatch,
     ) -> None:
-        self._intake = Intake(topics, boot)
-        self._boot = boot
+        self._intake = Intake(topics, tokens, freshness_of=self._freshness_of)
+        self._boot = tokens.boot
         self._commander = commander
         self._clock = clock
         self._clock_watch = clock_watch
@@ -43,18 +43,15 @@ class Reception:
         self._standstill = standstill(self._note_standstill)
 
     async def run(self) -> None:
-        """Watch for standstills for ever."""
-        await self._standstill.run()
+        """Watch for standstills and for steps of the clock, for ever."""
+        await self._standstill.run(also=self._clock_watch.look)
 
     def take(self, incoming: Incoming) -> None:
         """Pass an operator's message on, or tell its sender why not."""
-        self._standstill.look()  # what has waited must not be judged by the token of before
-        verdict = self._intake.judge(
-            incoming,
-            utc_s=self._clock.utc_s(),
-            received_s=self._clock.now_s(),
-            clock_is_synchronised=self._clock_watch.is_synchronised(),
-        )
+        self._standstill.look()  # what has waited must not be judged by the tokens of before
+        self._clock_watch.look()
+        moment = Moment(self._clock.now_s(), self._clock.utc_s(), self._clock_watch.doubt())
+        verdict = self._intake.judge(incoming, moment)
         match verdict:
             case Rejection():
                 self._commander.reject(verdict, verdict.code, verdict.text)
@@ -62,6 +59,9 @@ class Reception:
                 log.debug("topic=%s is no command", incoming.topic[:200])
             case _:
                 self._commander.submit(verdict)
+
+    def _freshness_of(self, address: CommandAddress) -> tuple[str, ...]:
+        return self._commander.freshness(address.client, verb=address.verb, starter=address.starter)
 
     def _note_standstill(self, seconds: float) -> None:
         """Refuse what was sent before now: it may have waited as long, in the broker or in our own socket."""
