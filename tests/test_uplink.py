@@ -13,6 +13,7 @@ import pytest
 from gateway.clock import SystemClock
 from gateway.config.load import parse
 from gateway.mqtt.boot import Boot
+from gateway.mqtt.freshness import Tokens
 from gateway.mqtt.intake import Incoming
 from gateway.site import Site
 from gateway.starters.records import AvailabilityRecord
@@ -55,7 +56,7 @@ async def uplink(first: Site) -> AsyncIterator[tuple[Uplink, Links]]:
     incoming: list[Incoming] = []
     up = Uplink(
         first,
-        Boot("run"),
+        Tokens(Boot("run")),
         clock=SystemClock(),
         on_incoming=incoming.append,
         on_link=links.note,

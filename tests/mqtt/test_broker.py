@@ -79,13 +79,13 @@ async def test_the_first_word_of_a_connection_is_the_proof_of_freshness_and_it_i
 ):
     async with FakeBroker() as broker, Rig(settings(broker.port)) as rig:
         begun_s = asyncio.get_running_loop().time()
-        seen = [await broker.publication()]
+        seen = [await broker.publication(qos=0)]
         while [each.topic for each in seen].count("b/gateway/fresh") < 3:
-            seen.append(await broker.publication())
+            seen.append(await broker.publication(qos=0))
         took_s = asyncio.get_running_loop().time() - begun_s
         broker._writers[-1].close()
         await rig.until_connected()
-        again = await broker.publication()
+        again = await broker.publication(qos=0)
 
     assert seen[0].topic == again.topic == "b/gateway/fresh"
     assert seen[1].topic == "b/gateway/status"
@@ -267,7 +267,7 @@ async def test_the_correlation_data_of_a_command_comes_back_with_its_result() ->
 async def test_figures_go_out_without_waiting_for_an_acknowledgement() -> None:
     async with FakeBroker(acknowledges=False) as broker, Rig(settings(broker.port)) as rig:
         rig.publisher.put(LineRecord("pumps", {"polls": 1}))
-        while (await broker.publication()).topic != "b/gateway/line/pumps":
+        while (await broker.publication(qos=0)).topic != "b/gateway/line/pumps":
             pass
         await rig.until_connected()
         session = rig.connection._session
