@@ -70,7 +70,7 @@ class CommandMachine(RuleBasedStateMachine):
         return str(self.ids)
 
     def proof(self, kind: str, age_s: float) -> tuple[dict[str, Any], float]:
-        """Return what is sent to prove a command fresh, and until when it may be acted on (NEVER_S: not at all).
+        """Return what is sent to prove a command fresh, and until when it may be acted on (NEVER_S: never).
 
         The sender's clock is right; what the gateway's shows may not be.
         """
