@@ -243,7 +243,7 @@ class App:
             commander=self._commander,
             clock=self._clock,
             clock_watch=self._clock_watch,
-            restate=self._uplink.publisher.restate,
+            restate=self._uplink.restate,
             tell=self.tell,
         )
 

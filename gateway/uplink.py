@@ -102,6 +102,11 @@ class Uplink:
             )
         )
 
+    def restate(self) -> None:
+        """Publish the present boot and a new token: those of before count no more."""
+        self.publisher.restate()
+        self._connection.beat()
+
     async def run(self) -> None:
         """Stay connected for ever, to whatever broker the latest configuration names."""
         while True:

@@ -184,8 +184,15 @@ class BrokerConnection:
             self._backoff.reset()
         self._tell(f"broker {self._settings.address}: {reason}", is_connected=False)
 
+    def beat(self) -> None:
+        """Send the pulse now, where there is a connection: what it said before has become wrong."""
+        if self._session is not None:
+            self._beat(self._session)
+
     def _beat(self, session: Session) -> None:
         """Send the pulse, or try again soon; what could not be sent is made anew."""
+        if self._beating is not None:
+            self._beating.cancel()
         if self._pulse is None or self._is_source_shut:
             return
         pause_s = PULSE_EVERY_S if session.publish_now(self._pulse()) else PULSE_RETRY_S

@@ -17,6 +17,7 @@ from __future__ import annotations
 import secrets
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from itertools import islice
 
 from gateway.errors import CommandError
 from gateway.mqtt.boot import Boot
@@ -47,9 +48,9 @@ class Tokens:
 
     def issue(self, now_s: float) -> str:
         """Return a new token, made now on the steady clock."""
-        self._made = {
-            token: made for token, made in self._made.items() if now_s - made[0] <= MAX_TTL_S + EVERY_S
-        }
+        for token, (made_s, _) in list(islice(self._made.items(), 2)):  # more go than come
+            if now_s - made_s > MAX_TTL_S + EVERY_S:
+                del self._made[token]
         token = self._draw()
         self._made[token] = now_s, self.boot.token
         return token

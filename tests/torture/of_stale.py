@@ -128,23 +128,23 @@ async def _replayed(site: CommandSite, version: str, count: int) -> int:
     repeated = site.listener.of(id_, since=since)
     site.check(len(repeated) == half, f"{len(repeated)} answers to {half} repetitions")
     site.check(all(each["duplicate"] for each in repeated), "a repetition was not told as one")
-    old_boot = site.listener.boot
+    old_boot, old_token = site.listener.boot, site.listener.token
     await site.restart()
     site.check(site.listener.boot != old_boot, "the boot token is the same after a restart")
-    old = lambda new_id: json.dumps({"id": new_id, "boot": old_boot})  # noqa: E731 - as the others
+    old = lambda new_id: json.dumps({"id": new_id, "boot": old_boot, "token": old_token})  # noqa: E731 - as the others
     await _refused(site, await _publish(site, version, count - half, old), ("wrong_boot",))
     return 1
 
 
 async def _queued(site: CommandSite, version: str, count: int) -> int:
     """Sent while the gateway was away, to a broker that has a session to keep them in; half retained."""
-    boot = site.listener.boot
+    boot, token = site.listener.boot, site.listener.token
     await site.gateway.stop()
     _leave_session(site, version)
     issued_at = rfc3339(time.time())
 
     def payload(id_: str) -> str:
-        return json.dumps({"id": id_, "boot": boot, "issued_at": issued_at, "ttl_s": TTL_S})
+        return json.dumps({"id": id_, "boot": boot, "token": token, "issued_at": issued_at, "ttl_s": TTL_S})
 
     half = (count + 1) // 2
     since = len(site.listener.results)
@@ -162,19 +162,19 @@ async def _waiting(site: CommandSite, version: str, count: int) -> int:
     """Sent to a gateway that stands still, so that they wait in its socket, with the best of proofs."""
     left = count
     while left:
-        now, token = min(left, AT_ONCE), site.listener.boot
+        now, boot, token = min(left, AT_ONCE), site.listener.boot, site.listener.token
         left -= now
         site.gateway.signal(signal.SIGSTOP)
 
-        def payload(id_: str, boot: str = token) -> str:
-            issued_at = {"issued_at": rfc3339(time.time()), "ttl_s": TTL_S}
-            return json.dumps({"id": id_, "boot": boot, **(issued_at if id_.endswith("1") else {})})
+        def payload(id_: str, boot: str = boot, token: str = token) -> str:
+            issued_at = {"issued_at": rfc3339(time.time())} if id_.endswith("1") else {}
+            return json.dumps({"id": id_, "boot": boot, "token": token, "ttl_s": TTL_S, **issued_at})
 
         ids = await _publish(site, version, now, payload, pace_s=0.0)
         await asyncio.sleep(LIMIT_S + 0.5)
         site.gateway.signal(signal.SIGCONT)
         await _refused(site, ids, ("wrong_boot", "before_connection"))
-        await until(lambda token=token: site.listener.boot != token, "a new token", within_s=5.0)  # type: ignore[misc] # a default
+        await until(lambda boot=boot: site.listener.boot != boot, "a new boot", within_s=5.0)  # type: ignore[misc] # a default
         await asyncio.sleep(2 * SETTLED_S)  # lest the next ones be too many
     return 0
 
