@@ -203,8 +203,10 @@ def test_a_login_without_the_right_to_write_is_told(
 ) -> None:
     acl = "user alice\ntopic read starters/#\nuser mcc1\ntopic readwrite starters/#\n"
     broker = start_mosquitto(users={"alice": "a", "mcc1": "m"}, acl=acl)
-    status = Payloads(TOPICS, BOOT).status("online", time_s=1e9, since_s=1e9, reason=None)
-    broker.publish(status.topic, status.payload.decode(), "-r", user=("mcc1", "m"))
+    payloads = Payloads(TOPICS, BOOT)
+    status = payloads.status("online", time_s=1e9, since_s=1e9, reason=None)
+    for message in (payloads.fresh(TOKEN, 1e9), status):
+        broker.publish(message.topic, message.payload.decode(), "-r", user=("mcc1", "m"))
     (tmp_path / "alice.password").write_text("a\n")
     (tmp_path / "alice.password").chmod(0o600)
     words = ("pump-1", "start", "--username", "alice", "--password-file", str(tmp_path / "alice.password"))

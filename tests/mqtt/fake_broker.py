@@ -80,6 +80,10 @@ class FakeBroker:
                 pass
         return packet
 
+    def hang_up(self) -> None:
+        """Close the newest connection."""
+        self._writers[-1].close()
+
     def acknowledge(self, packet: Packet) -> None:
         self._writers[-1].write(b"\x40\x02" + packet.packet_id)
 

@@ -13,6 +13,7 @@ from tests.conftest import StartMosquitto
 from tests.mosquitto import MosquittoBroker, Watcher
 from tests.mqtt.rig import Rig, settings
 from tests.mqtt.stalling_relay import StallingRelay
+from tests.test_clients_page import example
 
 pytestmark = [pytest.mark.mosquitto]
 
@@ -166,6 +167,23 @@ async def test_a_start_over_a_bridge_whose_link_was_cut(start_mosquitto: StartMo
 
     assert through == "fresh"
     assert late == ["expired", "not_fresh"]
+
+
+async def test_the_example_for_mosquitto_pub_sends_a_fresh_start_and_a_stop(
+    start_mosquitto: StartMosquitto,
+) -> None:
+    broker = start_mosquitto()
+    lines = [line for line in example("sh").splitlines() if "/result/" not in line]
+    script = "\n".join(lines).replace("B=starters/mcc1", "B=b")
+    for program in ("mosquitto_sub", "mosquitto_pub"):
+        script = script.replace(f"{program} ", f"{program} -p {broker.port} ")
+    async with Rig(settings(broker.port)) as rig:
+        await rig.until_connected()
+        shell = await asyncio.create_subprocess_exec("sh", "-c", script)
+        judged = await verdicts(rig, 2)
+
+        assert await shell.wait() == 0
+        assert judged == ["fresh", "fresh"]
 
 
 async def test_an_operators_last_will_starts_nothing(start_mosquitto: StartMosquitto) -> None:
