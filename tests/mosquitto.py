@@ -167,12 +167,13 @@ class MosquittoBroker:
         *options: str,
         user: tuple[str, str] | None = None,
         port: int | None = None,
+        patience_s: float = PATIENCE_S,
     ) -> None:
         """Publish with mosquitto_pub, QoS 1; `options` are further arguments, `port` a relay's."""
         where = [] if port is None else ["-p", str(port)]
         command = [str(_find("mosquitto_pub")), *self._client_arguments(user), *where, "-q", "1", "-t", topic]
         what = ["-m", payload] if payload else ["-n"]
-        subprocess.run([*command, *what, *options], check=True, capture_output=True, timeout=PATIENCE_S)
+        subprocess.run([*command, *what, *options], check=True, capture_output=True, timeout=patience_s)
 
     async def leave_will(
         self, topic: str, payload: str, *, user: tuple[str, str] | None = None

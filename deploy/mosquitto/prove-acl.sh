@@ -67,7 +67,7 @@ leave_will() { # LOGIN TOPIC PAYLOAD: connect, and vanish
 }
 
 take_id() { # LOGIN - MARK: connect with the gateway's client id while somebody else has it with the gateway's login
-	mosquitto_sub "${broker[@]}" -u "${gateway%%:*}" -P "${gateway#*:}" -i "$client_id" -d \
+	stdbuf -oL mosquitto_sub "${broker[@]}" -u "${gateway%%:*}" -P "${gateway#*:}" -i "$client_id" -d \
 		-t "$base/acl-probe" > "$folder/victim" 2>&1 &
 	victim=$!
 	sleep 0.5

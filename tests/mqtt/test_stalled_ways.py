@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 
 from gateway.mqtt.retry import Version
+from tests.clients_page import example
 from tests.conftest import StartMosquitto
 from tests.mosquitto import MosquittoBroker, Watcher
 from tests.mqtt.rig import Rig, settings
 from tests.mqtt.stalling_relay import StallingRelay
-from tests.test_clients_page import example
 
 pytestmark = [pytest.mark.mosquitto]
 

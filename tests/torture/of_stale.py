@@ -11,16 +11,20 @@ import time
 from collections.abc import Callable
 from contextlib import AsyncExitStack
 
+from gateway.mqtt.freshness import DEFAULT_TTL_S
 from gateway.mqtt.json_out import rfc3339
 from gateway.standstill import LIMIT_S
 from tests.torture.command_site import PACE_S, STARTERS, USERS, CommandSite, Pipe
-from tests.torture.recorder import BASE
+from tests.torture.recorder import BASE, is_final
 from tests.torture.waiting import until
 
 VERSIONS = ("mqttv311", "mqttv5")
 SETTLED_S = 1.0
 EXPIRY = ("-D", "publish", "message-expiry-interval", "1")
 TTL_S = 60  # the longest that is allowed
+STALLS_S = (1, 6, 8, 12, 30, 60)
+KEPT_ALIVE_S = 20.0  # longer than this, and the gateway may have given the connection up
+AGAIN_S = 5.0  # until client and gateway are connected again, at the latest
 AT_ONCE = 40  # commands that wait for a gateway that stands still; more would be too many
 
 
@@ -36,6 +40,52 @@ async def stale_to_old(site: CommandSite, count: int, seed: int) -> None:
     site.check(site.old_broker.refused > 0, "nobody tried 5")
     await _try_all(site, count, (_retained_before, _expired, _replayed, _queued, _waiting))
     await _retained_live(site)
+
+
+async def stalled(site: CommandSite, longest_s: int, seed: int) -> None:
+    """Starts that a broker that stands still holds for 1 s up to so long, sent with both versions of MQTT.
+
+    Within `ttl_s` they may act, later never; one that outlives the keep-alive comes over another connection.
+    """
+    late = early = 0
+    for seconds in (each for each in STALLS_S if each <= longest_s):
+        starts, since = site.starts(), len(site.listener.results)
+        boot = site.listener.boot
+        site.broker.stand_still()
+        sending = asyncio.gather(
+            *(
+                asyncio.to_thread(
+                    site.broker.publish,
+                    f"{BASE}/command/{starter}/alice/start",
+                    payload,
+                    "-V",
+                    version,
+                    patience_s=2.0 * STALLS_S[-1],
+                )
+                for starter, payload, version in [
+                    (each, site.payload(f"stalled-{seconds}-{each}", boot=boot), VERSIONS[number % 2])
+                    for number, each in enumerate(STARTERS)
+                ]
+            ),
+            return_exceptions=True,  # a client may give up meanwhile
+        )
+        await asyncio.sleep(seconds)
+        site.broker.go_on()
+        await sending
+        await asyncio.sleep(AGAIN_S if seconds > KEPT_ALIVE_S else SETTLED_S)
+        acted = site.starts() - starts
+        if seconds > DEFAULT_TTL_S:
+            late += len(STARTERS)
+            site.check(acted == 0, f"{acted} start frames after {seconds} s")
+            codes = {each["code"] for each in site.listener.results[since:] if is_final(each)}
+            site.check(codes <= {"expired", "not_fresh", "wrong_boot"}, f"after {seconds} s: {codes}")
+        else:
+            early += len(STARTERS)
+            site.check(acted == len(STARTERS), f"{acted} start frames after {seconds} s")
+        for starter in STARTERS:
+            await site.stop(starter)
+        await site.ready()
+    site.figures |= {"late": late, "in time": early, "start frames": site.starts()}
 
 
 async def _try_all(
