@@ -73,7 +73,8 @@ take_id() { # LOGIN - MARK: connect with the gateway's client id while somebody 
 	sleep 0.5
 	mosquitto_sub "${broker[@]}" -u "${1%%:*}" -P "${1#*:}" -i "$client_id" -W 1 \
 		-t "$base/acl-probe" > /dev/null 2>&1 || true
-	# One CONNACK: it has never had to connect again.
+	sleep "$wait_s" # mosquitto_sub connects again after a second
+	# One CONNACK: it has never had to.
 	if ! kill -0 "$victim" 2> /dev/null || [ "$(grep -c CONNACK "$folder/victim")" -ne 1 ]; then
 		echo " $3" >> "$folder/taken"
 	fi

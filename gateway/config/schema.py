@@ -149,10 +149,8 @@ class OperatorTable(Table):
     client: Name  # the level in the command topic
     may: tuple[Verb, ...] = Field(strict=False, min_length=1)
     starters: tuple[Glob, ...] = Field(strict=False, min_length=1)  # names, * and ? as in a shell
-    freshness: Literal["token", "issued_at", "boot"] = (
-        "token"  # what proves a command fresh: token or issued_at;
-    )
-    # "issued_at": that alone (commands over a bridge); "boot": boot alone will do (old clients)
+    # What proves a command fresh: token or issued_at; issued_at alone (over a bridge); or even boot (old clients).
+    freshness: Literal["token", "issued_at", "boot"] = "token"
 
 
 class Config(Table):
