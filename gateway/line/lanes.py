@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 
 from gateway.line.job import Job, Lane
 from gateway.line.turn import Turn
 
-LET_PASS = 4  # jobs of earlier lanes that one which waits lets pass; stops do not count
+LET_PASS = 4  # jobs of earlier lanes that one which waits lets pass; those of stops do not count
+SHARED_AFTER_S = 0.1  # a stop's frame that has waited so long is sent for later stops of its unit too
 
 
 class Lanes:
@@ -22,8 +24,9 @@ class Lanes:
 
     def submit(self, job: Job, now_s: float) -> None:
         """Queue a job at the end of its lane."""
-        turn = Turn(job.unit, job.request, job.response_time_s, now_s, job=job)
-        self._waiting[job.lane].append(turn)
+        if job.lane is not Lane.STOP or not self._ride(job, now_s):
+            turn = Turn(job.unit, job.request, job.response_time_s, now_s, job=job)
+            self._waiting[job.lane].append(turn)
 
     def put_first(self, job: Job, turn: Turn) -> None:
         """Queue a job's turn before the others of its lane."""
@@ -35,7 +38,7 @@ class Lanes:
         if not waiting:
             return None
         chosen = waiting[0]
-        if chosen is not Lane.STOP:
+        if chosen > Lane.FOLLOW_UP:
             chosen = next((lane for lane in waiting if self._let_pass[lane] >= LET_PASS), chosen)
             for lane in waiting:
                 self._let_pass[lane] = 0 if lane is chosen else self._let_pass[lane] + 1
@@ -44,15 +47,31 @@ class Lanes:
     def withdraw(self, job: Job) -> bool:
         """Take a job back; False when it is not waiting (any more)."""
         turns = self._waiting[job.lane]
-        for turn in turns:
-            if turn.job is job:
-                turns.remove(turn)
+        for place, turn in enumerate(turns):
+            if any(each is job for each in turn.jobs):
+                left = turn.without(job)
+                if left is None:
+                    del turns[place]
+                else:
+                    turns[place] = left
                 return True
         return False
 
     def clear(self) -> tuple[Job, ...]:
         """Return all waiting jobs and forget them."""
-        jobs = tuple(turn.job for turns in self._waiting.values() for turn in turns if turn.job is not None)
+        jobs = tuple(job for turns in self._waiting.values() for turn in turns for job in turn.jobs)
         for turns in self._waiting.values():
             turns.clear()
         return jobs
+
+    def _ride(self, job: Job, now_s: float) -> bool:
+        """Let a frame that has waited for long be sent for this stop as well; it leaves later than this came.
+
+        So a group of many that is stopped again and again costs the line one lap, not many.
+        """
+        turns = self._waiting[job.lane]
+        for place, turn in enumerate(turns):
+            if (turn.unit, turn.request) == (job.unit, job.request) and now_s - turn.since_s > SHARED_AFTER_S:
+                turns[place] = replace(turn, riders=(*turn.riders, job))
+                return True
+        return False

@@ -1,7 +1,8 @@
 """Which request has the line next.
 
-Stops; then units whose watchdog needs them asked; then commands, read-backs and polls, where no kind starves
-another. Polls come by deadline; those of silent units ever less often. A choice costs O(log n).
+1. The frames of stops. 2. Their repeats and read-backs; while a watchdog is due, for 0.2 s in a row. 3. A read
+whose reply was garbled, once. 4. Units whose watchdog needs them asked. 5. Commands, read-backs and polls, where
+no kind starves another. Polls come by deadline; those of silent units ever less often. A choice costs O(log n).
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from gateway.line.share import Shares
 from gateway.line.turn import Turn as Turn
 from gateway.line.turn import Verdict as Verdict
 
-JOBS_IN_ROW = 4  # that an overdue poll lets pass; stops do not count
+JOBS_IN_ROW = 4  # that an overdue poll lets pass; those of stops do not count
+FOLLOW_UPS_IN_ROW_S = 0.2  # of line time for repeats and read-backs of stops, before a watchdog that is due
 LONGEST_TURN_S = 5.0  # what takes longer is a machine that was halted, not a line that was busy
 WATCHDOGS_IN_ROW = 8  # units asked for their watchdog's sake, before something else that is due has a turn
 
@@ -37,6 +39,7 @@ class Plan:
         self._is_for_watchdog = False  # the turn under way
         self._jobs_in_row = 0
         self._watchdogs_in_row = 0
+        self._follow_ups_s = 0.0  # of line time, in a row
         self._picked_s = self._freed_s = -inf
         for poll in polls:
             self.add_poll(poll, -inf)
@@ -129,10 +132,14 @@ class Plan:
         stop = self._lanes.take(Lane.STOP)
         if stop is not None:
             return stop
+        barking = self._polled.barking(now_s)
+        if barking is None or self._follow_ups_s < FOLLOW_UPS_IN_ROW_S:
+            follow_up = self._lanes.take(Lane.FOLLOW_UP)
+            if follow_up is not None:
+                return follow_up
         if self._again is not None:
             again, self._again = self._again, None
             return _turn(again, now_s)
-        barking = self._polled.barking(now_s)
         turn = None
         if barking is None or self._watchdogs_in_row >= WATCHDOGS_IN_ROW:
             turn = self._pick_other(now_s)
@@ -163,6 +170,10 @@ class Plan:
         is_repeated = self._repeat_if_garbled(turn, entry, outcome)
         if turn.job is not None:
             self._shares.spend(turn.job.lane, now_s - since_s, now_s)
+        if turn.lane is Lane.FOLLOW_UP:
+            self._follow_ups_s += now_s - since_s
+        elif turn.lane is not Lane.STOP:
+            self._follow_ups_s = 0.0
         stretch = self._polled.stretch
         is_rhythmic = entry is not None and entry.is_counted
         stretch.pass_time(now_s, others_s=0.0 if is_rhythmic else now_s - since_s)

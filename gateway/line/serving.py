@@ -65,16 +65,17 @@ class Serving:
     def submit(self, job: Job) -> None:
         """Queue a job: a stop goes before whatever has been chosen, others before a poll, not for ever."""
         self._plan.submit(job, self._time())
-        if job.lane is Lane.STOP:
-            self._is_overtaken = self._has_stop = True
+        if job.lane <= Lane.FOLLOW_UP:
+            self._is_overtaken = True
+            self._has_stop = self._has_stop or job.lane is Lane.STOP or job.request.is_write
         elif self._turn is not None and self._turn.poll is not None and not self._gave_way:
             self._is_overtaken = self._gave_way = True
         self.wake()
 
     def withdraw(self, job: Job) -> bool:
         """Take a job back that has not been sent; False when it is too late for that."""
-        if self._turn is not None and self._turn.job is job:
-            self._turn = None
+        if self._turn is not None and any(each is job for each in self._turn.jobs):
+            self._turn = self._turn.without(job)
             return True
         return self._plan.withdraw(job)
 
@@ -168,8 +169,9 @@ class Serving:
             )
             self._figures.note_sent(turn, self.line.written_s)
         finally:
-            if outcome is None and turn.job is not None:
-                self._voice.finish(turn.job, Silent("port lost", is_sent=self.line.is_on_wire))
+            if outcome is None:
+                for job in turn.jobs:
+                    self._voice.finish(job, Silent("port lost", is_sent=self.line.is_on_wire))
         return outcome
 
     def _record(self, turn: Turn, outcome: Outcome, *, took_s: float) -> None:
@@ -183,9 +185,9 @@ class Serving:
             self._voice.tell_unit(turn.unit, outcome, is_answering=verdict.is_answering)
         if not verdict.is_final:
             return
-        if turn.job is not None:
-            self._voice.finish(turn.job, outcome)
-        elif turn.poll is not None:
+        for job in turn.jobs:
+            self._voice.finish(job, outcome)
+        if turn.poll is not None:
             self._voice.tell_poll(turn.poll, outcome)
 
     async def _put_back(self, turn: Turn, until_s: float) -> None:

@@ -92,6 +92,8 @@ class Commander:
             return
         earlier = self._ledger.find(request.client, request.id)
         if earlier is not None and not self._is_done_again(request, earlier):
+            if is_stop:
+                self._stop_once_more(self._stoppable(request))
             if not is_stop or self._admits(request):  # a stop under way is answered in any case
                 self._repeat(request, earlier)
             return
@@ -215,31 +217,29 @@ class Commander:
 
     def _take_stop(self, request: CommandRequest, *, is_repeat: bool) -> None:
         """Stop a starter, or all members of a group that this client may stop; answer what can be."""
-        members = self._groups.get(request.starter, (request.starter,))
-        names = [name for name in members if self._admission.may_stop(request.client, name)]
+        members, names = self._members(request), self._stoppable(request)
         under_way = [self._stops[name] for name in names if name in self._stops]
         is_asked_for = all(each.is_asked_for(request) for each in under_way) and len(under_way) == len(names)
         is_full = any(each.count >= self._precautions.policy.limits.answered_stops for each in under_way)
         if is_asked_for or is_full:
-            for name in names:
-                self._stop(name, None)
+            self._stop_once_more(names)
             if not is_asked_for:
                 text = "it is being stopped, for so many commands that this one gets no answer of its own"
                 self._excess.refuse(self._key(request), request, text)
             return
         for name in names:
-            self._begin_stop(name)  # before anything is told: that takes longer than the line's silence
+            self._begin_stop(name).ask()  # before anything is told: that takes longer than the line's silence
         errand = Errand(request, self._desk, is_repeat=is_repeat)
         errand.accept()
         if request.starter not in self._groups:
-            self._stop(request.starter, errand)
+            self._stops[request.starter].join(errand)
             return
         whole = GroupStop(errand, members, self._desk)
         for name in members:
             member = whole.member(name)
             if name in names:
                 member.accept()
-                self._stop(name, member)
+                self._stops[name].join(member)
             else:
                 text = f"{request.client} has no right to stop {name}"
                 member.finish(End(Phase.REJECTED, "not_allowed", text))
@@ -252,17 +252,25 @@ class Commander:
         stopping = self._stops.get(name)
         if stopping is None:
             stopping = self._stops[name] = Stopping(self._starters[name])
-            stopping.begin()
             self._spawn(self._until_stopped(name, stopping))
         return stopping
 
-    def _stop(self, name: str, errand: Errand | None) -> None:
-        """Stop a starter, for one more command if one is given."""
-        stopping = self._begin_stop(name)
-        if errand is None:
+    def _stop_once_more(self, names: Iterable[str]) -> None:
+        """Send a frame to each of these for a stop message that gets no life of its own."""
+        if self._is_closing:
+            return
+        for name in names:
+            stopping = self._begin_stop(name)
+            stopping.ask()
             stopping.extend()
-        else:
-            stopping.join(errand)
+
+    def _members(self, request: CommandRequest) -> Collection[str]:
+        return self._groups.get(request.starter, (request.starter,))
+
+    def _stoppable(self, request: CommandRequest) -> list[str]:
+        """Return the starters that a stop is for and its client may stop."""
+        members = self._members(request)
+        return [name for name in members if self._admission.may_stop(request.client, name)]
 
     def _load(self, name: str) -> Load:
         line = self._starters[name].setup.line

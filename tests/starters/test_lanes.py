@@ -22,7 +22,7 @@ from tests.starters.rules import ready
     ("verb", "args", "lanes"),
     [
         ("start", {}, {Lane.COMMAND, Lane.READ_BACK}),
-        ("stop", {}, {Lane.STOP, Lane.READ_BACK}),
+        ("stop", {}, {Lane.STOP, Lane.FOLLOW_UP}),
         ("read", {"parameter": "P003"}, {Lane.PARAMETERS}),
         ("set", {"parameter": "P314", "value": 30}, {Lane.PARAMETERS}),
     ],
