@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from dataclasses import replace
 
 from gateway.errors import PortLostError
 from gateway.line.deafness import DEAF, Deafness
@@ -17,6 +18,7 @@ from gateway.line.transaction import Transactor
 from gateway.line.voice import Voice
 
 IDLE_WAKE_S = 1.0  # an idle line looks at its port so often
+GAP_WITHIN_S = 0.1  # so long a stop waits for a gap between two frames of somebody who sends without end
 
 
 class Serving:
@@ -135,7 +137,10 @@ class Serving:
         if await self.line.hush():
             return None
         self._voice.flush()  # this may take long
-        return await self.line.settle()
+        return await self.line.settle(is_for_stop=self._is_stop_waiting)
+
+    def _is_stop_waiting(self) -> bool:
+        return self._has_stop or (self._turn is not None and self._turn.is_stop)
 
     async def _let_in(self) -> bool:
         """Hold what was chosen back while a stop may be about to come; return whether that took time."""
@@ -150,11 +155,16 @@ class Serving:
         return True
 
     async def _take(self, turn: Turn, noise: Garbled | None) -> Outcome:
-        """Do one transaction, unless too late or on too noisy a line; a job ends even when this does not."""
+        """Do one transaction, unless too late or on too noisy a line; a job ends even when this does not.
+
+        A stop goes out on any line, between or over what others send.
+        """
         if turn.job is not None and self._time() > turn.job.until_s:
             return Silent(TOO_LATE, is_sent=False)
         if noise is not None:
-            return noise
+            if not turn.is_stop:
+                return noise
+            await self.line.find_gap(GAP_WITHIN_S)
         outcome: Outcome | None = None
         poll = turn.poll
         if poll is not None:
@@ -172,7 +182,7 @@ class Serving:
             if outcome is None:
                 for job in turn.jobs:
                     self._voice.finish(job, Silent("port lost", is_sent=self.line.is_on_wire))
-        return outcome
+        return outcome if noise is None else replace(outcome, is_over_babble=True)
 
     def _record(self, turn: Turn, outcome: Outcome, *, took_s: float) -> None:
         """Plan on, and have it told to whoever waits for this outcome."""

@@ -13,7 +13,8 @@ from gateway.errors import CommandError
 from gateway.starters.administration import Administration
 from gateway.starters.admission import LOCK, OWN_VERBS, Admission, Load
 from gateway.starters.aftermath import Aftermath
-from gateway.starters.conduct import HALTED, Conduct
+from gateway.starters.command_queue import CommandQueue
+from gateway.starters.conduct import CAN_WAIT, HALTED, Conduct
 from gateway.starters.control import StarterControlView
 from gateway.starters.errand import STOP, Desk, End, Errand, audit
 from gateway.starters.excess import TOO_MANY, Excess
@@ -34,6 +35,7 @@ from gateway.starters.stopping import Stopping
 logger = logging.getLogger(__name__)
 
 SAVED_WITHIN_S = 1.0  # at the end
+READ = "read"  # it writes nothing, and needs no turn
 NOT_TAKEN = (UNAVAILABLE, TOO_MANY)  # without the ledger, what it has may say something else
 
 
@@ -74,6 +76,7 @@ class Commander:
         self._flood = Flood(self._precautions.policy.limits)
         self._excess = Excess(self._desk)
         self._conducts: dict[str, Conduct] = {}
+        self._queues: dict[tuple[str, bool], CommandQueue] = {}  # by line, and whether they can wait
         self._stops: dict[str, Stopping] = {}
         self._aftermaths: list[Aftermath] = []
         self._tasks: set[asyncio.Task[None]] = set()
@@ -209,10 +212,12 @@ class Commander:
             if keeping is not None:
                 self._spawn(keeping)
             return
-        preparation, guard = self._admission.check(request, starter, self._load(request.starter))
+        load = self._load(request)
+        preparation, guard = self._admission.check(request, starter, load)
         errand = Errand(request, self._desk)
         errand.accept()
-        self._conducts[request.starter] = conduct = Conduct(errand, starter, preparation, guard)
+        place = None if request.verb == READ else load.queue.enter(request.expires_s)
+        self._conducts[request.starter] = conduct = Conduct(errand, starter, preparation, guard, place)
         self._spawn(self._until_done(request.starter, conduct))
 
     def _take_stop(self, request: CommandRequest, *, is_repeat: bool) -> None:
@@ -272,14 +277,17 @@ class Commander:
         members = self._members(request)
         return [name for name in members if self._admission.may_stop(request.client, name)]
 
-    def _load(self, name: str) -> Load:
-        line = self._starters[name].setup.line
+    def _load(self, request: CommandRequest) -> Load:
+        name, line = request.starter, self._starters[request.starter].setup.line
+        key = (line, request.verb in CAN_WAIT)  # the two do not wait for each other
+        queue = self._queues.setdefault(key, CommandQueue(self._desk.clock.now_s))
         on_line = [each for each in self._conducts.values() if each.line == line]
         return Load(
             is_busy=name in self._conducts or name in self._stops,
             is_leaving=name in self._leaving,
             on_line=len(on_line),
             parameters_on_line=sum(each.can_wait for each in on_line),
+            queue=queue,
         )
 
     def _cut_for_lock(self, name: str) -> None:

@@ -17,6 +17,7 @@ from gateway.families.procedure import Expect, Preparation, Procedure, WriteStep
 from gateway.line.job import Lane
 from gateway.line.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
 from gateway.modbus.codes import ExceptionCode
+from gateway.starters.command_queue import LINE_FULL, Place
 from gateway.starters.control import StarterControlView
 from gateway.starters.errand import End, Errand
 from gateway.starters.guard import Guard
@@ -48,15 +49,18 @@ class Conduct:
         starter: StarterControlView,
         preparation: Preparation,
         guard: Guard | None = None,
+        place: Place | None = None,
     ) -> None:
         self.errand = errand
         self._starter = starter
         self._preparation = preparation
         self._guard = guard  # what the gateway itself demands
+        self._place = place  # among the commands of its line; None: it needs no turn
         self.can_wait = errand.request.verb in CAN_WAIT
         self._lane = Lane.PARAMETERS if self.can_wait else Lane.COMMAND
         self._wire = Wire(starter, read_back_lane=Lane.PARAMETERS if self.can_wait else Lane.READ_BACK)
         self._procedure: Procedure | None = None  # once it is being written
+        self._handed_s = 0.0  # when the latest write was handed to the line
 
     @property
     def line(self) -> str:
@@ -74,10 +78,13 @@ class Conduct:
         except Exception:  # the guard at the task's top
             logger.exception("starter=%s command ended by a bug", self.errand.request.starter)
             end = self._cut("internal", "an error inside the gateway; see its log")
+        self._leave_queue()
         self.errand.finish(end)
 
     async def _ended(self) -> End:
         try:
+            if self._place is not None:
+                await self._wire.wait_for(self._place.wait())
             rows, procedure = await self._decide()
             if procedure.steps and await self._intend() > SLOW_DISK_S:
                 rows, procedure = await self._decide()  # what was read has grown old meanwhile
@@ -180,11 +187,18 @@ class Conduct:
         if step.is_silence_expected:
             setup = self._starter.setup
             self._starter.line.expect_silence(setup.address, setup.profile.timing.restart_s)
+        self._handed_s = self.errand.now_s()
         try:
             return await self._wire.write(step.request, lane=self._lane, until_s=self._until_s())
         except HaltedError:
             self.errand.write()  # it may have been on its way already
             raise
+        finally:
+            self._leave_queue()
+
+    def _leave_queue(self) -> None:
+        if self._place is not None:
+            self._place.leave()
 
     def _until_s(self) -> float:
         """Return how late the first write may be sent: what has begun is not left half done."""
@@ -201,7 +215,7 @@ class Conduct:
                 refusal = RefusedError(outcome.code)
                 return End(Phase.FAILED, refusal.code, str(refusal))
             case Silent(reason=reason, is_sent=False) if reason == TOO_LATE:
-                return self._cut("expired", "the line was not free while the command was valid")
+                return self._too_late()
             case Silent(is_sent=False) | Garbled(is_sent=False):
                 return self._cut("line_down", f"the write could not be sent: {outcome.reason}")
             case Silent() | Garbled():
@@ -209,6 +223,13 @@ class Conduct:
                 return None  # whether it acted is for the read-back to say
             case _:
                 assert_never(outcome)
+
+    def _too_late(self) -> End:
+        """Return the end of a command whose write was too late: since before it waited for the line, or since."""
+        if self._handed_s > self._until_s():
+            return self._cut("expired", "its own time had passed when it could be written")
+        waited_s = self.errand.now_s() - self._handed_s
+        return self._cut(LINE_FULL, f"the line is full: it had no slot for this command within {waited_s:.1f} s")
 
     def _unwritten(self, procedure: Procedure, rows: Rows) -> End:
         """Return the end of a command that has nothing to write."""
