@@ -46,13 +46,13 @@ class Reception:
         """Watch for standstills for ever."""
         await self._standstill.run()
 
-    def take(self, incoming: Incoming) -> None:
-        """Pass an operator's message on, or tell its sender why not."""
+    def take(self, incoming: Incoming, received_s: float | None = None) -> None:
+        """Pass an operator's message on, or tell its sender why not; it came then, on the steady clock, or now."""
         self._standstill.look()  # what has waited must not be judged by the token of before
         verdict = self._intake.judge(
             incoming,
             utc_s=self._clock.utc_s(),
-            received_s=self._clock.now_s(),
+            received_s=self._clock.now_s() if received_s is None else received_s,
             clock_is_synchronised=self._clock_watch.is_synchronised(),
         )
         match verdict:

@@ -31,7 +31,8 @@ from gateway.mqtt.unread import Unread
 MAX_INCOMING_BYTES = 65_536  # asked of the broker; commands are 4 KB at most
 CALLBACKS = [f"on_{each}" for each in ("connect", "disconnect", "publish", "subscribe", "message")]
 CALLBACKS += [f"on_socket_{each}" for each in ("open", "close", "register_write", "unregister_write")]
-READS_AT_ONCE = 100  # packets handled before other tasks of the loop have their turn
+READS_AT_ONCE = 100  # packets read before other tasks of the loop have their turn
+READ_FOR_S = 0.003  # nor longer than this
 
 
 class Session:
@@ -202,18 +203,25 @@ class Session:
         self._loop.call_soon(self._unread.end)  # after what was received has been handed over
 
     def _read_on(self) -> None:
+        until_s = self._loop.time() + READ_FOR_S
         for _ in range(READS_AT_ONCE):
             try:
                 self._client.loop_read()
             except Exception as error:  # noqa: BLE001 - this callback's one guard: nonsense ends the session
                 self._lose(f"the broker sent what cannot be read: {error!r}")
                 return
-            if self._sock is not None:  # else a broker that saves packets (Nagle) keeps the next message back
-                self._sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
-            # What the TLS layer has decrypted already no longer makes the socket readable.
-            if not isinstance(self._sock, ssl.SSLSocket) or not self._sock.pending():
+            if self._sock is None:
                 return
-        self._loop.call_soon(self._read)
+            # What the TLS layer has decrypted already no longer makes the socket readable.
+            is_decrypted = isinstance(self._sock, ssl.SSLSocket) and self._sock.pending() > 0
+            if not is_decrypted and not self._unread.has_more():
+                break
+            if self._loop.time() >= until_s:
+                if is_decrypted:
+                    self._loop.call_soon(self._read)
+                break
+        # Else a broker that saves packets (Nagle) keeps the next message back.
+        self._sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
 
     def _tick(self) -> None:
         """Let paho send its pings and notice a silent broker; notice one that acknowledges nothing."""

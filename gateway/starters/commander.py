@@ -6,6 +6,7 @@ import asyncio
 import logging
 from collections.abc import Collection, Coroutine, Iterable, Mapping
 from contextlib import suppress
+from math import inf
 from typing import Any
 
 from gateway.clock import Clock
@@ -76,6 +77,7 @@ class Commander:
         self._flood = Flood(self._precautions.policy.limits)
         self._excess = Excess(self._desk)
         self._conducts: dict[str, Conduct] = {}
+        self._stopped_s: dict[str, float] = {}  # by starter: when its latest stop came
         self._queues: dict[tuple[str, bool], CommandQueue] = {}  # by line, and whether they can wait
         self._stops: dict[str, Stopping] = {}
         self._aftermaths: list[Aftermath] = []
@@ -96,7 +98,7 @@ class Commander:
         earlier = self._ledger.find(request.client, request.id)
         if earlier is not None and not self._is_done_again(request, earlier):
             if is_stop:
-                self._stop_once_more(self._stoppable(request))
+                self._stop_once_more(self._stoppable(request), request.received_s)
             if not is_stop or self._admits(request):  # a stop under way is answered in any case
                 self._repeat(request, earlier)
             return
@@ -121,6 +123,11 @@ class Commander:
             self._repeat(request, earlier)
         else:
             self._refuse(request, CommandError(code, text), is_kept=False)
+
+    def refuse_unread(self, starter: str, client: str, verb: str) -> None:
+        """Refuse a command that is one too many, of which only the topic was read."""
+        request = CommandRequest(starter, client, verb)
+        self._excess.refuse(self._key(request), request, "too many commands at once; send fewer")
 
     def recall(self, commands: Iterable[Remembered]) -> None:
         """Take over the commands of earlier runs, the oldest first; say once what was cut short."""
@@ -212,6 +219,9 @@ class Commander:
             if keeping is not None:
                 self._spawn(keeping)
             return
+        stopped_s = self._stopped_s.get(request.starter, -inf)
+        if request.received_s <= stopped_s and request.starter not in self._stops:
+            raise CommandError("stopped_first", "a stop that came later was taken first")
         load = self._load(request)
         preparation, guard = self._admission.check(request, starter, load)
         errand = Errand(request, self._desk)
@@ -226,14 +236,16 @@ class Commander:
         under_way = [self._stops[name] for name in names if name in self._stops]
         is_asked_for = all(each.is_asked_for(request) for each in under_way) and len(under_way) == len(names)
         is_full = any(each.count >= self._precautions.policy.limits.answered_stops for each in under_way)
+        for name in names:
+            # Before anything is told: that takes longer than the line's silence.
+            self._begin_stop(name, request.received_s).ask()
         if is_asked_for or is_full:
-            self._stop_once_more(names)
+            for name in names:
+                self._stops[name].extend()
             if not is_asked_for:
                 text = "it is being stopped, for so many commands that this one gets no answer of its own"
                 self._excess.refuse(self._key(request), request, text)
             return
-        for name in names:
-            self._begin_stop(name).ask()  # before anything is told: that takes longer than the line's silence
         errand = Errand(request, self._desk, is_repeat=is_repeat)
         errand.accept()
         if request.starter not in self._groups:
@@ -249,8 +261,9 @@ class Commander:
                 text = f"{request.client} has no right to stop {name}"
                 member.finish(End(Phase.REJECTED, "not_allowed", text))
 
-    def _begin_stop(self, name: str) -> Stopping:
+    def _begin_stop(self, name: str, came_s: float) -> Stopping:
         """Cut what this starter is doing, then stop it, unless that is under way."""
+        self._stopped_s[name] = max(came_s, self._stopped_s.get(name, -inf))
         conduct = self._conducts.get(name)
         if conduct is not None:
             conduct.halt("stopped_first")
@@ -260,12 +273,12 @@ class Commander:
             self._spawn(self._until_stopped(name, stopping))
         return stopping
 
-    def _stop_once_more(self, names: Iterable[str]) -> None:
+    def _stop_once_more(self, names: Iterable[str], came_s: float) -> None:
         """Send a frame to each of these for a stop message that gets no life of its own."""
         if self._is_closing:
             return
         for name in names:
-            stopping = self._begin_stop(name)
+            stopping = self._begin_stop(name, came_s)
             stopping.ask()
             stopping.extend()
 

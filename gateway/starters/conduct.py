@@ -229,7 +229,9 @@ class Conduct:
         if self._handed_s > self._until_s():
             return self._cut("expired", "its own time had passed when it could be written")
         waited_s = self.errand.now_s() - self._handed_s
-        return self._cut(LINE_FULL, f"the line is full: it had no slot for this command within {waited_s:.1f} s")
+        return self._cut(
+            LINE_FULL, f"the line is full: it had no slot for this command within {waited_s:.1f} s"
+        )
 
     def _unwritten(self, procedure: Procedure, rows: Rows) -> End:
         """Return the end of a command that has nothing to write."""

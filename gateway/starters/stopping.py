@@ -100,7 +100,9 @@ class Stopping:
         """Return whether the same client's stop, which its answer cannot be told apart from, has joined."""
         if request.id or request.correlation:
             return False
-        known = ((order.errand.request.client, order.errand.request.id) for order in self._orders if order.errand)
+        known = (
+            (order.errand.request.client, order.errand.request.id) for order in self._orders if order.errand
+        )
         return (request.client, request.id) in known
 
     @property

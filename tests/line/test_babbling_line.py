@@ -73,6 +73,7 @@ def test_every_repeat_of_a_stop_goes_out_over_the_babble() -> None:
 
 def test_a_stop_goes_out_between_two_frames_where_there_is_a_gap() -> None:
     gap_s = 2.5 * TIMING.character_s  # too short for a silence, too long for a pause inside a frame
+
     async def scenario() -> list[float]:
         async with Rig(Units({1}), [poll("a", every_s=10.0)]) as rig:
             await asyncio.sleep(1.0)
@@ -89,7 +90,9 @@ def test_a_stop_goes_out_between_two_frames_where_there_is_a_gap() -> None:
     assert sent_s - last_byte_s >= 1.5 * TIMING.character_s
 
 
-@pytest.mark.parametrize(("request_", "lane"), [(READ, Lane.FOLLOW_UP), (STOP, Lane.COMMAND), (READ, Lane.READ_BACK)])
+@pytest.mark.parametrize(
+    ("request_", "lane"), [(READ, Lane.FOLLOW_UP), (STOP, Lane.COMMAND), (READ, Lane.READ_BACK)]
+)
 def test_nothing_but_a_stop_is_sent_into_the_babble(request_: WriteRegister, lane: Lane) -> None:
     async def scenario() -> tuple[Outcome, int]:
         async with Rig(Units({1}), [poll("a", every_s=0.0)]) as rig:

@@ -141,7 +141,9 @@ async def large_line(
         clock=clock,
         sequence=sequence,
     )
-    telemetries = [StarterTelemetry(each, line=line, sink=sink, clock=clock, sequence=sequence) for each in setups]
+    telemetries = [
+        StarterTelemetry(each, line=line, sink=sink, clock=clock, sequence=sequence) for each in setups
+    ]
     commander = Commander(
         {telemetry.setup.name: telemetry for telemetry in telemetries},
         rights=rights,
@@ -150,7 +152,9 @@ async def large_line(
         sequence=sequence,
         precautions=precautions,
     )
-    here = LargeLine(bus, commander, clock, sink, worst_stop_latency_s(polls, timing) + SLACK_S, defaultdict(list))
+    here = LargeLine(
+        bus, commander, clock, sink, worst_stop_latency_s(polls, timing) + SLACK_S, defaultdict(list)
+    )
     for unit, telemetry in zip(units, telemetries, strict=True):
         unit.here = here
         router.starters[telemetry.setup.address] = telemetry

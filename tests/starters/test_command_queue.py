@@ -100,7 +100,9 @@ async def test_a_place_that_is_given_up_while_it_waits_keeps_nobody_else_waiting
 
 
 @virtually
-async def test_32_starts_at_once_on_an_over_full_line_are_carried_out_in_turn_or_refused_with_the_wait() -> None:
+async def test_32_starts_at_once_on_an_over_full_line_are_carried_out_in_turn_or_refused_with_the_wait() -> (
+    None
+):
     async with large_line(80, every_s=0.0, baud=9600, policy=MANY) as here:
         await asyncio.sleep(60.0)
         asked_s = here.clock.now_s()
@@ -116,7 +118,9 @@ async def test_32_starts_at_once_on_an_over_full_line_are_carried_out_in_turn_or
         assert all(end.phase is Phase.REJECTED and " s" in end.text for end in refused)
         frames_s = {address: here.frames(address, START_PDU) for address in ends}
         assert all(len(frames_s[each]) == (ends[each].code == "ok") for each in ends)
-        assert all(at_s <= asked_s + TTL_S + here.bound_s for times_s in frames_s.values() for at_s in times_s)
+        assert all(
+            at_s <= asked_s + TTL_S + here.bound_s for times_s in frames_s.values() for at_s in times_s
+        )
 
 
 @virtually

@@ -53,7 +53,9 @@ async def test_a_stop_in_the_first_second_goes_on_while_the_motor_turns_and_is_c
 
 
 @virtually
-async def test_ten_seconds_of_a_motor_that_ignores_stops_every_message_has_its_own_frame_within_the_bound() -> None:
+async def test_ten_seconds_of_a_motor_that_ignores_stops_every_message_has_its_own_frame_within_the_bound() -> (
+    None
+):
     async with large_line(WHOLE) as here:
         here.unit(1).motor.start()
         here.ignoring.add(1)
@@ -84,7 +86,9 @@ async def test_a_burst_of_stop_messages_has_as_many_frames() -> None:
 
 
 @virtually
-async def test_a_thousand_second_stops_amid_local_starts_are_never_confirmed_by_what_was_read_before() -> None:
+async def test_a_thousand_second_stops_amid_local_starts_are_never_confirmed_by_what_was_read_before() -> (
+    None
+):
     async with large_line(4) as here:
         await asyncio.sleep(2.0)
         for number in range(1000):
@@ -105,7 +109,9 @@ async def test_a_stop_that_joins_one_that_is_just_read_back_is_confirmed_by_its_
     async with large_line(4) as here:
         await asyncio.sleep(2.0)
         here.submit("stop", "1")
-        while len([at_s for at_s in here.readings(1) if at_s > here.frames(1)[0]] if here.frames(1) else []) < 2:  # noqa: ASYNC110
+        while (
+            len([at_s for at_s in here.readings(1) if at_s > here.frames(1)[0]] if here.frames(1) else []) < 2
+        ):  # noqa: ASYNC110
             await asyncio.sleep(0.0005)
         asked_s = here.clock.now_s()
         here.submit("stop", "2")
@@ -147,7 +153,9 @@ async def test_a_group_that_is_stopped_again_and_again_is_confirmed_as_if_it_had
             await asyncio.sleep(0.5)
         await asyncio.sleep(20.0)
 
-        assert {number: here.phase(str(number), ALL) for number in range(4)} == dict.fromkeys(range(4), Phase.CONFIRMED)
+        assert {number: here.phase(str(number), ALL) for number in range(4)} == dict.fromkeys(
+            range(4), Phase.CONFIRMED
+        )
         for address in range(1, 121):
             frames_s = here.frames(address)
             assert all(any(at_s > asked_s for at_s in frames_s) for asked_s in asked.values())
