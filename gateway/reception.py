@@ -47,7 +47,7 @@ class Reception:
         await self._standstill.run()
 
     def take(self, incoming: Incoming, received_s: float | None = None) -> None:
-        """Pass an operator's message on, or tell its sender why not; it came then, on the steady clock, or now."""
+        """Pass an operator's message on, or tell its sender why not; `received_s` is on the steady clock."""
         self._standstill.look()  # what has waited must not be judged by the token of before
         verdict = self._intake.judge(
             incoming,

@@ -1,8 +1,12 @@
 """Which request has the line next.
 
-1. The frames of stops. 2. Their repeats and read-backs; while a watchdog is due, for 0.2 s in a row. 3. A read
-whose reply was garbled, once. 4. Units whose watchdog needs them asked. 5. Commands, read-backs and polls, where
-no kind starves another. Polls come by deadline; those of silent units ever less often. A choice costs O(log n).
+1. The frames of stops.
+2. Their repeats and read-backs; while a watchdog is due, for 0.2 s in a row.
+3. A read whose reply was garbled, once.
+4. Units whose watchdog needs them asked.
+5. Commands, read-backs and polls, where no kind starves another.
+
+Polls come by deadline; those of silent units ever less often. A choice costs O(log n).
 """
 
 from __future__ import annotations

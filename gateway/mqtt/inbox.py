@@ -32,8 +32,8 @@ AHEAD_S = 0.01  # so long before its share is due, it may be used
 class Inbox:
     """Of one gateway; everything belongs to the loop that reads the broker.
 
-    `take` is given each message with its time of arrival on the steady clock, `refuse` the starter, client and
-    verb of what is too much.
+    `take` is given each message with its time of arrival on the steady clock, `refuse` the starter, client
+    and verb of what is too much.
     """
 
     def __init__(

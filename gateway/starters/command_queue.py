@@ -39,8 +39,8 @@ class CommandQueue:
 
     def refusal(self, wait_s: float) -> CommandError:
         """Return why a command cannot have its turn in time."""
-        text = f"the line is full: its turn is expected in {wait_s:.1f} s, when the command has expired; send it again then"
-        return CommandError(LINE_FULL, text)
+        text = f"the line is full: its turn is expected in {wait_s:.1f} s, when the command has expired"
+        return CommandError(LINE_FULL, f"{text}; send it again then")
 
     def enter(self, expires_s: float | None) -> Place:
         """Return the place of one more command, which is not to be written later than this."""

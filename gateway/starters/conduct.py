@@ -225,7 +225,7 @@ class Conduct:
                 assert_never(outcome)
 
     def _too_late(self) -> End:
-        """Return the end of a command whose write was too late: since before it waited for the line, or since."""
+        """Return the end of a command whose write came too late, before or while it waited for the line."""
         if self._handed_s > self._until_s():
             return self._cut("expired", "its own time had passed when it could be written")
         waited_s = self.errand.now_s() - self._handed_s

@@ -1,10 +1,10 @@
 """Stops one starter: frames before everything else, again and again, until read back or the time is up.
 
-1. Each stop message has a frame of its own, handed to the line before anything else is done about the message.
+1. Each stop message has a frame of its own, handed to the line before anything else is done about it.
    Beyond `OWN_FRAMES` of one starter, messages that come within 0.1 s share the next frame.
 2. A frame follows the one before after 0.5 s, whatever became of the read-backs, until all are read back.
-3. A message is confirmed by two readings in a row that were asked for after the frame which counts for it: its
-   own, or the first after that which the starter acknowledged.
+3. A message is confirmed by two readings in a row that were asked for after the frame which counts for it:
+   its own, or the first after that which the starter acknowledged.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class _Order:
         return self.counts_from is not None
 
     def note_written(self, *, next_reading: int, is_taken: bool) -> None:
-        """Take note of a frame that left; until one is acknowledged an earlier start may yet be carried out."""
+        """Take note of a frame that left; until one is acknowledged an earlier start may yet act."""
         if self.is_taken:
             return
         if self.errand is not None and not self.is_written:
@@ -238,7 +238,7 @@ class Stopping:
         self._end(ends)
 
     def _good_readings(self, order: _Order) -> int:
-        """Return how many of the latest readings in a row show that the motor stops, and count for a message."""
+        """Return how many of the latest readings in a row show a stop, and count for this message."""
         if self._good_from is None or order.counts_from is None:
             return 0
         return max(self._readings + 1 - max(self._good_from, order.counts_from), 0)
@@ -268,8 +268,8 @@ class Stopping:
     def _unseen(self, order: _Order) -> End:
         """Return the end of a stop whose time is up."""
         if order.is_written:
-            text = f"the motor was not seen to stop within {DEADLINE_S:g} s{self._over_babble()}: {MAY_BE_TURNING}"
-            return End(Phase.UNCONFIRMED, "not_seen", text)
+            text = f"the motor was not seen to stop within {DEADLINE_S:g} s{self._over_babble()}"
+            return End(Phase.UNCONFIRMED, "not_seen", f"{text}: {MAY_BE_TURNING}")
         if self._refusal is not None:
             return End(Phase.FAILED, self._refusal.code, f"{self._refusal}: {MAY_BE_TURNING}")
         return self._cut(order, "line_down", "the stop could not be sent")

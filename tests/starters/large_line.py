@@ -7,6 +7,7 @@ from collections import defaultdict
 from collections.abc import AsyncIterator, Collection
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 from gateway.families.load import load_profile
@@ -82,6 +83,11 @@ class LargeLine:
 
     def readings(self, address: int) -> list[float]:
         return [at_s for at_s, each in self.asked[address] if each[0] in (1, 3, 4)]
+
+    def is_read_after_frame(self, address: int) -> bool:
+        """Return whether a starter has been read twice since its first stop frame."""
+        frames_s = self.frames(address)
+        return bool(frames_s) and sum(at_s > frames_s[0] for at_s in self.readings(address)) > 1
 
     def told(self, id_: str, address: int | str = 1) -> list[tuple[float, ResultRecord]]:
         results = self.sink.results
@@ -171,4 +177,4 @@ async def large_line(
 def longest_gap_s(times_s: Collection[float], until_s: float) -> float:
     """Return the longest time between two of these, and after the last."""
     ordered = [*sorted(times_s), until_s]
-    return max(b - a for a, b in zip(ordered, ordered[1:], strict=False))
+    return max(b - a for a, b in pairwise(ordered))

@@ -8,8 +8,8 @@ import os
 import random
 import sys
 import time
-from contextlib import asynccontextmanager
 from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from typing import Any
 
 from tests.torture.command_site import BASE, CommandSite
@@ -28,7 +28,8 @@ per_s, seconds, line = int(sys.argv[1]), float(sys.argv[2]), sys.argv[3].encode(
 began_s, sent = time.monotonic(), 0
 while (gone_s := time.monotonic() - began_s) < seconds:
     due = int(gone_s * per_s)
-    sys.stdout.buffer.write(b"".join(line.replace(b"flood", b"flood-%d" % number) for number in range(sent, due)))
+    lines = (line.replace(b"flood", b"flood-%d" % number) for number in range(sent, due))
+    sys.stdout.buffer.write(b"".join(lines))
     sys.stdout.buffer.flush()
     sent = due
     time.sleep(0.005)
@@ -36,7 +37,7 @@ while (gone_s := time.monotonic() - began_s) < seconds:
 
 
 async def stops_in_a_large_flood(site: CommandSite, seconds: int, seed: int) -> None:
-    """Flood with messages of 4 KB; every stop's frame is at the starter within the bound, however many come."""
+    """Flood with messages of 4 KB; each stop's frame is at the starter within the bound."""
     dice = random.Random(seed)
     bound_s = STOP_WITHIN_S + computed_s(site)
     waited_s = []
@@ -59,7 +60,7 @@ async def stops_in_a_large_flood(site: CommandSite, seconds: int, seed: int) -> 
 
 
 async def second_stops(site: CommandSite, count: int, seed: int) -> None:
-    """Stop, start at the keypad, stop again: the second stop has its frame, and is confirmed by what follows."""
+    """Stop, start at the keypad, stop again: the second has its frame, and is confirmed by what follows."""
     dice = random.Random(seed)
     unit: Any = site.ears[PUMP].unit
     bound_s = STOP_WITHIN_S + computed_s(site)
