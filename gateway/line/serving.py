@@ -161,15 +161,15 @@ class Serving:
         """
         if turn.job is not None and self._time() > turn.job.until_s:
             return Silent(TOO_LATE, is_sent=False)
-        if noise is not None:
-            if not turn.is_stop:
-                return noise
-            await self.line.find_gap(GAP_WITHIN_S)
+        if noise is not None and not turn.is_stop:
+            return noise
         outcome: Outcome | None = None
         poll = turn.poll
         if poll is not None:
             self._gave_way = False
         try:
+            if noise is not None:
+                await self.line.find_gap(GAP_WITHIN_S)
             prepared = self._preparations.of(poll.key if poll else None, turn.unit, turn.request)
             outcome = await self.line.exchange(
                 prepared,

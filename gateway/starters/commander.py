@@ -239,12 +239,11 @@ class Commander:
         for name in names:
             # Before anything is told: that takes longer than the line's silence.
             self._begin_stop(name, request.received_s).ask()
-        if is_asked_for or is_full:
-            for name in names:
-                self._stops[name].extend()
-            if not is_asked_for:
-                text = "it is being stopped, for so many commands that this one gets no answer of its own"
-                self._excess.refuse(self._key(request), request, text)
+        if is_asked_for:
+            return
+        if is_full:
+            text = "it is being stopped, for so many commands that this one gets no answer of its own"
+            self._excess.refuse(self._key(request), request, text)
             return
         errand = Errand(request, self._desk, is_repeat=is_repeat)
         errand.accept()
@@ -278,9 +277,7 @@ class Commander:
         if self._is_closing:
             return
         for name in names:
-            stopping = self._begin_stop(name, came_s)
-            stopping.ask()
-            stopping.extend()
+            self._begin_stop(name, came_s).ask()
 
     def _members(self, request: CommandRequest) -> Collection[str]:
         return self._groups.get(request.starter, (request.starter,))

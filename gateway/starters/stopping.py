@@ -80,21 +80,19 @@ class Stopping:
         self._is_over_babble = False  # a frame was sent although the line was not quiet
 
     def ask(self) -> None:
-        """Have a frame sent for one more message, which then joins."""
+        """Have a frame sent for one more message, and see it through; it may then join with its command."""
         if self._own_frames.take(self._time()):
             self._send(Lane.STOP)
         else:
             self._wanted = self._handed + 1
             self._plan(min(self._due_s, self._time() + SHARED_WITHIN_S))
+        self._unanswered = _Order(None, self._wanted, self._time() + DEADLINE_S)
 
     def join(self, errand: Errand) -> None:
-        """Take in the stop command, already accepted, for which `ask` was called."""
+        """Take in the stop command, already accepted, for which `ask` was called; its end is reported."""
+        self._unanswered = None  # which stood for this message, and for those before that get no answer
         self._orders.append(_Order(errand, self._wanted, self._time() + DEADLINE_S))
         errand.before = self._starter.snapshot.good_values()
-
-    def extend(self) -> None:
-        """Take in the message for which `ask` was called, and which gets no answer of its own."""
-        self._unanswered = _Order(None, self._wanted, self._time() + DEADLINE_S)
 
     def is_asked_for(self, request: CommandRequest) -> bool:
         """Return whether the same client's stop, which its answer cannot be told apart from, has joined."""
@@ -153,7 +151,7 @@ class Stopping:
 
     def _send_if_due(self) -> None:
         """Send the next frame at its time, unless one is still under way or none is needed."""
-        if self._time() < self._due_s or self._under_way:
+        if self._time() < self._due_s or self._under_way or not self._all():
             return
         is_asked_for = self._wanted > self._handed or any(not each.is_written for each in self._all())
         if is_asked_for or self._good_from is None or not all(each.is_taken for each in self._all()):

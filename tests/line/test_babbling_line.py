@@ -8,7 +8,7 @@ import itertools
 import pytest
 
 from gateway.line.job import Lane
-from gateway.line.outcome import Answered, Garbled, Outcome
+from gateway.line.outcome import Answered, Garbled, Outcome, Silent
 from gateway.line.serving import GAP_WITHIN_S
 from gateway.line.transaction import BABBLE_LIMIT_S, STOP_PATIENCE_S
 from gateway.modbus.reads import ReadHoldingRegisters
@@ -147,3 +147,17 @@ def test_stops_are_as_many_over_the_babble_as_without_it() -> None:
 
     assert len(sent_s) == 20
     assert max(b - a for a, b in itertools.pairwise(sent_s)) <= 0.5 + WITHIN_S
+
+
+def test_a_port_that_is_lost_while_a_stop_waits_for_a_gap_ends_the_stop_unsent() -> None:
+    async def scenario() -> Outcome:
+        async with Rig(Units({1}), [poll("a", every_s=0.0)]) as rig:
+            await asyncio.sleep(1.0)
+            babble(rig.port)
+            await asyncio.sleep(0.05)
+            waiting = asyncio.create_task(rig.transact(1, STOP, Lane.STOP))
+            await asyncio.sleep(STOP_PATIENCE_S + GAP_WITHIN_S / 2)
+            rig.port.hang_up()
+            return await asyncio.wait_for(waiting, 5.0)
+
+    assert run_virtually(scenario()) == Silent("port lost", is_sent=False)

@@ -87,7 +87,7 @@ async def test_a_burst_of_stop_messages_has_as_many_frames() -> None:
 async def test_a_thousand_second_stops_amid_local_starts_are_never_confirmed_by_what_was_read_before() -> (
     None
 ):
-    async with large_line(4) as here:
+    async with large_line(2, every_s=2.0) as here:
         await asyncio.sleep(2.0)
         for number in range(1000):
             here.submit("stop", f"first {number}")
