@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import replace
+from math import inf
 
 from gateway.line.job import Job, Lane
 from gateway.line.turn import Turn
@@ -18,6 +19,7 @@ class Lanes:
     def __init__(self) -> None:
         self._waiting: dict[Lane, deque[Turn]] = {lane: deque() for lane in Lane}
         self._let_pass = dict.fromkeys(Lane, 0)
+        self._held: list[tuple[float, Turn]] = []  # follow-ups whose unit may not be asked before then
 
     def __bool__(self) -> bool:
         return any(self._waiting.values())
@@ -31,6 +33,20 @@ class Lanes:
     def put_first(self, job: Job, turn: Turn) -> None:
         """Queue a job's turn before the others of its lane."""
         self._waiting[job.lane].appendleft(turn)
+
+    def hold(self, turn: Turn, until_s: float) -> None:
+        """Let a follow-up wait until its unit may be asked; others pass it meanwhile."""
+        self._held.append((until_s, turn))
+
+    def release(self, now_s: float) -> None:
+        """Let those wait in their lane again whose unit may be asked now."""
+        for each in [each for each in self._held if each[0] <= now_s]:
+            self._held.remove(each)
+            self._waiting[Lane.FOLLOW_UP].appendleft(each[1])
+
+    def next_s(self) -> float:
+        """Return when the first of those that are held may be asked."""
+        return min((until_s for until_s, _ in self._held), default=inf)
 
     def take(self, last: Lane) -> Turn | None:
         """Take out what is next in these lanes, from `STOP` to the last."""
@@ -46,6 +62,10 @@ class Lanes:
 
     def withdraw(self, job: Job) -> bool:
         """Take a job back; False when it is not waiting (any more)."""
+        for each in self._held:
+            if each[1].job is job:
+                self._held.remove(each)
+                return True
         turns = self._waiting[job.lane]
         for place, turn in enumerate(turns):
             if any(each is job for each in turn.jobs):
@@ -59,6 +79,7 @@ class Lanes:
 
     def clear(self) -> tuple[Job, ...]:
         """Return all waiting jobs and forget them."""
+        self.release(inf)
         jobs = tuple(job for turns in self._waiting.values() for turn in turns for job in turn.jobs)
         for turns in self._waiting.values():
             turns.clear()

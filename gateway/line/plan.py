@@ -1,7 +1,7 @@
 """Which request has the line next.
 
 1. The frames of stops.
-2. Their repeats and read-backs; while a watchdog is due, for 0.2 s in a row.
+2. Their repeats and read-backs; while watchdogs are due, for 0.2 s in a row, then up to eight of those pass.
 3. A read whose reply was garbled, once.
 4. Units whose watchdog needs them asked.
 5. Commands, read-backs and polls, where no kind starves another.
@@ -127,17 +127,18 @@ class Plan:
             return -inf
         if self._again is not None:
             return self._freed_s
-        return min(self._polled.rota.next_s(), self._polled.watchdogs.next_s())
+        return min(self._lanes.next_s(), self._polled.rota.next_s(), self._polled.watchdogs.next_s())
 
     def pick(self, now_s: float) -> Turn | None:
         """Return what has the line next, None when nothing is due; `record` or `put_back` must follow."""
         self._picked_s = now_s
         self._is_for_watchdog = False
+        self._lanes.release(now_s)
         stop = self._lanes.take(Lane.STOP)
         if stop is not None:
             return stop
         barking = self._polled.barking(now_s)
-        if barking is None or self._follow_ups_s < FOLLOW_UPS_IN_ROW_S:
+        if barking is None or self._follow_ups_s < FOLLOW_UPS_IN_ROW_S or self._has_given_way():
             follow_up = self._lanes.take(Lane.FOLLOW_UP)
             if follow_up is not None:
                 return follow_up
@@ -155,8 +156,13 @@ class Plan:
         return turn
 
     def put_back(self, turn: Turn, until_s: float) -> None:
-        """Take back a turn that could not be asked, or not yet: a poll lets others pass, a job does not."""
-        if turn.job is not None:
+        """Take back a turn that could not be asked, or not yet.
+
+        Polls and follow-ups of stops let others pass, other jobs do not.
+        """
+        if turn.lane is Lane.FOLLOW_UP and until_s > self._picked_s:
+            self._lanes.hold(turn, until_s)
+        elif turn.job is not None:
             self._lanes.put_first(turn.job, turn)
         elif (entry := self._polled.entry_of(turn.poll)) is not None:
             if turn.is_repetition and until_s <= self._picked_s:
@@ -175,8 +181,9 @@ class Plan:
         if turn.job is not None:
             self._shares.spend(turn.job.lane, now_s - since_s, now_s)
         if turn.lane is Lane.FOLLOW_UP:
-            self._follow_ups_s += now_s - since_s
-        elif turn.lane is not Lane.STOP:
+            self._follow_ups_s = (0.0 if self._has_given_way() else self._follow_ups_s) + now_s - since_s
+            self._watchdogs_in_row = 0
+        elif turn.lane is not Lane.STOP and not self._is_for_watchdog:
             self._follow_ups_s = 0.0
         stretch = self._polled.stretch
         is_rhythmic = entry is not None and entry.is_counted
@@ -197,6 +204,10 @@ class Plan:
         """Return from when on a turn kept the line busy, the silence before it included."""
         due_s = self._picked_s if entry is not None and entry.unit.is_held else turn.since_s
         return max(self._freed_s, min(due_s, self._picked_s), now_s - LONGEST_TURN_S)
+
+    def _has_given_way(self) -> bool:
+        """Return whether follow-ups have let as many watchdogs pass as go in a row."""
+        return self._watchdogs_in_row >= WATCHDOGS_IN_ROW
 
     def _pick_other(self, now_s: float) -> Turn | None:
         """Return the first job, or the first poll after so many jobs in a row or so much line time."""

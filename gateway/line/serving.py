@@ -203,7 +203,7 @@ class Serving:
     async def _put_back(self, turn: Turn, until_s: float) -> None:
         """Let the unit's late reply come first; nothing but a new job is worth ending that wait for."""
         self._plan.put_back(turn, until_s)
-        if turn.job is not None:
+        if turn.job is not None and turn.lane is not Lane.FOLLOW_UP:
             await self._wait_for_work(until_s)
 
     async def _wait_for_work(self, until_s: float) -> None:

@@ -136,6 +136,25 @@ async def test_the_read_backs_of_stops_leave_other_starters_watchdogs_their_poll
         assert all(len(here.frames(address)) >= 10 for address in stopping)
 
 
+@pytest.mark.parametrize("dead", [1, 3, 6])
+@virtually
+async def test_stops_of_dead_starters_leave_the_others_watchdogs_their_polls(dead: int) -> None:
+    watchdog_s = 3.0
+    async with large_line(20, watchdog_s=watchdog_s) as here:
+        await asyncio.sleep(5.0)
+        for address in range(1, dead + 1):
+            here.bus.remove(here.unit(address))
+            here.submit("stop", f"{address}", address)
+        await asyncio.sleep(12.0)
+
+        until_s = here.clock.now_s()
+        for address in range(dead + 1, 21):
+            assert longest_gap_s([at_s for at_s, _ in here.asked[address]], until_s) < watchdog_s
+        assert here.phase("1") is Phase.UNCONFIRMED
+        frames = [each for each in here.bus.transcript if each.data[:2] == b"\x01\x05"]
+        assert len(frames) >= 10
+
+
 @virtually
 async def test_a_group_that_is_stopped_again_and_again_is_confirmed_as_if_it_had_been_stopped_once() -> None:
     async with large_line(120) as here:
