@@ -7,6 +7,7 @@ own. The running loop serves its socket; only `connect` blocks, in a thread, and
 from __future__ import annotations
 
 import asyncio
+import select
 import socket
 import ssl
 from collections.abc import Callable
@@ -59,6 +60,7 @@ class Session:
         self._suback: asyncio.Future[int] = self._loop.create_future()
         self._tickets: dict[int, tuple[int, float]] = {}  # by packet id: ticket, time sent
         self._sock: Any = None  # paho's socket, while the loop serves it
+        self._readable = select.poll()
         self._misc: asyncio.TimerHandle | None = None
         self._max_packet: int | None = None
         self.lost: asyncio.Future[str] = self._loop.create_future()
@@ -185,6 +187,7 @@ class Session:
         self._sock = self._client.socket()
         self._loop.add_reader(self._sock, self._read)
         self._unread.watch(self._sock.fileno())
+        self._readable.register(self._sock, select.POLLIN)  # not that of `unread`, which another thread asks
         self._loop.add_writer(self._sock, self._client.loop_write)  # CONNECT is waiting already
         self._tick()
 
@@ -214,7 +217,7 @@ class Session:
                 return
             # What the TLS layer has decrypted already no longer makes the socket readable.
             is_decrypted = isinstance(self._sock, ssl.SSLSocket) and self._sock.pending() > 0
-            if not is_decrypted and not self._unread.has_more():
+            if not is_decrypted and not self._readable.poll(0):
                 break
             if self._loop.time() >= until_s:
                 if is_decrypted:

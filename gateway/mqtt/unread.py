@@ -16,10 +16,6 @@ class Unread:
         """Return whether something waits in the socket, or is being read; from one thread at a time."""
         if self._is_being_read:
             return True
-        return self.has_more()
-
-    def has_more(self) -> bool:
-        """Return whether something waits in the socket."""
         watched = self._socket
         return watched is not None and any(event & select.POLLIN for _, event in watched.poll(0))
 
