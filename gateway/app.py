@@ -19,6 +19,7 @@ from gateway.errors import ConfigError
 from gateway.line.host import LineHost
 from gateway.mqtt.boot import Boot
 from gateway.mqtt.freshness import MAX_AHEAD_S, MAX_TTL_S, Tokens
+from gateway.mqtt.inbox import Inbox
 from gateway.plant import Plant
 from gateway.reception import Reception
 from gateway.site import Site
@@ -63,7 +64,7 @@ class App:
             site,
             self._tokens,
             clock=self._clock,
-            on_incoming=lambda incoming: self._reception.take(incoming),
+            on_incoming=lambda incoming: self._inbox.put(incoming),
             on_link=self._note_link,
             tell=self.tell,
         )
@@ -84,6 +85,12 @@ class App:
         self._uplink.outbox.on_told = self._keeper.journal.told
         self._commander = self._build_commander()
         self._reception = self._build_reception()
+        self._inbox = Inbox(
+            self._uplink.topics,
+            take=self._reception.take,
+            refuse=self._commander.refuse_unread,
+            now_s=self._clock.now_s,
+        )
         self._capture = capture_of(site.config, site.folder, self._host.capture, self._clock)
         self._vitals = self._build_vitals(notifier, watchdog_every_s)
         self._is_up = asyncio.Event()

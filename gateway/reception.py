@@ -67,12 +67,12 @@ class Reception:
         self._standstill.look()
         return self._stood_still_s
 
-    def take(self, incoming: Incoming) -> None:
-        """Pass an operator's message on, or tell its sender why not."""
+    def take(self, incoming: Incoming, received_s: float | None = None) -> None:
+        """Pass an operator's message on, or answer why not; `received_s` is its arrival (steady clock)."""
         self._standstill.look()  # what has waited must not be judged by the tokens of before
         self._clock_watch.look()
         moment = Moment(self._clock.now_s(), self._clock.utc_s(), self._clock_watch.doubt())
-        verdict = self._intake.judge(incoming, moment)
+        verdict = self._intake.judge(incoming, moment, received_s=received_s)
         if verdict is None:
             log.debug("topic=%s is no command", shortened(incoming.topic))
             return

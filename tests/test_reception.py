@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from gateway.clock import ClockWatch
 from gateway.mqtt.boot import Boot
 from gateway.mqtt.freshness import Tokens
+from gateway.mqtt.inbox import Inbox
 from gateway.mqtt.intake import Incoming
 from gateway.mqtt.json_out import rfc3339
 from gateway.mqtt.payload import Payloads
@@ -25,7 +26,7 @@ from gateway.starters.rights import Operator
 from gateway.system.clock_steps import Reading
 from tests.starters.plant import OPERATORS, Plant
 from tests.starters.rig import virtually
-from tests.virtual_time import run_virtually
+from tests.virtual_time import VirtualTimeLoop, run_virtually
 
 
 class Desk:
@@ -341,3 +342,32 @@ async def test_half_a_surrogate_pair_anywhere_in_a_command_is_no_json(field: str
         ("2", "ok"),
     ]
     assert here.plant.starts() == 1
+
+
+@virtually
+async def test_a_start_that_waits_to_be_parsed_is_not_carried_out_after_the_stop_that_overtook_it() -> None:
+    here = await desk()
+    inbox = Inbox(
+        Topics("b"),
+        take=here.reception.take,
+        refuse=here.plant.commander.refuse_unread,
+        now_s=here.plant.clock.now_s,
+    )
+    loop = asyncio.get_running_loop()
+    assert isinstance(loop, VirtualTimeLoop)
+    inbox._paid_s = loop.time() + 1.5  # it has parsed a flood
+
+    inbox.put(message("start", "1", token=here.token(), ttl_s=60.0))
+    await asyncio.sleep(0.01)
+    inbox.put(message("stop", "2"))
+    await asyncio.sleep(1.0)
+    assert here.plant.sink.final("2").code == "ok"
+    await asyncio.sleep(1.0)
+
+    sink = here.plant.sink
+    assert sink.phases("1") == [("rejected", "stopped_first")]
+    assert here.plant.starts() == 0
+
+
+def message(verb: str, id_: str, **fields: Any) -> Incoming:
+    return Incoming(f"b/command/pump-1/alice/{verb}", json.dumps({"id": id_, **fields}).encode())

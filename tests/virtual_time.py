@@ -40,6 +40,10 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
     def time(self) -> float:
         return self._jumping.skipped_s
 
+    def work(self, seconds: float) -> None:
+        """Let the processor be busy for so long, and nothing else happen."""
+        self._jumping.skipped_s += seconds
+
 
 class VirtualClock:
     """A gateway.clock.Clock that follows a loop's virtual time."""

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from math import inf
 from typing import Any
 
-from gateway.line.job import Poll
+from gateway.line.job import Lane, Poll
 from gateway.line.learnt import Learnt
 from gateway.line.outcome import Answered, Outcome, Refused
 from gateway.line.plan import Turn
@@ -61,7 +61,7 @@ class Figures:
 
     def note_sent(self, turn: Turn, written_s: float) -> None:
         """Measure how long a stop waited for its first byte."""
-        if turn.is_stop:
+        if turn.lane is Lane.STOP:
             self._worst_stop_latency_s = max(self._worst_stop_latency_s or 0.0, written_s - turn.since_s)
 
     def forget(self, unit: int) -> None:

@@ -15,13 +15,15 @@ from gateway.modbus.pdu import Request
 class Lane(enum.IntEnum):
     """The order in which waiting jobs are served: the lowest first; polls come after all lanes.
 
-    No lane but that of stops keeps a later one waiting for ever, nor jobs the polls of a full line.
+    The two lanes of stops go before everything; of the others none keeps a later one waiting for ever, nor
+    jobs the polls of a full line.
     """
 
-    STOP = 0
-    COMMAND = 1  # what makes motors move
-    READ_BACK = 2  # whether they did, and who a starter is
-    PARAMETERS = 3  # reads and settings on demand, and what we look after of our own accord: what can wait
+    STOP = 0  # the first frames of stops
+    FOLLOW_UP = 1  # repeats and read-backs of stops
+    COMMAND = 2  # what makes motors move
+    READ_BACK = 3  # whether they did, and who a starter is
+    PARAMETERS = 4  # reads and settings on demand, and what we look after of our own accord: what can wait
 
 
 @dataclass(frozen=True, slots=True)

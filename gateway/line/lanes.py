@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
+from math import inf
 
 from gateway.line.job import Job, Lane
 from gateway.line.turn import Turn
 
-LET_PASS = 4  # jobs of earlier lanes that one which waits lets pass; stops do not count
+LET_PASS = 4  # jobs of earlier lanes that one which waits lets pass; those of stops do not count
+SHARED_AFTER_S = 0.1  # a stop's frame that has waited so long is sent for later stops of its unit too
 
 
 class Lanes:
@@ -16,18 +19,34 @@ class Lanes:
     def __init__(self) -> None:
         self._waiting: dict[Lane, deque[Turn]] = {lane: deque() for lane in Lane}
         self._let_pass = dict.fromkeys(Lane, 0)
+        self._held: list[tuple[float, Turn]] = []  # follow-ups whose unit may not be asked before then
 
     def __bool__(self) -> bool:
         return any(self._waiting.values())
 
     def submit(self, job: Job, now_s: float) -> None:
         """Queue a job at the end of its lane."""
-        turn = Turn(job.unit, job.request, job.response_time_s, now_s, job=job)
-        self._waiting[job.lane].append(turn)
+        if job.lane is not Lane.STOP or not self._ride(job, now_s):
+            turn = Turn(job.unit, job.request, job.response_time_s, now_s, job=job)
+            self._waiting[job.lane].append(turn)
 
     def put_first(self, job: Job, turn: Turn) -> None:
         """Queue a job's turn before the others of its lane."""
         self._waiting[job.lane].appendleft(turn)
+
+    def hold(self, turn: Turn, until_s: float) -> None:
+        """Let a follow-up wait until its unit may be asked; others pass it meanwhile."""
+        self._held.append((until_s, turn))
+
+    def release(self, now_s: float) -> None:
+        """Let those wait in their lane again whose unit may be asked now."""
+        for each in [each for each in self._held if each[0] <= now_s]:
+            self._held.remove(each)
+            self._waiting[Lane.FOLLOW_UP].appendleft(each[1])
+
+    def next_s(self) -> float:
+        """Return when the first of those that are held may be asked."""
+        return min((until_s for until_s, _ in self._held), default=inf)
 
     def take(self, last: Lane) -> Turn | None:
         """Take out what is next in these lanes, from `STOP` to the last."""
@@ -35,7 +54,7 @@ class Lanes:
         if not waiting:
             return None
         chosen = waiting[0]
-        if chosen is not Lane.STOP:
+        if chosen > Lane.FOLLOW_UP:
             chosen = next((lane for lane in waiting if self._let_pass[lane] >= LET_PASS), chosen)
             for lane in waiting:
                 self._let_pass[lane] = 0 if lane is chosen else self._let_pass[lane] + 1
@@ -43,16 +62,37 @@ class Lanes:
 
     def withdraw(self, job: Job) -> bool:
         """Take a job back; False when it is not waiting (any more)."""
+        for each in self._held:
+            if each[1].job is job:
+                self._held.remove(each)
+                return True
         turns = self._waiting[job.lane]
-        for turn in turns:
-            if turn.job is job:
-                turns.remove(turn)
+        for place, turn in enumerate(turns):
+            if any(each is job for each in turn.jobs):
+                left = turn.without(job)
+                if left is None:
+                    del turns[place]
+                else:
+                    turns[place] = left
                 return True
         return False
 
     def clear(self) -> tuple[Job, ...]:
         """Return all waiting jobs and forget them."""
-        jobs = tuple(turn.job for turns in self._waiting.values() for turn in turns if turn.job is not None)
+        self.release(inf)
+        jobs = tuple(job for turns in self._waiting.values() for turn in turns for job in turn.jobs)
         for turns in self._waiting.values():
             turns.clear()
         return jobs
+
+    def _ride(self, job: Job, now_s: float) -> bool:
+        """Let a frame that has waited for long be sent for this stop as well; it leaves later than this came.
+
+        So a group of many that is stopped again and again costs the line one lap, not many.
+        """
+        turns = self._waiting[job.lane]
+        for place, turn in enumerate(turns):
+            if (turn.unit, turn.request) == (job.unit, job.request) and now_s - turn.since_s > SHARED_AFTER_S:
+                turns[place] = replace(turn, riders=(*turn.riders, job))
+                return True
+        return False

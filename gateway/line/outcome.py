@@ -26,6 +26,7 @@ class Answered:
     value: Any  # what the request's `decode_reply` returns
     at_s: float  # when the reply's last byte left the wire, on the line's clock
     response_time_s: float  # from the request's last byte to the reply's first
+    is_over_babble: bool = False  # a stop that was sent although the line was never quiet
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +35,7 @@ class Refused:
 
     code: int
     at_s: float
+    is_over_babble: bool = False
 
     @property
     def is_lasting(self) -> bool:
@@ -47,6 +49,7 @@ class Silent:
 
     reason: str = "no reply"  # "port lost" and "port closed" too; is_sent tells whether the request went out
     is_sent: bool = True
+    is_over_babble: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +59,7 @@ class Garbled:
     reason: str
     received: bytes
     is_sent: bool = True
+    is_over_babble: bool = False
 
 
 Outcome = Answered | Refused | Silent | Garbled

@@ -1,7 +1,12 @@
 """Which request has the line next.
 
-Stops; then units whose watchdog needs them asked; then commands, read-backs and polls, where no kind starves
-another. Polls come by deadline; those of silent units ever less often. A choice costs O(log n).
+1. The frames of stops.
+2. Their repeats and read-backs; while watchdogs are due, for 0.2 s in a row, then up to eight of those pass.
+3. A read whose reply was garbled, once.
+4. Units whose watchdog needs them asked.
+5. Commands, read-backs and polls, where no kind starves another.
+
+Polls come by deadline; those of silent units ever less often. A choice costs O(log n).
 """
 
 from __future__ import annotations
@@ -19,7 +24,8 @@ from gateway.line.share import Shares
 from gateway.line.turn import Turn as Turn
 from gateway.line.turn import Verdict as Verdict
 
-JOBS_IN_ROW = 4  # that an overdue poll lets pass; stops do not count
+JOBS_IN_ROW = 4  # that an overdue poll lets pass; those of stops do not count
+FOLLOW_UPS_IN_ROW_S = 0.2  # of line time for repeats and read-backs of stops, before a watchdog that is due
 LONGEST_TURN_S = 5.0  # what takes longer is a machine that was halted, not a line that was busy
 WATCHDOGS_IN_ROW = 8  # units asked for their watchdog's sake, before something else that is due has a turn
 
@@ -37,6 +43,7 @@ class Plan:
         self._is_for_watchdog = False  # the turn under way
         self._jobs_in_row = 0
         self._watchdogs_in_row = 0
+        self._follow_ups_s = 0.0  # of line time, in a row
         self._picked_s = self._freed_s = -inf
         for poll in polls:
             self.add_poll(poll, -inf)
@@ -120,19 +127,24 @@ class Plan:
             return -inf
         if self._again is not None:
             return self._freed_s
-        return min(self._polled.rota.next_s(), self._polled.watchdogs.next_s())
+        return min(self._lanes.next_s(), self._polled.rota.next_s(), self._polled.watchdogs.next_s())
 
     def pick(self, now_s: float) -> Turn | None:
         """Return what has the line next, None when nothing is due; `record` or `put_back` must follow."""
         self._picked_s = now_s
         self._is_for_watchdog = False
+        self._lanes.release(now_s)
         stop = self._lanes.take(Lane.STOP)
         if stop is not None:
             return stop
+        barking = self._polled.barking(now_s)
+        if barking is None or self._follow_ups_s < FOLLOW_UPS_IN_ROW_S or self._has_given_way():
+            follow_up = self._lanes.take(Lane.FOLLOW_UP)
+            if follow_up is not None:
+                return follow_up
         if self._again is not None:
             again, self._again = self._again, None
             return _turn(again, now_s)
-        barking = self._polled.barking(now_s)
         turn = None
         if barking is None or self._watchdogs_in_row >= WATCHDOGS_IN_ROW:
             turn = self._pick_other(now_s)
@@ -144,8 +156,13 @@ class Plan:
         return turn
 
     def put_back(self, turn: Turn, until_s: float) -> None:
-        """Take back a turn that could not be asked, or not yet: a poll lets others pass, a job does not."""
-        if turn.job is not None:
+        """Take back a turn that could not be asked, or not yet.
+
+        Polls and follow-ups of stops let others pass, other jobs do not.
+        """
+        if turn.lane is Lane.FOLLOW_UP and until_s > self._picked_s:
+            self._lanes.hold(turn, until_s)
+        elif turn.job is not None:
             self._lanes.put_first(turn.job, turn)
         elif (entry := self._polled.entry_of(turn.poll)) is not None:
             if turn.is_repetition and until_s <= self._picked_s:
@@ -163,6 +180,11 @@ class Plan:
         is_repeated = self._repeat_if_garbled(turn, entry, outcome)
         if turn.job is not None:
             self._shares.spend(turn.job.lane, now_s - since_s, now_s)
+        if turn.lane is Lane.FOLLOW_UP:
+            self._follow_ups_s = (0.0 if self._has_given_way() else self._follow_ups_s) + now_s - since_s
+            self._watchdogs_in_row = 0
+        elif turn.lane is not Lane.STOP and not self._is_for_watchdog:
+            self._follow_ups_s = 0.0
         stretch = self._polled.stretch
         is_rhythmic = entry is not None and entry.is_counted
         stretch.pass_time(now_s, others_s=0.0 if is_rhythmic else now_s - since_s)
@@ -182,6 +204,10 @@ class Plan:
         """Return from when on a turn kept the line busy, the silence before it included."""
         due_s = self._picked_s if entry is not None and entry.unit.is_held else turn.since_s
         return max(self._freed_s, min(due_s, self._picked_s), now_s - LONGEST_TURN_S)
+
+    def _has_given_way(self) -> bool:
+        """Return whether follow-ups have let as many watchdogs pass as go in a row."""
+        return self._watchdogs_in_row >= WATCHDOGS_IN_ROW
 
     def _pick_other(self, now_s: float) -> Turn | None:
         """Return the first job, or the first poll after so many jobs in a row or so much line time."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from dataclasses import replace
 from math import inf
 
 from gateway.errors import PortLostError, PortResetError
@@ -19,6 +20,7 @@ from gateway.line.voice import Voice
 
 RESET = "reset: a write was not answered in time, and must not act later"
 IDLE_WAKE_S = 1.0  # an idle line looks at its port so often
+GAP_WITHIN_S = 0.1  # so long a stop waits for a gap between two frames of somebody who sends without end
 
 
 class Serving:
@@ -67,16 +69,17 @@ class Serving:
     def submit(self, job: Job) -> None:
         """Queue a job: a stop goes before whatever has been chosen, others before a poll, not for ever."""
         self._plan.submit(job, self._time())
-        if job.lane is Lane.STOP:
-            self._is_overtaken = self._has_stop = True
+        if job.lane <= Lane.FOLLOW_UP:
+            self._is_overtaken = True
+            self._has_stop = self._has_stop or job.lane is Lane.STOP or job.request.is_write
         elif self._turn is not None and self._turn.poll is not None and not self._gave_way:
             self._is_overtaken = self._gave_way = True
         self.wake()
 
     def withdraw(self, job: Job) -> bool:
         """Take a job back that has not been sent; False when it is too late for that."""
-        if self._turn is not None and self._turn.job is job:
-            self._turn = None
+        if self._turn is not None and any(each is job for each in self._turn.jobs):
+            self._turn = self._turn.without(job)
             return True
         return self._plan.withdraw(job)
 
@@ -138,7 +141,10 @@ class Serving:
         if await self.line.hush():
             return None
         self._voice.flush()  # this may take long
-        return await self.line.settle()
+        return await self.line.settle(is_for_stop=self._is_stop_waiting)
+
+    def _is_stop_waiting(self) -> bool:
+        return self._has_stop or (self._turn is not None and self._turn.is_stop)
 
     async def _let_in(self) -> bool:
         """Hold what was chosen back while a stop may be about to come; return whether that took time."""
@@ -153,17 +159,22 @@ class Serving:
         return True
 
     async def _take(self, turn: Turn, noise: Garbled | None) -> Outcome:
-        """Do one transaction, unless too late or on too noisy a line; a job ends even when this does not."""
+        """Do one transaction, unless too late or on too noisy a line; a job ends even when this does not.
+
+        A stop goes out on any line, between or over what others send.
+        """
         until_s = inf if turn.job is None else turn.job.until_s
         if self._time() > until_s:
             return Silent(TOO_LATE, is_sent=False)
-        if noise is not None:
+        if noise is not None and not turn.is_stop:
             return noise
         outcome: Outcome | None = None
         poll = turn.poll
         if poll is not None:
             self._gave_way = False
         try:
+            if noise is not None:
+                await self.line.find_gap(GAP_WITHIN_S)
             prepared = self._preparations.of(poll.key if poll else None, turn.unit, turn.request)
             outcome = await self.line.exchange(
                 prepared,
@@ -175,9 +186,10 @@ class Serving:
             if outcome != Silent(TOO_LATE, is_sent=False):
                 self._figures.note_sent(turn, self.line.written_s)
         finally:
-            if outcome is None and turn.job is not None:
-                self._voice.finish(turn.job, Silent("port lost", is_sent=self.line.is_on_wire))
-        return outcome
+            if outcome is None:
+                for job in turn.jobs:
+                    self._voice.finish(job, Silent("port lost", is_sent=self.line.is_on_wire))
+        return outcome if noise is None else replace(outcome, is_over_babble=True)
 
     def _record(self, turn: Turn, outcome: Outcome, *, took_s: float) -> None:
         """Plan on, and have it told to whoever waits for this outcome."""
@@ -190,15 +202,15 @@ class Serving:
             self._voice.tell_unit(turn.unit, outcome, is_answering=verdict.is_answering)
         if not verdict.is_final:
             return
-        if turn.job is not None:
-            self._voice.finish(turn.job, outcome)
-        elif turn.poll is not None:
+        for job in turn.jobs:
+            self._voice.finish(job, outcome)
+        if turn.poll is not None:
             self._voice.tell_poll(turn.poll, outcome)
 
     async def _put_back(self, turn: Turn, until_s: float) -> None:
         """Let the unit's late reply come first; nothing but a new job is worth ending that wait for."""
         self._plan.put_back(turn, until_s)
-        if turn.job is not None:
+        if turn.job is not None and turn.lane is not Lane.FOLLOW_UP:
             await self._wait_for_work(until_s)
 
     async def _wait_for_work(self, until_s: float) -> None:

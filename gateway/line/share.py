@@ -36,7 +36,7 @@ class Share:
 
 
 class Shares:
-    """Which jobs may go before a poll that is due; stops always may."""
+    """Which jobs may go before a poll that is due; stops, their repeats and read-backs always may."""
 
     def __init__(self) -> None:
         self._jobs = Share(JOBS_SHARE, JOBS_SAVED_S)
@@ -45,12 +45,12 @@ class Shares:
     def last_lane(self, now_s: float) -> Lane:
         """Return the last of the lanes that may."""
         if not self._jobs.has_room(now_s):
-            return Lane.STOP
+            return Lane.FOLLOW_UP
         return Lane.PARAMETERS if self._parameters.has_room(now_s) else Lane.READ_BACK
 
     def spend(self, lane: Lane, took_s: float, now_s: float) -> None:
         """Take over what a job has used of the line."""
-        if lane is not Lane.STOP:
+        if lane > Lane.FOLLOW_UP:
             self._jobs.spend(took_s, now_s)
         if lane is Lane.PARAMETERS:
             self._parameters.spend(took_s, now_s)

@@ -23,8 +23,10 @@ from gateway.modbus.pdu import Request
 from gateway.modbus.timing import BROADCAST_TURNAROUND_S, LineTiming
 
 BABBLE_LIMIT_S = 1.0  # a line that is busy for longer without our asking is not waited for
+STOP_PATIENCE_S = 0.25  # nor, for a stop, one that is busy for longer than this and than the longest frame
 LATE_FACTOR = 3.0  # a reply may come so many times later than it is waited for
 
+_FRAME_GAP = 1.5  # characters
 _HEAD = 2  # unit and function
 _KEPT_STRAY = 256  # bytes; the longest frame
 _FIRST_CHUNK_SIZE = 64  # bytes of a reply of unknown length that an adapter may hold back at first
@@ -46,6 +48,7 @@ class Transactor:
         self._timing = timing
         self._silence_s = timing.silence_s
         self._character_s = timing.character_s
+        self._stop_patience_s = max(STOP_PATIENCE_S, adu.MAX_ADU_SIZE * timing.character_s)
         self._allowance_s = allowance_s
         self._trace = trace
         self._time = time or asyncio.get_running_loop().time
@@ -82,12 +85,15 @@ class Transactor:
         self._drop(stray)
         return not stray
 
-    async def settle(self, unit: int | None = None) -> Garbled | None:
+    async def settle(
+        self, unit: int | None = None, *, is_for_stop: Callable[[], bool] = lambda: False
+    ) -> Garbled | None:
         """Wait until a request may be sent (to this unit): the line is silent, late replies are gone.
 
-        Returns None when it may; Garbled when the line does not become quiet within about a second.
+        Returns None when it may; Garbled when the line does not become quiet within about a second, or within
+        a stop's patience as soon as it is for one.
         """
-        give_up_s = max(self._time(), self._quarantine.until_s(unit)) + BABBLE_LIMIT_S
+        began_s = max(self._time(), self._quarantine.until_s(unit))
         while True:
             quiet_s = self.quiet_from_s()
             if self._stray and self._time() >= quiet_s:
@@ -100,11 +106,24 @@ class Transactor:
                 self._drop(chunk)
             elif not self._stray and now_s >= max(self.quiet_from_s(), self._quarantine.until_s(unit)):
                 return None
-            if now_s >= give_up_s and now_s < self.quiet_from_s():
+            limit_s = self._stop_patience_s if is_for_stop() else BABBLE_LIMIT_S
+            if now_s >= began_s + limit_s and now_s < self.quiet_from_s():
                 tail = bytes(self._stray)
                 self._stray.clear()
                 self.suspicions.note_never_quiet(tail, now_s=now_s)
                 return Garbled("the line is never quiet", tail, is_sent=False)
+
+    async def find_gap(self, within_s: float) -> None:
+        """Wait for the end of a frame, but no longer than this, on a line that is never quiet.
+
+        Inside a frame no pause is longer than 1.5 characters [SERIAL 2.5.1.1].
+        """
+        until_s = self._time() + within_s
+        while (now_s := self._time()) < until_s:
+            gap_s = max(self._own_end_s, self._port.last_byte_s) + _FRAME_GAP * self._character_s
+            if now_s >= gap_s:
+                return
+            self._drop(await self._port.read(until_s=min(gap_s, until_s)))
 
     def free_from_s(self, unit: int, request: Request) -> float:
         """Return from when on this may be sent, as far as late replies are concerned."""

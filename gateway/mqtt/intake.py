@@ -150,8 +150,14 @@ class Intake:
         self._tokens = tokens
         self._freshness_of = freshness_of
 
-    def judge(self, incoming: Incoming, moment: Moment) -> CommandRequest | Rejection | None:
-        """Return a well-formed, fresh command, or why it is refused; None when it is no command at all."""
+    def judge(
+        self, incoming: Incoming, moment: Moment, *, received_s: float | None = None
+    ) -> CommandRequest | Rejection | None:
+        """Return a well-formed, fresh command, or why it is refused; None when it is no command at all.
+
+        `received_s` is when it arrived, on the steady clock: `moment` unless it has waited to be parsed.
+        """
+        received_s = moment.now_s if received_s is None else received_s
         address = self._topics.parse_command(incoming.topic)
         if address is None:
             return None
@@ -160,14 +166,20 @@ class Intake:
             error = CommandError(MALFORMED_TOPIC, f"nothing was done: {address.text}")
             return _rejected(address, lenient, incoming, error)
         try:
-            body, expires_s = self._accepted(address, incoming, lenient, moment)
+            body, expires_s = self._accepted(address, incoming, lenient, moment, received_s=received_s)
         except CommandError as error:
             return _rejected(address, lenient, incoming, error)
-        request = self._request(address, incoming, body=body, received_s=moment.now_s)
+        request = self._request(address, incoming, body=body, received_s=received_s)
         return replace(request, expires_s=expires_s)
 
     def _accepted(
-        self, address: CommandAddress, incoming: Incoming, lenient: _Body, moment: Moment
+        self,
+        address: CommandAddress,
+        incoming: Incoming,
+        lenient: _Body,
+        moment: Moment,
+        *,
+        received_s: float,
     ) -> tuple[_Body, float | None]:
         """Return the body of a command to act on, and until when it may be; CommandError for all others."""
         if incoming.is_retained:
@@ -186,7 +198,7 @@ class Intake:
         )
         expires_s = since_s + body.ttl_s
         return body, expires_s if incoming.expiry_s is None else min(
-            expires_s, moment.now_s + incoming.expiry_s
+            expires_s, received_s + incoming.expiry_s
         )
 
     def _request(

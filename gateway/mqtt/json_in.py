@@ -51,6 +51,9 @@ def _require_characters(value: object) -> None:
 
 def _depth(text: str) -> int:
     depth = deepest = 0
+    most = text.count("[") + text.count("{")
+    if most <= MAX_DEPTH:
+        return most  # whatever of it stands in strings
     is_string = is_escaped = False
     for sign in text:
         if is_string:

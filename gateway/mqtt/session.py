@@ -7,6 +7,7 @@ own. The running loop serves its socket; only `connect` blocks, in a thread, and
 from __future__ import annotations
 
 import asyncio
+import select
 import socket
 import ssl
 from collections.abc import Callable
@@ -40,7 +41,8 @@ MAX_INCOMING_BYTES = 65_536  # asked of the broker, and never read; commands are
 CONNECTION_LOST = "connection lost"
 CALLBACKS = [f"on_{each}" for each in ("connect", "disconnect", "publish", "subscribe", "message")]
 CALLBACKS += [f"on_socket_{each}" for each in ("open", "close", "register_write", "unregister_write")]
-READS_AT_ONCE = 100  # packets handled before other tasks of the loop have their turn
+READS_AT_ONCE = 100  # packets read before other tasks of the loop have their turn
+READ_FOR_S = 0.003  # nor longer than this
 
 
 class _TooLargeError(Exception):
@@ -85,6 +87,7 @@ class Session:
         self._suback: asyncio.Future[int] = self._loop.create_future()
         self._tickets: dict[int, tuple[int, float]] = {}  # by packet id: ticket, time sent
         self._sock: Any = None  # paho's socket, while the loop serves it
+        self._readable = select.poll()
         self._misc: asyncio.TimerHandle | None = None
         self._max_packet: int | None = None
         self.lost: asyncio.Future[str] = self._loop.create_future()
@@ -224,6 +227,7 @@ class Session:
         self._is_served = True
         self._loop.add_reader(self._sock, self._read)
         self._unread.watch(self._sock.fileno())
+        self._readable.register(self._sock, select.POLLIN)  # not that of `unread`, which another thread asks
         self._loop.add_writer(self._sock, self._client.loop_write)  # CONNECT is waiting already
         self._tick()
 
@@ -242,6 +246,7 @@ class Session:
         self._loop.call_soon(self._unread.end)  # after what was received has been handed over
 
     def _read_on(self) -> None:
+        until_s = self._loop.time() + READ_FOR_S
         for _ in range(READS_AT_ONCE):
             try:
                 self._client.loop_read()
@@ -251,12 +256,18 @@ class Session:
             except Exception as error:  # noqa: BLE001 - this callback's one guard: nonsense ends the session
                 self._lose(f"the broker sent what cannot be read: {error!r}")
                 return
-            if self._sock is not None:  # else a broker that saves packets (Nagle) keeps the next message back
-                self._sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
-            # What the TLS layer has decrypted already no longer makes the socket readable.
-            if not isinstance(self._sock, ssl.SSLSocket) or not self._sock.pending():
+            if self._sock is None:
                 return
-        self._loop.call_soon(self._read)
+            # What the TLS layer has decrypted already no longer makes the socket readable.
+            is_decrypted = isinstance(self._sock, ssl.SSLSocket) and self._sock.pending() > 0
+            if not is_decrypted and not self._readable.poll(0):
+                break
+            if self._loop.time() >= until_s:
+                if is_decrypted:
+                    self._loop.call_soon(self._read)
+                break
+        # Else a broker that saves packets (Nagle) keeps the next message back.
+        self._sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
 
     def _tick(self) -> None:
         """Let paho send its pings and notice a silent broker; notice one that acknowledges nothing."""

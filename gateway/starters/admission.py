@@ -10,6 +10,7 @@ from gateway.errors import CommandError
 from gateway.families.command import prepare, verbs
 from gateway.families.gather import reads_for
 from gateway.families.procedure import Preparation
+from gateway.starters.command_queue import CommandQueue
 from gateway.starters.conduct import CAN_WAIT
 from gateway.starters.control import StarterControlView
 from gateway.starters.errand import STOP
@@ -36,6 +37,7 @@ class Load:
     is_leaving: bool  # its starter's configuration is about to change
     on_line: int  # commands for starters of its line
     parameters_on_line: int  # those of them that move no motor
+    queue: CommandQueue  # of those among them that take turns with it
 
 
 class Admission:
@@ -140,6 +142,9 @@ class Admission:
                 f"{load.parameters_on_line} reads and settings are under way on this line, as many as may be"
             )
             raise CommandError("too_many", text)
+        wait_s = load.queue.wait_s()
+        if request.expires_s is not None and self._clock.now_s() + wait_s > request.expires_s:
+            raise load.queue.refusal(wait_s)
 
     def _selected(self, request: CommandRequest, starter: StarterControlView) -> tuple[Expectation, ...]:
         """Use up the selection of a command in two steps; return that the state must be the one seen then."""

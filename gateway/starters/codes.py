@@ -156,6 +156,10 @@ CODES: Mapping[str, Mapping[str, Code]] = {
             "Too many commands at once, or reads and settings on one line; a stop is never among them.",
             "Send fewer.",
         ),
+        "line_full": Code(
+            "The line is so full that the command had no turn while it was valid; nothing was written.",
+            "Send it again, with a new id, after the time that the text says.",
+        ),
         "wear_limit": Code("So many writes would wear the starter's memory out.", "Wait as the text says."),
     },
     "The gateway would not": {

@@ -14,7 +14,8 @@ from gateway.errors import CommandError
 from gateway.starters.administration import Administration
 from gateway.starters.admission import LEDGER_FULL, LOCK, OWN_VERBS, Admission, Load
 from gateway.starters.aftermath import Aftermath
-from gateway.starters.conduct import HALTED, Conduct
+from gateway.starters.command_queue import CommandQueue
+from gateway.starters.conduct import CAN_WAIT, HALTED, Conduct
 from gateway.starters.control import StarterControlView
 from gateway.starters.errand import STOP, Desk, End, Errand, audit
 from gateway.starters.excess import TOO_MANY, Excess
@@ -36,6 +37,7 @@ logger = logging.getLogger(__name__)
 
 SAVED_WITHIN_S = 1.0  # at the end
 NOT_TAKEN = (UNAVAILABLE, LEDGER_FULL, TOO_MANY)  # without the ledger, what it has may say something else
+READ = "read"  # it writes nothing, and needs no turn
 
 
 class Commander:
@@ -83,6 +85,8 @@ class Commander:
         self._flood = Flood(self._precautions.policy.limits)
         self._excess = Excess(self._desk)
         self._conducts: dict[str, Conduct] = {}
+        self._stopped_s: dict[str, float] = {}  # by starter: when its latest stop came
+        self._queues: dict[tuple[str, bool], CommandQueue] = {}  # by line, and whether they can wait
         self._stops: dict[str, Stopping] = {}
         self._aftermaths: list[Aftermath] = []
         self._tasks: set[asyncio.Task[None]] = set()
@@ -102,6 +106,8 @@ class Commander:
             self._refuse(request, error, is_kept=False)
             return
         if earlier is not None and (not is_stop or (is_repeat and not earlier.phase.is_final)):
+            if is_stop:
+                self._stop_once_more(self._stoppable(request), request.received_s)
             if not is_stop or self._admits(request):  # a stop under way is answered in any case
                 self._repeat(request, earlier)
             return
@@ -134,6 +140,11 @@ class Commander:
         except CommandError as error:
             return error
         return None
+
+    def refuse_unread(self, starter: str, client: str, verb: str) -> None:
+        """Refuse a command that is one too many, of which only the topic was read."""
+        request = CommandRequest(starter, client, verb)
+        self._excess.refuse(self._key(request), request, "too many commands at once; send fewer")
 
     def recall(self, commands: Iterable[Remembered]) -> None:
         """Take over the commands of earlier runs, the oldest first; say once what was cut short."""
@@ -225,71 +236,85 @@ class Commander:
             if keeping is not None:
                 self._spawn(keeping)
             return
-        preparation, guard = self._admission.check(request, starter, self._load(request.starter))
+        stopped_s = self._stopped_s.get(request.starter, -inf)
+        if request.received_s <= stopped_s and request.starter not in self._stops:
+            raise CommandError("stopped_first", "a stop that came later was taken first")
+        load = self._load(request)
+        preparation, guard = self._admission.check(request, starter, load)
         errand = Errand(request, self._desk)
         errand.accept()
-        self._conducts[request.starter] = conduct = Conduct(errand, starter, preparation, guard)
+        place = None if request.verb == READ else load.queue.enter(request.expires_s)
+        self._conducts[request.starter] = conduct = Conduct(errand, starter, preparation, guard, place)
         self._spawn(self._until_done(request.starter, conduct))
 
     def _take_stop(self, request: CommandRequest, *, is_repeat: bool) -> None:
         """Stop a starter, or all members of a group that this client may stop; answer what can be."""
-        members = self._groups.get(request.starter, (request.starter,))
-        names = [name for name in members if self._admission.may_stop(request.client, name)]
+        members, names = self._members(request), self._stoppable(request)
         under_way = [self._stops[name] for name in names if name in self._stops]
         is_asked_for = all(each.is_asked_for(request) for each in under_way) and len(under_way) == len(names)
         is_full = any(each.count >= self._precautions.policy.limits.answered_stops for each in under_way)
-        if is_asked_for or is_full:
-            for name in names:
-                self._stop(name, None)
-            if not is_asked_for:
-                text = "it is being stopped, for so many commands that this one gets no answer of its own"
-                self._excess.refuse(self._key(request), request, text)
-            return
         for name in names:
-            self._begin_stop(name)  # before anything is told: that takes longer than the line's silence
+            # Before anything is told: that takes longer than the line's silence.
+            self._begin_stop(name, request.received_s).ask()
+        if is_asked_for:
+            return
+        if is_full:
+            text = "it is being stopped, for so many commands that this one gets no answer of its own"
+            self._excess.refuse(self._key(request), request, text)
+            return
         errand = Errand(request, self._desk, is_repeat=is_repeat)
         errand.accept()
         if request.starter not in self._groups:
-            self._stop(request.starter, errand)
+            self._stops[request.starter].join(errand)
             return
         whole = GroupStop(errand, members, self._desk)
         for name in members:
             member = whole.member(name)
             if name in names:
                 member.accept()
-                self._stop(name, member)
+                self._stops[name].join(member)
             else:
                 text = f"{request.client} has no right to stop {name}"
                 member.finish(End(Phase.REJECTED, "not_allowed", text))
 
-    def _begin_stop(self, name: str) -> Stopping:
+    def _begin_stop(self, name: str, came_s: float) -> Stopping:
         """Cut what this starter is doing, then stop it, unless that is under way."""
+        self._stopped_s[name] = max(came_s, self._stopped_s.get(name, -inf))
         conduct = self._conducts.get(name)
         if conduct is not None:
             conduct.halt("stopped_first")
         stopping = self._stops.get(name)
         if stopping is None:
             stopping = self._stops[name] = Stopping(self._starters[name])
-            stopping.begin()
             self._spawn(self._until_stopped(name, stopping))
         return stopping
 
-    def _stop(self, name: str, errand: Errand | None) -> None:
-        """Stop a starter, for one more command if one is given."""
-        stopping = self._begin_stop(name)
-        if errand is None:
-            stopping.extend()
-        else:
-            stopping.join(errand)
+    def _stop_once_more(self, names: Iterable[str], came_s: float) -> None:
+        """Send a frame to each of these for a stop message that gets no life of its own."""
+        if self._is_closing:
+            return
+        for name in names:
+            self._begin_stop(name, came_s).ask()
 
-    def _load(self, name: str) -> Load:
-        line = self._starters[name].setup.line
+    def _members(self, request: CommandRequest) -> Collection[str]:
+        return self._groups.get(request.starter, (request.starter,))
+
+    def _stoppable(self, request: CommandRequest) -> list[str]:
+        """Return the starters that a stop is for and its client may stop."""
+        members = self._members(request)
+        return [name for name in members if self._admission.may_stop(request.client, name)]
+
+    def _load(self, request: CommandRequest) -> Load:
+        name, line = request.starter, self._starters[request.starter].setup.line
+        key = (line, request.verb in CAN_WAIT)  # the two do not wait for each other
+        queue = self._queues.setdefault(key, CommandQueue(self._desk.clock.now_s))
         on_line = [each for each in self._conducts.values() if each.line == line]
         return Load(
             is_busy=name in self._conducts or name in self._stops,
             is_leaving=name in self._leaving,
             on_line=len(on_line),
             parameters_on_line=sum(each.can_wait for each in on_line),
+            queue=queue,
         )
 
     def _cut_for_lock(self, name: str) -> None:

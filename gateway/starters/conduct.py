@@ -17,6 +17,7 @@ from gateway.families.procedure import Expect, Preparation, Procedure, WriteStep
 from gateway.line.job import Lane
 from gateway.line.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
 from gateway.modbus.codes import ExceptionCode, exception_name
+from gateway.starters.command_queue import LINE_FULL, Place
 from gateway.starters.control import StarterControlView
 from gateway.starters.errand import End, Errand
 from gateway.starters.guard import Guard
@@ -43,8 +44,6 @@ _NOT_SET_UP = (  # what a write is refused with that the starter is not set up f
 
 _NOTHING_ELSE = "nothing else was written; do it at the starter, where the motor can be watched"
 
-LINE_NOT_FREE = "the line was not free while the command was valid"
-
 HALTED = {
     "stopped_first": "a stop came first",
     "locked": "a maintenance lock came first",
@@ -65,15 +64,18 @@ class Conduct:
         starter: StarterControlView,
         preparation: Preparation,
         guard: Guard | None = None,
+        place: Place | None = None,
     ) -> None:
         self.errand = errand
         self._starter = starter
         self._preparation = preparation
         self._guard = guard  # what the gateway itself demands
+        self._place = place  # among the commands of its line; None: it needs no turn
         self.can_wait = errand.request.verb in CAN_WAIT
         self._lane = Lane.PARAMETERS if self.can_wait else Lane.COMMAND
         self._wire = Wire(starter, read_back_lane=Lane.PARAMETERS if self.can_wait else Lane.READ_BACK)
         self._procedure: Procedure | None = None  # once it is being written
+        self._handed_s = 0.0  # when the latest write was handed to the line
 
     @property
     def line(self) -> str:
@@ -91,10 +93,13 @@ class Conduct:
         except Exception:  # the guard at the task's top
             logger.exception("starter=%s command ended by a bug", self.errand.request.starter)
             end = self._cut("internal", "an error inside the gateway; see its log")
+        self._leave_queue()
         self.errand.finish(end)
 
     async def _ended(self) -> End:
         try:
+            if self._place is not None:
+                await self._wire.wait_for(self._place.wait())
             rows, procedure = await self._decide()
             if procedure.steps and await self._intend() > SLOW_DISK_S:
                 rows, procedure = await self._decide()  # what was read has grown old meanwhile
@@ -108,7 +113,7 @@ class Conduct:
                     rows, procedure = await self._decide()
                     if not procedure.steps:
                         return self._unwritten(procedure, rows)
-            return self._cut("expired", LINE_NOT_FREE)
+            return self._too_late()
         except CommandError as error:
             return self._cut(error.code, error.text)
         except RefusedError as error:
@@ -247,11 +252,18 @@ class Conduct:
         if step.is_silence_expected:
             setup = self._starter.setup
             self._starter.line.expect_silence(setup.address, setup.profile.timing.restart_s)
+        self._handed_s = self.errand.now_s()
         try:
-            return await self._hand_over(step)
+            outcome = await self._hand_over(step)
         except HaltedError:
             self.errand.write()  # it may have been on its way already
             raise
+        self._leave_queue()
+        return outcome
+
+    def _leave_queue(self) -> None:
+        if self._place is not None:
+            self._place.leave()
 
     async def _hand_over(self, step: WriteStep) -> Outcome:
         """Give a write to the line, which sends it only while what was read last still decides.
@@ -262,9 +274,7 @@ class Conduct:
         is_begun = self.errand.life.is_written
         if is_begun and self.can_wait:
             return await self._wire.write(step.request, lane=self._lane)
-        expires_s = self.errand.request.expires_s
-        if expires_s is None or is_begun:
-            expires_s = inf
+        expires_s = inf if is_begun else self._expires_s
         until_s = self._wire.seen_s + (WAITS_FOR_S if self.can_wait else DECIDES_FOR_S)
         outcome: Outcome = Silent(TOO_LATE, is_sent=False)
         if not self.errand.is_outdated(self._wire.seen_s):
@@ -284,7 +294,7 @@ class Conduct:
                 refusal = RefusedError(outcome.code)
                 return End(Phase.FAILED, refusal.code, str(refusal))
             case Silent(reason=reason, is_sent=False) if reason == TOO_LATE:
-                return self._cut("expired", LINE_NOT_FREE)
+                return self._too_late()
             case Silent(is_sent=False) | Garbled(is_sent=False):
                 return self._cut("line_down", f"the write could not be sent: {outcome.reason}")
             case Silent() | Garbled():
@@ -292,6 +302,20 @@ class Conduct:
                 return None  # whether it acted is for the read-back to say
             case _:
                 assert_never(outcome)
+
+    @property
+    def _expires_s(self) -> float:
+        expires_s = self.errand.request.expires_s
+        return inf if expires_s is None else expires_s
+
+    def _too_late(self) -> End:
+        """Return the end of a command whose write came too late, before or while it waited for the line."""
+        if self._handed_s > self._expires_s or self.errand.is_outdated(self._wire.seen_s):
+            return self._cut("expired", "its own time had passed when it could be written")
+        waited_s = self.errand.now_s() - self._handed_s
+        return self._cut(
+            LINE_FULL, f"the line is full: it had no slot for this command within {waited_s:.1f} s"
+        )
 
     def _unwritten(self, procedure: Procedure, rows: Rows) -> End:
         """Return the end of a command that has nothing to write."""

@@ -49,7 +49,7 @@ class Wire:
         self._starter = starter
         self._read_back_lane = read_back_lane
         self._halted: str | None = None
-        self._begun: asyncio.Future[Outcome] | None = None
+        self._handed_over: set[asyncio.Future[Outcome]] = set()
         self._inner: asyncio.Future[Any] | None = None
         self.seen_s = inf  # when the oldest of what was read last had been asked for; a write's answer counts
 
@@ -59,19 +59,20 @@ class Wire:
         What waits for the line is withdrawn before anything that the caller hands to the line from now on.
         """
         self._halted = self._halted or code
-        for asked in (self._begun, self._inner):
-            if asked is not None:
-                asked.cancel()
+        for asked in tuple(self._handed_over):
+            asked.cancel()
+        if self._inner is not None:
+            self._inner.cancel()
 
-    def begin_write(self, request: Request, *, lane: Lane) -> None:
-        """Hand a write to the line at once; the next `write` waits for it and sends no other."""
-        self._begun = self._ask(request, lane)
+    def hand_over(self, request: Request, *, lane: Lane) -> asyncio.Future[Outcome]:
+        """Hand a request to the line at once; what is to become of it is cancelled when halted."""
+        asked = self._ask(request, lane)
+        self._handed_over.add(asked)
+        asked.add_done_callback(self._handed_over.discard)
+        return asked
 
     async def write(self, request: Request, *, lane: Lane, until_s: float = inf) -> Outcome:
         """Send a write once, not later than `until_s`; a HaltedError leaves open whether it went out."""
-        begun, self._begun = self._begun, None
-        if begun is not None:
-            return await self._do(begun)
         outcome = await self._transact(request, lane, until_s=until_s)
         if isinstance(outcome, Answered):
             self.seen_s = _asked_s(outcome)

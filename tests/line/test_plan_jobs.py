@@ -15,12 +15,12 @@ from tests.line.planned import GARBLED, READ, WRITE, begun, job, key_of, take
 def test_jobs_come_before_polls_and_lanes_in_their_order() -> None:
     plan = begun(poll("a", every_s=0.0))
     take(plan, 0.0)
-    jobs = {lane: job(lane) for lane in (Lane.PARAMETERS, Lane.READ_BACK, Lane.STOP, Lane.COMMAND)}
+    jobs = {lane: job(lane) for lane in reversed(Lane)}
     for waiting in jobs.values():
         plan.submit(waiting, 0.0)
 
     assert plan.next_due_s() == -inf
-    turns = [take(plan, 0.0) for _ in range(5)]
+    turns = [take(plan, 0.0) for _ in range(6)]
 
     assert [turn.job for turn in turns if turn] == [jobs[lane] for lane in sorted(Lane)] + [None]
 
@@ -31,10 +31,10 @@ def test_every_units_first_poll_waits_for_stops_and_commands_only() -> None:
     for waiting in jobs.values():
         plan.submit(waiting, 0.0)
 
-    turns = [take(plan, 0.0) for _ in range(7)]
+    turns = [take(plan, 0.0) for _ in range(8)]
 
     assert [key_of(turn) or (turn and turn.job) for turn in turns] == [
-        *(jobs[Lane.STOP], jobs[Lane.COMMAND], "a", "b"),
+        *(jobs[Lane.STOP], jobs[Lane.FOLLOW_UP], jobs[Lane.COMMAND], "a", "b"),
         *(jobs[Lane.READ_BACK], jobs[Lane.PARAMETERS], "c"),
     ]
 

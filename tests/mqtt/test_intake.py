@@ -40,8 +40,17 @@ def test_a_complete_command_is_passed_on_with_everything_it_says() -> None:
         correlation=b"42",
         response_topic="b/result/pump-1/alice",
         expires_s=12.0,
-        boot="boot-1",
     )
+
+
+@pytest.mark.parametrize(("freshness", "boot"), [("token", ""), ("issued_at", ""), ("boot", "boot-1")])
+def test_a_command_carries_the_boot_only_where_that_proves_its_copies_fresh(
+    freshness: str, boot: str
+) -> None:
+    judged = judge(command(fresh(issued_at=NOW, boot="boot-1")), freshness=freshness)
+
+    assert isinstance(judged, CommandRequest)
+    assert judged.boot == boot
 
 
 def test_what_is_no_command_topic_is_no_command() -> None:

@@ -78,18 +78,19 @@ class History:
             assert one == two or two_s - one_s >= STAGGER_S - SLACK_S
 
     def _check_stops(self, name: str) -> None:
-        """Every accepted stop leads to a stop frame soon, where the line is there and none is under way."""
+        """Every accepted stop leads to a frame soon, where the line is there; none is confirmed before."""
         frames = self._world.frames(name, STOP_PDU)
-        under_way: set[str | None] = set()
+        accepted_s: dict[tuple[str, str | None], float] = {}
         for at_s, each in self._world.results([name]):
             if each.verb != "stop":
                 continue
             if each.phase is Phase.ACCEPTED:
-                if not under_way and self._is_line_there(at_s):
+                accepted_s[each.client, each.id] = at_s
+                if self._is_line_there(at_s):
                     assert any(at_s <= frame_s <= at_s + STOP_BOUND_S for frame_s in frames)
-                under_way.add(each.id)
-            elif each.phase.is_final:
-                under_way.discard(each.id)
+            elif each.phase is Phase.CONFIRMED:
+                since_s = accepted_s.pop((each.client, each.id))
+                assert any(since_s <= frame_s < at_s for frame_s in frames)
 
     def _is_line_there(self, at_s: float) -> bool:
         """Return whether nothing kept the gateway from its line just then."""

@@ -106,7 +106,9 @@ class Here:
         return [frame.data[1:-2] for frame in self.bus.transcript if frame.sender == 0]
 
     def submit(self, verb: str, id_: str, **args: Any) -> None:
-        self.commander.submit(CommandRequest("pump", "alice", verb, id_, args))
+        self.commander.submit(
+            CommandRequest("pump", "alice", verb, id_, args, received_s=asyncio.get_running_loop().time())
+        )
 
     async def replace(self, unit: Unit) -> None:
         """Put another device in the place of the present one, and let it be identified."""

@@ -174,7 +174,9 @@ async def test_a_setting_that_an_operator_set_through_us_is_not_told() -> None:
     async with site(make_unit("ssw07", 1)) as here:
         await asyncio.sleep(30.0)
         args = {"parameter": "P314", "value": 30}
-        here.commander.submit(CommandRequest("pump", "alice", "set", "1", args))
+        here.commander.submit(
+            CommandRequest("pump", "alice", "set", "1", args, received_s=asyncio.get_running_loop().time())
+        )
         await asyncio.sleep(60.0)
 
         assert here.sink.phases("1")[-1] == ("confirmed", "ok")

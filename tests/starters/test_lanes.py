@@ -22,7 +22,7 @@ from tests.starters.rules import ready
     ("verb", "args", "lanes"),
     [
         ("start", {}, {Lane.COMMAND, Lane.READ_BACK}),
-        ("stop", {}, {Lane.STOP, Lane.READ_BACK}),
+        ("stop", {}, {Lane.STOP, Lane.FOLLOW_UP}),
         ("read", {"parameter": "P003"}, {Lane.PARAMETERS}),
         ("set", {"parameter": "P314", "value": 30}, {Lane.PARAMETERS}),
     ],
@@ -57,7 +57,7 @@ async def test_a_start_whose_turn_on_the_line_comes_when_it_is_no_longer_valid_i
     await asyncio.sleep(5.0)
 
     final = rig.sink.final()
-    assert (final.phase, final.code) == (Phase.REJECTED, "expired")
+    assert (final.phase, final.code) == (Phase.REJECTED, "line_full")
     assert "nothing was written" in final.text
     assert rig.starts() == 0
 

@@ -59,7 +59,9 @@ class Site:
         return self.bus.unit(1 + FAMILIES.index(family))
 
     def submit(self, starter: str, verb: str, id_: str, **args: Any) -> None:
-        self.commander.submit(CommandRequest(starter, "alice", verb, id_, args))
+        self.commander.submit(
+            CommandRequest(starter, "alice", verb, id_, args, received_s=asyncio.get_running_loop().time())
+        )
 
 
 class Router:

@@ -12,7 +12,8 @@ from gateway.line.outcome import Outcome
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegister
 from gateway.starters.records import Phase, ResultRecord
-from tests.starters.fakes import READY, VB01
+from gateway.starters.request import CommandRequest
+from tests.starters.fakes import READY, TRANSACTION_S, VB01
 from tests.starters.rig import CommandRig, virtually
 from tests.starters.rules import ACCEPTED, CONFIRMED, WRITTEN, ignore, running
 
@@ -180,3 +181,63 @@ async def test_a_stop_is_at_the_line_before_anything_is_told_of_it() -> None:
     await asyncio.sleep(5.0)
     assert rig.sink.phases("1") == [ACCEPTED, WRITTEN, CONFIRMED]
     assert told == [0]  # it was acknowledged, and so written once
+
+
+@pytest.mark.parametrize("verb", ["start", "reset", "read"])
+@virtually
+async def test_a_command_that_came_before_a_stop_and_is_parsed_after_its_end_is_not_carried_out(
+    verb: str,
+) -> None:
+    rig = await running()
+    came_s = rig.clock.now_s()
+    await asyncio.sleep(0.01)
+    rig.submit("stop", "2")
+    await asyncio.sleep(5.0)
+    assert rig.sink.final("2").phase is Phase.CONFIRMED
+    before = len(rig.line.sent)
+
+    args = {"parameter": "P003"} if verb == "read" else {}
+    rig.commander.submit(CommandRequest("pump-1", "alice", verb, "1", args, received_s=came_s))
+    await asyncio.sleep(5.0)
+
+    assert rig.sink.phases("1") == [("rejected", "stopped_first")]
+    assert len(rig.line.sent) == before
+
+
+@virtually
+async def test_a_command_that_came_after_a_stop_is_carried_out() -> None:
+    rig = await running()
+    rig.submit("stop", "2")
+    await asyncio.sleep(5.0)
+
+    rig.submit("start", "1")
+    await asyncio.sleep(5.0)
+
+    assert rig.sink.final("1").phase is Phase.CONFIRMED
+
+
+@virtually
+async def test_every_repetition_of_a_stop_under_way_sends_a_frame() -> None:
+    rig = await running()
+    rig.unit.on_write = ignore
+    for _ in range(5):
+        rig.submit("stop", "1")
+        await asyncio.sleep(0.03)
+
+    assert len(rig.stops()) == 5
+
+
+@virtually
+async def test_of_a_flood_of_stops_each_has_a_frame_that_left_within_a_tenth_of_a_second() -> None:
+    rig = await running()
+    rig.unit.on_write = ignore
+    asked_s = []
+    for number in range(1000):
+        asked_s.append(rig.clock.now_s())
+        rig.submit("stop", str(number), client="alice" if number % 2 else "victor")
+        await asyncio.sleep(0.005)
+    await asyncio.sleep(1.0)
+
+    frames_s = [sent.at_s for sent in rig.stops()]
+    assert all(any(0 <= at_s - each <= 0.1 + 2 * TRANSACTION_S for at_s in frames_s) for each in asked_s)
+    assert len(frames_s) <= 8 + 10 * 6 + 10

@@ -19,6 +19,7 @@ from tests.torture.of_flood import flood
 from tests.torture.of_kills import kills, stops_at_start_up
 from tests.torture.of_malformed import malformed_in_process, malformed_through_broker
 from tests.torture.of_stale import stale, stale_to_old, stalled
+from tests.torture.of_stops import second_stops, stops_in_a_large_flood
 from tests.torture.scenario import Row
 
 
@@ -71,6 +72,8 @@ class PureProof:
 KILLS = Proof("SIGKILL around a start", kills, 200, 8, "times")
 FLOOD = Proof("flood of commands", flood, 60, 5, "s", every_s=1.0)  # a period that the line can keep
 STOPS = Proof("stop at start-up", stops_at_start_up, 50, 3, "times")
+LARGE_FLOOD = Proof("stops in a flood of 4 KB", stops_in_a_large_flood, 30, 4, "stops", every_s=1.0)
+SECOND_STOPS = Proof("second stops", second_stops, 300, 10, "times", every_s=1.0)
 STALE = Proof("stale commands", stale, 100, 5, "each")
 STALE_OLD = Proof("stale, gateway on 3.1.1", stale_to_old, 100, 5, "each", is_old=True)
 STALLED = Proof("stalled ways", stalled, 60, 6, "s at most")
@@ -81,6 +84,8 @@ SCENARIOS: tuple[Proof | PureProof, ...] = (
     KILLS,
     STOPS,
     FLOOD,
+    LARGE_FLOOD,
+    SECOND_STOPS,
     STALE,
     STALE_OLD,
     STALLED,

@@ -42,7 +42,7 @@ async def flood(site: CommandSite, seconds: int, seed: int) -> None:
     stop_s, flooded = await stopping, await measuring
     await asyncio.sleep(1.0)
     sampling.cancel()
-    bound_s = STOP_WITHIN_S + _computed_s(site)
+    bound_s = STOP_WITHIN_S + computed_s(site)
     results = site.listener.results[since:]
     site.check(stop_s <= bound_s, f"the stop took {stop_s:.3f} s, bound {bound_s:.3f} s")
     site.check(
@@ -140,6 +140,6 @@ def _kept(
     return f"{worst:.2f} (longest gap {calm_gap_s:.2f} -> {gap_s:.2f} s)"
 
 
-def _computed_s(site: CommandSite) -> float:
+def computed_s(site: CommandSite) -> float:
     figures = site.listener.latest.get("gateway/line/hall", {})
     return float(figures.get("stop_latency_s", {}).get("computed", 1.0))

@@ -107,7 +107,11 @@ class VirtualLine:
 
     def command(self, starter: str, verb: str) -> str:
         self.ids += 1
-        self.commander.submit(CommandRequest(starter, "alice", verb, f"{verb}-{self.ids}", {}))
+        self.commander.submit(
+            CommandRequest(
+                starter, "alice", verb, f"{verb}-{self.ids}", {}, received_s=asyncio.get_running_loop().time()
+            )
+        )
         return f"{verb}-{self.ids}"
 
     def trips(self) -> list[str]:

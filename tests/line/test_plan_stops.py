@@ -1,0 +1,101 @@
+"""The lanes of stops: what is shared, what is held, what lets watchdogs pass."""
+
+from __future__ import annotations
+
+from math import inf
+
+from gateway.line.job import Lane
+from gateway.line.lanes import SHARED_AFTER_S
+from gateway.line.plan import FOLLOW_UPS_IN_ROW_S, WATCHDOGS_IN_ROW
+from tests.line.fakes import poll
+from tests.line.planned import ANSWERED, READ, begun, job, key_of, take
+
+LATE_S = 2 * SHARED_AFTER_S
+
+
+def test_a_stop_that_has_waited_for_long_is_sent_for_later_ones_of_its_unit_only() -> None:
+    plan = begun()
+    first, rider, other = job(Lane.STOP), job(Lane.STOP), job(Lane.STOP, unit=2)
+    plan.submit(first, 0.0)
+    plan.submit(rider, LATE_S)
+    plan.submit(other, LATE_S)
+
+    turns = [take(plan, LATE_S) for _ in range(3)]
+
+    assert [turn and turn.jobs for turn in turns] == [(first, rider), (other,), None]
+
+
+def test_a_stop_that_has_only_just_come_is_not_shared() -> None:
+    plan = begun()
+    jobs = [job(Lane.STOP), job(Lane.STOP)]
+    for each in jobs:
+        plan.submit(each, 0.0)
+
+    turns = [take(plan, 0.0) for _ in range(2)]
+
+    assert [turn and turn.jobs for turn in turns] == [(each,) for each in jobs]
+
+
+def test_of_a_shared_stop_each_job_can_be_withdrawn_alone() -> None:
+    plan = begun()
+    first, second, third = (job(Lane.STOP) for _ in range(3))
+    plan.submit(first, 0.0)
+    plan.submit(second, LATE_S)
+    plan.submit(third, LATE_S)
+
+    assert plan.withdraw(first)
+    assert plan.withdraw(third)
+    assert plan.take_jobs() == (second,)
+
+
+def test_a_follow_up_whose_unit_may_not_be_asked_yet_lets_others_pass() -> None:
+    plan = begun(poll("a"))
+    held, other = job(Lane.FOLLOW_UP, request=READ), job(Lane.FOLLOW_UP, unit=2, request=READ)
+    plan.submit(held, 0.0)
+    turn = plan.pick(0.0)
+    assert turn is not None
+    plan.put_back(turn, 0.5)
+    plan.submit(other, 0.0)
+
+    turns = [take(plan, 0.0) for _ in range(3)]
+
+    assert [turn and (turn.job or key_of(turn)) for turn in turns] == [other, "a", None]
+    assert plan.next_due_s() == 0.5
+    again = take(plan, 0.5)
+    assert again is not None
+    assert again.job is held
+    assert plan.next_due_s() < inf
+
+
+def test_a_held_follow_up_can_be_withdrawn_and_taken_out() -> None:
+    plan = begun()
+    first, second = job(Lane.FOLLOW_UP, request=READ), job(Lane.FOLLOW_UP, request=READ)
+    for each in (first, second):
+        plan.submit(each, 0.0)
+        turn = plan.pick(0.0)
+        assert turn is not None
+        plan.put_back(turn, 0.5)
+
+    assert plan.withdraw(first)
+    assert plan.take_jobs() == (second,)
+
+
+def test_follow_ups_go_before_watchdogs_for_a_while_and_then_let_some_of_them_pass() -> None:
+    units = range(1, 31)
+    plan = begun(*(poll(str(unit), unit=unit, every_s=0.0) for unit in units))
+    for unit in units:
+        plan.set_deadline(unit, 10.0)
+        take(plan, 0.0)
+    for _ in range(40):
+        plan.submit(job(Lane.FOLLOW_UP, request=READ), 8.0)
+
+    now_s, kinds = 8.0, ""
+    for _ in range(40):
+        turn = plan.pick(now_s)
+        assert turn is not None
+        kinds += "w" if turn.job is None else "f"
+        now_s += 0.05
+        plan.record(turn, ANSWERED, now_s)
+
+    in_row = round(FOLLOW_UPS_IN_ROW_S / 0.05)
+    assert kinds.startswith("f" * in_row + "w" * WATCHDOGS_IN_ROW + "f" * in_row + "w" * WATCHDOGS_IN_ROW)

@@ -1,0 +1,180 @@
+"""Many SSW-07 on one simulated line under a commander, just started; what reaches each starter is kept."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import defaultdict
+from collections.abc import AsyncIterator, Collection
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+from gateway.families.load import load_profile
+from gateway.families.schema import Variant
+from gateway.line.budget import worst_stop_latency_s
+from gateway.line.client import LocalLineClient
+from gateway.line.scheduler import Scheduler
+from gateway.modbus.timing import Framing, LineTiming
+from gateway.modbus.writes import WriteCoil
+from gateway.sim.line import SimulatedLine
+from gateway.sim.power import MotorData
+from gateway.sim.ssw07 import Ssw07
+from gateway.starters.commander import Commander
+from gateway.starters.policy import Policy
+from gateway.starters.polling import polls_of
+from gateway.starters.precautions import Precautions
+from gateway.starters.records import Phase, ResultRecord
+from gateway.starters.request import CommandRequest
+from gateway.starters.rights import Operator, Rights
+from gateway.starters.sequence import Sequence
+from gateway.starters.setup import StarterSetup
+from gateway.starters.telemetry import StarterTelemetry
+from tests.starters.fakes import RUN_COIL
+from tests.starters.test_on_a_line import Router
+from tests.virtual_time import VirtualClock
+
+START_PDU, STOP_PDU = WriteCoil(RUN_COIL, True).encode(), WriteCoil(RUN_COIL, False).encode()
+MOTOR = MotorData(ramp_up_s=0.6, full_voltage_s=0.2, ramp_down_s=0.4, coast_s=0.5)
+ALL = "all"  # the group of all starters
+SLACK_S = 0.001
+
+
+class TimedSink:
+    """Keeps the results with the moment they were told."""
+
+    def __init__(self) -> None:
+        self.results: list[tuple[float, ResultRecord]] = []
+
+    def put(self, record: object) -> None:
+        if isinstance(record, ResultRecord):
+            self.results.append((asyncio.get_running_loop().time(), record))
+
+
+@dataclass
+class LargeLine:
+    """The running floor; starters are called by their addresses."""
+
+    bus: SimulatedLine
+    commander: Commander
+    clock: VirtualClock
+    sink: TimedSink
+    bound_s: float  # the longest that a stop waits for its frame
+    asked: dict[int, list[tuple[float, bytes]]]  # what reached each starter, and when
+    ignoring: set[int] = field(default_factory=set)  # starters that acknowledge stops and do nothing
+
+    def unit(self, address: int) -> Any:
+        return self.bus.unit(address)
+
+    def run_locally(self, address: int) -> None:
+        """Start a motor at the keypad, and go back to remote."""
+        unit = self.unit(address)
+        unit._set_remote(is_remote=False)
+        unit.keypad_start()
+        unit._set_remote(is_remote=True)
+
+    def submit(self, verb: str, id_: str | None, address: int | str = 1, **more: Any) -> None:
+        now_s = self.clock.now_s()
+        fields = {"client": "alice", "received_s": now_s, **more}
+        self.commander.submit(CommandRequest(starter=str(address), verb=verb, id=id_, **fields))
+
+    def frames(self, address: int, pdu: bytes = STOP_PDU) -> list[float]:
+        return [at_s for at_s, each in self.asked[address] if each == pdu]
+
+    def readings(self, address: int) -> list[float]:
+        return [at_s for at_s, each in self.asked[address] if each[0] in (1, 3, 4)]
+
+    def is_read_after_frame(self, address: int) -> bool:
+        """Return whether a starter has been read twice since its first stop frame."""
+        frames_s = self.frames(address)
+        return bool(frames_s) and sum(at_s > frames_s[0] for at_s in self.readings(address)) > 1
+
+    def told(self, id_: str, address: int | str = 1) -> list[tuple[float, ResultRecord]]:
+        results = self.sink.results
+        return [(at_s, r) for at_s, r in results if (r.id, r.starter) == (id_, str(address))]
+
+    def end(self, id_: str, address: int | str = 1) -> tuple[float, ResultRecord]:
+        ((at_s, final),) = [each for each in self.told(id_, address) if each[1].phase.is_final]
+        return at_s, final
+
+    def phase(self, id_: str, address: int | str = 1) -> Phase:
+        return self.end(id_, address)[1].phase
+
+
+class _Starter(Ssw07):
+    """One that keeps what it is asked."""
+
+    here: LargeLine
+
+    def handle(self, pdu: bytes, now_s: float) -> bytes | None:
+        self.here.asked[self.address].append((now_s, pdu))
+        if pdu == STOP_PDU and self.address in self.here.ignoring:
+            return pdu
+        return super().handle(pdu, now_s)
+
+
+@asynccontextmanager
+async def large_line(
+    count: int,
+    *,
+    every_s: float = 1.0,
+    baud: int = 19200,
+    watchdog_s: float | None = None,
+    policy: Policy | None = None,
+) -> AsyncIterator[LargeLine]:
+    """Run them; nothing has been asked yet."""
+    clock, sink, sequence = VirtualClock(asyncio.get_running_loop()), TimedSink(), Sequence()
+    timing = LineTiming(baud, Framing.parse("8N2"))
+    addresses = range(1, count + 1)
+    units = [_Starter(address, seed=address, motor=MOTOR) for address in addresses]
+    bus = SimulatedLine(timing, units)
+    profile = load_profile("ssw07")
+    setups = [
+        StarterSetup(str(each), "pumps", each, profile, Variant(), every_s=every_s, watchdog_s=watchdog_s)
+        for each in addresses
+    ]
+    polls = [poll for setup in setups for poll in polls_of(setup)]
+    router = Router()
+    scheduler = Scheduler(name="pumps", opener=bus.opener(), timing=timing, polls=polls, listener=router)
+    line = LocalLineClient(scheduler)
+    rights = Rights([Operator("alice", ("*",), ("*",))])
+    names = [setup.name for setup in setups]
+    precautions = Precautions(
+        policy or Policy(groups={ALL: tuple(names)}),
+        names,
+        rights=rights,
+        sink=sink,
+        clock=clock,
+        sequence=sequence,
+    )
+    telemetries = [
+        StarterTelemetry(each, line=line, sink=sink, clock=clock, sequence=sequence) for each in setups
+    ]
+    commander = Commander(
+        {telemetry.setup.name: telemetry for telemetry in telemetries},
+        rights=rights,
+        sink=sink,
+        clock=clock,
+        sequence=sequence,
+        precautions=precautions,
+    )
+    here = LargeLine(
+        bus, commander, clock, sink, worst_stop_latency_s(polls, timing) + SLACK_S, defaultdict(list)
+    )
+    for unit, telemetry in zip(units, telemetries, strict=True):
+        unit.here = here
+        router.starters[telemetry.setup.address] = telemetry
+        telemetry.start()
+    task = asyncio.create_task(scheduler.run())
+    yield here
+    await commander.close()
+    for telemetry in telemetries:
+        await telemetry.close()
+    task.cancel()
+    await asyncio.wait((task,))
+
+
+def longest_gap_s(times_s: Collection[float], until_s: float) -> float:
+    """Return the longest time between two of these, and after the last."""
+    ordered = [*sorted(times_s), until_s]
+    return max(b - a for a, b in pairwise(ordered))
