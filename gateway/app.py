@@ -12,9 +12,10 @@ from gateway import __version__
 from gateway.capture_socket import capture_of
 from gateway.clock import Clock, ClockWatch, SystemClock
 from gateway.config.changes import Changes, changes_of, fixed
-from gateway.config.setups import least_watchdog_s, policy_of, rights_of
+from gateway.config.schema import Config
+from gateway.config.setups import least_watchdog_s, policy_of, rights_of, setups_of
 from gateway.durable.keeper import Keeper
-from gateway.errors import ConfigError
+from gateway.errors import ConfigError, Problem
 from gateway.line.host import LineHost
 from gateway.mqtt.boot import Boot
 from gateway.mqtt.intake import MAX_AHEAD_S, MAX_TTL_S
@@ -25,6 +26,7 @@ from gateway.site import Site
 from gateway.starters.commander import Commander
 from gateway.starters.companions import Companions
 from gateway.starters.identities import IDENTITIES_FILE
+from gateway.starters.known_watchdogs import WATCHDOGS_FILE, KnownWatchdogs
 from gateway.starters.memory import FileMemory, SwitchedMemory
 from gateway.starters.precautions import Precautions
 from gateway.starters.records import EventRecord, Severity
@@ -66,6 +68,7 @@ class App:
             tell=self.tell,
         )
         self._memories = _memories_of(site)
+        self._watchdogs = self._build_watchdogs()
         self._precautions = self._build_precautions()
         self._companions = Companions(self._uplink.publisher)
         self._plant = Plant(
@@ -113,6 +116,7 @@ class App:
             await self._plant.close()
             await self._companions.close()
             await self._precautions.identities.close()
+            await self._watchdogs.close()
             await self._keeper.settle()
             await self._uplink.close(reason)
             await asyncio.gather(self._uplink.end(), self._keeper.close(reason))
@@ -129,6 +133,7 @@ class App:
         Nothing is written to any starter.
         """
         problems = fixed(self._site.config, site.config)
+        problems = problems or await _newly_missed(self._watchdogs, self._site.config, site.config)
         if problems:
             raise ConfigError(str(site.folder), problems)
         changes = changes_of(self._site.config, site.config)
@@ -153,6 +158,10 @@ class App:
     def note_change(self) -> None:
         """Hear that a line's figures have changed in a way that people wait for."""
         self._vitals.note_change()
+
+    def note_starter(self, starter: str, trouble: str) -> None:
+        """Hear that a part of a starter cannot be read (why), or that all of it can (empty)."""
+        self._vitals.note_starter(starter, trouble)
 
     def note_port(self, line: str, trouble: str) -> None:
         """Hear that a line's port is open (empty) or away (why)."""
@@ -195,7 +204,23 @@ class App:
             memory=memory,
             identities_memory=identities_memory,
             wear_memory=wear_memory,
+            watchdogs=self._watchdogs,
         )
+
+    def _build_watchdogs(self) -> KnownWatchdogs:
+        """Return the watchdogs as last known; also where nobody may give commands, they can be changed."""
+        return KnownWatchdogs(
+            memory=FileMemory(self._site.state_dir / WATCHDOGS_FILE),
+            in_thread=asyncio.to_thread,
+            on_trouble=self._tell_watchdogs_trouble,
+        )
+
+    def _tell_watchdogs_trouble(self, trouble: str) -> None:
+        if trouble:
+            text = f"the starters' watchdogs cannot be saved for the next run: {trouble}"
+            self.tell("memory_away", Severity.WARNING, text)
+        else:
+            self.tell("memory_back", Severity.INFO, "the starters' watchdogs are saved again")
 
     def _build_keeper(self) -> Keeper:
         return Keeper(
@@ -267,6 +292,22 @@ def _memories_of(site: Site) -> list[SwitchedMemory]:
     """Return what is kept in small files; without operators nothing is."""
     files = (site.state_dir / name for name in (MEMORY_FILE, IDENTITIES_FILE, WEAR_FILE))
     return [SwitchedMemory(FileMemory(file), is_on=bool(site.config.operators)) for file in files]
+
+
+async def _newly_missed(watchdogs: KnownWatchdogs, old: Config, new: Config) -> list[Problem]:
+    """Return the watchdogs, as last read from the starters, that only the new configuration would miss."""
+
+    async def missed(config: Config) -> dict[str, str]:
+        lines = [await watchdogs.missed_on(setups_of(line)) for line in config.lines]
+        return {name: text for found in lines for name, text in found.items()}
+
+    before = await missed(old)
+    advice = "leave the line as it was, or make the watchdog longer at the starter"
+    return [
+        Problem("line.starter", f"{name}: {text} (as read from the starter)", advice)
+        for name, text in (await missed(new)).items()
+        if name not in before
+    ]
 
 
 async def _supervise(name: str, work: Callable[[], Awaitable[None]]) -> None:

@@ -140,6 +140,10 @@ CODES: Mapping[str, Mapping[str, Code]] = {
             "Too many commands at once, or reads and settings on one line; a stop is never among them.",
             "Send fewer.",
         ),
+        "watchdog_unkept": Code(
+            "The line cannot keep a starter from a watchdog that short.",
+            "Set it as the text says, or longer.",
+        ),
         "wear_limit": Code("So many writes would wear the starter's memory out.", "Wait as the text says."),
     },
     "The gateway would not": {

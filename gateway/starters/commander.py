@@ -210,7 +210,9 @@ class Commander:
         preparation, guard = self._admission.check(request, starter, self._load(request.starter))
         errand = Errand(request, self._desk)
         errand.accept()
-        self._conducts[request.starter] = conduct = Conduct(errand, starter, preparation, guard)
+        self._conducts[request.starter] = conduct = Conduct(
+            errand, starter, preparation, guard, self._precautions.watchdogs
+        )
         self._spawn(self._until_done(request.starter, conduct))
 
     def _take_stop(self, request: CommandRequest, *, is_repeat: bool) -> None:

@@ -20,6 +20,7 @@ from gateway.modbus.codes import ExceptionCode
 from gateway.starters.control import StarterControlView
 from gateway.starters.errand import End, Errand
 from gateway.starters.guard import Guard
+from gateway.starters.known_watchdogs import KnownWatchdogs
 from gateway.starters.records import Phase
 from gateway.starters.wire import HaltedError, RefusedError, Rows, Wire
 
@@ -48,11 +49,13 @@ class Conduct:
         starter: StarterControlView,
         preparation: Preparation,
         guard: Guard | None = None,
+        watchdogs: KnownWatchdogs | None = None,
     ) -> None:
         self.errand = errand
         self._starter = starter
         self._preparation = preparation
         self._guard = guard  # what the gateway itself demands
+        self._watchdogs = watchdogs or KnownWatchdogs()  # of the starters that share its line
         self.can_wait = errand.request.verb in CAN_WAIT
         self._lane = Lane.PARAMETERS if self.can_wait else Lane.COMMAND
         self._wire = Wire(starter, read_back_lane=Lane.PARAMETERS if self.can_wait else Lane.READ_BACK)
@@ -74,12 +77,13 @@ class Conduct:
         except Exception:  # the guard at the task's top
             logger.exception("starter=%s command ended by a bug", self.errand.request.starter)
             end = self._cut("internal", "an error inside the gateway; see its log")
+        self._watchdogs.end(self.errand.request.starter)
         self.errand.finish(end)
 
     async def _ended(self) -> End:
         try:
             rows, procedure = await self._decide()
-            if procedure.steps and await self._intend() > SLOW_DISK_S:
+            if procedure.steps and await self._intend(procedure) > SLOW_DISK_S:
                 rows, procedure = await self._decide()  # what was read has grown old meanwhile
             if not procedure.steps:
                 return self._unwritten(procedure, rows)
@@ -94,9 +98,10 @@ class Conduct:
                 await self._leave_safe()
             return self._cut(error.code, HALTED.get(error.code, error.code))
 
-    async def _intend(self) -> float:
+    async def _intend(self, procedure: Procedure) -> float:
         """Have it kept, and admitted, that something is about to be written; return how long that took."""
         began_s = self.errand.now_s()
+        await self._wire.wait_for(self._watchdogs.admit(self.errand.request.starter, procedure))
         await self._wire.wait_for(self.errand.intend())
         if self._guard is not None:
             await self._wire.wait_for(self._guard.admit())

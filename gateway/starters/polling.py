@@ -195,7 +195,8 @@ class Polling:
         key = _key(self._setup, block)
         if key not in self._polled:
             self._polled[key] = self._begin(block)
-            self._line.add_poll(_poll(self._setup, block, every_s=self._polled[key].every_s))
+            poll = _poll(self._setup, block, every_s=self._polled[key].every_s)
+            self._line.add_poll(replace(poll, deadline_s=None))  # the line has it, and may have a newer one
 
     def _replace(self, plan: tuple[Block, ...]) -> None:
         wanted = {_key(self._setup, block): block for block in plan}

@@ -23,7 +23,8 @@ from gateway.starters.decoding import Sources, unit_of
 from gateway.starters.identification import Identification, Standing, standing_of
 from gateway.starters.identities import Identities
 from gateway.starters.info import info_of
-from gateway.starters.polling import Polling, polls_of
+from gateway.starters.known_watchdogs import KnownWatchdogs
+from gateway.starters.polling import Polling
 from gateway.starters.publisher import Publisher
 from gateway.starters.records import InfoRecord, Severity, Sink
 from gateway.starters.report import Report
@@ -51,6 +52,7 @@ class StarterTelemetry:
         clock: Clock,
         sequence: Sequence,
         identities: Identities | None = None,
+        watchdogs: KnownWatchdogs | None = None,
     ) -> None:
         profile = setup.profile
         self.setup = setup
@@ -67,11 +69,15 @@ class StarterTelemetry:
         self._status = Status(profile, self.publisher)
         self._report = Report({name: point.deadband for name, point in profile.points.items()})
         self._identification = Identification(setup, line, self._take_identity)
+        self._watchdogs = watchdogs or KnownWatchdogs()
+        self._watchdogs.add(setup, line)
         self._identities = identities or Identities(sink=sink, clock=clock, sequence=sequence)
         self._identity = Identity(reason="not yet asked")
         self._info: InfoRecord | None = None
         self._is_answering = False
         self._was_lost = False
+        self._troubles: dict[str, str] = {}  # by topic: what cannot be read at present
+        self._on_trouble: Callable[[str], None] = lambda _: None
         self._never_answered = "not yet read"  # why, as last told
         self._state = UNKNOWN
         self._on_identified: list[Callable[[], None]] = []
@@ -108,7 +114,7 @@ class StarterTelemetry:
 
     def polls(self) -> tuple[Poll, ...]:
         """Return the polls with which the line must begin."""
-        return polls_of(self.setup)
+        return self._watchdogs.polls(self.setup)
 
     def when_identified(self, call: Callable[[], None]) -> None:
         """Have something done each time the starter has proved to be what is configured."""
@@ -117,6 +123,29 @@ class StarterTelemetry:
     def when_fast_words_are_lost(self, call: Callable[[str], None]) -> None:
         """Have something done with the reason when the mapped words must not be read any more."""
         self._on_fast_words_lost = call
+
+    def when_troubled(self, call: Callable[[str], None]) -> None:
+        """Have something done with each change of what cannot be read of it; empty: nothing."""
+        self._on_trouble = call
+
+    def set_trouble(self, topic: str, reason: str) -> None:
+        """Publish that a part of the starter cannot be read at present; an empty reason: it can be again."""
+        if self._troubles.get(topic, "") == reason:
+            return
+        was_degraded = bool(self._troubles)
+        if reason:
+            self._troubles[topic] = reason
+        else:
+            del self._troubles[topic]
+        text = "; ".join(self._troubles.values())
+        if self._is_answering:
+            self._publish_availability()
+        if reason:
+            logger.warning("%s degraded: %s", self._where, reason)
+            self.publisher.event("degraded", Severity.WARNING, reason, {"topic": topic})
+        elif was_degraded and not text:
+            self.publisher.event("recovered", Severity.INFO, "the starter can be read whole again")
+        self._on_trouble(text)
 
     def use_fast_words(self, block: FastBlock | None) -> None:
         """Read the points of this block in one request from now on; None: as they stand in the starter."""
@@ -135,6 +164,7 @@ class StarterTelemetry:
         """Take over another period for the status and the electrical values."""
         self.setup = replace(self.setup, every_s=every_s)
         self._polling.set_every(every_s)
+        self._watchdogs.add(self.setup, self.line)
 
     def retire(self) -> None:
         """Make room for another: ask for nothing and tell nothing any more; `close` must follow."""
@@ -142,6 +172,8 @@ class StarterTelemetry:
         self._identification.cancel()
         self._waker.cancel()
         self._polling.withdraw()
+        self._on_trouble("")
+        self._watchdogs.remove(self.setup.name)
 
     async def close(self) -> None:
         """Do nothing more on its own; call once nothing is handed to it any more."""
@@ -174,11 +206,20 @@ class StarterTelemetry:
             self._never_answered = reason
             self.publisher.availability("offline", reason=reason)
 
+    def settings_recalled(self) -> Mapping[str, tuple[int, ...]]:
+        """Return the settings of its watchdog as an earlier run has left them."""
+        return self._watchdogs.rows(self.setup.name)
+
+    def note_settings(self, rows: Mapping[str, tuple[int, ...]]) -> None:
+        """Record settings that were just read: the watchdog's count for the line."""
+        self._watchdogs.note(self.setup.name, rows)
+
     def take_rows(
         self, rows: Mapping[str, tuple[int, ...]], *, at_s: float, told: Told | None = None
     ) -> None:
         """Take over rows that were just read, by a poll or for a command, and publish what they say."""
         self.snapshot.keep_rows(rows, at_s=at_s)
+        self.note_settings(rows)
         if self._polling.is_withdrawn:
             return  # only a stop asks such a starter, and needs its rows
         self._come_online()
@@ -223,17 +264,23 @@ class StarterTelemetry:
         if self._is_answering:
             return
         self._is_answering = True
-        self.publisher.availability("online", reason=None)
+        self._publish_availability()
         if self._was_lost:
             self.publisher.event("answers_again", Severity.INFO, "the starter answers again")
             self._polling.restore()
         self._identification.begin()
+
+    def _publish_availability(self) -> None:
+        text = "; ".join(self._troubles.values())
+        self.publisher.availability("degraded" if text else "online", reason=text or None)
 
     def _go_offline(self, reason: str, frames: tuple[str, ...]) -> None:
         self._is_answering, self._was_lost = False, True
         self._identification.cancel()
         self._identity = Identity(reason="it has not been asked since it went silent")
         self._identities.forget(self.setup.name)
+        self._troubles.clear()  # everything is asked again once it answers
+        self._on_trouble("")
         self.publisher.availability("offline", reason=reason)
         data = {"reason": reason, "frames": list(frames)}
         self.publisher.event("went_silent", Severity.WARNING, f"the starter went silent: {reason}", data)
