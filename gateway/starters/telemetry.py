@@ -27,6 +27,7 @@ from gateway.starters.known_watchdogs import KnownWatchdogs
 from gateway.starters.polling import Polling
 from gateway.starters.publisher import Publisher
 from gateway.starters.records import InfoRecord, Severity, Sink
+from gateway.starters.refusals import LONGEST_PAUSE_S
 from gateway.starters.report import Report
 from gateway.starters.sequence import Sequence
 from gateway.starters.setup import StarterSetup, merged
@@ -37,6 +38,7 @@ from gateway.starters.waker import Waker
 logger = logging.getLogger(__name__)
 
 BUSY_STATES = frozenset({"starting", "stopping", "fault"})  # read faster while in one of these
+REFUSED_TOPIC = "refused"  # of what cannot be read
 IDLE_STATES = frozenset({"ready", "not_ready"})  # the motor stands: values read more slowly
 
 
@@ -77,6 +79,7 @@ class StarterTelemetry:
         self._is_answering = False
         self._was_lost = False
         self._troubles: dict[str, str] = {}  # by topic: what cannot be read at present
+        self._refused: tuple[str, ...] = ()  # rows that decide something, as told last
         self._on_trouble: Callable[[str], None] = lambda _: None
         self._never_answered = "not yet read"  # why, as last told
         self._state = UNKNOWN
@@ -239,6 +242,8 @@ class StarterTelemetry:
             self._lose_fast_words("they are not mapped as they were")
             return
         self._polling.note_answer(key, at_s=answer.at_s)
+        if self._refused:
+            self._look_at_refusals()
         self.take_rows(said.rows, at_s=answer.at_s, told=said.told)
 
     def _lose_fast_words(self, reason: str) -> None:
@@ -249,16 +254,29 @@ class StarterTelemetry:
         self._publish()
 
     def _take_refusal(self, key: str, block: Block, refusal: Refused) -> None:
-        """Give up what will never be answered; after a passing refusal the values may become overdue."""
-        if refusal.is_lasting and isinstance(block, FastBlock):
-            self._lose_fast_words(f"they are refused ({exception_name(refusal.code)})")
+        """Ask in another way, or less often, for what is refused; after a passing refusal nothing changes."""
+        why = exception_name(refusal.code)
+        if not refusal.is_lasting:
+            self._publish()
             return
-        if refusal.is_lasting:
-            given_up = self._polling.note_refusal(key)
-            self.snapshot.refuse(self._sources.fed_by(given_up))
-            if given_up and self._polling.block(key) is None:
-                logger.info("%s refuses %s (%s)", self._where, *given_up, exception_name(refusal.code))
+        unknown = self._polling.note_refusal(key, at_s=refusal.at_s)
+        if isinstance(block, FastBlock) and self._polling.is_refused(key):
+            self._lose_fast_words(f"they are refused ({why})")
+            return
+        self.snapshot.refuse(self._sources.fed_by(unknown))
+        if unknown and self._polling.block(key) is None:
+            logger.info("%s refuses %s (%s)", self._where, *unknown, why)
+        self._look_at_refusals(why)
         self._publish()
+
+    def _look_at_refusals(self, why: str = "") -> None:
+        """Publish which of the rows that decide state, fault or watchdog are refused."""
+        codes = self._polling.refused_vital()
+        if codes or self._troubles.get(REFUSED_TOPIC):
+            text = f"{', '.join(codes)} refused ({why}), asked again at least every {LONGEST_PAUSE_S:g} s"
+            reason = self._troubles.get(REFUSED_TOPIC) if codes == self._refused else text
+            self._refused = codes
+            self.set_trouble(REFUSED_TOPIC, (reason or text) if codes else "")
 
     def _come_online(self) -> None:
         if self._is_answering:
@@ -279,6 +297,7 @@ class StarterTelemetry:
         self._identification.cancel()
         self._identity = Identity(reason="it has not been asked since it went silent")
         self._identities.forget(self.setup.name)
+        self._refused = ()
         self._troubles.clear()  # everything is asked again once it answers
         self._on_trouble("")
         self.publisher.availability("offline", reason=reason)

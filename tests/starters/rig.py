@@ -85,6 +85,8 @@ class Rig:
     def poll(self, *keys: str) -> None:
         """Let these polls (or all) have their turn now, in no time."""
         for key in keys or tuple(self.line.polls):
+            if key not in self.line.polls:
+                continue  # another answer of this turn has replaced it
             outcome = self.line.outcome_of(self.line.polls[key].request, at_s=self.clock.now_s())
             self.telemetry.on_poll(key, outcome)
 
