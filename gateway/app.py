@@ -31,6 +31,7 @@ from gateway.starters.memory import FileMemory, SwitchedMemory
 from gateway.starters.precautions import Precautions
 from gateway.starters.records import EventRecord, Severity
 from gateway.starters.sequence import Sequence as Numbers
+from gateway.starters.told_faults import FAULTS_FILE, ToldFaults
 from gateway.starters.wear import WEAR_FILE
 from gateway.systemd import Notifier
 from gateway.uplink import Uplink
@@ -117,6 +118,7 @@ class App:
             await self._companions.close()
             await self._precautions.identities.close()
             await self._watchdogs.close()
+            await self._precautions.told_faults.close()
             await self._keeper.settle()
             await self._uplink.close(reason)
             await asyncio.gather(self._uplink.end(), self._keeper.close(reason))
@@ -205,6 +207,7 @@ class App:
             identities_memory=identities_memory,
             wear_memory=wear_memory,
             watchdogs=self._watchdogs,
+            told_faults=ToldFaults(memory=FileMemory(self._site.state_dir / FAULTS_FILE)),
         )
 
     def _build_watchdogs(self) -> KnownWatchdogs:

@@ -228,6 +228,7 @@ class Plant:
             sequence=self._sequence,
             identities=self._precautions.identities,
             watchdogs=self._precautions.watchdogs,
+            told_faults=self._precautions.told_faults,
         )
         self.starters[setup.name] = self._by_unit[setup.line, setup.address] = starter
         starter.when_troubled(partial(self._listener.note_starter, setup.name))

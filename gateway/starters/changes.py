@@ -5,7 +5,7 @@ Only what two readings in a row say has happened (`Settled`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -34,11 +34,8 @@ class Settled:
         self._values: dict[str, Any] = {}
         self._waiting: dict[str, tuple[Any, float]] = {}  # values that were read once, with their time
 
-    def note(self, readings: Mapping[str, tuple[Any, float]]) -> bool:
-        """Take over all points that are known now, each with the time of its reading.
-
-        Return whether some of them must be read once more.
-        """
+    def note(self, readings: Mapping[str, tuple[Any, float]]) -> None:
+        """Take over all points that are known now, each with the time of its reading."""
         for name in self._values.keys() - readings.keys():
             del self._values[name]
         waiting: dict[str, tuple[Any, float]] = {}
@@ -53,7 +50,15 @@ class Settled:
             else:
                 waiting[name] = before
         self._waiting = waiting
-        return bool(waiting)
+
+    def is_waiting_for(self, names: Iterable[str]) -> bool:
+        """Return whether one of these points must be read once more."""
+        return not self._waiting.keys().isdisjoint(names)
+
+    @property
+    def is_waiting(self) -> bool:
+        """Return whether some point must be read once more."""
+        return bool(self._waiting)
 
     @property
     def values(self) -> Mapping[str, Any]:
@@ -81,11 +86,16 @@ class Watch:
         self._state = self._state if state == UNKNOWN else state
         return tuple(changes)
 
+    @property
+    def has_looked(self) -> bool:
+        """Return whether a state was known ever."""
+        return self._state is not None
+
     def _of_state(self, state: str, time_s: float, *, is_known: bool) -> list[Change]:
         before = self._state
         if before is None and state == "fault" and not is_known:
-            data = {"from": None, "to": state}
-            return [Change("fault", Severity.ERROR, "fault, found at the first reading", data)]
+            at_first: dict[str, Any] = {"from": None, "to": state}
+            return [Change("fault", Severity.ERROR, "fault, found at the first reading", at_first)]
         if before is None or state in (before, UNKNOWN):
             return []
         data: dict[str, Any] = {"from": before, "to": state}

@@ -226,6 +226,12 @@ class Polling:
         for key in self._polled:
             self._line.hasten(key)
 
+    def hasten_status(self) -> None:
+        """Have the status read now."""
+        for key, polled in self._polled.items():
+            if polled.block.group == "status":
+                self._line.hasten(key)
+
     def take_overdue(self, now_s: float) -> tuple[str, ...]:
         """Return the codes that have become overdue, once."""
         if now_s < self._soonest_overdue_s:

@@ -21,6 +21,7 @@ from gateway.starters.rights import Rights
 from gateway.starters.rules import Rulebook
 from gateway.starters.selection import Selections
 from gateway.starters.sequence import Sequence as Numbers
+from gateway.starters.told_faults import ToldFaults
 from gateway.starters.wear import Wear
 from gateway.starters.witness import Witness
 
@@ -44,12 +45,14 @@ class Precautions:
         identities_memory: Memory | None = None,
         wear_memory: Memory | None = None,
         watchdogs: KnownWatchdogs | None = None,
+        told_faults: ToldFaults | None = None,
     ) -> None:
         self.policy = policy
         self.logbook = Logbook(starters)
         self.rulebook = Rulebook(policy.rules, self.logbook)
         self.selections = Selections()
         self.identities = Identities(sink=sink, clock=clock, sequence=sequence, memory=identities_memory)
+        self.told_faults = told_faults or ToldFaults()
         self.watchdogs = watchdogs or KnownWatchdogs()
         self.wear = Wear(on_count=self._tell_wear)
         self._wear_saver = Saver(wear_memory or NoMemory(), self.wear.to_document, on_trouble=lambda _: None)

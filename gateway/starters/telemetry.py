@@ -33,6 +33,7 @@ from gateway.starters.sequence import Sequence
 from gateway.starters.setup import StarterSetup, merged
 from gateway.starters.snapshot import Snapshot
 from gateway.starters.status import SUMMARY_FLAGS, Status
+from gateway.starters.told_faults import ToldFaults
 from gateway.starters.waker import Waker
 
 logger = logging.getLogger(__name__)
@@ -55,6 +56,7 @@ class StarterTelemetry:
         sequence: Sequence,
         identities: Identities | None = None,
         watchdogs: KnownWatchdogs | None = None,
+        told_faults: ToldFaults | None = None,
     ) -> None:
         profile = setup.profile
         self.setup = setup
@@ -68,7 +70,7 @@ class StarterTelemetry:
         self._polling = Polling(setup, line)
         summary = (name for name in SUMMARY_FLAGS if name in profile.points)
         self._status_codes = frozenset(rows_of_points(profile, summary))
-        self._status = Status(profile, self.publisher)
+        self._status = Status(profile, self.publisher, told_faults)
         self._report = Report({name: point.deadband for name, point in profile.points.items()})
         self._identification = Identification(setup, line, self._take_identity)
         self._watchdogs = watchdogs or KnownWatchdogs()
@@ -351,7 +353,10 @@ class StarterTelemetry:
         overdue = self._polling.take_overdue(now_s)
         if overdue:
             self.snapshot.mark_stale(self._sources.fed_by(overdue))
+        was_waiting = self._status.is_waiting
         state = self._status.tell(self.snapshot, now_s=now_s, utc_s=self._clock.utc_s(at_s))
+        if self._status.is_waiting and not was_waiting:
+            self._polling.hasten_status()  # what has changed is an event once it is read again
         self._polling.hurry(is_fast=state in BUSY_STATES, is_idle=state in IDLE_STATES)
         if state == "fault" and self._state != state:
             self._polling.hasten()  # the fault's number and the values around it, as soon as the line allows

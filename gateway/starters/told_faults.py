@@ -1,7 +1,7 @@
-"""Which standing faults were published as events, so that the next run publishes no fault twice and leaves none out.
+"""Which standing faults were published as events, so that the next run repeats none and leaves none out.
 
-A fault counts as published once it has stood for `LASTING_S`: by then its event is in the outbox on the disk. What
-is killed before that publishes it once more.
+A fault counts as published once it has stood for `LASTING_S`: by then its event is in the outbox on the disk.
+What is killed before that publishes it once more.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ KEPT_WITHIN_S = 1.0
 
 
 class ToldFaults:
-    """The standing faults of all starters; the file is read when this is made. All calls on the app's loop."""
+    """The standing faults of all starters; the file is read when this is made."""
 
     def __init__(self, *, memory: Memory | None = None) -> None:
         self._codes: dict[str, tuple[str, ...]] = {}

@@ -18,6 +18,7 @@ from gateway.starters.rights import Operator, Rights
 from gateway.starters.sequence import Sequence
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry import StarterTelemetry
+from gateway.starters.told_faults import ToldFaults
 from tests.starters.fakes import (
     AT_SPEED,
     READY,
@@ -50,6 +51,7 @@ class Rig:
     variant: Variant = field(default_factory=Variant)
     every_s: float = 1.0
     is_enabled: bool = True
+    told_faults: ToldFaults | None = None
 
     def __post_init__(self) -> None:
         self.clock = VirtualClock(asyncio.get_running_loop())
@@ -67,7 +69,12 @@ class Rig:
             is_enabled=self.is_enabled,
         )
         self.telemetry = StarterTelemetry(
-            self.setup, line=self.line, sink=self.sink, clock=self.clock, sequence=self.sequence
+            self.setup,
+            line=self.line,
+            sink=self.sink,
+            clock=self.clock,
+            sequence=self.sequence,
+            told_faults=self.told_faults,
         )
         for poll in self.telemetry.polls():
             self.line.add_poll(poll)
