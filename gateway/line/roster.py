@@ -10,8 +10,8 @@ from gateway.line.health import UnitHealth, UnitState
 from gateway.line.job import Poll
 from gateway.line.silence import BACK_OFF_FLOOR_S
 
-# Two misses in a row let a unit be asked by its probe alone; at a loss of 5 % that happens every few minutes. So
-# many in a row are a unit that is lost, and not replies that are.
+# Two misses in a row let a unit be asked by its probe alone, which happens every few minutes where 5 % of the
+# replies are lost. So many in a row are a unit that is lost, and not replies that are.
 LOST_AFTER_MISSES = 4
 GUESSED_COST_S = 0.03  # of a poll that has not been answered yet
 

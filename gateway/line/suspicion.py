@@ -30,11 +30,12 @@ TOLD_AGAIN_AFTER_S = 600.0
 
 RECENTLY_S = 0.15  # a second starter of the same address answers about as soon as the first
 
-# Two that answer for one address spoil nearly every reply of it, and none of the others'; noise spoils some of all.
+# Two that answer for one address spoil nearly every reply of it, and none of others; noise spoils some of all.
 MERGED_SHARE = 0.5  # of a unit's latest replies, before spoilt ones are taken for two that answer at once
-UNIT_MEMORY, LINE_MEMORY = 0.1, 0.01  # weight of the latest reply in a unit's share, and in the line's
+UNIT_MEMORY, LINE_MEMORY = 0.2, 0.01  # weight of the latest reply in a unit's share, and in the line's
 NOISY_SHARE = 0.05  # of all replies
 NOISY_UNIT_SHARE = 0.02
+NOISY_FROM = 50  # replies on
 
 Owes = Callable[[int], bool]  # whether a unit may still answer late
 
@@ -60,6 +61,7 @@ class Suspicions:
         self._replies: dict[int, tuple[bytes, float]] = {}  # the latest of each unit, until it is asked again
         self._spoilt: dict[int, float] = {}  # by unit: the share of its latest replies
         self._spoilt_of_all = 0.0
+        self._counted = 0
         self._told_s: dict[tuple[str, int], float] = {}
         self._news: list[Trouble] = []
 
@@ -121,6 +123,7 @@ class Suspicions:
             self._suspect_babble(unit, UNASKED_FRAME, now_s)
 
     def _count(self, unit: int, *, is_spoilt: bool) -> None:
+        self._counted += 1
         before = self._spoilt.get(unit, 0.0)
         self._spoilt[unit] = before + UNIT_MEMORY * (is_spoilt - before)
         self._spoilt_of_all += LINE_MEMORY * (is_spoilt - self._spoilt_of_all)
@@ -132,11 +135,11 @@ class Suspicions:
         """Name noise once it spoils the replies of several units, or of the only one now and then."""
         spoilt = [unit for unit, share in self._spoilt.items() if share >= NOISY_UNIT_SHARE]
         is_shared = len(spoilt) > 1 or (len(self._spoilt) == 1 and max(self._spoilt.values()) < MERGED_SHARE)
-        if self._spoilt_of_all < NOISY_SHARE or not is_shared:
+        if self._counted < NOISY_FROM or self._spoilt_of_all < NOISY_SHARE or not is_shared:
             return
         text = (
             f"noise: some {self._spoilt_of_all:.0%} of the replies are corrupted, of {len(spoilt)} of "
-            f"{len(self._spoilt)} addresses; look at shield, reference, termination and what disturbs the cable"
+            f"{len(self._spoilt)} addresses; look at shield, reference and termination"
         )
         self._tell(Trouble(LINE_NOISE, SOMEONE, text), now_s)
 

@@ -169,7 +169,8 @@ class Status:
     def _shown(self, snapshot: Snapshot, values: Mapping[str, Value]) -> dict[str, Value]:
         """Return all that was read, also a while ago, but no number of an earlier fault."""
         shown = {name: known.value for name, known in snapshot.readings.items()}  # numbers may be older,
-        if not self._is_number_of_this_fault(snapshot, has_fault=bool(values.get(FAULT))):
+        is_known = all(name in values for name in self._summary_flags)
+        if is_known and not self._is_number_of_this_fault(snapshot, has_fault=bool(values.get(FAULT))):
             shown[FAULT_CODE] = (
                 None  # but not from before this fault (ssw07 P014: the last fault, active or not)
             )

@@ -24,6 +24,7 @@ from gateway.starters.identification import Identification, Standing, standing_o
 from gateway.starters.identities import Identities
 from gateway.starters.info import info_of
 from gateway.starters.known_watchdogs import KnownWatchdogs
+from gateway.starters.loss import Loss
 from gateway.starters.polling import Polling
 from gateway.starters.publisher import Publisher
 from gateway.starters.records import InfoRecord, Severity, Sink
@@ -39,7 +40,7 @@ from gateway.starters.waker import Waker
 logger = logging.getLogger(__name__)
 
 BUSY_STATES = frozenset({"starting", "stopping", "fault"})  # read faster while in one of these
-REFUSED_TOPIC = "refused"  # of what cannot be read
+REFUSED_TOPIC, LOSS_TOPIC = "refused", "loss"  # of what keeps it from being read whole
 IDLE_STATES = frozenset({"ready", "not_ready"})  # the motor stands: values read more slowly
 
 
@@ -81,6 +82,7 @@ class StarterTelemetry:
         self._is_answering = False
         self._was_lost = False
         self._troubles: dict[str, str] = {}  # by topic: what cannot be read at present
+        self._loss = Loss()
         self._refused: tuple[str, ...] = ()  # rows that decide something, as told last
         self._on_trouble: Callable[[str], None] = lambda _: None
         self._never_answered = "not yet read"  # why, as last told
@@ -190,6 +192,10 @@ class StarterTelemetry:
         block = self._polling.block(key)
         if block is None:
             return
+        if self._is_answering:
+            poor = self._loss.note(is_lost=isinstance(outcome, (Silent, Garbled)))
+            if poor is not None:
+                self.set_trouble(LOSS_TOPIC, poor)
         match outcome:
             case Answered():
                 self._take_answer(key, block, outcome)
@@ -300,6 +306,7 @@ class StarterTelemetry:
         self._identity = Identity(reason="it has not been asked since it went silent")
         self._identities.forget(self.setup.name)
         self._refused = ()
+        self._loss.clear()
         self._troubles.clear()  # everything is asked again once it answers
         self._on_trouble("")
         self.publisher.availability("offline", reason=reason)
