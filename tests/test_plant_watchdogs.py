@@ -190,7 +190,7 @@ async def test_sixty_starters_whose_watchdogs_are_set_through_us_are_kept_now_an
         await asyncio.sleep(60.0)
         for at in range(1, 61):
             here.set(at, "P314", 3)
-            await asyncio.sleep(0.75)
+            await asyncio.sleep(1.5)
         await asyncio.sleep(45.0)
 
         finals = [here.final(at, "P314") for at in range(1, 61)]
@@ -286,14 +286,16 @@ async def test_a_set_that_would_cost_another_starter_its_watchdog_is_refused() -
 @virtually
 async def test_two_sets_at_once_are_judged_together() -> None:
     bus, config = hall(60), config_of(60)
+    for at in range(1, 19):
+        bus.unit(at).settings[P_TIMEOUT] = 3
     async with running(bus, config) as here:
         await asyncio.sleep(60.0)
-        for at in range(1, 31):
+        for at in (19, 20):
             here.set(at, "P314", 3)
         await asyncio.sleep(20.0)
 
-        finals = [here.final(at, "P314") for at in range(1, 31)]
-        assert sum(final.phase is Phase.CONFIRMED for final in finals) <= 19
+        finals = [here.final(at, "P314") for at in (19, 20)]
+        assert sum(final.phase is Phase.CONFIRMED for final in finals) <= 1
         assert here.trips() == []
 
 

@@ -30,7 +30,7 @@ TOLD_AGAIN_AFTER_S = 600.0
 
 RECENTLY_S = 0.15  # a second starter of the same address answers about as soon as the first
 
-# Two that answer for one address spoil nearly every reply of it, and none of others; noise spoils some of all.
+# Two that answer for one address spoil nearly every reply of it, noise spoils some of every address.
 MERGED_SHARE = 0.5  # of a unit's latest replies, before spoilt ones are taken for two that answer at once
 UNIT_MEMORY, LINE_MEMORY = 0.2, 0.01  # weight of the latest reply in a unit's share, and in the line's
 NOISY_SHARE = 0.05  # of all replies

@@ -128,8 +128,12 @@ class KnownWatchdogs:
 
     async def check(self, name: str, rows: Rows) -> None:
         """Demand that the line could keep a starter whose settings were these; CommandError."""
+        setup = self._setups.get(name)
+        written = {code: words for code, words in rows.items() if code in self._codes.get(name, ())}
+        if setup is None or not written:
+            return
         try:
-            await self._check(self._setups[name], rows)
+            await self._check(setup, written)
         finally:
             self._known[name].written, self._known[name].is_being_written = {}, False
 

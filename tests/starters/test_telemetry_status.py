@@ -118,7 +118,7 @@ async def test_a_fault_that_is_reset_is_cleared_with_its_time() -> None:
     rig = await Rig().online()
     rig.unit.holding |= {VB01: READY | FAULT, P014: 5}
     rig.poll()
-    await asyncio.sleep(2.0)
+    await asyncio.sleep(1.0)
     rig.poll()
     rig.unit.holding[VB01] = READY
 
