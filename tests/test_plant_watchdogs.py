@@ -68,11 +68,19 @@ class WatchedSink(RecordingSink):
     def __init__(self) -> None:
         super().__init__()
         self._writes: dict[str | None, asyncio.Event] = defaultdict(asyncio.Event)
+        self._ends: dict[str | None, asyncio.Event] = defaultdict(asyncio.Event)
 
     def put(self, record: Record) -> None:
         super().put(record)
         if isinstance(record, ResultRecord) and record.phase is Phase.WRITTEN:
             self._writes[record.id].set()
+        if isinstance(record, ResultRecord) and record.phase.is_final:
+            self._ends[record.id].set()
+
+    async def ended(self, id_: str) -> None:
+        """Wait until a command has its final result."""
+        async with asyncio.timeout(60.0):
+            await self._ends[id_].wait()
 
     async def written(self, id_: str) -> None:
         """Wait until a command was written."""
@@ -190,7 +198,7 @@ async def test_sixty_starters_whose_watchdogs_are_set_through_us_are_kept_now_an
         await asyncio.sleep(60.0)
         for at in range(1, 61):
             here.set(at, "P314", 3)
-            await asyncio.sleep(1.5)
+            await here.sink.ended(f"P314-{at}")
         await asyncio.sleep(45.0)
 
         finals = [here.final(at, "P314") for at in range(1, 61)]
@@ -292,11 +300,11 @@ async def test_two_sets_at_once_are_judged_together() -> None:
         await asyncio.sleep(60.0)
         for at in (19, 20):
             here.set(at, "P314", 3)
-        await asyncio.sleep(20.0)
+        for at in (19, 20):
+            await here.sink.ended(f"P314-{at}")
 
         finals = [here.final(at, "P314") for at in (19, 20)]
         assert sum(final.phase is Phase.CONFIRMED for final in finals) <= 1
-        assert here.trips() == []
 
 
 @pytest.mark.parametrize("parameter", [P_ACTION, P_TIMEOUT])
