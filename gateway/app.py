@@ -13,9 +13,10 @@ from gateway.capture_socket import capture_of
 from gateway.clock import Clock, ClockWatch, SystemClock
 from gateway.clock_memory import CLOCK_FILE, ClockMemory
 from gateway.config.changes import Changes, changes_of, fixed
-from gateway.config.setups import least_watchdog_s, policy_of, rights_of
+from gateway.config.schema import Config
+from gateway.config.setups import least_watchdog_s, policy_of, rights_of, setups_of
 from gateway.durable.keeper import Keeper
-from gateway.errors import ConfigError
+from gateway.errors import ConfigError, Problem
 from gateway.line.host import LineHost
 from gateway.mqtt.boot import Boot
 from gateway.mqtt.freshness import MAX_AHEAD_S, MAX_TTL_S, Tokens
@@ -26,12 +27,14 @@ from gateway.site import Site
 from gateway.starters.commander import Commander
 from gateway.starters.companions import Companions
 from gateway.starters.identities import IDENTITIES_FILE
+from gateway.starters.known_watchdogs import WATCHDOGS_FILE, KnownWatchdogs
 from gateway.starters.ledger import Proofs
 from gateway.starters.logbook import PRECAUTIONS_FILE
 from gateway.starters.memory import FileMemory, SwitchedMemory
 from gateway.starters.precautions import Precautions
 from gateway.starters.records import EventRecord, Severity
 from gateway.starters.sequence import Sequence as Numbers
+from gateway.starters.told_faults import FAULTS_FILE, ToldFaults
 from gateway.starters.wear import WEAR_FILE
 from gateway.systemd import Notifier
 from gateway.uplink import Uplink
@@ -70,6 +73,7 @@ class App:
         )
         self._memories = _memories_of(site)
         self._clock_memory = self._build_clock_memory()
+        self._watchdogs = self._build_watchdogs()
         self._precautions = self._build_precautions()
         self._companions = Companions(self._uplink.publisher)
         self._plant = Plant(
@@ -126,6 +130,8 @@ class App:
             await self._companions.close()
             await self._precautions.identities.close()
             await self._clock_memory.close()
+            await self._watchdogs.close()
+            await self._precautions.told_faults.close()
             await self._keeper.settle()
             await self._uplink.close(reason)
             await asyncio.gather(self._uplink.end(), self._keeper.close(reason))
@@ -142,6 +148,7 @@ class App:
         Nothing is written to any starter.
         """
         problems = fixed(self._site.config, site.config)
+        problems = problems or await _newly_missed(self._watchdogs, self._site.config, site.config)
         if problems:
             raise ConfigError(str(site.folder), problems)
         changes = changes_of(self._site.config, site.config)
@@ -166,6 +173,10 @@ class App:
     def note_change(self) -> None:
         """Hear that a line's figures have changed in a way that people wait for."""
         self._vitals.note_change()
+
+    def note_starter(self, starter: str, trouble: str) -> None:
+        """Hear that a part of a starter cannot be read (why), or that all of it can (empty)."""
+        self._vitals.note_starter(starter, trouble)
 
     def note_port(self, line: str, trouble: str) -> None:
         """Hear that a line's port is open (empty) or away (why)."""
@@ -208,7 +219,24 @@ class App:
             memory=memory,
             identities_memory=identities_memory,
             wear_memory=wear_memory,
+            watchdogs=self._watchdogs,
+            told_faults=ToldFaults(memory=FileMemory(self._site.state_dir / FAULTS_FILE)),
         )
+
+    def _build_watchdogs(self) -> KnownWatchdogs:
+        """Return the watchdogs as last known; also where nobody may give commands, they can be changed."""
+        return KnownWatchdogs(
+            memory=FileMemory(self._site.state_dir / WATCHDOGS_FILE),
+            in_thread=asyncio.to_thread,
+            on_trouble=self._tell_watchdogs_trouble,
+        )
+
+    def _tell_watchdogs_trouble(self, trouble: str) -> None:
+        if trouble:
+            text = f"the starters' watchdogs cannot be saved for the next run: {trouble}"
+            self.tell("memory_away", Severity.WARNING, text)
+        else:
+            self.tell("memory_back", Severity.INFO, "the starters' watchdogs are saved again")
 
     def _build_keeper(self) -> Keeper:
         return Keeper(
@@ -289,6 +317,22 @@ def _memories_of(site: Site) -> list[SwitchedMemory]:
     """Return what is kept in small files; without operators nothing is."""
     files = (site.state_dir / name for name in (PRECAUTIONS_FILE, IDENTITIES_FILE, WEAR_FILE, CLOCK_FILE))
     return [SwitchedMemory(FileMemory(file), is_on=bool(site.config.operators)) for file in files]
+
+
+async def _newly_missed(watchdogs: KnownWatchdogs, old: Config, new: Config) -> list[Problem]:
+    """Return the watchdogs, as last read from the starters, that only the new configuration would miss."""
+
+    async def missed(config: Config) -> dict[str, str]:
+        lines = [await watchdogs.missed_on(setups_of(line)) for line in config.lines]
+        return {name: text for found in lines for name, text in found.items()}
+
+    before = await missed(old)
+    advice = "leave the line as it was, or make the watchdog longer at the starter"
+    return [
+        Problem("line.starter", f"{name}: {text} (as read from the starter)", advice)
+        for name, text in (await missed(new)).items()
+        if name not in before
+    ]
 
 
 async def _supervise(name: str, work: Callable[[], Awaitable[None]]) -> None:

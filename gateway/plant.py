@@ -6,6 +6,7 @@ import asyncio
 import secrets
 from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, Protocol
 
 from gateway.clock import Clock
@@ -21,7 +22,6 @@ from gateway.line.port import PortOpener
 from gateway.line.serial_port import SerialOpener
 from gateway.modbus.timing import LineTiming
 from gateway.starters.companions import Companions
-from gateway.starters.polling import polls_of
 from gateway.starters.precautions import Precautions
 from gateway.starters.records import Severity
 from gateway.starters.sequence import Sequence as Numbers
@@ -64,6 +64,10 @@ class PlantListener(Protocol):
 
     def note_change(self) -> None:
         """Hear that a line's figures have changed in a way that people wait for."""
+        ...
+
+    def note_starter(self, starter: str, trouble: str) -> None:
+        """Hear that a part of a starter cannot be read (why), or that all of it can (empty)."""
         ...
 
     def note_port(self, line: str, trouble: str) -> None:
@@ -184,12 +188,14 @@ class Plant:
 
     def _add_line(self, table: LineTable) -> list[StarterTelemetry]:
         setups = self._setups(table)
-        watchdogs_s = {each.address: each.watchdog_s for each in table.starters if each.watchdog_s}
+        watchdogs = self._precautions.watchdogs
+        limits_s = {setup.address: watchdogs.limit_s(setup) for setup in setups}
+        watchdogs_s = {address: limit_s for address, limit_s in limits_s.items() if limit_s}
         self.lines[table.name] = self._host.add_line(
             name=table.name,
             opener=self._make_opener(table),
             timing=timing_of(table),
-            polls=start_order((poll for setup in setups for poll in polls_of(setup)), watchdogs_s),
+            polls=start_order((poll for setup in setups for poll in watchdogs.polls(setup)), watchdogs_s),
             allowance_s=table.adapter_allowance_s,
             seed=secrets.randbits(32),
             deaf_after_s=table.deaf_after_s,
@@ -228,8 +234,11 @@ class Plant:
             clock=self._clock,
             sequence=self._sequence,
             identities=self._precautions.identities,
+            watchdogs=self._precautions.watchdogs,
+            told_faults=self._precautions.told_faults,
         )
         self.starters[setup.name] = self._by_unit[setup.line, setup.address] = starter
+        starter.when_troubled(partial(self._listener.note_starter, setup.name))
         self._companions.add(starter)
         return starter
 

@@ -63,6 +63,7 @@ class Vitals:
         self._saturations: dict[str, Saturation] = {}  # of lines that should have time to spare
         self._watchdog_alarms: dict[str, WatchdogAlarm] = {}
         self._port_troubles: dict[str, str] = {}
+        self._starter_troubles: dict[str, str] = {}
         self._link_trouble = ""
         self._is_ready = False
         self._is_changed = False
@@ -96,6 +97,14 @@ class Vitals:
             self._port_troubles.pop(line, None)
         self._tell_status()
         self._is_changed = True
+
+    def note_starter(self, starter: str, trouble: str) -> None:
+        """Take over that a part of a starter cannot be read, and why; empty when all of it can."""
+        if trouble:
+            self._starter_troubles[starter] = trouble
+        else:
+            self._starter_troubles.pop(starter, None)
+        self._tell_status()
 
     def note_link(self, trouble: str) -> None:
         """Take over what is wrong with the connection to the broker; empty for nothing."""
@@ -151,6 +160,7 @@ class Vitals:
         if not self._is_ready:
             return
         troubles = [f"line {line}: {trouble}" for line, trouble in self._port_troubles.items()]
+        troubles += [f"starter {name}: {trouble}" for name, trouble in self._starter_troubles.items()]
         troubles += [self._link_trouble] if self._link_trouble else []
         self._publisher.set_status("degraded" if troubles else "online", "; ".join(troubles) or None)
         self._notifier.status("; ".join(troubles) or "polling")

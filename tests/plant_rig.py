@@ -74,6 +74,9 @@ class Here:
     def note_change(self) -> None:
         pass
 
+    def note_starter(self, starter: str, trouble: str) -> None:
+        pass
+
     def note_port(self, line: str, trouble: str) -> None:
         pass
 

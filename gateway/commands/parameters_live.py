@@ -26,6 +26,7 @@ from gateway.line.serial_port import SerialOpener
 from gateway.modbus.timing import LineTiming
 from gateway.starters.bench import Bench
 from gateway.starters.bulk_reading import BulkReading
+from gateway.starters.known_watchdogs import KnownWatchdogs
 from gateway.starters.parameter_set import ParameterSet, entries_of
 from gateway.starters.records import Record
 from gateway.starters.sequence import Sequence
@@ -44,6 +45,7 @@ class LiveStarter:
     allowance_s: float
     clock: Clock
     state_dir: Path  # of the gateway, which knows the starter
+    neighbours: tuple[StarterSetup, ...] = ()  # all starters of its line
 
     @classmethod
     def find(cls, config_path: str, name: str) -> Self:
@@ -62,15 +64,22 @@ class LiveStarter:
         """Return a starter of a line."""
         timing = timing_of(line)
         opener = SerialOpener(line.port, line.baud, timing.framing)
-        return cls(setup, opener, timing, line.adapter_allowance_s, SystemClock(), state_dir)
+        return cls(setup, opener, timing, line.adapter_allowance_s, SystemClock(), state_dir, setups_of(line))
 
     @asynccontextmanager
-    async def bench(self) -> AsyncIterator[Bench]:
+    async def bench(self, watchdogs: KnownWatchdogs | None = None) -> AsyncIterator[Bench]:
         """Open the port and identify the starter; PortError, CommandError."""
         name, allowance_s = self.setup.line, self.allowance_s
         try:
             async with exclusive_line(name, self.opener, self.timing, allowance_s=allowance_s) as line:
-                bench = Bench(self.setup, line=line, sink=_Nobody(), clock=self.clock, sequence=Sequence())
+                bench = Bench(
+                    self.setup,
+                    line=line,
+                    sink=_Nobody(),
+                    clock=self.clock,
+                    sequence=Sequence(),
+                    watchdogs=watchdogs,
+                )
                 await bench.identify()
                 yield bench
         except PortError as error:

@@ -10,6 +10,7 @@ from contextlib import suppress
 
 from gateway.commands.kept_identity import identity_trouble
 from gateway.commands.kept_lock import lock_trouble
+from gateway.commands.kept_watchdogs import known_watchdogs, save_watchdogs
 from gateway.commands.kept_wear import count_writes
 from gateway.commands.parameters_live import LiveStarter, read_with_progress
 from gateway.commands.progress import Progress
@@ -17,6 +18,7 @@ from gateway.errors import CommandError, UsageError
 from gateway.families.bulk import bulk_reads
 from gateway.line.precise_selector import new_precise_loop
 from gateway.starters.bench import Bench
+from gateway.starters.known_watchdogs import KnownWatchdogs
 from gateway.starters.parameter_set import ParameterSet
 from gateway.starters.restore import Restore, RestoreEnd
 from gateway.starters.restoring import Change, RestorePlan, plan_restore, restore_codes
@@ -52,7 +54,8 @@ async def restore(
     with_sources: bool = False,
 ) -> int:
     """Restore what differs; 0 when the starter then holds everything that can be written."""
-    async with live.bench() as bench:
+    watchdogs = known_watchdogs(live.state_dir, live.neighbours)
+    async with live.bench(watchdogs) as bench:
         _check_lock(live, is_dry=is_dry)
         _check_identity(live, bench, is_dry=is_dry)
         _check_model(bench, wanted, is_other_model=is_other_model)
@@ -60,6 +63,8 @@ async def restore(
         seen = (await read_with_progress(bench, reads, progress)).rows
         plan = plan_restore(bench.profile, bench.variant, wanted=wanted, seen=seen, with_sources=with_sources)
         _show_plan(plan, bench.profile.protected.command_sources, is_dry=is_dry)
+        watchdogs.note(live.setup.name, seen)
+        await _check_watchdog(live, watchdogs, plan, is_dry=is_dry)
         if is_dry or not plan.changes:
             return 0
         work = Restore(bench, plan, clock=live.clock)
@@ -69,6 +74,7 @@ async def restore(
             end = await work.run(_teller(plan, progress))
         finally:
             trouble = count_writes(live.state_dir, live.setup.name, work.writes)
+            trouble = trouble or save_watchdogs(live.state_dir, watchdogs)
         code = _show_end(end, progress)
         if trouble:
             print(trouble)
@@ -91,6 +97,19 @@ def _check_identity(live: LiveStarter, bench: Bench, *, is_dry: bool) -> None:
         raise CommandError("identity_changed", f"{live.setup.name}: {trouble}; nothing was written")
     if trouble:
         print(f"would be refused: {trouble}")
+
+
+async def _check_watchdog(
+    live: LiveStarter, watchdogs: KnownWatchdogs, plan: RestorePlan, *, is_dry: bool
+) -> None:
+    """Let nothing be written that sets a watchdog which the line cannot keep; CommandError."""
+    rows = {change.code: tuple(change.after.raw or ()) for change in plan.changes}
+    try:
+        await watchdogs.check(live.setup.name, rows)
+    except CommandError as error:
+        if not is_dry:
+            raise CommandError(error.code, f"{error.text}; nothing was written") from error
+        print(f"would be refused: {error.text}")
 
 
 def _check_model(bench: Bench, wanted: ParameterSet, *, is_other_model: bool) -> None:

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 from math import ceil
 from typing import get_args
 
 from gateway.config.schema import Baud, LineTable
 from gateway.config.setups import setups_of, timing_of
-from gateway.line.forecast import forecast, longest_gap_s
+from gateway.line.deadline_check import LONGEST_LIMIT_S, missed_deadlines, with_deadlines
+from gateway.line.forecast import forecast
 from gateway.line.job import Poll
 from gateway.modbus.timing import LineTiming
 from gateway.starters.polling import polls_of
 
-LONGEST_WATCHDOG_S = 1000.0
 LONGEST_EVERY_S = 3600.0
 
 
@@ -88,8 +87,7 @@ def _faster_or_fewer(line: LineTable, polls: Sequence[Poll], is_kept: IsKept) ->
 
 
 def _keeps_watchdogs(polls: Sequence[Poll], timing: LineTiming, *, allowance_s: float) -> bool:
-    prospect = forecast(polls, timing, allowance_s=allowance_s)
-    return all(longest_gap_s(prospect, poll.unit) <= poll.deadline_s for poll in polls if poll.deadline_s)
+    return not missed_deadlines(polls, timing, allowance_s=allowance_s)
 
 
 def _keeps_periods(polls: Sequence[Poll], timing: LineTiming) -> bool:
@@ -97,9 +95,9 @@ def _keeps_periods(polls: Sequence[Poll], timing: LineTiming) -> bool:
 
 
 def _with_watchdogs(polls: Sequence[Poll], least_s: float) -> list[Poll]:
-    return [
-        replace(poll, deadline_s=max(poll.deadline_s, least_s)) if poll.deadline_s else poll for poll in polls
-    ]
+    return with_deadlines(
+        polls, {poll.unit: max(poll.deadline_s, least_s) for poll in polls if poll.deadline_s}
+    )
 
 
 def _most(count: int, is_kept: Callable[[int], bool]) -> int:
@@ -111,7 +109,7 @@ def _most(count: int, is_kept: Callable[[int], bool]) -> int:
     return low
 
 
-def _least(is_kept: Callable[[float], bool], *, most: int = int(LONGEST_WATCHDOG_S)) -> float | None:
+def _least(is_kept: Callable[[float], bool], *, most: int = LONGEST_LIMIT_S) -> float | None:
     """Return the least whole number up to `most` for which it is kept; None when it is for none."""
     low, high = 0, most
     if not is_kept(high):

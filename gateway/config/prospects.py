@@ -13,6 +13,7 @@ from gateway.config.schema import Config, LineTable, StarterTable
 from gateway.config.setups import setups_of, timing_of
 from gateway.families.identify import identify_requests
 from gateway.line.budget import worst_stop_latency_s
+from gateway.line.deadline_check import missed_in
 from gateway.line.forecast import Forecast, forecast, longest_gap_s
 from gateway.line.job import Poll
 from gateway.starters.polling import polls_of
@@ -65,7 +66,8 @@ def missed_deadlines(prospects: Iterable[LineProspect]) -> list[Mistake]:
     """Return the watchdogs that would trip although everything works; of a site's lines in their order."""
     mistakes = []
     for index, line in enumerate(prospects):
-        missed = [each for each in line.starters if each.margin_s is not None and each.margin_s < 0]
+        units = {each.unit for each in missed_in(line.forecast)}
+        missed = [each for each in line.starters if each.table.address in units]
         mend = mend_of(line.table) if missed else ""
         for starter in missed:
             key = ("line", index, "starter", line.table.starters.index(starter.table), "watchdog_s")

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from gateway.families.finding import Settings, Watchdog
-from gateway.families.schema import Profile, Variant
+from gateway.families.schema import Profile, Table, Variant
+from gateway.modbus.pdu import Request
+from gateway.modbus.writes import WriteRegister, WriteRegisters
 
 SERIAL = 2  # P229, P230 [ssw06-es 2.6, 2.7; ssw07 2.6, 2.7]
 MODE_BY_SERIAL = (5, 6)  # P220 [ssw06-es 2.5; ssw07 2.5]
@@ -37,6 +39,33 @@ def watchdogs(
     told = _TELLERS.get(profile.family)
     found = told(Settings(profile, variant, rows)) if told is not None else ()
     return tuple(sorted(found, key=lambda each: each.after_s))
+
+
+def shortest_s(profile: Profile, variant: Variant, rows: Mapping[str, tuple[int, ...]]) -> float | None:
+    """Return after how long without a request the first watchdog acts; None when none is on."""
+    found = watchdogs(profile, variant, rows)
+    return found[0].after_s if found else None
+
+
+def written_rows(profile: Profile, requests: Iterable[Request]) -> dict[str, tuple[int, ...]]:
+    """Return those rows of `watchdog_codes` that these requests write, with the words they get."""
+    found: dict[str, tuple[int, ...]] = {}
+    rows = [profile.parameters[code] for code in watchdog_codes(profile)]
+    for request in requests:
+        match request:
+            case WriteRegister():
+                start = request.address
+                words: tuple[int, ...] = (request.word,)
+            case WriteRegisters():
+                start = request.address
+                words = tuple(request.words)
+            case _:
+                continue
+        for row in rows:
+            at = row.address - start
+            if row.table is not Table.COIL and at >= 0 and at + row.words <= len(words):
+                found[row.code] = words[at : at + row.words]
+    return found
 
 
 def slot_source(variant: Variant) -> int | None:

@@ -179,6 +179,7 @@ class Polled:
         sign = unit.health.take(outcome, now_s)
         self.rota.is_after_silence = sign is Sign.MISS
         if sign is Sign.ANSWER:
+            unit.misses = 0
             unit.patient_until_s = now_s + PATIENCE_S
             self.watchdogs.heard(unit.number, since_s)
             self._release(unit, poll, now_s)
@@ -189,6 +190,7 @@ class Polled:
             if unit.is_held and poll is not None and since_s >= unit.patient_until_s:
                 self.rota.budget.spend(now_s - since_s, now_s)
         if sign is Sign.MISS:
+            unit.misses += 0 if unit.health.is_forgiven(now_s) else 1
             if not was_suspect and not was_silent:
                 unit.missed_s = now_s
             unit.miss_cost_s = now_s - since_s

@@ -10,6 +10,9 @@ from gateway.line.health import UnitHealth, UnitState
 from gateway.line.job import Poll
 from gateway.line.silence import BACK_OFF_FLOOR_S
 
+# Two misses in a row let a unit be asked by its probe alone, which happens every few minutes where 5 % of the
+# replies are lost. So many in a row are a unit that is lost, and not replies that are.
+LOST_AFTER_MISSES = 4
 GUESSED_COST_S = 0.03  # of a poll that has not been answered yet
 
 
@@ -49,6 +52,7 @@ class Unit:
     woken_s: float = -inf  # for a neighbour that answered
     missed_s: float = -inf  # the first miss of those in a row
     miss_cost_s: float = 0.0
+    misses: int = 0  # in a row
     told: bool | None = None  # whether it answers, as last returned by `news`
 
     @property
@@ -72,7 +76,11 @@ class Unit:
 
     def news(self) -> bool | None:
         """Return whether the unit answers when that is not what was told before; None for nothing new."""
-        is_answering = {UnitState.ANSWERING: True, UnitState.SILENT: False}.get(self.health.state, self.told)
+        is_answering = self.told
+        if self.health.state is UnitState.ANSWERING:
+            is_answering = True
+        elif self.health.state is UnitState.SILENT and self.misses >= LOST_AFTER_MISSES:
+            is_answering = False
         if is_answering is self.told:
             return None
         self.told = is_answering

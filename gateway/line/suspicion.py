@@ -13,7 +13,7 @@ from math import inf
 from gateway.errors import BadFrameError
 from gateway.modbus import adu
 
-ADDRESS_CONFLICT, BABBLING = "address_conflict", "babbling"
+ADDRESS_CONFLICT, BABBLING, LINE_NOISE = "address_conflict", "babbling", "line_noise"
 SOMEONE = 0  # in the place of a unit that cannot be told
 
 ENOUGH = 4.0  # signs
@@ -29,6 +29,13 @@ LEAK_PER_S = 0.05  # of one that talks unasked
 TOLD_AGAIN_AFTER_S = 600.0
 
 RECENTLY_S = 0.15  # a second starter of the same address answers about as soon as the first
+
+# Two that answer for one address spoil nearly every reply of it, noise spoils some of every address.
+MERGED_SHARE = 0.5  # of a unit's latest replies, before spoilt ones are taken for two that answer at once
+UNIT_MEMORY, LINE_MEMORY = 0.2, 0.01  # weight of the latest reply in a unit's share, and in the line's
+NOISY_SHARE = 0.05  # of all replies
+NOISY_UNIT_SHARE = 0.02
+NOISY_FROM = 50  # replies on
 
 Owes = Callable[[int], bool]  # whether a unit may still answer late
 
@@ -52,6 +59,9 @@ class Suspicions:
         self._doubled: dict[int, float] = {}  # by unit
         self._unasked: dict[int, tuple[float, float]] = {}  # by unit: signs, and when they were that many
         self._replies: dict[int, tuple[bytes, float]] = {}  # the latest of each unit, until it is asked again
+        self._spoilt: dict[int, float] = {}  # by unit: the share of its latest replies
+        self._spoilt_of_all = 0.0
+        self._counted = 0
         self._told_s: dict[tuple[str, int], float] = {}
         self._news: list[Trouble] = []
 
@@ -67,6 +77,7 @@ class Suspicions:
     def note_answer(self, unit: int, frame: bytes, *, at_s: float) -> None:
         """Take over that a unit answered as it should."""
         self._replies[unit] = (frame, at_s)
+        self._count(unit, is_spoilt=False)
         signs = self._doubled.get(unit)
         if signs is not None:
             self._doubled[unit] = max(signs - LEAK_PER_ANSWER, 0.0)
@@ -91,7 +102,10 @@ class Suspicions:
         """Take over what came instead of the reply that a unit was asked for."""
         frame = whole_frame(received)
         if frame is None:
-            if reply_size is not None and len(received) >= reply_size:
+            self._count(unit, is_spoilt=True)
+            self._look_at_noise(now_s)
+            is_long_enough = reply_size is not None and len(received) >= reply_size
+            if is_long_enough and self._spoilt[unit] >= MERGED_SHARE and not self._are_others_spoilt(unit):
                 self._suspect_conflict(unit, MERGED_REPLY, now_s)
         elif frame.unit != unit:
             self._note_frame(frame.unit, received, owes=owes, now_s=now_s)
@@ -107,6 +121,27 @@ class Suspicions:
             self._suspect_conflict(unit, SAME_REPLY if frame == reply else OTHER_REPLY, now_s)
         elif not owes(unit):
             self._suspect_babble(unit, UNASKED_FRAME, now_s)
+
+    def _count(self, unit: int, *, is_spoilt: bool) -> None:
+        self._counted += 1
+        before = self._spoilt.get(unit, 0.0)
+        self._spoilt[unit] = before + UNIT_MEMORY * (is_spoilt - before)
+        self._spoilt_of_all += LINE_MEMORY * (is_spoilt - self._spoilt_of_all)
+
+    def _are_others_spoilt(self, unit: int) -> bool:
+        return any(share >= NOISY_UNIT_SHARE for other, share in self._spoilt.items() if other != unit)
+
+    def _look_at_noise(self, now_s: float) -> None:
+        """Name noise once it spoils the replies of several units, or of the only one now and then."""
+        spoilt = [unit for unit, share in self._spoilt.items() if share >= NOISY_UNIT_SHARE]
+        is_shared = len(spoilt) > 1 or (len(self._spoilt) == 1 and max(self._spoilt.values()) < MERGED_SHARE)
+        if self._counted < NOISY_FROM or self._spoilt_of_all < NOISY_SHARE or not is_shared:
+            return
+        text = (
+            f"noise: some {self._spoilt_of_all:.0%} of the replies are corrupted, of {len(spoilt)} of "
+            f"{len(self._spoilt)} addresses; look at shield, reference and termination"
+        )
+        self._tell(Trouble(LINE_NOISE, SOMEONE, text), now_s)
 
     def _is_like_reply(self, unit: int, stray: bytes) -> bool:
         return unit in self._replies and stray[:_HEAD] == self._replies[unit][0][:_HEAD]

@@ -108,6 +108,15 @@ class Addressed:
         """How long two readings of its status are apart at most."""
         return self._starter.status_period_s
 
+    def note_settings(self, rows: Mapping[str, tuple[int, ...]]) -> None:
+        """Hand over settings that were just read; those of another family are not kept."""
+        if not self._is_other:
+            self._starter.note_settings(rows)
+
+    def set_trouble(self, topic: str, reason: str) -> None:
+        """Publish that a part of the starter cannot be read at present; an empty reason: it can be again."""
+        self._starter.set_trouble(topic, reason)
+
     def take_rows(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
         """Keep rows that were just read; those of another family are not published."""
         if self._is_other:

@@ -38,6 +38,14 @@ class AlarmBook:
         ]
         return tuple(changed)
 
+    def active_codes(self, severity: str) -> tuple[str, ...]:
+        """Return the codes of this severity that are active, in their order."""
+        return tuple(
+            sorted(
+                s.alarm.code for s in self._standings.values() if s.is_active and s.alarm.severity == severity
+            )
+        )
+
     def _is_active(self, code: str) -> bool:
         standing = self._standings.get(code)
         return standing is not None and standing.is_active

@@ -15,6 +15,7 @@ from gateway.line.outcome import Answered, Outcome, Refused
 from gateway.modbus.pdu import Request
 from gateway.starters.bulk_reading import BulkReading, read_in_bulk
 from gateway.starters.identification import Standing, standing_of
+from gateway.starters.known_watchdogs import KnownWatchdogs
 from gateway.starters.publisher import Publisher
 from gateway.starters.records import Sink
 from gateway.starters.sequence import Sequence
@@ -26,7 +27,14 @@ class Bench:
     """A `StarterControlView` without polls, so that a command judges only what it has just read itself."""
 
     def __init__(
-        self, setup: StarterSetup, *, line: LineClient, sink: Sink, clock: Clock, sequence: Sequence
+        self,
+        setup: StarterSetup,
+        *,
+        line: LineClient,
+        sink: Sink,
+        clock: Clock,
+        sequence: Sequence,
+        watchdogs: KnownWatchdogs | None = None,
     ) -> None:
         self.setup = setup
         self.line = line
@@ -34,6 +42,7 @@ class Bench:
         self.snapshot = Snapshot({})
         self.publisher = Publisher(setup.name, sink=sink, clock=clock, sequence=sequence)
         self.identity = Identity(reason="not yet asked")
+        self._watchdogs = watchdogs or KnownWatchdogs()
         self.is_answering = False
         self.status_period_s = 0.0  # no poll vouches for anything
 
@@ -81,3 +90,11 @@ class Bench:
     def take_rows(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
         """Keep rows that were just read for a command."""
         self.snapshot.keep_rows(rows, at_s=at_s)
+        self.note_settings(rows)
+
+    def set_trouble(self, topic: str, reason: str) -> None:
+        """Ignore what cannot be read: the command itself says so."""
+
+    def note_settings(self, rows: Mapping[str, tuple[int, ...]]) -> None:
+        """Record settings that were just read."""
+        self._watchdogs.note(self.setup.name, rows)

@@ -160,6 +160,10 @@ CODES: Mapping[str, Mapping[str, Code]] = {
             "The line is so full that the command had no turn while it was valid; nothing was written.",
             "Send it again, with a new id, after the time that the text says.",
         ),
+        "watchdog_unkept": Code(
+            "The line cannot keep a starter from a watchdog that short.",
+            "Set it as the text says, or longer.",
+        ),
         "wear_limit": Code("So many writes would wear the starter's memory out.", "Wait as the text says."),
     },
     "The gateway would not": {

@@ -244,7 +244,9 @@ class Commander:
         errand = Errand(request, self._desk)
         errand.accept()
         place = None if request.verb == READ else load.queue.enter(request.expires_s)
-        self._conducts[request.starter] = conduct = Conduct(errand, starter, preparation, guard, place)
+        self._conducts[request.starter] = conduct = Conduct(
+            errand, starter, preparation, guard, place, self._precautions.watchdogs
+        )
         self._spawn(self._until_done(request.starter, conduct))
 
     def _take_stop(self, request: CommandRequest, *, is_repeat: bool) -> None:

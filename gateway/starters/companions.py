@@ -8,8 +8,10 @@ from functools import partial
 from typing import Any
 
 from gateway.clock import Clock
+from gateway.families.readiness import readiness_codes
 from gateway.starters.fast_lane import FastLane
 from gateway.starters.keypad_patrol import EVERY_S, VERBS, KeypadPatrol
+from gateway.starters.keypad_watch import rows_set
 from gateway.starters.precautions import Precautions
 from gateway.starters.readiness_watch import ReadinessWatch
 from gateway.starters.records import AuditRecord, Record, Sink
@@ -26,6 +28,10 @@ class _Company:
     patrol: KeypadPatrol
     lane: FastLane | None = None
     may_write: bool = False  # on our own account: the map of the fast words
+
+    def is_about_readiness(self, record: AuditRecord) -> bool:
+        """Return whether a command has set a row that says how ready the starter is, or its watchdog."""
+        return not rows_set(record.verb, record.args).keys().isdisjoint(readiness_codes(self.starter.profile))
 
     async def close(self) -> None:
         if self.lane is not None:
@@ -46,9 +52,10 @@ class Companions:
 
     def add(self, starter: StarterTelemetry) -> None:
         """Go along with this starter; one that comes after the start is not written to on our own account."""
-        watch = ReadinessWatch(starter)
+        patrol = KeypadPatrol(starter, on_change=lambda: watch.begin(), every_s=self._patrol_every_s)
+        patrol.recall(starter.settings_recalled())
+        watch = ReadinessWatch(starter, on_rows=patrol.note_reading)
         starter.when_identified(watch.begin)
-        patrol = KeypadPatrol(starter, on_change=watch.begin, every_s=self._patrol_every_s)
         company = self._companies[starter.setup.name] = _Company(starter, watch, patrol)
         if self._is_started:
             self._add_lane(company)
@@ -112,8 +119,10 @@ class Companions:
         """Pass a record of the commander on, and remember what it sets."""
         if isinstance(record, AuditRecord) and record.verb in VERBS and record.starter in self._companies:
             is_over = record.decision not in ("accepted", "written")
-            patrol = self._companies[record.starter].patrol
-            patrol.note_command(record.verb, record.args, is_over=is_over)
+            company = self._companies[record.starter]
+            company.patrol.note_command(record.verb, record.args, is_over=is_over)
+            if is_over and company.is_about_readiness(record):
+                company.watch.begin()
         self._sink.put(record)
 
 

@@ -21,6 +21,7 @@ from gateway.starters.command_queue import LINE_FULL, Place
 from gateway.starters.control import StarterControlView
 from gateway.starters.errand import End, Errand
 from gateway.starters.guard import Guard
+from gateway.starters.known_watchdogs import KnownWatchdogs
 from gateway.starters.records import Phase
 from gateway.starters.wire import HaltedError, RefusedError, Rows, Wire
 
@@ -65,12 +66,14 @@ class Conduct:
         preparation: Preparation,
         guard: Guard | None = None,
         place: Place | None = None,
+        watchdogs: KnownWatchdogs | None = None,
     ) -> None:
         self.errand = errand
         self._starter = starter
         self._preparation = preparation
         self._guard = guard  # what the gateway itself demands
         self._place = place  # among the commands of its line; None: it needs no turn
+        self._watchdogs = watchdogs or KnownWatchdogs()  # of the starters that share its line
         self.can_wait = errand.request.verb in CAN_WAIT
         self._lane = Lane.PARAMETERS if self.can_wait else Lane.COMMAND
         self._wire = Wire(starter, read_back_lane=Lane.PARAMETERS if self.can_wait else Lane.READ_BACK)
@@ -94,6 +97,7 @@ class Conduct:
             logger.exception("starter=%s command ended by a bug", self.errand.request.starter)
             end = self._cut("internal", "an error inside the gateway; see its log")
         self._leave_queue()
+        self._watchdogs.end(self.errand.request.starter)
         self.errand.finish(end)
 
     async def _ended(self) -> End:
@@ -101,7 +105,7 @@ class Conduct:
             if self._place is not None:
                 await self._wire.wait_for(self._place.wait())
             rows, procedure = await self._decide()
-            if procedure.steps and await self._intend() > SLOW_DISK_S:
+            if procedure.steps and await self._intend(procedure) > SLOW_DISK_S:
                 rows, procedure = await self._decide()  # what was read has grown old meanwhile
             if not procedure.steps:
                 return self._unwritten(procedure, rows)
@@ -123,9 +127,10 @@ class Conduct:
                 await self._leave_safe()
             return self._cut(error.code, HALTED.get(error.code, error.code))
 
-    async def _intend(self) -> float:
+    async def _intend(self, procedure: Procedure) -> float:
         """Have it kept, and admitted, that something is about to be written; return how long that took."""
         began_s = self.errand.now_s()
+        await self._wire.wait_for(self._watchdogs.admit(self.errand.request.starter, procedure))
         await self._wire.wait_for(self.errand.intend())
         if self._guard is not None:
             await self._wire.wait_for(self._guard.admit())

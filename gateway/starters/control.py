@@ -72,6 +72,14 @@ class StarterControlView(Protocol):
         """How long two readings of its status are apart at most."""
         ...
 
+    def note_settings(self, rows: Mapping[str, tuple[int, ...]]) -> None:
+        """Hand over settings that were just read: the watchdog's count for its line."""
+        ...
+
+    def set_trouble(self, topic: str, reason: str) -> None:
+        """Publish that a part of the starter cannot be read at present; an empty reason: it can be again."""
+        ...
+
     def take_rows(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
         """Hand over rows that were just read for a command."""
         ...

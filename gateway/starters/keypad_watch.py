@@ -26,6 +26,7 @@ class KeypadWatch:
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
+        self._watched = frozenset(watched_codes(profile))
         self._known: dict[str, tuple[int, ...]] = {}
         self._ours: dict[str, tuple[int, ...]] = {}  # what we last set, until it is read
         self._settled: set[str] = set()  # of these, what the command has ended for
@@ -35,7 +36,7 @@ class KeypadWatch:
 
         What it wrote is ours up to the first reading after its end.
         """
-        for code, value in _wanted(verb, args).items():
+        for code, value in rows_set(verb, args).items():
             try:
                 row = find(self._profile, code)
                 words = to_words(self._profile, row, value, variant=variant)
@@ -47,6 +48,10 @@ class KeypadWatch:
             else:
                 self._settled.discard(row.code)
 
+    def recall(self, rows: Mapping[str, tuple[int, ...]]) -> None:
+        """Take over rows as they were read in an earlier run, as far as nothing newer is known."""
+        self._known = {code: words for code, words in rows.items() if code in self._watched} | self._known
+
     def note_written(self, rows: Mapping[str, tuple[int, ...]]) -> None:
         """Take over that the gateway itself writes these rows now."""
         self._ours.update(rows)
@@ -56,6 +61,8 @@ class KeypadWatch:
         """Take over settings that were just read and return what somebody else has changed."""
         found = []
         for code, words in rows.items():
+            if code not in self._watched:
+                continue
             before = self._known.get(code)
             self._known[code] = words
             ours = self._ours.get(code)
@@ -74,7 +81,7 @@ class KeypadWatch:
         return Change(EVENT, Severity.WARNING, text, data)
 
 
-def _wanted(verb: str, args: Mapping[str, Any]) -> dict[str, Any]:
+def rows_set(verb: str, args: Mapping[str, Any]) -> dict[str, Any]:
     """Return what a command sets, by code."""
     if verb != "set":
         return dict(args)

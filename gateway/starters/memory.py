@@ -101,7 +101,7 @@ class FileMemory:
         new = self._path.with_name(f"{self._path.name}.new")
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            with new.open("wb") as file:
+            with open(new, "wb", opener=_private) as file:
                 file.write(content)
                 file.flush()
                 os.fsync(file.fileno())
@@ -197,6 +197,11 @@ def _free(path: Path) -> Path:
     """Return this path, or the first one with a number behind it that is not taken."""
     numbered = (path.with_name(f"{path.name}-{number}") for number in itertools.count(2))
     return next(each for each in itertools.chain((path,), numbered) if not os.path.lexists(each))
+
+
+def _private(path: str, flags: int) -> int:
+    """Open a file that only the gateway's own user may read."""
+    return os.open(path, flags, 0o600)
 
 
 def _sync_folder(folder: Path) -> None:

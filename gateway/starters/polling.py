@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from gateway.families.blocks import Block, split
 from gateway.families.fast_words import FastBlock, fast_block, plan_with
 from gateway.families.schema import Variant
 from gateway.line.client import LineClient
 from gateway.line.job import Poll
+from gateway.starters.refusals import AGAIN_AFTER_S, ENOUGH, IN_ROW, Refusals, Splits, vital_codes
 from gateway.starters.setup import StarterSetup
 
 FAST_S = 0.25  # period while the motor starts, stops or is in fault
@@ -44,6 +45,13 @@ class _Polled:
     last_s: float | None = None  # of the last answer; None since the starter was lost
     gap_s: float | None = None  # between the last two answers, which an over-full line puts off
     is_overdue: bool = False
+    refusals: Refusals = field(default_factory=Refusals)
+    whole: Block | None = None  # of which this is one row, since it was refused
+
+    @property
+    def is_refused(self) -> bool:
+        """Return whether it was refused so often in a row that it is not by chance."""
+        return self.refusals.in_row >= (IN_ROW if self.whole is None else 1)
 
     def overdue_s(self) -> float:
         """Return when the values of this block are stale unless it is answered before."""
@@ -55,6 +63,7 @@ class _Polled:
     def forget(self) -> None:
         """Be as if it had never been answered."""
         self.last_s, self.gap_s, self.is_overdue = None, None, False
+        self.refusals.clear()
 
 
 class Polling:
@@ -70,6 +79,9 @@ class Polling:
         self.is_withdrawn = not setup.is_enabled  # nothing is asked, whatever comes
         self._polled = {_key(setup, block): self._begin(block) for block in self._plan}
         self._soonest_overdue_s = math.inf  # nothing becomes overdue before
+        self._vital = vital_codes(setup.profile)
+        self._splits: dict[str, Splits] = {}  # by block
+        self._given_up_s: float | None = None  # when a row was given up last; None when all are asked for
 
     def block(self, key: str) -> Block | None:
         """Return what a poll asks for; None when it is no longer ours."""
@@ -83,19 +95,73 @@ class Polling:
             polled.gap_s = at_s - polled.last_s
         polled.last_s, polled.is_overdue = at_s, False
         self._soonest_overdue_s = min(self._soonest_overdue_s, polled.overdue_s())
+        if polled.refusals.in_row:
+            polled.refusals.clear()
+            self._keep_pace()
+        if polled.whole is not None:
+            self._rejoin(polled.whole, at_s)
+        self._try_given_up(at_s)
 
-    def note_refusal(self, key: str) -> tuple[str, ...]:
-        """Ask row by row for a block that was refused; return what is given up: a single row."""
-        block = self._polled[key].block
-        if len(block.codes) == 1 and len(self._polled) == 1:
-            return block.codes  # but still asked for: without any poll nobody would notice a silence
-        del self._polled[key]
+    def note_refusal(self, key: str, *, at_s: float) -> tuple[str, ...]:
+        """Record that a poll was refused; return the codes of which nothing is known any more."""
+        polled = self._polled[key]
+        polled.refusals.note(at_s)
+        if not polled.is_refused:
+            self._line.hasten(key)
+            return ()
+        if len(polled.block.codes) > 1:
+            if not isinstance(polled.block, FastBlock):  # which has to be given up as a whole
+                self._split(key, at_s)
+            return ()
+        is_vital = not self._vital.isdisjoint(polled.block.codes)
+        if is_vital or polled.refusals.apart < ENOUGH or len(self._polled) == 1:
+            self._keep_pace()
+        else:
+            self._given_up_s = at_s
+            del self._polled[key]
+            self._line.remove_poll(key)
+        return polled.block.codes
+
+    def is_refused(self, key: str) -> bool:
+        """Return whether a poll was refused so often in a row that it is not by chance."""
+        return self._polled[key].is_refused
+
+    def refused_vital(self) -> tuple[str, ...]:
+        """Return the rows that decide state, fault or watchdog and are refused alone."""
+        return tuple(
+            code
+            for polled in self._polled.values()
+            for code in polled.block.codes
+            if polled.is_refused and len(polled.block.codes) == 1 and code in self._vital
+        )
+
+    def _split(self, key: str, now_s: float) -> None:
+        """Ask row by row for a block that is refused."""
+        block = self._polled.pop(key).block
         self._line.remove_poll(key)
-        if len(block.codes) == 1:
-            return block.codes
+        self._splits.setdefault(block.name, Splits()).note(now_s)
         for single in split(block):
-            self._add(single)
-        return ()
+            self._add(single, whole=block)
+
+    def _rejoin(self, whole: Block, now_s: float) -> None:
+        """Ask for a block as a whole again once each of its rows was answered alone."""
+        parts = {key: polled for key, polled in self._polled.items() if polled.whole is whole}
+        codes = {code for polled in parts.values() for code in polled.block.codes}
+        is_answered = all(p.last_s is not None and not p.refusals.in_row for p in parts.values())
+        if not is_answered or codes != set(whole.codes) or not self._splits[whole.name].is_over(now_s):
+            return
+        last_s = min(polled.last_s for polled in parts.values() if polled.last_s is not None)
+        for key in parts:
+            del self._polled[key]
+            self._line.remove_poll(key)
+        self._add(whole)
+        self._polled[_key(self._setup, whole)].last_s = last_s
+        self._soonest_overdue_s = -math.inf
+
+    def _try_given_up(self, now_s: float) -> None:
+        """Ask again for everything that was given up, an hour after the last of it."""
+        if self._given_up_s is not None and now_s - self._given_up_s >= AGAIN_AFTER_S:
+            self.restore()
 
     def note_silence(self) -> None:
         """Take over that the starter is lost: nothing is overdue until it answers again."""
@@ -116,6 +182,7 @@ class Polling:
 
     def restore(self) -> None:
         """Ask for everything again that had been given up."""
+        self._given_up_s = None
         self._replace(self._plan)
 
     def replan(self, variant: Variant) -> None:
@@ -148,7 +215,7 @@ class Polling:
 
     def _keep_pace(self) -> None:
         for key, polled in self._polled.items():
-            every_s = self._every_s(polled.block)
+            every_s = max(self._every_s(polled.block), polled.refusals.pause_s)
             if every_s != polled.every_s:
                 polled.every_s = every_s
                 self._soonest_overdue_s = -math.inf
@@ -158,6 +225,12 @@ class Polling:
         """Have everything read now."""
         for key in self._polled:
             self._line.hasten(key)
+
+    def hasten_status(self) -> None:
+        """Have the status read now."""
+        for key, polled in self._polled.items():
+            if polled.block.group == "status":
+                self._line.hasten(key)
 
     def take_overdue(self, now_s: float) -> tuple[str, ...]:
         """Return the codes that have become overdue, once."""
@@ -191,11 +264,13 @@ class Polling:
     def _begin(self, block: Block) -> _Polled:
         return _Polled(block, self._every_s(block))
 
-    def _add(self, block: Block) -> None:
+    def _add(self, block: Block, *, whole: Block | None = None) -> None:
         key = _key(self._setup, block)
         if key not in self._polled:
             self._polled[key] = self._begin(block)
-            self._line.add_poll(_poll(self._setup, block, every_s=self._polled[key].every_s))
+            self._polled[key].whole = whole
+            poll = _poll(self._setup, block, every_s=self._polled[key].every_s)
+            self._line.add_poll(replace(poll, deadline_s=None))  # the line has it, and may have a newer one
 
     def _replace(self, plan: tuple[Block, ...]) -> None:
         wanted = {_key(self._setup, block): block for block in plan}

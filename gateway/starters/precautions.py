@@ -10,6 +10,7 @@ from gateway.errors import DamagedError
 from gateway.starters.expectation import Expectation
 from gateway.starters.guard import Guard
 from gateway.starters.identities import Identities
+from gateway.starters.known_watchdogs import KnownWatchdogs
 from gateway.starters.logbook import Logbook
 from gateway.starters.maintenance import NOTICE
 from gateway.starters.memory import Memory, NoMemory, Saver
@@ -20,6 +21,7 @@ from gateway.starters.rights import Rights
 from gateway.starters.rules import Rulebook
 from gateway.starters.selection import Selections
 from gateway.starters.sequence import Sequence as Numbers
+from gateway.starters.told_faults import ToldFaults
 from gateway.starters.wear import Wear
 from gateway.starters.witness import Witness
 
@@ -42,12 +44,16 @@ class Precautions:
         memory: Memory | None = None,
         identities_memory: Memory | None = None,
         wear_memory: Memory | None = None,
+        watchdogs: KnownWatchdogs | None = None,
+        told_faults: ToldFaults | None = None,
     ) -> None:
         self.policy = policy
         self.logbook = Logbook(starters)
         self.rulebook = Rulebook(policy.rules, self.logbook)
         self.selections = Selections()
         self.identities = Identities(sink=sink, clock=clock, sequence=sequence, memory=identities_memory)
+        self.told_faults = told_faults or ToldFaults()
+        self.watchdogs = watchdogs or KnownWatchdogs()
         self.wear = Wear(on_count=self._tell_wear)
         self._wear_saver = Saver(wear_memory or NoMemory(), self.wear.to_document, on_trouble=lambda _: None)
         self.saver = Saver(memory or NoMemory(), self._document, on_trouble=self._tell_trouble)
@@ -58,6 +64,8 @@ class Precautions:
         self._unsure: set[str] = set()  # starters that may have been locked, as far as anybody knows
         self._restore(memory or NoMemory(), starters, rights)
         self._restore_wear(wear_memory or NoMemory())
+        if self.watchdogs.damage:
+            self._tell("memory_damaged", Severity.WARNING, self.watchdogs.damage)
 
     def take_over(self, policy: Policy, *, rights: Rights) -> None:
         """Judge by another policy from now on; a command that was admitted keeps to the one it came under."""

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import logging
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from gateway.errors import CommandError, PortLostError
 from gateway.families.bulk import bulk_reads
 from gateway.families.finding import Finding, Weight
 from gateway.families.readiness import readiness, readiness_codes, refuses_start
-from gateway.families.watchdog import watchdogs
+from gateway.families.watchdog import watchdog_codes, watchdogs
 from gateway.line.job import Lane
 from gateway.line.outcome import Outcome
 from gateway.modbus.pdu import Request
-from gateway.starters.bulk_reading import read_in_bulk
+from gateway.starters.bulk_reading import BulkReading, read_in_bulk
 from gateway.starters.control import StarterControlView
 from gateway.starters.records import Severity
 
@@ -23,6 +24,7 @@ logger = logging.getLogger(__name__)
 
 EVENT = "readiness"
 PAUSES_S = (0.0, 5.0, 30.0, 120.0)  # before each attempt to read the settings
+WATCHDOG_TOPIC = "watchdog"  # of what keeps a starter from being read whole
 
 _SEVERITIES = {Weight.NOTE: Severity.INFO, Weight.WARNING: Severity.WARNING, Weight.ERROR: Severity.ERROR}
 
@@ -30,8 +32,14 @@ _SEVERITIES = {Weight.NOTE: Severity.INFO, Weight.WARNING: Severity.WARNING, Wei
 class ReadinessWatch:
     """Looks at one starter's settings whenever it is told to; says only what it has not just said."""
 
-    def __init__(self, starter: StarterControlView) -> None:
+    def __init__(
+        self,
+        starter: StarterControlView,
+        *,
+        on_rows: Callable[[Mapping[str, tuple[int, ...]]], None] = lambda _: None,
+    ) -> None:
         self._starter = starter
+        self._on_rows = on_rows
         self._task: asyncio.Task[None] | None = None
         self._said: object = None  # what the last event was told from
 
@@ -60,29 +68,39 @@ class ReadinessWatch:
             logger.exception("starter=%s readiness ended by a bug", self._starter.setup.name)
 
     async def _look_until_read(self) -> None:
-        """Look, and again after ever longer pauses while the starter does not answer."""
-        for pause_s in PAUSES_S:
+        """Look, and again after ever longer pauses until the starter has given the rows of its watchdog."""
+        for pause_s in itertools.chain(PAUSES_S, itertools.repeat(PAUSES_S[-1])):
             await asyncio.sleep(pause_s)
+            if not self._starter.is_answering:
+                return  # its identification begins this anew
             try:
-                rows = await self._read()
+                found = await self._read()
             except (CommandError, PortLostError) as error:
                 logger.info("starter=%s readiness is not known: %s", self._starter.setup.name, error)
             else:
-                self._keep_watchdogs(rows)
+                rows = found.rows
+                self._starter.note_settings(rows)
+                self._on_rows(rows)
                 self._tell(rows)
-                return
+                if not self._tell_refused_watchdog(found):
+                    return
 
-    async def _read(self) -> dict[str, tuple[int, ...]]:
+    def _tell_refused_watchdog(self, found: BulkReading) -> bool:
+        """Return whether a row is refused without which the watchdog is not known, and say so."""
+        profile = self._starter.profile
+        missing = {
+            code: why
+            for code, why in found.refused.items()
+            if code in watchdog_codes(profile) and profile.parameters[code].is_sure
+        }
+        why = "; ".join(f"{code} is refused ({reason})" for code, reason in missing.items())
+        self._starter.set_trouble(WATCHDOG_TOPIC, f"its watchdog is not known: {why}" if why else "")
+        return bool(missing)
+
+    async def _read(self) -> BulkReading:
         profile = self._starter.profile
         reads = bulk_reads(profile, readiness_codes(profile))
-        return (await read_in_bulk(self._ask, profile, reads, tries=1)).rows
-
-    def _keep_watchdogs(self, rows: dict[str, tuple[int, ...]]) -> None:
-        """Have the line keep the shortest watchdog, of those set in the starter and the configuration's."""
-        starter, setup = self._starter, self._starter.setup
-        found_s = [each.after_s for each in watchdogs(starter.profile, starter.variant, rows)]
-        limits_s = [limit_s for limit_s in (setup.watchdog_s, *found_s) if limit_s]
-        starter.line.set_deadline(setup.address, min(limits_s, default=None))
+        return await read_in_bulk(self._ask, profile, reads, tries=1)
 
     def _tell(self, rows: dict[str, tuple[int, ...]]) -> None:
         starter = self._starter

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from gateway.families.identify import Identity
 from gateway.families.schema import Profile, Variant
+from gateway.line.budget import ALLOWANCE_S
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
 from gateway.modbus.writes import WriteRegisters
@@ -28,6 +29,7 @@ class StarterSetup:
     is_enabled: bool = True
     watchdog_s: float | None = None  # of the communication, as set in the starter; 0: off; None: not stated
     timing: LineTiming | None = None  # of its line; None: reads are not joined by what they cost
+    allowance_s: float = ALLOWANCE_S  # of its line: what adapter and machine add to a reply's way
     has_fast_words: bool = False  # its points are mapped so that one request reads all (SSW900)
     learns_response_times: bool = False  # waits for it follow what it has shown
     edition: int = 0  # of the configuration: a late answer to a poll of an earlier one is nobody's

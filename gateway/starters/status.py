@@ -1,4 +1,4 @@
-"""The state of a starter with its alarms, and the events that follow from them; published at once."""
+"""The state of a starter with its alarms, published at once, and the events that follow from two readings."""
 
 from __future__ import annotations
 
@@ -10,14 +10,17 @@ from typing import Any
 from gateway.families.schema import Profile
 from gateway.families.state import alarms_of, state_of
 from gateway.starters.alarms import AlarmBook, Standing
-from gateway.starters.changes import UNKNOWN, Change, Watch
+from gateway.starters.changes import UNKNOWN, Change, Settled, Watch
 from gateway.starters.decoding import is_flag
 from gateway.starters.publisher import Publisher
 from gateway.starters.records import Quality, Severity
 from gateway.starters.report import LATEST_S
 from gateway.starters.snapshot import Reading, Snapshot, Value, as_flag, good_values
+from gateway.starters.told_faults import LASTING_S, ToldFaults
 
 MOMENTS_BEFORE = 3  # sets of values that an event carries from before it
+NUMBERS = ("fault_code", *(f"d2_1_{place}" for place in range(1, 6)))  # of the faults and alarms
+NUMBER_WITHIN_S = 10.0  # of the first reading of a run, until a fault is published without its number
 FAULT, FAULT_CODE = "fault", "fault_code"
 SUMMARY_FLAGS = (FAULT, "alarm")  # decide whether the alarms can be told at all
 
@@ -25,9 +28,16 @@ SUMMARY_FLAGS = (FAULT, "alarm")  # decide whether the alarms can be told at all
 class Status:
     """Tells the state of one starter whenever it changes, and at the latest every 30 s."""
 
-    def __init__(self, profile: Profile, publisher: Publisher) -> None:
+    def __init__(self, profile: Profile, publisher: Publisher, told: ToldFaults | None = None) -> None:
         self._profile = profile
         self._publisher = publisher
+        self._told = told or ToldFaults()
+        self._numbers = tuple(name for name in NUMBERS if name in profile.points)
+        self._settled = Settled()
+        self._settled_alarms = AlarmBook()
+        self._first_seen: tuple[float, dict[str, Any]] | None = None  # UTC, and the values before
+        self._look_s: float | None = None  # steady clock, when the first fault of this run was settled
+        self._fault_told_s: float | None = None
         self._flags = tuple(name for name in profile.points if is_flag(profile, name))
         self._summary_flags = tuple(name for name in SUMMARY_FLAGS if name in profile.points)
         self._watch = Watch()
@@ -50,18 +60,92 @@ class Status:
 
     def tell(self, snapshot: Snapshot, *, now_s: float, utc_s: float) -> str:
         """Publish what a snapshot says and return the state; where nothing is new this costs nothing."""
-        has_fault = self._fault_since_s is not None  # then it matters when its number was read
+        has_fault = self._fault_since_s is not None or self._settled.is_waiting  # then times matter too
         if self._sent and snapshot.standing == self._standing and now_s < self.next_due_s and not has_fault:
             return self._sent[0]
         self._standing = snapshot.standing
         values = snapshot.good_values()
         state = state_of(self._profile, values)
-        changes = self._watch.note(state, remote=as_flag(values.get("remote")), time_s=utc_s)
         self._tell_state(state, values, snapshot, now_s=now_s)
-        self._tell_alarms(snapshot, values, utc_s=utc_s)
-        for change in changes:
-            self._publisher.change(change, time_s=utc_s, more=self._values_before(now_s))
+        shown = self._shown(snapshot, values)
+        self._tell_alarms(values, shown, utc_s=utc_s)
+        self._tell_events(snapshot, values, shown, now_s=now_s, utc_s=utc_s)
         return state
+
+    @property
+    def is_waiting(self) -> bool:
+        """Return whether something has changed that a second reading must show before it is an event."""
+        return self._settled.is_waiting
+
+    def _tell_events(
+        self,
+        snapshot: Snapshot,
+        values: Mapping[str, Value],
+        shown: Mapping[str, Value],
+        *,
+        now_s: float,
+        utc_s: float,
+    ) -> None:
+        """Publish what two readings in a row say has happened, as of the first of them."""
+        deciding = (*self._flags, *self._numbers)
+        known = {name: snapshot.readings[name] for name in deciding if name in values}
+        self._settled.note({name: (each.value, each.at_s or 0.0) for name, each in known.items()})
+        if self._settled.is_waiting and self._first_seen is None:
+            self._first_seen = (utc_s, self._values_before(now_s))
+        first_s, before = self._first_seen or (utc_s, self._values_before(now_s))
+        settled = self._settled.values
+        state = state_of(self._profile, settled)
+        codes = self._tell_alarm_events(settled, shown, utc_s=first_s)
+        if state == "fault" and self._is_number_awaited(settled, now_s):
+            return
+        for change in self._watch.note(
+            state,
+            remote=as_flag(settled.get("remote")),
+            time_s=first_s,
+            is_known=self._told.is_told(self._publisher.starter, codes),
+        ):
+            self._publisher.change(change, time_s=first_s, more=before)
+        self._remember_fault(state, codes, now_s=now_s)
+        if not self._settled.is_waiting:
+            self._first_seen = None
+
+    def _tell_alarm_events(
+        self, settled: Mapping[str, Value], shown: Mapping[str, Value], *, utc_s: float
+    ) -> tuple[str, ...]:
+        """Publish the alarms that came or went, and return the codes of the faults that stand."""
+        is_known = all(name in settled for name in self._summary_flags)
+        if is_known and not self._settled.is_waiting_for(self._numbers):
+            seen = {
+                name: settled.get(name, value) for name, value in shown.items() if name not in self._flags
+            }
+            seen |= {name: settled.get(name) for name in self._flags}
+            if shown.get(FAULT_CODE) is None:
+                seen[FAULT_CODE] = None
+            changed = self._settled_alarms.update(alarms_of(self._profile, seen), time_s=utc_s)
+            came = {standing.alarm.severity for standing in changed if standing.is_active}
+            for standing in changed:
+                if standing.is_active or standing.alarm.severity not in came:
+                    self._publisher.change(_alarm_change(standing), time_s=utc_s)
+        return self._settled_alarms.active_codes("fault")
+
+    def _is_number_awaited(self, settled: Mapping[str, Value], now_s: float) -> bool:
+        """Return whether the number of a fault is needed to know whether an earlier run has published it."""
+        if self._watch.has_looked or FAULT_CODE not in self._numbers or settled.get(FAULT_CODE):
+            return False
+        self._look_s = now_s if self._look_s is None else self._look_s
+        return now_s - self._look_s < NUMBER_WITHIN_S
+
+    def _remember_fault(self, state: str, codes: tuple[str, ...], *, now_s: float) -> None:
+        """Have the next run know which fault was published, once its event is surely on the disk."""
+        if state == UNKNOWN:
+            return
+        if state != "fault":
+            self._fault_told_s = None
+            self._told.note(self._publisher.starter, ())
+            return
+        self._fault_told_s = now_s if self._fault_told_s is None else self._fault_told_s
+        if now_s - self._fault_told_s >= LASTING_S:
+            self._told.note(self._publisher.starter, codes)
 
     def _tell_state(
         self, state: str, values: Mapping[str, Value], snapshot: Snapshot, *, now_s: float
@@ -82,22 +166,22 @@ class Status:
         is_lost = any(snapshot.readings[name].quality is Quality.STALE for name in self._flags)
         return Quality.STALE if is_lost else Quality.BAD
 
-    def _tell_alarms(self, snapshot: Snapshot, values: Mapping[str, Value], *, utc_s: float) -> None:
-        """Publish the alarms that came or went; nothing can be said while a summary flag is not known."""
-        if any(name not in values for name in self._summary_flags):
-            return
+    def _shown(self, snapshot: Snapshot, values: Mapping[str, Value]) -> dict[str, Value]:
+        """Return all that was read, also a while ago, but no number of an earlier fault."""
         shown = {name: known.value for name, known in snapshot.readings.items()}  # numbers may be older,
-        if not self._is_number_of_this_fault(snapshot, has_fault=bool(values.get(FAULT))):
+        is_known = all(name in values for name in self._summary_flags)
+        if is_known and not self._is_number_of_this_fault(snapshot, has_fault=bool(values.get(FAULT))):
             shown[FAULT_CODE] = (
                 None  # but not from before this fault (ssw07 P014: the last fault, active or not)
             )
-        changed = self._alarms.update(alarms_of(self._profile, shown), time_s=utc_s)
-        came = {standing.alarm.severity for standing in changed if standing.is_active}
-        for standing in changed:
+        return shown
+
+    def _tell_alarms(self, values: Mapping[str, Value], shown: Mapping[str, Value], *, utc_s: float) -> None:
+        """Publish the alarms as they stand; nothing can be said while a summary flag is not known."""
+        if any(name not in values for name in self._summary_flags):
+            return
+        for standing in self._alarms.update(alarms_of(self._profile, shown), time_s=utc_s):
             self._publisher.alarm(standing)
-            is_superseded = not standing.is_active and standing.alarm.severity in came
-            if not is_superseded:
-                self._publisher.change(_alarm_change(standing), time_s=utc_s)
 
     def _is_number_of_this_fault(self, snapshot: Snapshot, *, has_fault: bool) -> bool:
         if not has_fault:

@@ -24,19 +24,24 @@ from gateway.starters.decoding import Sources, unit_of
 from gateway.starters.identification import Identification, Standing, standing_of
 from gateway.starters.identities import Identities
 from gateway.starters.info import info_of
-from gateway.starters.polling import Polling, polls_of
+from gateway.starters.known_watchdogs import KnownWatchdogs
+from gateway.starters.loss import Loss
+from gateway.starters.polling import Polling
 from gateway.starters.publisher import Publisher
 from gateway.starters.records import InfoRecord, Severity, Sink
+from gateway.starters.refusals import LONGEST_PAUSE_S
 from gateway.starters.report import SOONEST_S, Report
 from gateway.starters.sequence import Sequence
 from gateway.starters.setup import StarterSetup, merged
 from gateway.starters.snapshot import Snapshot
 from gateway.starters.status import SUMMARY_FLAGS, Status
+from gateway.starters.told_faults import ToldFaults
 from gateway.starters.waker import Waker
 
 logger = logging.getLogger(__name__)
 
 BUSY_STATES = frozenset({"starting", "stopping", "fault"})  # read faster while in one of these
+REFUSED_TOPIC, LOSS_TOPIC = "refused", "loss"  # of what keeps it from being read whole
 IDLE_STATES = frozenset({"ready", "not_ready"})  # the motor stands: values read more slowly
 
 
@@ -52,6 +57,8 @@ class StarterTelemetry:
         clock: Clock,
         sequence: Sequence,
         identities: Identities | None = None,
+        watchdogs: KnownWatchdogs | None = None,
+        told_faults: ToldFaults | None = None,
     ) -> None:
         profile = setup.profile
         self.setup = setup
@@ -65,15 +72,21 @@ class StarterTelemetry:
         self._polling = Polling(setup, line)
         summary = (name for name in SUMMARY_FLAGS if name in profile.points)
         self._status_codes = frozenset(rows_of_points(profile, summary))
-        self._status = Status(profile, self.publisher)
+        self._status = Status(profile, self.publisher, told_faults)
         self._report = Report({name: point.deadband for name, point in profile.points.items()})
         self._identification = Identification(setup, line, self._take_identity)
+        self._watchdogs = watchdogs or KnownWatchdogs()
+        self._watchdogs.add(setup, line)
         self._identities = identities or Identities(sink=sink, clock=clock, sequence=sequence)
         self._identity = Identity(reason="not yet asked")
         self._info: InfoRecord | None = None
         self._is_answering = False
         self._was_lost = False
         self._has_ended = False
+        self._troubles: dict[str, str] = {}  # by topic: what cannot be read at present
+        self._loss = Loss()
+        self._refused: tuple[str, ...] = ()  # rows that decide something, as told last
+        self._on_trouble: Callable[[str], None] = lambda _: None
         self._never_answered = "not yet read"  # why, as last told
         self._state = UNKNOWN
         self._on_identified: list[Callable[[], None]] = []
@@ -115,7 +128,7 @@ class StarterTelemetry:
 
     def polls(self) -> tuple[Poll, ...]:
         """Return the polls with which the line must begin."""
-        return polls_of(self.setup)
+        return self._watchdogs.polls(self.setup)
 
     def when_identified(self, call: Callable[[], None]) -> None:
         """Have something done each time the starter has proved to be what is configured."""
@@ -124,6 +137,29 @@ class StarterTelemetry:
     def when_fast_words_are_lost(self, call: Callable[[str], None]) -> None:
         """Have something done with the reason when the mapped words must not be read any more."""
         self._on_fast_words_lost = call
+
+    def when_troubled(self, call: Callable[[str], None]) -> None:
+        """Have something done with each change of what cannot be read of it; empty: nothing."""
+        self._on_trouble = call
+
+    def set_trouble(self, topic: str, reason: str) -> None:
+        """Publish that a part of the starter cannot be read at present; an empty reason: it can be again."""
+        if self._troubles.get(topic, "") == reason:
+            return
+        was_degraded = bool(self._troubles)
+        if reason:
+            self._troubles[topic] = reason
+        else:
+            del self._troubles[topic]
+        text = "; ".join(self._troubles.values())
+        if self._is_answering:
+            self._publish_availability()
+        if reason:
+            logger.warning("%s degraded: %s", self._where, reason)
+            self.publisher.event("degraded", Severity.WARNING, reason, {"topic": topic})
+        elif was_degraded and not text:
+            self.publisher.event("recovered", Severity.INFO, "the starter can be read whole again")
+        self._on_trouble(text)
 
     def use_fast_words(self, block: FastBlock | None) -> None:
         """Read the points of this block in one request from now on; None: as they stand in the starter."""
@@ -142,6 +178,7 @@ class StarterTelemetry:
         """Take over another period for the status and the electrical values."""
         self.setup = replace(self.setup, every_s=every_s)
         self._polling.set_every(every_s)
+        self._watchdogs.add(self.setup, self.line)
 
     def retire(self) -> None:
         """Make room for another: ask for nothing and tell nothing any more; `close` must follow."""
@@ -149,6 +186,8 @@ class StarterTelemetry:
         self._identification.cancel()
         self._waker.cancel()
         self._polling.withdraw()
+        self._on_trouble("")
+        self._watchdogs.remove(self.setup.name)
 
     def end(self, reason: str) -> None:
         """Publish that the starter is watched no more: offline, its state stale; take nothing from now on.
@@ -180,6 +219,10 @@ class StarterTelemetry:
         block = self._polling.block(key)
         if block is None or self._has_ended:
             return
+        if self._is_answering:
+            poor = self._loss.note(is_lost=isinstance(outcome, (Silent, Garbled)))
+            if poor is not None:
+                self.set_trouble(LOSS_TOPIC, poor)
         match outcome:
             case Answered():
                 self._take_answer(key, block, outcome)
@@ -203,11 +246,20 @@ class StarterTelemetry:
             self._never_answered = reason
             self.publisher.availability("offline", reason=reason)
 
+    def settings_recalled(self) -> Mapping[str, tuple[int, ...]]:
+        """Return the settings of its watchdog as an earlier run has left them."""
+        return self._watchdogs.rows(self.setup.name)
+
+    def note_settings(self, rows: Mapping[str, tuple[int, ...]]) -> None:
+        """Record settings that were just read: the watchdog's count for the line."""
+        self._watchdogs.note(self.setup.name, rows)
+
     def take_rows(
         self, rows: Mapping[str, tuple[int, ...]], *, at_s: float, told: Told | None = None
     ) -> None:
         """Take over rows that were just read, by a poll or for a command, and publish what they say."""
         self.snapshot.keep_rows(rows, at_s=at_s)
+        self.note_settings(rows)
         if self._polling.is_withdrawn or self._has_ended:
             return  # only a stop asks such a starter, and needs its rows
         self._come_online()
@@ -227,6 +279,8 @@ class StarterTelemetry:
             self._lose_fast_words("they are not mapped as they were")
             return
         self._polling.note_answer(key, at_s=answer.at_s)
+        if self._refused:
+            self._look_at_refusals()
         self.take_rows(said.rows, at_s=answer.at_s, told=said.told)
 
     def _lose_fast_words(self, reason: str) -> None:
@@ -237,32 +291,53 @@ class StarterTelemetry:
         self._publish()
 
     def _take_refusal(self, key: str, block: Block, refusal: Refused) -> None:
-        """Give up what will never be answered; after a passing refusal the values may become overdue."""
-        if refusal.is_lasting and isinstance(block, FastBlock):
-            self._lose_fast_words(f"they are refused ({exception_name(refusal.code)})")
+        """Ask in another way, or less often, for what is refused; after a passing refusal nothing changes."""
+        why = exception_name(refusal.code)
+        if not refusal.is_lasting:
+            self._publish()
             return
-        if refusal.is_lasting:
-            given_up = self._polling.note_refusal(key)
-            self.snapshot.refuse(self._sources.fed_by(given_up))
-            if given_up and self._polling.block(key) is None:
-                logger.info("%s refuses %s (%s)", self._where, *given_up, exception_name(refusal.code))
+        unknown = self._polling.note_refusal(key, at_s=refusal.at_s)
+        if isinstance(block, FastBlock) and self._polling.is_refused(key):
+            self._lose_fast_words(f"they are refused ({why})")
+            return
+        self.snapshot.refuse(self._sources.fed_by(unknown))
+        if unknown and self._polling.block(key) is None:
+            logger.info("%s refuses %s (%s)", self._where, *unknown, why)
+        self._look_at_refusals(why)
         self._publish()
+
+    def _look_at_refusals(self, why: str = "") -> None:
+        """Publish which of the rows that decide state, fault or watchdog are refused."""
+        codes = self._polling.refused_vital()
+        if codes or self._troubles.get(REFUSED_TOPIC):
+            text = f"{', '.join(codes)} refused ({why}), asked again at least every {LONGEST_PAUSE_S:g} s"
+            reason = self._troubles.get(REFUSED_TOPIC) if codes == self._refused else text
+            self._refused = codes
+            self.set_trouble(REFUSED_TOPIC, (reason or text) if codes else "")
 
     def _come_online(self) -> None:
         if self._is_answering:
             return
         self._is_answering = True
-        self.publisher.availability("online", reason=None)
+        self._publish_availability()
         if self._was_lost:
             self.publisher.event("answers_again", Severity.INFO, "the starter answers again")
             self._polling.restore()
         self._identification.begin()
+
+    def _publish_availability(self) -> None:
+        text = "; ".join(self._troubles.values())
+        self.publisher.availability("degraded" if text else "online", reason=text or None)
 
     def _go_offline(self, reason: str, frames: tuple[str, ...]) -> None:
         self._is_answering, self._was_lost = False, True
         self._identification.cancel()
         self._identity = Identity(reason="it has not been asked since it went silent")
         self._identities.forget(self.setup.name)
+        self._refused = ()
+        self._loss.clear()
+        self._troubles.clear()  # everything is asked again once it answers
+        self._on_trouble("")
         self.publisher.availability("offline", reason=reason)
         data = {"reason": reason, "frames": list(frames)}
         self.publisher.event("went_silent", Severity.WARNING, f"the starter went silent: {reason}", data)
@@ -315,7 +390,10 @@ class StarterTelemetry:
         overdue = self._polling.take_overdue(now_s)
         if overdue:
             self.snapshot.mark_stale(self._sources.fed_by(overdue))
+        was_waiting = self._status.is_waiting
         state = self._status.tell(self.snapshot, now_s=now_s, utc_s=self._clock.utc_s(at_s))
+        if self._status.is_waiting and not was_waiting:
+            self._polling.hasten_status()  # what has changed is an event once it is read again
         self._polling.hurry(is_fast=state in BUSY_STATES, is_idle=state in IDLE_STATES)
         if state == "fault" and self._state != state:
             self._polling.hasten()  # the fault's number and the values around it, as soon as the line allows

@@ -37,12 +37,15 @@ class Place:
         self.said = io.StringIO()
         self.took_s = 0.0
         self.state_dir = Path("of no gateway")
+        self.neighbours: tuple[StarterSetup, ...] = ()
 
     def run(self, work: Callable[[LiveStarter, Progress], Coroutine[Any, Any, Any]]) -> Any:
         async def main() -> Any:
             loop = asyncio.get_running_loop()
             clock, opener = VirtualClock(loop), self.bus.opener()
-            live = LiveStarter(self.setup, opener, self.timing, ALLOWANCE_S, clock, self.state_dir)
+            live = LiveStarter(
+                self.setup, opener, self.timing, ALLOWANCE_S, clock, self.state_dir, self.neighbours
+            )
             began_s = loop.time()
             try:
                 return await work(live, Progress(self.said))

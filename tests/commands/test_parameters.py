@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -276,3 +277,26 @@ def test_no_motor_starts_by_a_restore() -> None:
         assert not place.unit.motor.is_turned_on
         functions = {decode(frame.data).pdu[0] for frame in place.bus.transcript if frame.sender == 0}
         assert functions <= {1, 3, 4, 43}
+
+
+def test_a_restore_sets_no_watchdog_that_the_line_cannot_keep_and_leaves_others_to_the_next_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = Place(make_unit("ssw07", 1))
+    place.state_dir = tmp_path
+    place.setup = replace(place.setup, timing=place.timing)
+    others = tuple(replace(place.setup, name=f"fan-{at}", address=at) for at in range(2, 61))
+    watching = tuple(replace(each, watchdog_s=2.0) for each in others[:15])
+    place.neighbours = (place.setup, *watching, *others[15:])
+
+    with pytest.raises(CommandError, match="the shortest that can be kept is") as refusal:
+        place.restore({"P314": 1})
+    assert refusal.value.code == "watchdog_unkept"
+    assert place.restore({"P314": 1}, is_dry=True) == 0
+    assert "would be refused" in capsys.readouterr().out
+    assert place.written == []
+
+    assert place.restore({"P314": 60}) == 0
+    kept = json.loads((tmp_path / "watchdogs.json").read_text())
+    assert kept["starters"]["pump"]["rows"]["P314"] == [60]
+    assert (tmp_path / "watchdogs.json").stat().st_mode & 0o777 == 0o600

@@ -58,7 +58,7 @@ def test_a_line_that_is_too_slow_stretches_evenly_and_never_catches_up() -> None
 
 def test_a_change_of_a_units_state_is_told_once() -> None:
     plan = begun(poll("a", every_s=0.0))
-    outcomes = [Silent(), ANSWERED, ANSWERED, Silent(), Silent(), Silent(), ANSWERED]
+    outcomes = [Silent(), ANSWERED, ANSWERED, Silent(), Silent(), Silent(), Silent(), ANSWERED]
 
     told = []
     for outcome in outcomes:
@@ -67,7 +67,7 @@ def test_a_change_of_a_units_state_is_told_once() -> None:
         assert turn is not None
         told.append(plan.record(turn, outcome, now_s).is_answering)
 
-    assert told == [None, True, None, None, False, None, True]
+    assert told == [None, True, None, None, None, None, False, True]  # two may be the line's fault
 
 
 def test_a_shorter_period_takes_effect_at_once_and_a_longer_one_after_the_next_turn() -> None:

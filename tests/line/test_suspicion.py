@@ -1,10 +1,13 @@
 from __future__ import annotations
 
+import random
+
 import pytest
 
 from gateway.line.suspicion import (
     ADDRESS_CONFLICT,
     BABBLING,
+    LINE_NOISE,
     RECENTLY_S,
     SOMEONE,
     TOLD_AGAIN_AFTER_S,
@@ -98,7 +101,7 @@ def test_a_second_reply_is_seen_while_another_unit_is_asked() -> None:
 def test_replies_that_merge_again_and_again_are_named(merged: bytes) -> None:
     line = Line()
 
-    for _ in range(8):
+    for _ in range(12):
         line.garbled(merged)
 
     assert line.told() == [(ADDRESS_CONFLICT, 1)]
@@ -123,7 +126,31 @@ def test_a_noisy_line_is_no_conflict() -> None:
         line.garbled(b"\xa5" * SIZE)
         line.garbled(reply(1)[:-3])
 
-    assert line.told() == []
+    assert set(line.told()) == {(LINE_NOISE, SOMEONE)}
+
+
+def test_noise_on_a_line_of_eight_is_named_and_accuses_no_address() -> None:
+    line, dice = Line(), random.Random(3)
+
+    for _ in range(2000):
+        for unit in range(1, 9):
+            if dice.random() < 0.2:
+                line.garbled(b"\xa5" * SIZE, unit=unit)
+            else:
+                line.answer(unit)
+
+    assert set(line.told()) == {(LINE_NOISE, SOMEONE)}
+
+
+def test_two_with_one_address_among_clean_ones_are_no_noise() -> None:
+    line = Line()
+
+    for _ in range(40):
+        for unit in range(1, 8):
+            line.answer(unit)
+        line.garbled(b"\xa5" * SIZE, unit=8)
+
+    assert set(line.told()) == {(ADDRESS_CONFLICT, 8)}
 
 
 def test_a_doubled_reply_now_and_then_is_none_either() -> None:

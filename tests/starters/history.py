@@ -116,4 +116,6 @@ class History:
                 ends.append(key)
         assert accepted <= set(ends)
         for key in accepted:
-            assert ends.count(key) == 1, key
+            assert ends.count(key) == 1, [
+                (a, r.phase, r.code, r.text, r.is_duplicate) for a, r in told if r.id == key[2]
+            ]

@@ -19,6 +19,7 @@ from gateway.starters.rights import Operator, Rights
 from gateway.starters.sequence import Sequence
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry import StarterTelemetry
+from gateway.starters.told_faults import ToldFaults
 from tests.starters.fakes import (
     AT_SPEED,
     READY,
@@ -51,6 +52,7 @@ class Rig:
     variant: Variant = field(default_factory=Variant)
     every_s: float = 1.0
     is_enabled: bool = True
+    told_faults: ToldFaults | None = None
 
     def __post_init__(self) -> None:
         self.clock = VirtualClock(asyncio.get_running_loop())
@@ -68,7 +70,12 @@ class Rig:
             is_enabled=self.is_enabled,
         )
         self.telemetry = StarterTelemetry(
-            self.setup, line=self.line, sink=self.sink, clock=self.clock, sequence=self.sequence
+            self.setup,
+            line=self.line,
+            sink=self.sink,
+            clock=self.clock,
+            sequence=self.sequence,
+            told_faults=self.told_faults,
         )
         for poll in self.telemetry.polls():
             self.line.add_poll(poll)
@@ -86,6 +93,8 @@ class Rig:
     def poll(self, *keys: str) -> None:
         """Let these polls (or all) have their turn now, in no time."""
         for key in keys or tuple(self.line.polls):
+            if key not in self.line.polls:
+                continue  # another answer of this turn has replaced it
             outcome = self.line.outcome_of(self.line.polls[key].request, at_s=self.clock.now_s())
             self.telemetry.on_poll(key, outcome)
 

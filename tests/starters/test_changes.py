@@ -14,7 +14,7 @@ def codes(*states: str) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("state", ["running", "fault", "ready", "unknown"])
+@pytest.mark.parametrize("state", ["running", "ready", "unknown"])
 def test_what_is_there_at_the_first_look_did_not_happen(state: str) -> None:
     assert codes(state) == []
 

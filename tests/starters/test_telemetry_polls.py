@@ -1,16 +1,17 @@
 from __future__ import annotations
 
 import asyncio
+import random
 from dataclasses import replace
+
+import pytest
 
 from gateway.families.load import load_profile
 from gateway.line.outcome import Outcome, Refused, Silent
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.starters.polling import IDLE_FACTOR
-from gateway.starters.records import (
-    Quality,
-)
+from gateway.starters.records import AvailabilityRecord, Quality
 from gateway.starters.telemetry import StarterTelemetry
 from tests.starters.fakes import ACCELERATING, AT_SPEED, FAULT, P003, READY, RUNNING, VB01
 from tests.starters.rig import Rig, virtually
@@ -75,6 +76,8 @@ async def test_a_refused_block_is_asked_row_by_row() -> None:
     rig.line.rules.append(refuse_p003)
 
     rig.poll(VALUES)
+    assert VALUES in rig.line.polls  # once may be by chance
+    rig.poll(VALUES)
 
     values = {key for key in rig.line.polls if "/values:" in key}
     assert {"pump-1/values:P002", "pump-1/values:P003"} <= values
@@ -97,12 +100,13 @@ async def test_only_the_row_that_is_still_refused_is_bad_and_given_up() -> None:
     rig = await Rig().online()
     rig.line.rules.append(refuse_p003)
 
-    rig.poll()
-    rig.poll()
+    await rig.poll_for(15.0)
+    assert "pump-1/values:P003" in rig.line.polls  # twice, some time apart, is not enough
+    await rig.poll_for(15.0)
 
     assert "pump-1/values:P003" not in rig.line.polls
     await asyncio.sleep(1.0)
-    assert [(v.value, v.quality) for v in rig.sink.values("current")] == [(None, Quality.BAD)]
+    assert {(v.value, v.quality) for v in rig.sink.values("current")} == {(None, Quality.BAD)}
     assert all(value.quality is Quality.GOOD for value in rig.sink.values("current_pct"))
 
 
@@ -110,8 +114,7 @@ async def test_only_the_row_that_is_still_refused_is_bad_and_given_up() -> None:
 async def test_a_row_given_up_is_asked_again_after_a_silence() -> None:
     rig = await Rig().online()
     rig.line.rules.append(refuse_p003)
-    rig.poll()
-    rig.poll()
+    await rig.poll_for(30.0)
     rig.line.rules.clear()
 
     rig.lose()
@@ -124,14 +127,16 @@ async def test_a_row_given_up_is_asked_again_after_a_silence() -> None:
 
 
 @virtually
-async def test_a_starter_that_refuses_everything_is_still_asked_for_one_row() -> None:
+async def test_a_starter_that_refuses_everything_is_still_asked_for_what_decides() -> None:
     rig = await Rig().online()
-    rig.line.rules.append(lambda request: Refused(2, at_s=0.0))
+    rig.line.rules.append(lambda request: Refused(2, at_s=rig.clock.now_s()))
 
-    for _ in range(5):
-        rig.poll()
+    await rig.poll_for(60.0)
 
-    assert len(rig.line.polls) == 1
+    rows = {code for poll in rig.line.polls.values() for code in read_codes(poll.request)}
+    assert VB01 in rows
+    assert P003 not in rows
+    assert max(rig.line.every_s.values()) == 30.0
     assert rig.telemetry.is_answering
 
 
@@ -141,9 +146,7 @@ async def test_once_the_right_device_answers_everything_is_asked_again() -> None
     rig.unit.objects = {1: "SSW-06 85.0A"}
     rig.line.rules.append(refuse_p003)
     rig.telemetry.start()
-    for _ in range(3):
-        rig.poll()
-    await asyncio.sleep(0.5)
+    await rig.poll_for(30.0)
     assert "pump-1/values:P003" not in rig.line.polls
 
     rig.line.rules.clear()
@@ -160,6 +163,7 @@ async def test_what_is_polled_fast_stays_fast_when_its_block_is_split() -> None:
     rig.poll(STATUS)
     rig.line.rules.append(refuse_p003)
 
+    rig.poll(VALUES)
     rig.poll(VALUES)
 
     assert rig.line.every_s["pump-1/values:P003"] == 0.25
@@ -191,6 +195,76 @@ async def test_what_the_identified_variant_lacks_is_not_asked_any_more() -> None
     assert VB01 in rows
 
 
+@pytest.mark.parametrize("code", [1, 2, 3, 4])
+@virtually
+async def test_one_exception_to_the_status_word_changes_nothing(code: int) -> None:
+    rig = await Rig().online()
+    rig.line.rules.append(lambda _: Refused(code, at_s=rig.clock.now_s()))
+    rig.poll(STATUS)
+    rig.line.rules.clear()
+
+    assert STATUS in rig.line.hastened
+    rig.unit.holding[VB01] = READY | FAULT
+    rig.poll(STATUS)
+    rig.poll(STATUS)
+
+    assert rig.sink.states() == ["fault"]
+    assert [event for event in rig.sink.events() if event in ("degraded", "recovered")] == []
+
+
+@virtually
+async def test_a_refused_status_word_degrades_the_starter_until_it_is_given_again() -> None:
+    rig = await Rig().online()
+    rig.line.rules.append(refuse_vb01)
+    await rig.poll_for(20.0)
+
+    degraded = rig.sink.of(AvailabilityRecord)[-1]
+    assert (degraded.state, rig.sink.states()[-1]) == ("degraded", "unknown")
+    assert "VB01 refused (illegal data address)" in (degraded.reason or "")
+    assert rig.sink.events().count("degraded") == 1
+    assert 1.0 < rig.line.every_s["pump-1/status:VB01"] <= 30.0
+
+    rig.line.rules.clear()
+    await rig.poll_for(20.0)
+
+    assert rig.sink.of(AvailabilityRecord)[-1].state == "online"
+    assert rig.sink.states()[-1] == "ready"
+    assert rig.sink.events().count("recovered") == 1
+    assert set(rig.line.polls) == {poll.key for poll in rig.telemetry.polls()}  # as a whole again
+
+
+@virtually
+async def test_a_row_given_up_is_asked_again_after_an_hour() -> None:
+    rig = await Rig(every_s=10.0).online()
+    rig.line.rules.append(refuse_p003)
+    await rig.poll_for(60.0)
+    assert "pump-1/values:P003" not in rig.line.polls
+    rig.line.rules.clear()
+
+    await rig.poll_for(3700.0)
+
+    assert rig.sink.values("current")[-1].quality is Quality.GOOD
+    assert set(rig.line.polls) == {poll.key for poll in rig.telemetry.polls()}
+
+
+@virtually
+async def test_exceptions_now_and_then_cost_no_polls() -> None:
+    rig = await Rig().online()
+    dice = random.Random(5)
+    rig.line.rules.append(lambda _: Refused(2, at_s=rig.clock.now_s()) if dice.random() < 0.05 else None)
+    await rig.poll_for(1800.0)
+    rig.line.rules.clear()
+    await rig.poll_for(4000.0)
+
+    assert set(rig.line.polls) == {poll.key for poll in rig.telemetry.polls()}
+    assert rig.sink.states()[-1] == "ready"
+
+
+def refuse_vb01(request: Request) -> Outcome | None:
+    is_hit = isinstance(request, ReadHoldingRegisters) and VB01 in read_codes(request)
+    return Refused(2, at_s=asyncio.get_running_loop().time()) if is_hit else None
+
+
 def read_codes(request: Request) -> range:
     assert isinstance(request, ReadHoldingRegisters)
     return range(request.address, request.address + request.count)
@@ -200,4 +274,4 @@ def refuse_p003(request: Request) -> Outcome | None:
     is_hit = isinstance(request, ReadHoldingRegisters) and P003 in range(
         request.address, request.address + request.count
     )
-    return Refused(2, at_s=0.0) if is_hit else None
+    return Refused(2, at_s=asyncio.get_running_loop().time()) if is_hit else None

@@ -14,7 +14,9 @@ from gateway.starters.records import (
     Quality,
     StateRecord,
 )
+from gateway.starters.told_faults import ToldFaults
 from tests.starters.fakes import ACCELERATING, AT_SPEED, FAULT, P003, P014, READY, REMOTE, RUNNING, VB01
+from tests.starters.plant import FakeMemory
 from tests.starters.rig import Rig, virtually
 
 STATUS, VALUES = "pump-1/status:VB01", "pump-1/values:P002"
@@ -75,13 +77,18 @@ async def test_a_fault_is_told_with_the_values_before_it() -> None:
     rig.unit.holding |= {VB01: AT_SPEED, P003: 815}
     await asyncio.sleep(1.0)
     rig.poll()
-    await asyncio.sleep(1.0)
+    await asyncio.sleep(0.5)
+    rig.poll()
+    await asyncio.sleep(0.5)
     rig.unit.holding |= {VB01: REMOTE | FAULT, P003: 0, P014: 5}
     rig.sink.clear()
 
     rig.poll(STATUS)
 
     assert rig.sink.states() == ["fault"]
+    assert rig.sink.of(EventRecord) == []
+    await asyncio.sleep(0.25)
+    rig.poll(STATUS)
     event = rig.sink.of(EventRecord)[-1]
     assert event.code == "fault"
     assert event.data["from"] == "running"
@@ -111,7 +118,8 @@ async def test_a_fault_that_is_reset_is_cleared_with_its_time() -> None:
     rig = await Rig().online()
     rig.unit.holding |= {VB01: READY | FAULT, P014: 5}
     rig.poll()
-    await asyncio.sleep(2.0)
+    await asyncio.sleep(1.0)
+    rig.poll()
     rig.unit.holding[VB01] = READY
 
     rig.poll()
@@ -119,6 +127,8 @@ async def test_a_fault_that_is_reset_is_cleared_with_its_time() -> None:
     last = rig.sink.of(AlarmRecord)[-1]
     assert (last.code, last.is_active, last.count) == ("e05", False, 1)
     assert last.cleared_s == rig.clock.utc_s()
+    await asyncio.sleep(0.25)
+    rig.poll()
     assert rig.sink.events()[-1] == "cleared"
 
 
@@ -140,6 +150,8 @@ async def test_a_switch_to_local_operation_is_an_event() -> None:
     rig = await Rig().online()
     rig.unit.holding[VB01] = READY & ~REMOTE
 
+    rig.poll(STATUS)
+    await asyncio.sleep(0.25)
     rig.poll(STATUS)
 
     assert rig.sink.events() == ["local_operation"]
@@ -190,3 +202,71 @@ async def test_info_names_every_point_and_the_commands() -> None:
     }
     assert info.points["running"]["type"] == "boolean"
     assert {"start", "stop", "read", "set"} <= set(info.commands)
+
+
+@virtually
+async def test_what_one_reading_says_alone_is_no_event() -> None:
+    rig = await Rig().online()
+    for word in (AT_SPEED, READY, READY | FAULT, READY, READY & ~REMOTE, READY):
+        rig.unit.holding[VB01] = word
+        await asyncio.sleep(0.5)
+        rig.poll(STATUS)
+
+    assert rig.sink.states() == ["running", "ready", "fault", "ready", "ready", "ready"]
+    assert rig.sink.events() == []
+
+
+@virtually
+async def test_a_change_has_the_status_read_again_at_once_and_bears_the_time_of_the_first_reading() -> None:
+    rig = await Rig().online()
+    rig.unit.holding[VB01] = AT_SPEED
+    rig.line.hastened.clear()
+
+    rig.poll(STATUS)
+    first_s = rig.clock.utc_s()
+    assert rig.line.hastened == [STATUS]
+    await asyncio.sleep(0.3)
+    rig.poll(STATUS)
+
+    (event,) = rig.sink.of(EventRecord)
+    assert (event.code, event.time_s) == ("started", first_s)
+
+
+@virtually
+async def test_a_fault_that_stands_at_the_first_reading_is_told_once() -> None:
+    rig = Rig()
+    rig.unit.holding |= {VB01: READY | FAULT, P014: 5}
+    rig.telemetry.start()
+    await rig.poll_for(60.0)
+
+    assert rig.sink.events().count("fault") == 1
+
+
+@virtually
+async def test_a_fault_that_an_earlier_run_told_is_not_told_again_but_another_is() -> None:
+    memory = FakeMemory()
+
+    async def run(number: int) -> list[str]:
+        rig = Rig(told_faults=ToldFaults(memory=memory))
+        rig.unit.holding |= {VB01: READY | FAULT if number else READY, P014: number}
+        rig.telemetry.start()
+        await rig.poll_for(20.0)
+        return [code for code in rig.sink.events() if code == "fault"]
+
+    assert await run(5) == ["fault"]
+    assert await run(5) == []
+    assert await run(7) == ["fault"]
+    assert await run(0) == []
+    assert await run(7) == ["fault"]
+
+
+@virtually
+async def test_a_fault_whose_event_may_not_be_on_the_disk_is_told_again() -> None:
+    memory = FakeMemory()
+    for _ in range(2):
+        rig = Rig(told_faults=ToldFaults(memory=memory))
+        rig.unit.holding |= {VB01: READY | FAULT, P014: 5}
+        rig.telemetry.start()
+        await rig.poll_for(3.0)
+
+        assert rig.sink.events().count("fault") == 1
