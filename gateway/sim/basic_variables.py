@@ -44,7 +44,6 @@ class BasicVariables(Supervised):
         self.product = product or self.product_name
         self.fixed: dict[int, int] = {}  # registers that a test nails down
         self.relays = 0  # VB08 as far as the relays follow it
-        self._joined: LineTiming | None = None
         super().__init__(address, **options)
 
     def listens_to(self, timing: LineTiming) -> bool:
@@ -56,7 +55,7 @@ class BasicVariables(Supervised):
 
     def join(self, timing: LineTiming) -> None:
         """Set P312 to the line's speed and framing."""
-        self._joined = timing
+        super().join(timing)
         code = _SERIAL_SETTINGS.get((timing.baud, str(timing.framing)))
         self.settings[P_SERIAL] = code or self.settings[P_SERIAL]
 

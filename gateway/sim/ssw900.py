@@ -69,7 +69,6 @@ class Ssw900(Faults):
         sources = {C3_MODE: SLOT_1_DECIDES[1] + 2 * (slot - 1), C3_REMOTE_SOURCE: SOURCE_SLOT_1 + slot - 1}
         self._words = {**self._factory(), **sources, C8_ADDRESS: address, **(settings or {})}
         self._kept: dict[int, int] = {}  # what a word of 1600-1619 has overwritten, until power is off
-        self._joined: LineTiming | None = None
         super().__init__(
             address,
             slot=slot,
@@ -96,7 +95,7 @@ class Ssw900(Faults):
 
     def join(self, timing: LineTiming) -> None:
         """Set C8.2.3 and C8.2.4 to the line's speed and framing."""
-        self._joined = timing
+        super().join(timing)
         if timing.baud in _BAUDS:
             self._words[C8_BAUD] = _BAUDS.index(timing.baud)
             self._words[C8_BYTES] = _FRAMINGS.index(str(timing.framing))
