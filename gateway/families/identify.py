@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from gateway.families.decode import rated_current_a
+from gateway.families.joined import serial_of, text_of, version_of
 from gateway.families.schema import Profile
 from gateway.modbus.identify import Identification, ReadDeviceIdentification
 from gateway.modbus.pdu import Request
@@ -183,24 +184,8 @@ def _identify_sst(registers: tuple[int, ...] | None, name: tuple[int, ...] | Non
         return Identity(reason=f"register 0 is {registers[0]}, no model number of an SST")
     return Identity(
         family_seen="sst",
-        model=_sst_name(name) or model,
-        firmware=f"{registers[2] & 0xFF}.{registers[2] >> 8}{registers[3] & 0xFF}",
-        serial=_sst_serial(registers[8:12]),
+        model=text_of(name or ()) or model,
+        firmware=version_of(registers[2:4]),
+        serial=serial_of(registers[8:12]),
         reason=f"register 0 is {registers[0]}",
     )
-
-
-def _sst_name(words: tuple[int, ...] | None) -> str | None:
-    """Return the text of registers 22-29, whichever byte comes first: the order is not stated."""
-    for order in ("big", "little"):
-        text = b"".join(word.to_bytes(2, order) for word in words or ()).rstrip(b"\0 ").decode("latin-1")
-        if text.startswith("SST") and text.isascii() and text.isprintable():
-            return text
-    return None
-
-
-def _sst_serial(words: tuple[int, ...]) -> str | None:
-    """Return the serial number: 32 bits in registers 8-9, or 64 when 10 or 11 is used (four are reserved)."""
-    used = words if any(words[2:]) else words[:2]
-    number = int.from_bytes(b"".join(word.to_bytes(2, "big") for word in used), "big")
-    return str(number) if number else None

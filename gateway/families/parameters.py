@@ -5,9 +5,19 @@ from __future__ import annotations
 import re
 from decimal import Decimal, InvalidOperation
 
-from gateway.families.numbers import to_number_words
+from gateway.families.numbers import of_percent, to_number_words, to_percent
 from gateway.families.refusals import refused
-from gateway.families.schema import RESERVED, Access, Confidence, Parameter, Profile, Table, Type, Variant
+from gateway.families.schema import (
+    OFF,
+    RESERVED,
+    Access,
+    Confidence,
+    Parameter,
+    Profile,
+    Table,
+    Type,
+    Variant,
+)
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegister, WriteRegisters
@@ -138,6 +148,8 @@ def _member(parameter: Parameter, members: dict[int, str], value: object) -> int
     if not isinstance(value, str):
         return None
     wanted = value.strip().casefold()
+    if wanted == OFF and parameter.off is not None:
+        return parameter.off
     numbers = [number for number, label in members.items() if label.casefold() == wanted]
     if len(numbers) > 1:
         raise refused("bad_value", f"{parameter.code} has {value.strip()!r} more than once: give its number")
@@ -155,6 +167,8 @@ def _raw_number(parameter: Parameter, value: object, members: dict[int, str]) ->
         raise refused("bad_value", f"{parameter.code} takes {accepted}") from None
     if not number.is_finite() or abs(number) >= _LARGEST:
         raise refused("bad_value", f"{parameter.code} takes a number")
+    if parameter.full_scale:
+        return of_percent(number, parameter.full_scale)
     scaled = number.scaleb(decimals)
     if scaled != scaled.to_integral_value():
         raise refused("bad_value", f"{parameter.code} takes at most {decimals} decimals")
@@ -165,6 +179,9 @@ def _accepted(parameter: Parameter, limits: tuple[int, int], members: dict[int, 
     within = {number: label for number, label in members.items() if limits[0] <= number <= limits[1]}
     if within:
         return f"one of {_listed(within)}"
+    if parameter.full_scale:
+        low, high = (f"{to_percent(raw, parameter.full_scale):g}" for raw in limits)
+        return f"{low}..{high} %"
     decimals = parameter.decimals or 0
     low, high = (f"{raw / 10**decimals:.{decimals}f}" for raw in limits)
     return f"{low}..{high} {parameter.unit}".rstrip()

@@ -15,6 +15,9 @@ from pydantic import BaseModel, ConfigDict, Field
 RESERVED = "Reserved"  # the label of members and bits that the manuals give no meaning
 
 
+OFF = "off"  # the label of a number that switches something off, and a value that sets it
+
+
 class Model(BaseModel):
     """What all profile models share: nothing unknown, nothing changes after loading."""
 
@@ -72,6 +75,16 @@ class Confidence(enum.StrEnum):
     EXTRA = "extra"  # from other public documents: readable, never writable
 
 
+class Preset(Model):
+    """What the manuals print of a row beside its range."""
+
+    factory: int | None = None  # the raw number as delivered; None = not printed
+    off: int | None = None  # the raw number that switches it off
+    full_scale: int | None = Field(
+        default=None, ge=1
+    )  # the raw number that is 100 %: read and set in per cent
+
+
 class ModelRange(Model):
     """The raw limits of a row on one model (SST register table); none at all: not used there."""
 
@@ -80,7 +93,7 @@ class ModelRange(Model):
     raw_max: int | None = None
 
 
-class Parameter(Model):
+class Parameter(Preset):
     """One row of a manual's table."""
 
     code: str  # as printed: P003, VB01, S1.1.4, R41, COIL26
@@ -202,6 +215,13 @@ class Alarm(Model):
     text: str
 
 
+class Join(Model):
+    """A text that lies over several rows."""
+
+    codes: tuple[str, ...]  # in the order of their registers
+    how: Literal["text", "version", "serial"]  # families/joined.py
+
+
 class FastWords(Model):
     """Registers that read whatever parameters are mapped onto them (ssw900 7.2.3)."""
 
@@ -236,6 +256,7 @@ class Profile(Model):
     points: dict[str, Point]
     commands: dict[str, Command]
     fast_words: FastWords | None = None  # None: the family has none
+    joins: dict[str, Join] = {}  # by what they are: name, firmware, serial
     outputs: dict[str, Output] = {}  # by the name of their terminals: RL1, AO1, DO1
     parameters: dict[str, Parameter]  # by code
     enums: dict[str, dict[int, str]] = {}  # "VB01.0" is what 0 and 1 mean of a bit
