@@ -14,6 +14,7 @@ from gateway.config.schema import LineTable
 from gateway.config.setups import setups_of, timing_of
 from gateway.errors import BrokerError, CommandError, PortError, PortLostError
 from gateway.families.bulk import bulk_reads
+from gateway.families.factory_settings import as_delivered
 from gateway.families.finding import Weight
 from gateway.families.identify import identify
 from gateway.families.readiness import readiness, readiness_codes
@@ -120,6 +121,9 @@ class LineCheckup:
         gap_s = self._gaps_s.get(setup.name)
         for finding in readiness(setup.profile, variant, rows, gap_s=gap_s):
             tell(Remark(f"starter {setup.name}", finding.text, finding.weight))
+        delivered = as_delivered(setup.profile, variant, rows)
+        if delivered:
+            tell(Remark(f"starter {setup.name}", delivered))
 
 
 class _Nobody:

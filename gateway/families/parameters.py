@@ -18,6 +18,7 @@ from gateway.families.schema import (
     Type,
     Variant,
 )
+from gateway.families.texts import SPELT, from_text
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegister, WriteRegisters
@@ -113,6 +114,8 @@ def to_words(
 
     CommandError: "not_writable", "bad_value" (not of its kind), "out_of_range".
     """
+    if parameter.is_writable and parameter.is_settable_text:
+        return _text_words(parameter, value)
     limits = raw_limits(parameter, variant)
     if limits is None:
         raise refused("not_writable", f"{profile.title} {parameter.code} ({_why_not(parameter)})")
@@ -123,6 +126,18 @@ def to_words(
     if not limits[0] <= raw <= limits[1] or (members and members.get(raw, RESERVED) == RESERVED):
         raise refused("out_of_range", f"{parameter.code} takes {_accepted(parameter, limits, members)}")
     return to_number_words(parameter, raw)
+
+
+def _text_words(parameter: Parameter, value: object) -> tuple[int, ...]:
+    words = None
+    if isinstance(value, str):
+        words = from_text(
+            parameter.type, value.strip(), words=parameter.words, longest=parameter.longest or 0
+        )
+    if words is None:
+        longest = f" of at most {parameter.longest}" if parameter.longest else ""
+        raise refused("bad_value", f"{parameter.code} takes {SPELT[parameter.type]}{longest}")
+    return words
 
 
 def _may_be(one: str, model: str) -> bool:

@@ -80,9 +80,8 @@ class Preset(Model):
 
     factory: int | None = None  # the raw number as delivered; None = not printed
     off: int | None = None  # the raw number that switches it off
-    full_scale: int | None = Field(
-        default=None, ge=1
-    )  # the raw number that is 100 %: read and set in per cent
+    full_scale: int | None = Field(default=None, ge=1)  # the raw number of 100 %: read and set in per cent
+    longest: int | None = Field(default=None, ge=1)  # characters of a text
 
 
 class ModelRange(Model):
@@ -126,7 +125,13 @@ class Parameter(Preset):
     def is_writable(self) -> bool:
         """Return whether a `set` may name this row: allowed, surely read, its range known."""
         is_allowed = self.access is Access.RW and self.is_sure
-        return is_allowed and self.raw_min is not None and self.raw_max is not None
+        is_number = self.raw_min is not None and self.raw_max is not None
+        return is_allowed and (is_number or self.is_settable_text)
+
+    @property
+    def is_settable_text(self) -> bool:
+        """Return whether it is set by a text: a date, an address, or characters whose number is printed."""
+        return self.type in (Type.DATE, Type.IP_ADDRESS) or bool(self.longest)
 
 
 class Point(Model):

@@ -10,9 +10,15 @@ from gateway.families.parameters import find, read_request, to_words
 from gateway.families.procedure import Expect, Read
 from gateway.families.refusals import refused
 from gateway.families.schema import Access, Parameter, Profile, Table, Type, Variant
+from gateway.families.texts import shown_within
 from gateway.families.words import Seen
 
 SET_WITHIN_S = 2.0  # until a written row reads back as written
+_CLOCK_GOES_ON_S = 5  # until the last reading of a clock that was set
+
+# What shows that a bit has acted, where the manual does not say whether the bit itself stays: the row, its
+# bits and what they become. S5.6.2 bit 0 aborts the oriented start-up, S5.6.1 bit 2 shows it (table A.2).
+_SHOWN_BY = {("S5.6.2", (1,)): ("S5.6.1", 0x04, (0,))}
 
 # Setting one of these cuts the connection to the starter (ssw06-es 2.1, 2.2; ssw07 2.1, 2.2; ssw900 C8.2).
 CONNECTION_ROWS = frozenset({"P308", "P312", "C8.2.1", "C8.2.2", "C8.2.3", "C8.2.4"})
@@ -22,8 +28,9 @@ CONNECTION_ROWS = frozenset({"P308", "P312", "C8.2.1", "C8.2.2", "C8.2.3", "C8.2
 ACTION_ROWS = frozenset({"C10.1.1", "C10.2.1", "C10.3.1", "C10.4.1", "C10.5.1"})
 
 # Who commands the motor: a run command that stands could start it, and a running one could be let go
-# (ssw06-es 2.5-2.7, ssw07 2.5-2.7, ssw900 C3). The manuals do not say; only at standstill.
-SOURCE_ROWS = frozenset({"P220", "P229", "P230", "C3.1", "C3.2", "C3.3", "C3.4"})
+# (ssw06-es 2.5-2.7, ssw07 2.5-2.7, ssw900 C3). The manuals do not say; only at standstill. The end of the
+# start-up (S5.6.2) may let one act too.
+SOURCE_ROWS = frozenset({"P220", "P229", "P230", "C3.1", "C3.2", "C3.3", "C3.4", "S5.6.2"})
 
 # What is written there lands in another row: in a command word too, if it is mapped so (ssw900 7.2.3).
 MAPPED_WRITES = range(1600, 1620)
@@ -66,11 +73,17 @@ def read_of(profile: Profile, code: str) -> Read:
 
 def read_back(profile: Profile, wanted: Iterable[tuple[Parameter, tuple[int, ...]]]) -> Expect:
     """Return the expectation that all of these rows (at least one) read back as written."""
-    pairs = tuple(wanted)
-    reads = reads_for(profile, (row.code for row, _ in pairs))
+    shown = [(row, *_SHOWN_BY.get((row.code, words), (row.code, _mask(row), words))) for row, words in wanted]
+    reads = reads_for(profile, (code for _, code, _, _ in shown))
     first, *others = (
-        Expect(reads, row.code, is_one_of=(words,), within_s=SET_WITHIN_S, mask=_mask(row))
-        for row, words in pairs
+        Expect(
+            reads,
+            code,
+            is_one_of=shown_within(row.type, words, _CLOCK_GOES_ON_S),
+            within_s=SET_WITHIN_S,
+            mask=mask,
+        )
+        for row, code, mask, words in shown
     )
     return replace(first, also=tuple(others))
 

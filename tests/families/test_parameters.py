@@ -19,7 +19,7 @@ WRITABLE = [
     (family, row)
     for family in FAMILIES
     for row in load_profile(family).parameters.values()
-    if row.is_writable
+    if row.is_writable and not row.is_settable_text
 ]
 
 
