@@ -10,7 +10,7 @@ from typing import Any
 
 from gateway.families.joined import joined
 from gateway.families.numbers import TYPE_LIMITS, from_words, to_percent
-from gateway.families.parameters import raw_row
+from gateway.families.parameters import raw_row, unnamed_code
 from gateway.families.schema import OFF, RESERVED, Parameter, Point, Profile, Table, Type, Variant
 from gateway.families.state import alarm_code, alarm_label
 from gateway.families.texts import to_text
@@ -20,7 +20,6 @@ Value = bool | int | float | str | None
 _DIVIDED_FROM_A = 820.0  # ssw06-es 4.4: models of this current and up send whole amperes
 _CURRENT = re.compile(r"[A-Za-z]+[- ]?[0-9]+[A-Za-z]*[- ]+([0-9]+(?:[.,][0-9]+)?)")
 _VERSION = re.compile(r"([0-9]+)\.([0-9]+)")
-_UNNAMED = {Table.HOLDING: "HR", Table.INPUT: "IR", Table.COIL: "COIL"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +88,7 @@ def decode_words(
             part = words[offset : offset + row.words]
             found[row.code] = _as_json(profile, row, decode_row(profile, variant, row, part))
         if not rows:
-            found[_unnamed(profile, table, address)] = _raw_json(table, words[offset])
+            found[unnamed_code(profile, table, address)] = _raw_json(table, words[offset])
         address += max((row.words for row in rows), default=1)
     return found | _joined(profile, found)
 
@@ -211,11 +210,6 @@ def _point_of(profile: Profile, row: Parameter) -> str | None:
     if row.type is Type.BIT and bit:
         return profile.points_of.get((word, int(bit)))
     return profile.points_of.get((row.code, None))
-
-
-def _unnamed(profile: Profile, table: Table, address: int) -> str:
-    is_from_one = table is Table.COIL and "COIL1" in profile.parameters  # SST coil table
-    return f"{_UNNAMED[table]}{address + is_from_one}"
 
 
 def _raw_json(table: Table, word: int) -> dict[str, Any]:

@@ -19,11 +19,20 @@ from gateway.families.schema import (
     Variant,
 )
 from gateway.families.texts import SPELT, from_text
+from gateway.modbus.codes import Function
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegister, WriteRegisters
 
 _RAW_CODE = re.compile(r"P([0-9]{1,5})")
+_REGISTER_CODE = re.compile(r"(HR|IR|COIL)([0-9]{1,5})")
+_PREFIXES = {Table.HOLDING: "HR", Table.INPUT: "IR", Table.COIL: "COIL"}
+_FUNCTIONS = {
+    Table.HOLDING: Function.READ_HOLDING_REGISTERS,
+    Table.INPUT: Function.READ_INPUT_REGISTERS,
+    Table.COIL: Function.READ_COILS,
+}
+_LAST_ADDRESS = 0xFFFF
 _LARGEST = Decimal(10) ** 12  # no row carries more; keeps the arithmetic small whatever is asked for
 
 
@@ -31,7 +40,8 @@ def find(profile: Profile, code: str) -> Parameter:
     """Return the row with this code, in any case; CommandError("unknown_parameter") when there is none.
 
     On the SSW-06 and SSW-07 every other P0-P999 is a row too, read as a raw word: the serial manuals name
-    only some of them (ssw07 5.3.2).
+    only some of them (ssw07 5.3.2). HR, IR or COIL and an address name any register or coil; those without a
+    row are read raw, such as the SoftPLC's markers (ssw900 7.2.2).
     """
     wanted = code.strip().upper()
     number = _RAW_CODE.fullmatch(wanted)
@@ -40,6 +50,9 @@ def find(profile: Profile, code: str) -> Parameter:
     row = profile.parameters.get(wanted)
     if row is None and number is not None:
         row = raw_row(profile, int(number[1]))
+    register = _REGISTER_CODE.fullmatch(wanted)
+    if row is None and register is not None:
+        row = _register(profile, register[1], int(register[2]))
     if row is None:
         raise refused("unknown_parameter", code.strip()[:40])
     return row
@@ -49,12 +62,36 @@ def raw_row(profile: Profile, address: int) -> Parameter | None:
     """Return the row of a parameter that the manual does not describe; None where there can be none."""
     if profile.raw_range is None or not profile.raw_range[0] <= address <= profile.raw_range[1]:
         return None
+    return _raw(f"P{address:03d}", Table.HOLDING, address)
+
+
+def unnamed_code(profile: Profile, table: Table, address: int) -> str:
+    """Return the code of a register or coil without a row: HR, IR or COIL and its number."""
+    return f"{_PREFIXES[table]}{address + _first_number(profile, table)}"
+
+
+def _first_number(profile: Profile, table: Table) -> int:
+    """Return the number of a table's address 0: the SST counts its coils from 1."""
+    return int(table is Table.COIL and "COIL1" in profile.parameters)
+
+
+def _register(profile: Profile, prefix: str, number: int) -> Parameter | None:
+    """Return the row of a register or coil, a raw one where none begins; None where there can be none."""
+    table = next(each for each, its in _PREFIXES.items() if its == prefix)
+    address = number - _first_number(profile, table)
+    if not 0 <= address <= _LAST_ADDRESS or _FUNCTIONS[table] not in profile.limits.functions:
+        return None
+    rows = profile.rows_at.get((table, address))
+    return rows[0] if rows else _raw(f"{prefix}{number}", table, address)
+
+
+def _raw(code: str, table: Table, address: int) -> Parameter:
     return Parameter(
-        code=f"P{address:03d}",
+        code=code,
         name="not named in this manual",
-        table=Table.HOLDING,
+        table=table,
         address=address,
-        type=Type.U16,
+        type=Type.BIT if table is Table.COIL else Type.U16,
         decimals=None,
         access=Access.RO,
         confidence=Confidence.INFERRED,
