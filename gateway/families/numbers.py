@@ -61,7 +61,7 @@ def to_percent(number: int, full_scale: int) -> float:
         steps = 100 * 10**decimals
         figure = -(-number * steps // full_scale)  # rounded up: the way back rounds down
         if figure * full_scale // steps == number:
-            return figure / 10**decimals
+            return float(figure / 10**decimals)
     return number * 100 / full_scale
 
 

@@ -18,7 +18,9 @@ _CLOCK_GOES_ON_S = 5  # until the last reading of a clock that was set
 
 # What shows that a bit has acted, where the manual does not say whether the bit itself stays: the row, its
 # bits and what they become. S5.6.2 bit 0 aborts the oriented start-up, S5.6.1 bit 2 shows it (table A.2).
-_SHOWN_BY = {("S5.6.2", (1,)): ("S5.6.1", 0x04, (0,))}
+_SHOWN_BY: dict[tuple[str, tuple[int, ...]], tuple[str, int, tuple[int, ...]]] = {
+    ("S5.6.2", (1,)): ("S5.6.1", 0x04, (0,))
+}
 
 # Setting one of these cuts the connection to the starter (ssw06-es 2.1, 2.2; ssw07 2.1, 2.2; ssw900 C8.2).
 CONNECTION_ROWS = frozenset({"P308", "P312", "C8.2.1", "C8.2.2", "C8.2.3", "C8.2.4"})
