@@ -165,6 +165,7 @@ class Limits(Model):
     write_registers: int
     read_bits: int
     frame_bytes: int
+    segment_devices: int | None = None  # on a line without repeaters; None = not stated
     max_gap: int = 0  # unknown registers that a block read may span (SSW900 7.3: they read 0)
 
 
