@@ -20,11 +20,12 @@ from gateway.mqtt.boot import Boot
 from gateway.mqtt.intake import MAX_AHEAD_S, MAX_TTL_S
 from gateway.plant import Plant
 from gateway.reception import Reception
-from gateway.repetition import Repetition
 from gateway.site import Site
 from gateway.starters.commander import Commander
 from gateway.starters.companions import Companions
 from gateway.starters.identities import IDENTITIES_FILE
+from gateway.starters.ledger import Proofs
+from gateway.starters.logbook import PRECAUTIONS_FILE
 from gateway.starters.memory import FileMemory, SwitchedMemory
 from gateway.starters.precautions import Precautions
 from gateway.starters.records import EventRecord, Severity
@@ -38,7 +39,6 @@ log = logging.getLogger(__name__)
 
 RESTART_PAUSE_S = 1.0
 SETTLE_S = 15.0  # for commands to starters that a change takes away; a stop lasts 10 s at most
-MEMORY_FILE = "precautions.json"  # in state_dir
 
 
 class App:
@@ -110,6 +110,7 @@ class App:
             log.info("ending: %s", reason)
             await self._commander.close()
             await self._host.stop()
+            self._plant.end(f"the gateway ended: {reason}")  # published while all that follows is done
             await self._plant.close()
             await self._companions.close()
             await self._precautions.identities.close()
@@ -226,7 +227,13 @@ class App:
             sequence=self._sequence,
             journal=self._keeper.journal,
             precautions=self._precautions,
+            stood_still_s=lambda: self._reception.stood_still_s(),
+            proofs=Proofs(MAX_TTL_S + MAX_AHEAD_S, boot=lambda: self._boot.token, renew=self._renew_boot),
         )
+
+    def _renew_boot(self) -> None:
+        self._boot.renew()
+        self._uplink.publisher.restate()
 
     def _build_reception(self) -> Reception:
         return Reception(
@@ -265,19 +272,17 @@ class App:
 
 def _memories_of(site: Site) -> list[SwitchedMemory]:
     """Return what is kept in small files; without operators nothing is."""
-    files = (site.state_dir / name for name in (MEMORY_FILE, IDENTITIES_FILE, WEAR_FILE))
+    files = (site.state_dir / name for name in (PRECAUTIONS_FILE, IDENTITIES_FILE, WEAR_FILE))
     return [SwitchedMemory(FileMemory(file), is_on=bool(site.config.operators)) for file in files]
 
 
 async def _supervise(name: str, work: Callable[[], Awaitable[None]]) -> None:
     """Run one of the app's loops for ever; what fails here touches neither the lines nor the other loops."""
-    repetition = Repetition()
     while True:
         try:
             await work()
-        except Exception as error:
-            if repetition.is_news(error):
-                log.exception("task=%s failed and is started again, as often as it takes", name)
+        except Exception:
+            log.exception("task=%s failed and is started again, as often as it takes", name)
         else:
             return
         await asyncio.sleep(RESTART_PAUSE_S)

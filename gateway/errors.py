@@ -4,15 +4,18 @@ GatewayError
 ├── ConfigError          the configuration is wrong: print all problems, exit 78
 ├── ProfileError         a shipped family profile is wrong: a bug, exit 1
 ├── UsageError           a command line asks for what does not exist: exit 2
+├── StartError           another gateway runs, or this user may not: exit 1
 ├── PortError            the port cannot be opened (now): report, wait, try again
 │   └── PortLostError    an open port is gone: report, reopen
+│       └── PortResetError  we have reset a connection, so that nothing in it acts late: reopen at once
 ├── CodecError           bytes that are no valid Modbus: `transaction` turns it into an outcome
 │   ├── BadFrameError    wrong CRC, too short, too long
 │   ├── BadReplyError    a valid frame that does not answer this request
 │   └── BadRequestError  a request that no starter could accept; the simulator answers an exception
 ├── CommandError         a command that cannot be carried out as asked: `rejected`, with a code
 ├── StoreError           nothing can be kept on the disk (now): report, do without, try again
-│   └── DamagedError     what is on the disk is not what was kept there: put it aside, begin afresh
+│   ├── DamagedError     what is on the disk is not what was kept there: put it aside, begin afresh
+│   └── UnstorableError  a piece of work failed by a bug: it would fail again, so do not repeat it
 ├── BrokerError          the broker refuses or is away: report, wait, try again
 ├── CaptureError         a running gateway's lines cannot be recorded: exit 1
 └── NoResultError        a command was sent and nobody knows its end: look at the starter
@@ -64,6 +67,13 @@ class UsageError(GatewayError):
     """A command line asks for something that does not exist."""
 
 
+class StartError(GatewayError):
+    """The gateway must not run here now: another one does, or its user may not write where it has to."""
+
+    def __init__(self, reason: str, mend: str) -> None:
+        super().__init__(f"{reason} ({mend})")
+
+
 class PortError(GatewayError):
     """A port cannot be opened: missing, busy, not permitted, not a tty."""
 
@@ -76,6 +86,10 @@ class PortError(GatewayError):
 
 class PortLostError(PortError):
     """An open port has gone: unplugged, hung up, read error."""
+
+
+class PortResetError(PortLostError):
+    """A connection that was reset on purpose: what was still under way in it must not arrive later."""
 
 
 class CodecError(GatewayError):
@@ -113,6 +127,10 @@ class StoreError(GatewayError):
 
 class DamagedError(StoreError):
     """What is on the disk is not what was kept there."""
+
+
+class UnstorableError(StoreError):
+    """A piece of work for the store failed by an error inside the gateway, not of the disk."""
 
 
 class BrokerError(GatewayError):

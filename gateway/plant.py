@@ -130,6 +130,13 @@ class Plant:
         come += [starter for table in changes.lines_new for starter in self._add_line(table)]
         return self._welcome(come, endings)
 
+    def end(self, reason: str) -> None:
+        """Publish that no starter is watched any more, once the lines have ended; nothing is taken later."""
+        for starter in self.starters.values():
+            starter.end(reason)
+        for starter in self.starters.values():
+            starter.publish_stale_values()
+
     async def close(self) -> None:
         """End the starters; the lines end with their host."""
         for starter in self.starters.values():

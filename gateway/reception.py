@@ -3,19 +3,33 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from math import inf
+from typing import Any, Protocol
 
 from gateway.clock import Clock, ClockWatch
 from gateway.mqtt.boot import Boot
-from gateway.mqtt.intake import Incoming, Intake, Rejection
-from gateway.mqtt.topics import Topics
+from gateway.mqtt.intake import MALFORMED_TOPIC, Incoming, Intake, Rejection
+from gateway.mqtt.topics import Topics, shortened
 from gateway.standstill import StandstillWatch
 from gateway.starters.commander import Commander
+from gateway.starters.damped import Damped
 from gateway.starters.records import Severity
+from gateway.starters.request import CommandRequest
 
 log = logging.getLogger(__name__)
 
-Tell = Callable[[str, Severity, str], None]
+MALFORMED_EVERY_S = 1.0  # events of one kind
+
+
+class Tell(Protocol):
+    """Publishes an event of the gateway's own."""
+
+    def __call__(
+        self, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None, /
+    ) -> None:
+        """Take its code, severity, text and data."""
+        ...
 
 
 class Reception:
@@ -40,11 +54,18 @@ class Reception:
         self._clock_watch = clock_watch
         self._restate = restate
         self._tell = tell
+        self._stood_still_s = -inf
         self._standstill = standstill(self._note_standstill)
+        self._malformed = Damped(self._tell_malformed, clock=clock, every_s=MALFORMED_EVERY_S)
 
     async def run(self) -> None:
         """Watch for standstills for ever."""
         await self._standstill.run()
+
+    def stood_still_s(self) -> float:
+        """Return when the latest standstill ended, on the steady clock; one that just has is noticed."""
+        self._standstill.look()
+        return self._stood_still_s
 
     def take(self, incoming: Incoming) -> None:
         """Pass an operator's message on, or tell its sender why not."""
@@ -55,17 +76,41 @@ class Reception:
             received_s=self._clock.now_s(),
             clock_is_synchronised=self._clock_watch.is_synchronised(),
         )
-        match verdict:
-            case Rejection():
-                self._commander.reject(verdict, verdict.code, verdict.text)
-            case None:
-                log.debug("topic=%s is no command", incoming.topic[:200])
-            case _:
-                self._commander.submit(verdict)
+        if verdict is None:
+            log.debug("topic=%s is no command", shortened(incoming.topic))
+            return
+        if isinstance(verdict, Rejection) and verdict.problem:
+            self._refuse_malformed(incoming, verdict, verdict.problem, verdict.code, verdict.text)
+            return
+        unknown = self._commander.verb_error(verdict.starter, verdict.verb)
+        if unknown is not None:
+            self._refuse_malformed(incoming, verdict, unknown.code, unknown.code, unknown.text)
+        elif isinstance(verdict, Rejection):
+            self._commander.reject(verdict, verdict.code, verdict.text)
+        else:
+            self._commander.submit(verdict)
+
+    def _refuse_malformed(
+        self, incoming: Incoming, verdict: Rejection | CommandRequest, problem: str, code: str, text: str
+    ) -> None:
+        """Answer what came on a topic that names no command: mistyped, or with a verb that does not exist."""
+        self._commander.reject(verdict, code, text)
+        self._malformed.put(
+            problem, {"problem": problem, "topic": shortened(incoming.topic, 120), "text": text}
+        )
+
+    def _tell_malformed(self, malformed: Mapping[str, Any], count: int) -> None:
+        which = (
+            f"{count} more messages came on malformed command topics, the last" if count else "a message came"
+        )
+        text = f"{which} on {malformed['topic']}: {malformed['text']}"
+        data = {"problem": malformed["problem"], "topic": malformed["topic"], "count": max(count, 1)}
+        self._tell(MALFORMED_TOPIC, Severity.WARNING, text, data)
 
     def _note_standstill(self, seconds: float) -> None:
         """Refuse what was sent before now: it may have waited as long, in the broker or in our own socket."""
-        self._boot.stood_still(self._clock.now_s())
+        self._stood_still_s = self._clock.now_s()
+        self._boot.stood_still(self._stood_still_s)
         self._restate()
         text = f"stood still for {seconds:.1f} s, or the clock was set ahead: what was sent before is refused"
         log.warning("%s", text)

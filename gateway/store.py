@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from gateway.database import Connection, Database, FullError, Table
-from gateway.errors import DamagedError, StoreError
+from gateway.errors import DamagedError, StoreError, UnstorableError
 
 log = logging.getLogger(__name__)
 
@@ -149,7 +149,7 @@ class Store:
                 return
             log.exception("store=%s a piece of work failed", self._file.path)
             for piece in batch:
-                piece.future.set_exception(StoreError(f"an error inside the gateway: {error!r}"))
+                piece.future.set_exception(UnstorableError(f"an error inside the gateway: {error!r}"))
         else:
             for piece, answer in zip(batch, answers, strict=True):
                 piece.future.set_result(answer)

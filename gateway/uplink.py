@@ -25,7 +25,7 @@ from gateway.mqtt.spooler import Spooler, Tell
 from gateway.mqtt.topics import Topics
 from gateway.mqtt.unread import Unread
 from gateway.site import Site
-from gateway.starters.records import ResultRecord
+from gateway.starters.records import ResultRecord, Severity
 
 FAREWELL_S = 3.0
 KEEP_WITHIN_S = 2.0
@@ -50,6 +50,7 @@ class Uplink:
     ) -> None:
         self._on_incoming = on_incoming
         self._on_link = on_link
+        self._tell = tell
         self._seed = secrets.randbits(32)
         self._settings = self._settings_of(site)
         self.unread = Unread()
@@ -139,6 +140,7 @@ class Uplink:
             will=self.publisher.will,
             on_incoming=self._on_incoming,
             on_link=self._on_link,
+            on_notice=lambda notice: self._tell(notice.code, Severity.ERROR, notice.text, {}),
             unread=self.unread,
         )
         self.publisher.wake_with(connection.wake)

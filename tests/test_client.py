@@ -128,7 +128,7 @@ async def test_the_usual_verbs_have_methods_of_their_own(
         gateway = PlayedGateway(broker, watcher)
         asking = asyncio.create_task(getattr(client(broker), verb)(*words))
         topic, body = await gateway.command()
-        await gateway.answer(body["id"], "rejected", "no_fault")
+        await gateway.answer(body["id"], "rejected", "fault_active")
         result = await asking
 
     assert topic.endswith(f"/{verb}")

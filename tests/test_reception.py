@@ -8,17 +8,21 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from gateway.clock import ClockWatch
 from gateway.mqtt.boot import Boot
 from gateway.mqtt.intake import Incoming
 from gateway.mqtt.json_out import rfc3339
+from gateway.mqtt.payload import Payloads
 from gateway.mqtt.topics import Topics
 from gateway.reception import Reception
 from gateway.standstill import StandstillWatch
-from gateway.starters.records import ResultRecord, Severity
+from gateway.starters.records import AuditRecord, ResultRecord, Severity
 from tests.starters.plant import Plant
 from tests.starters.rig import virtually
+from tests.virtual_time import run_virtually
 
 
 class Desk:
@@ -30,7 +34,7 @@ class Desk:
         self.boot.connected(plant.clock.now_s())
         self.asleep_s = 0.0
         self.tokens: list[str] = []  # as told again
-        self.events: list[tuple[str, Severity, str]] = []
+        self.events: list[tuple[Any, ...]] = []
         self.reception = Reception(
             Topics("b"),
             self.boot,
@@ -77,7 +81,7 @@ async def test_what_waited_while_the_gateway_stood_still_is_refused(asleep_s: fl
     assert codes == {"1": "wrong_boot", "2": code, "3": code}
     assert here.plant.starts() == 0
     assert here.tokens == [here.boot.token] != [boot]
-    assert [(code, severity) for code, severity, _ in here.events] == [("stood_still", Severity.WARNING)]
+    assert [(code, severity) for code, severity, *_ in here.events] == [("stood_still", Severity.WARNING)]
 
 
 @virtually
@@ -120,11 +124,159 @@ async def test_without_a_standstill_the_token_stays_what_it_is() -> None:
 
 
 @virtually
-async def test_what_is_no_command_is_nobodys() -> None:
+async def test_what_is_no_command_topic_is_nobodys() -> None:
     here = await desk()
 
-    here.reception.take(Incoming("b/command/pump-1", b""))
+    here.reception.take(Incoming("b/result/pump-1/alice", b""))
     here.reception.take(Incoming("b/command/pump-1/alice/start", b"no JSON"))
     await asyncio.sleep(1.0)
 
     assert [each.code for each in here.plant.sink.of(ResultRecord)] == ["bad_json"]
+    assert here.events == []
+
+
+@virtually
+async def test_a_command_under_way_learns_of_a_standstill_that_nobody_has_noticed_yet() -> None:
+    here = await desk()
+    before_s = here.reception.stood_still_s()
+    await asyncio.sleep(0.01)
+    here.asleep_s = 3600.0
+
+    assert here.reception.stood_still_s() == here.plant.clock.now_s() > before_s
+    assert [event[0] for event in here.events] == ["stood_still"]
+
+
+@pytest.mark.parametrize(
+    ("topic", "result", "problem"),
+    [
+        ("pump-1/alice/STOP", ("pump-1", "alice", "STOP", "malformed_topic"), "level_misspelt"),
+        ("PUMP-1/alice/stop", ("pump-1", "alice", "stop", "malformed_topic"), "level_misspelt"),
+        ("pump-1/alice/stop/", ("pump-1", "alice", "stop/", "malformed_topic"), "level_empty"),
+        ("pump-1/alice/stpo", ("pump-1", "alice", "stpo", "unknown_verb"), "unknown_verb"),
+        ("pump-1/stop", None, "level_missing"),
+        ("pump-1//stop", None, "level_empty"),
+        ("pump-1/ALICE/stop", None, "level_misspelt"),
+    ],
+)
+@pytest.mark.parametrize("is_retained", [False, True])
+@virtually
+async def test_a_mistyped_command_topic_is_answered_and_does_nothing(
+    topic: str, result: tuple[str, str, str, str] | None, problem: str, is_retained: bool
+) -> None:
+    here = await desk()
+    here.plant.machines["pump-1"].turn(is_on=True)
+    here.plant.sink.clear()
+
+    here.reception.take(Incoming(f"b/command/{topic}", b"", is_retained=is_retained))
+    await here.plant.wait(3.0)
+
+    told = [(r.starter, r.client, r.verb, r.code) for r in here.plant.sink.of(ResultRecord)]
+    assert told == ([] if result is None else [result])
+    (audit,) = here.plant.sink.of(AuditRecord)
+    assert (audit.decision, audit.code) == ("rejected", result[3] if result else "malformed_topic")
+    ((code, severity, text, data),) = here.events
+    assert (code, severity) == ("malformed_topic", Severity.WARNING)
+    assert data == {"problem": problem, "topic": f"b/command/{topic}", "count": 1}
+    assert topic in text
+    assert here.plant.stops() == 0
+
+
+@virtually
+async def test_a_flood_of_mistyped_topics_is_counted_and_one_event_a_second_told_of_each_kind() -> None:
+    here = await desk()
+    for number in range(3000):
+        here.reception.take(Incoming(f"b/command/pump-1/{'x' * 900}é{number}", b"x" * 4000))
+        here.reception.take(Incoming("b/command/pump-1/alice/STOP", b""))
+        await asyncio.sleep(0.001)
+    await asyncio.sleep(2.0)
+
+    for problem in ("level_missing", "level_misspelt"):
+        events = [event for event in here.events if event[3]["problem"] == problem]
+        assert 3 <= len(events) <= 5
+        assert sum(event[3]["count"] for event in events) == 3000
+        assert all(len(event[2]) < 500 for event in events)
+    results = here.plant.sink.of(ResultRecord)
+    assert len(results) < 200
+    assert len(here.plant.sink.of(AuditRecord)) < 300
+    assert all(result.starter and result.client for result in results)
+
+
+ODD = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers(-(10**25), 10**25)
+    | st.floats()
+    | st.text(st.characters(), max_size=20)
+    | st.sampled_from(["\ud800", "P314", "a\udfff", "\x00", "1", "run"]),
+    lambda inner: (
+        st.lists(inner, max_size=3)
+        | st.dictionaries(
+            st.sampled_from(["parameter", "value", "reason", "verb", "args", "state", "\ud800"])
+            | st.text(max_size=5),
+            inner,
+            max_size=4,
+        )
+    ),
+    max_leaves=8,
+)
+BODIES = st.fixed_dictionaries(
+    {},
+    optional={
+        "id": st.text(st.characters(), max_size=70) | ODD,
+        "boot": st.just("run") | ODD,
+        "issued_at": ODD,
+        "ttl_s": ODD,
+        "operator": ODD,
+        "reason": ODD,
+        "args": ODD,
+        "expect": ODD,
+        "select": ODD,
+    },
+)
+PAYLOADS = st.binary(max_size=60) | BODIES.map(lambda body: json.dumps(body).encode())
+TOPICS = st.sampled_from(
+    [
+        f"pump-1/alice/{verb}"
+        for verb in ("start", "stop", "set", "read", "select", "lock", "unlock", "STOP", "x")
+    ]
+) | st.text(st.characters(exclude_categories=["Cs"]), max_size=40)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(TOPICS, PAYLOADS, st.booleans()), max_size=12))
+def test_no_payload_and_no_topic_raises_and_everything_told_can_be_published_and_kept(
+    messages: list[tuple[str, bytes, bool]],
+) -> None:
+    async def run() -> None:
+        here = await desk()
+        asyncio.get_running_loop().set_exception_handler(lambda _, context: pytest.fail(str(context)))
+        for topic, payload, is_retained in messages:
+            here.reception.take(Incoming(f"b/command/{topic}", payload, is_retained=is_retained))
+            await asyncio.sleep(0.5)
+        await here.plant.wait(5.0)
+        payloads = Payloads(Topics("b"), "run")
+        for record in here.plant.sink.of(object):
+            payloads.message(record)
+        for result in here.plant.sink.of(ResultRecord):
+            f"{result.id}{result.text}{result.verb}".encode()
+        for audit in here.plant.sink.of(AuditRecord):
+            json.dumps(audit.args, ensure_ascii=False).encode()
+
+    run_virtually(run())
+
+
+@pytest.mark.parametrize("field", ["id", "operator", "reason", "args", "expect"])
+@virtually
+async def test_half_a_surrogate_pair_anywhere_in_a_command_is_no_json(field: str) -> None:
+    here = await desk()
+    odd: Any = {"args": {"parameter": "\ud800"}, "expect": {"state": "\udfff"}}.get(field, "x\ud800")
+
+    here.take("start", **{"id_": "1", "boot": "run", field.replace("id", "id_"): odd})  # type: ignore[arg-type]
+    here.take("start", "2", boot="run", reason="\U0001f600")
+    await here.plant.wait(3.0)
+
+    assert [(r.id, r.code) for r in here.plant.sink.of(ResultRecord) if r.phase.is_final] == [
+        (None, "bad_json"),
+        ("2", "ok"),
+    ]
+    assert here.plant.starts() == 1

@@ -1,20 +1,82 @@
+"""A trace is logged once, then counted."""
+
 from __future__ import annotations
 
-from gateway.repetition import Repetition
+import io
+import logging
+
+import pytest
+
+from gateway.repetition import MOST_KNOWN, TraceFilter
 
 
-def test_the_same_trouble_is_news_once_and_another_one_again() -> None:
-    repetition = Repetition()
-    troubles = [
-        ValueError("a"),
-        ValueError("a"),
-        ValueError("b"),
-        KeyError("b"),
-        KeyError("b"),
-        ValueError("a"),
+class Log:
+    """A logger whose lines can be read."""
+
+    def __init__(self) -> None:
+        self._stream = io.StringIO()
+        handler = logging.StreamHandler(self._stream)
+        handler.addFilter(TraceFilter())
+        self.logger = logging.Logger("gateway.store")
+        self.logger.addHandler(handler)
+
+    def fail(self, message: str = "work failed", *args: object, error: type[Exception] = ValueError) -> None:
+        try:
+            raise error("a foreign text")  # noqa: TRY301 - it is to have a trace
+        except error:
+            self.logger.exception(message, *args)
+
+    def text(self) -> str:
+        return self._stream.getvalue()
+
+
+def test_a_trace_that_comes_again_and_again_is_logged_once_and_counted() -> None:
+    log = Log()
+
+    for _ in range(2_500):
+        log.fail()
+
+    assert log.text().count("Traceback") == 1
+    assert log.text().splitlines()[-3:] == [
+        f"work failed (the same ValueError for the {count}th time)" for count in (10, 100, 1000)
     ]
 
-    news = [repetition.is_news(each) for each in troubles]
 
-    assert news == [True, False, True, True, False, True]
-    assert repetition.count == 1
+def test_foreign_data_in_the_message_does_not_make_an_error_another_one() -> None:
+    log = Log()
+
+    for number in range(20):
+        log.fail(f"Exception in callback take(payload {number})\nhandle: " + "x" * 4096)
+
+    assert log.text().count("Traceback") == 1
+    assert len(log.text()) < 6000
+
+
+@pytest.mark.parametrize("other", [{"error": KeyError}, {"args": ("b",)}])
+def test_another_error_has_its_own_trace(other: dict[str, object]) -> None:
+    log = Log()
+
+    for _ in range(3):
+        log.fail("line=%s crashed", "a")
+        log.fail("line=%s crashed", *other.get("args", ("a",)), error=other.get("error", ValueError))  # type: ignore[misc, arg-type]
+
+    assert log.text().count("Traceback") == 2
+
+
+def test_what_carries_no_trace_always_passes() -> None:
+    log = Log()
+
+    for _ in range(3):
+        log.logger.error("the disk is full")
+
+    assert log.text() == "the disk is full\n" * 3
+
+
+def test_the_number_of_known_errors_is_bounded() -> None:
+    log = Log()
+
+    for number in range(10 * MOST_KNOWN):
+        log.fail("line=%s crashed", number)
+    log.fail("line=%s crashed", 0)
+
+    assert log.text().count("Traceback") == 10 * MOST_KNOWN + 1

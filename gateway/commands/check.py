@@ -16,6 +16,7 @@ from gateway.config.load import examine
 from gateway.config.mending import relief_of
 from gateway.config.prospects import LineProspect, StarterProspect
 from gateway.config.schema import Config, LineTable
+from gateway.config.secrets import password_in
 from gateway.errors import ConfigError
 from gateway.families.load import load_profile
 
@@ -131,11 +132,22 @@ def _segment_warnings(table: LineTable) -> Iterator[str]:
         yield f"line {table.name}: {what} (put one in, or use more lines)"
 
 
+def _password_warnings(path: Path) -> Iterator[str]:
+    """Say what `run` will refuse; a file that only the gateway's user may read is as it should be."""
+    try:
+        password_in(path)
+    except ConfigError as error:
+        for problem in error.problems:
+            yield f"mqtt.password_file: {path}: {problem.what} ({problem.mend})"
+
+
 def _site_warnings(config: Config, folder: Path) -> Iterator[str]:
     for name in ("password_file", "ca_file", "cert_file", "key_file"):
         file = getattr(config.mqtt, name)
         if file is not None and not (folder / file).exists():
             yield f"mqtt.{name}: {folder / file} is not there (put it there before `run`)"
+        elif file is not None and name == "password_file":
+            yield from _password_warnings(folder / file)
     for line in config.lines:
         if line.port.startswith(("/dev/ttyUSB", "/dev/ttyACM")):
             yield f"line {line.name}: {line.port} may be another adapter tomorrow (use /dev/serial/by-id/...)"

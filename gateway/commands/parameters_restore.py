@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 import asyncio
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import suppress
 
 from gateway.commands.kept_identity import identity_trouble
+from gateway.commands.kept_lock import lock_trouble
 from gateway.commands.kept_wear import count_writes
 from gateway.commands.parameters_live import LiveStarter, read_with_progress
 from gateway.commands.progress import Progress
@@ -18,7 +19,8 @@ from gateway.line.precise_selector import new_precise_loop
 from gateway.starters.bench import Bench
 from gateway.starters.parameter_set import ParameterSet
 from gateway.starters.restore import Restore, RestoreEnd
-from gateway.starters.restoring import COMMAND_SOURCES, Change, RestorePlan, plan_restore, restore_codes
+from gateway.starters.restoring import Change, RestorePlan, plan_restore, restore_codes
+from gateway.system.private_files import keep_private
 
 
 def run_restore(live: LiveStarter, wanted: ParameterSet, args: argparse.Namespace, progress: Progress) -> int:
@@ -26,6 +28,7 @@ def run_restore(live: LiveStarter, wanted: ParameterSet, args: argparse.Namespac
     if wanted.family != live.setup.profile.family:
         what = f"the file is of family {wanted.family}, {live.setup.name} of {live.setup.profile.family}"
         raise UsageError(f"{what}: choose another file")
+    keep_private(live.state_dir)
     with asyncio.Runner(loop_factory=new_precise_loop) as runner:
         return runner.run(
             restore(
@@ -50,12 +53,13 @@ async def restore(
 ) -> int:
     """Restore what differs; 0 when the starter then holds everything that can be written."""
     async with live.bench() as bench:
+        _check_lock(live, is_dry=is_dry)
         _check_identity(live, bench, is_dry=is_dry)
         _check_model(bench, wanted, is_other_model=is_other_model)
         reads = bulk_reads(bench.profile, restore_codes(bench.profile, wanted))
         seen = (await read_with_progress(bench, reads, progress)).rows
         plan = plan_restore(bench.profile, bench.variant, wanted=wanted, seen=seen, with_sources=with_sources)
-        _show_plan(plan, is_dry=is_dry)
+        _show_plan(plan, bench.profile.protected.command_sources, is_dry=is_dry)
         if is_dry or not plan.changes:
             return 0
         work = Restore(bench, plan, clock=live.clock)
@@ -69,6 +73,15 @@ async def restore(
         if trouble:
             print(trouble)
         return code
+
+
+def _check_lock(live: LiveStarter, *, is_dry: bool) -> None:
+    """Let nothing be written while the starter is locked for maintenance: the gateway would refuse it too."""
+    trouble = lock_trouble(live.state_dir, live.setup.name)
+    if trouble is not None and not is_dry:
+        raise CommandError(trouble.code, f"{live.setup.name}: {trouble.text}; nothing was written")
+    if trouble is not None:
+        print(f"would be refused: {trouble.text}")
 
 
 def _check_identity(live: LiveStarter, bench: Bench, *, is_dry: bool) -> None:
@@ -87,9 +100,9 @@ def _check_model(bench: Bench, wanted: ParameterSet, *, is_other_model: bool) ->
         raise UsageError(f"{what} (--other-model restores it nevertheless)")
 
 
-def _show_plan(plan: RestorePlan, *, is_dry: bool) -> None:
+def _show_plan(plan: RestorePlan, sources: Collection[str], *, is_dry: bool) -> None:
     for code, why in plan.left.items():
-        mend = " (--command-sources restores it too)" if code in COMMAND_SOURCES else ""
+        mend = " (--command-sources restores it too)" if code in sources else ""
         print(f"left as it is: {code}: {why}{mend}")
     if not plan.changes:
         print("nothing to write: the starter holds these settings already")
@@ -116,6 +129,8 @@ def _show_end(end: RestoreEnd, progress: Progress) -> int:
     progress.end()
     written = ", ".join(change.code for change in end.done) or "nothing"
     print(f"written and read back: {written}")
+    for note in end.notes:
+        print(note)
     if end.failure is not None:
         codes = ", ".join(change.code for change in end.failed)
         print(f"{end.failure.phase.value}: {codes}: {end.failure.text} [{end.failure.code}]")

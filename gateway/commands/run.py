@@ -16,7 +16,10 @@ from gateway.background_log import BackgroundHandler
 from gateway.commands.command import Subparsers
 from gateway.config.schema import Config
 from gateway.reload import Reload
+from gateway.repetition import TraceFilter
 from gateway.site import Site
+from gateway.system.instance_lock import instance_lock
+from gateway.system.private_files import keep_private
 from gateway.systemd import Notifier, PriorityFormatter, is_journal, watchdog_interval_s
 
 
@@ -30,12 +33,14 @@ def add_parser(subparsers: Subparsers) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run until SIGTERM or SIGINT; ConfigError when the configuration is wrong."""
+    """Run until SIGTERM or SIGINT; ConfigError when the configuration is wrong, StartError beside another."""
     path = Path(args.config)
     site = Site.read(path, os.environ)
     faulthandler.enable()  # systemd's SIGABRT ends a hang: it is to say where
     log_to_stderr(is_verbose=args.verbose)
-    asyncio.run(_serve(path, site))
+    with instance_lock(site.state_dir):
+        keep_private(site.state_dir)
+        asyncio.run(_serve(path, site))
     return 0
 
 
@@ -70,6 +75,7 @@ async def _serve(path: Path, site: Site) -> None:
 def log_to_stderr(*, is_verbose: bool) -> None:
     """Log to stderr without waiting for it: for people with the time, for the journal with priorities."""
     handler = BackgroundHandler(sys.stderr.fileno())
+    handler.addFilter(TraceFilter())
     if is_journal(os.environ, sys.stderr):
         handler.setFormatter(PriorityFormatter())
     else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import secrets
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
@@ -13,8 +14,8 @@ from typing import Any
 
 from gateway.clock import Clock
 from gateway.database import Connection
-from gateway.durable.ledger_table import LedgerRow, LedgerTable
-from gateway.errors import CommandError, DamagedError, StoreError
+from gateway.durable.ledger_table import UNNAMED, LedgerRow, LedgerTable
+from gateway.errors import CommandError, DamagedError, StoreError, UnstorableError
 from gateway.starters.journal import UNAVAILABLE, Remembered
 from gateway.starters.records import Phase, ResultRecord
 from gateway.store import Store
@@ -22,6 +23,8 @@ from gateway.store import Store
 INTEND_WITHIN_S = 1.0  # a start must not go out late because of a slow disk
 TELL_WITHIN_S = 2.0  # a result is told without the disk after this time
 MOST_UNSAVED = 10_000
+SAVE_AT_ONCE = 20  # of what the disk has missed
+FORGET_AT_ONCE = 100  # keys
 MOST_EXTRA = 16_384  # characters; a result with more is remembered without its values
 STOP = "stop"  # written whatever the journal says
 
@@ -57,6 +60,8 @@ class StoredJournal:
         self._is_recalled = False
         self._untold: set[str] = set()  # keys of final results on their way to the broker
         self._unsaved_told: OrderedDict[str, None] = OrderedDict()
+        self._forgotten: dict[tuple[str, str], None] = {}  # the table is still to forget these
+        self._run = secrets.token_hex(4)  # names this run's stops without an id
         self._held_until_s = 0.0  # steady clock
         self._unsaved: OrderedDict[tuple[str, str], LedgerRow] = (
             OrderedDict()
@@ -77,7 +82,10 @@ class StoredJournal:
     def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:
         """Keep a command's latest phase; `then` is called when it is kept, or when that takes too long."""
         row = self._row(result, may_be_written=result.phase is Phase.WRITTEN or result.verb == STOP)
-        if row is None:
+        if row is None or (not result.id and row.is_final):
+            if row is not None:  # a stop without an id has ended: nobody can ask for it again
+                self.forget([(row.client, row.id)])
+                self._forget_now()
             if then is not None:
                 then()
             return
@@ -102,6 +110,14 @@ class StoredJournal:
         except StoreError as error:
             raise CommandError(UNAVAILABLE, f"the command could not be noted: {error}") from error
 
+    def forget(self, keys: Sequence[tuple[str, str]]) -> None:
+        """Delete what is kept of these commands, many at a time; what a crash leaves the next run forgets."""
+        for key in keys:
+            self._unsaved.pop(key, None)
+            self._forgotten[key] = None
+        if len(self._forgotten) >= FORGET_AT_ONCE:
+            self._forget_now()
+
     def told(self, key: str) -> None:
         """Note that the broker has a final result: it need not be told again after a crash."""
         if key in self._untold:
@@ -119,14 +135,16 @@ class StoredJournal:
         if not self._is_recalled:
             self._when_done(self._store.submit(self._read), self._recall)
         self._save_unsaved()
+        if self._forgotten:
+            self._forget_now()
 
     def _row(self, result: ResultRecord, *, may_be_written: bool) -> LedgerRow | None:
-        if not result.id:
+        if not result.id and result.verb != STOP:
             return None
         extra = json.dumps(result.values, default=str)
         return LedgerRow(
             client=result.client,
-            id=result.id,
+            id=result.id or f"{UNNAMED}{self._run}/{result.starter}",
             starter=result.starter,
             verb=result.verb,
             phase=result.phase.value,
@@ -140,25 +158,44 @@ class StoredJournal:
         )
 
     def _put(self, row: LedgerRow) -> Future[None]:
+        if (row.client, row.id) in self._forgotten:
+            self._forget_now()  # before it is kept anew
         is_untold = bool(row.is_final) and f"{row.client}/{row.id}" in self._untold
-        now_s = self._clock.utc_s()
-        return self._store.submit(partial(self._table.put, row=row, now_s=now_s, is_untold=is_untold))
+        return self._store.submit(partial(self._table.put, row=row, is_untold=is_untold))
+
+    def _forget_now(self) -> None:
+        keys, self._forgotten = tuple(self._forgotten), {}
+        future = self._store.submit(partial(self._table.forget, keys=keys), is_flushed=False)
+        unnamed = [key for key in keys if key[1].startswith(UNNAMED)]
+        if unnamed:  # or the next run would take an ended stop for one that was cut short
+            self._when_done(future, lambda done: self._forget_again(unnamed, done))
+
+    def _forget_again(self, keys: Sequence[tuple[str, str]], future: Future[None]) -> None:
+        if future.exception() is not None:
+            self._forgotten |= dict.fromkeys(keys)
 
     def _noted(self, row: LedgerRow, future: Future[None], waiting: _Waiting) -> None:
         waiting.end()
-        if future.exception() is None:
+        error = future.exception()
+        if error is None:
             self._save_unsaved()
             return
+        if isinstance(error, UnstorableError):
+            return  # it would fail each time
         self._unsaved[row.client, row.id] = row
         if len(self._unsaved) > MOST_UNSAVED:
             self._unsaved.popitem(last=False)
 
     def _save_unsaved(self) -> None:
-        rows, self._unsaved = list(self._unsaved.values()), OrderedDict()
-        for row in rows:
+        """Keep what the disk has missed, a part at a time: what succeeds has the next part follow.
+
+        All at once would hold up the loop, and with it a stop.
+        """
+        for _ in range(min(len(self._unsaved), SAVE_AT_ONCE)):
+            _, row = self._unsaved.popitem(last=False)
             self._when_done(self._put(row), partial(self._noted, row, waiting=_Waiting(None)))
-        keys, self._unsaved_told = list(self._unsaved_told), OrderedDict()
-        for key in keys:
+        for _ in range(min(len(self._unsaved_told), SAVE_AT_ONCE)):
+            key, _ = self._unsaved_told.popitem(last=False)
             self._put_told(key)
 
     def _put_told(self, key: str) -> None:
@@ -167,13 +204,18 @@ class StoredJournal:
         self._when_done(self._store.submit(work, is_flushed=False), lambda done: self._noted_told(key, done))
 
     def _noted_told(self, key: str, future: Future[None]) -> None:
-        if future.exception() is not None:
+        if future.exception() is None:
+            self._save_unsaved()
+        else:
             self._unsaved_told[key] = None
             if len(self._unsaved_told) > MOST_UNSAVED:
                 self._unsaved_told.popitem(last=False)
 
     def _read(self, connection: Connection) -> _Read:
-        return [_remembered(row) for row in self._table.rows(connection)], self._table.untold(connection)
+        rows = self._table.rows(connection)
+        ours = f"{UNNAMED}{self._run}"  # a stop that came before this was read
+        earlier = [_remembered(row) for row in rows if not row.id.startswith(ours)]
+        return earlier, self._table.untold(connection)
 
     def _recall(self, future: Future[_Read]) -> None:
         if self._is_recalled or future.exception() is not None:
@@ -229,7 +271,7 @@ def _remembered(row: LedgerRow) -> Remembered:
     result = ResultRecord(
         starter=row.starter,
         client=row.client,
-        id=row.id,
+        id=None if row.id.startswith(UNNAMED) else row.id,
         verb=row.verb,
         phase=phase,
         code=row.code,
@@ -237,4 +279,4 @@ def _remembered(row: LedgerRow) -> Remembered:
         time_s=row.time_s,
         values=values if isinstance(values, dict) else {},
     )
-    return Remembered(result, may_be_written=bool(row.may_be_written), since_s=row.since_s)
+    return Remembered(result, may_be_written=bool(row.may_be_written))

@@ -1,16 +1,19 @@
-"""The commands in the store: which they were, what became of them, and whose end nobody has heard of yet."""
+"""The commands in the store: which they were, what became of them, and whose end nobody has heard of yet.
+
+What is forgotten, and when, `gateway.starters.ledger` alone decides; no clock and no count does so here.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import astuple, dataclass, fields
 
 from gateway.database import Connection
 from gateway.errors import DamagedError
 
-MOST_ROWS = 10_000
-LONGEST_S = 7 * 24 * 3600.0
-LEAST_ROWS = 200  # stay whatever the clock says: one that is set at last makes everything look old
-PRUNED_EVERY = 50  # writes
+# Begins the id under which a stop without one is kept: UNNAMED, the run, "/", the starter. It cannot be
+# printed, so no client's id begins so.
+UNNAMED = "\t"
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,29 +59,25 @@ _PUT = f"""
 _SELECT_UNTOLD = "SELECT client, id FROM untold"
 _PUT_UNTOLD = "INSERT OR IGNORE INTO untold (client, id) VALUES (?, ?)"
 _FORGET_UNTOLD = "DELETE FROM untold WHERE client = ? AND id = ?"
+_FORGET = "DELETE FROM ledger WHERE client = ? AND id = ?"
+_FORGET_UNNAMED = "DELETE FROM ledger WHERE client = ? AND starter = ? AND substr(id, 1, 1) = ?"
+_HARMLESS = "is_final AND (phase = 'rejected' OR verb IN ('read', 'stop'))"
+_COUNT = f"SELECT count(*) FROM ledger WHERE {_HARMLESS}"
+_FORGET_HARMLESS = f"""
+    DELETE FROM ledger WHERE rowid IN (SELECT rowid FROM ledger WHERE {_HARMLESS} ORDER BY rowid LIMIT ?)
+"""
+_STRIP = """
+    UPDATE ledger SET extra = '{}', text = substr(text, 1, 40) WHERE is_final
+    AND (extra != '{}' OR length(text) > 40)
+"""
 _FORGET_UNKNOWN = """
     DELETE FROM untold WHERE NOT EXISTS
     (SELECT 1 FROM ledger WHERE ledger.client = untold.client AND ledger.id = untold.id)
 """
-_FORGET_OLD = """
-    DELETE FROM ledger WHERE is_final AND since_s < ? AND rowid <= (SELECT max(rowid) FROM ledger) - ?
-"""
-_FORGET_OLDEST = """
-    DELETE FROM ledger WHERE rowid IN (SELECT rowid FROM ledger WHERE is_final ORDER BY rowid LIMIT ?)
-"""
-_COUNT = "SELECT count(*) FROM ledger"
 
 
 class LedgerTable:
-    """The table; rows of commands under way are never forgotten, of the others the oldest first."""
-
-    def __init__(
-        self, *, most_rows: int = MOST_ROWS, longest_s: float = LONGEST_S, least_rows: int = LEAST_ROWS
-    ) -> None:
-        self._most_rows = most_rows
-        self._longest_s = longest_s
-        self._least_rows = least_rows
-        self._until_pruned = 0
+    """The table; every row stays until `forget`, or until the file is full and the row harmless."""
 
     def create(self, connection: Connection) -> None:
         """Create the table when it is missing."""
@@ -88,20 +87,28 @@ class LedgerTable:
         connection.execute(f"{_SELECT_UNTOLD} LIMIT 1")
 
     def make_room(self, connection: Connection) -> None:
-        """Delete the oldest tenth."""
+        """Delete the older half of what may be repeated without harm; of what was acted on, keep the key."""
         (count,) = connection.execute(_COUNT).fetchone()
-        connection.execute(_FORGET_OLDEST, (count // 10 + 1,))
-        connection.execute(_FORGET_UNKNOWN)
+        if count:
+            connection.execute(_FORGET_HARMLESS, (count // 2 + 1,))
+            connection.execute(_FORGET_UNKNOWN)
+        else:
+            connection.execute(_STRIP)
 
-    def put(self, connection: Connection, *, row: LedgerRow, now_s: float, is_untold: bool = False) -> None:
-        """Keep a row as its command's latest; `is_untold` until `tell` says otherwise; `now_s` is UTC."""
+    def put(self, connection: Connection, *, row: LedgerRow, is_untold: bool = False) -> None:
+        """Keep a row as its command's latest; `is_untold` until `tell` says otherwise."""
         connection.execute(_PUT, astuple(row))
         if is_untold:
             connection.execute(_PUT_UNTOLD, (row.client, row.id))
-        self._until_pruned -= 1
-        if self._until_pruned < 0:
-            self._until_pruned = PRUNED_EVERY
-            self._prune(connection, now_s)
+
+    def forget(self, connection: Connection, *, keys: Sequence[tuple[str, str]]) -> None:
+        """Delete the rows of these clients and ids; of a stop without an id, also those of earlier runs."""
+        for client, id_ in keys:
+            if id_.startswith(UNNAMED):
+                connection.execute(_FORGET_UNNAMED, (client, id_.partition("/")[2], UNNAMED))
+            else:
+                connection.execute(_FORGET, (client, id_))
+                connection.execute(_FORGET_UNTOLD, (client, id_))
 
     def tell(self, connection: Connection, *, client: str, id_: str) -> None:
         """Note that a command's final result has reached the broker."""
@@ -119,10 +126,3 @@ class LedgerTable:
                 raise DamagedError("a row of the ledger has lost its shape")
             rows.append(LedgerRow(*values))
         return rows
-
-    def _prune(self, connection: Connection, now_s: float) -> None:
-        connection.execute(_FORGET_OLD, (now_s - self._longest_s, self._least_rows))
-        (count,) = connection.execute(_COUNT).fetchone()
-        if count > self._most_rows:
-            connection.execute(_FORGET_OLDEST, (count - self._most_rows,))
-        connection.execute(_FORGET_UNKNOWN)

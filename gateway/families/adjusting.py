@@ -9,42 +9,35 @@ from collections.abc import Mapping
 from typing import Any
 
 from gateway.families.arguments import check_names, choice
-from gateway.families.gather import reads_for, rows_of_points
-from gateway.families.interlock import points_needed
+from gateway.families.gather import reads_for
 from gateway.families.procedure import Expect, Preparation, Procedure, WriteStep
 from gateway.families.refusals import refused
-from gateway.families.schema import Profile, Variant
+from gateway.families.schema import Profile
 from gateway.families.settable import read_of
-from gateway.families.words import Seen, run_row, take_back_run
+from gateway.families.words import Seen
 from gateway.modbus.writes import WriteRegister
 
-RULES = ("is_stopped",)
 LEFT_WITHIN_S = 5.0  # beside the time of the restart
 
 MODES = {"factory": 0, "P202": 1}  # bits of VB06 and VB07
 
 
-def prepare_leaving(profile: Profile, variant: Variant, args: Mapping[str, Any]) -> Preparation:
+def prepare_leaving(profile: Profile, args: Mapping[str, Any]) -> Preparation:
     """Return what to read before a mode is left."""
     _mode(args)
-    codes = (_SHOWN, run_row(profile, variant), *rows_of_points(profile, points_needed(profile, RULES)))
-    return Preparation("configure", reads=reads_for(profile, codes), requires=RULES)
+    return Preparation("configure", reads=reads_for(profile, (_SHOWN,)), requires=())
 
 
-def build_leaving(profile: Profile, variant: Variant, args: Mapping[str, Any], *, seen: Seen) -> Procedure:
+def build_leaving(profile: Profile, args: Mapping[str, Any], *, seen: Seen) -> Procedure:
     """Return the one write that leaves the mode; not_in_that_mode when VB06 was seen not to show it."""
     mode = _mode(args)
     bit = 1 << MODES[mode]
     if _SHOWN in seen and not seen[_SHOWN][0] & bit:
         raise refused("not_in_that_mode", f"VB06 is {seen[_SHOWN][0]}, without bit {MODES[mode]} ({mode})")
     leave = WriteRegister(profile.parameters[_LEAVING].address, bit)
-    steps = (
-        *(WriteStep(request) for request in take_back_run(profile, variant, seen)),
-        WriteStep(leave, is_silence_expected=True),
-    )
     within_s = profile.timing.restart_s + LEFT_WITHIN_S
     left = Expect((read_of(profile, _SHOWN),), _SHOWN, is_one_of=((0,),), within_s=within_s, mask=bit)
-    return Procedure("configure", steps, verify=left)
+    return Procedure("configure", (WriteStep(leave, is_silence_expected=True),), verify=left)
 
 
 _SHOWN, _LEAVING = "VB06", "VB07"

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from gateway.families import run_command
 from gateway.families.adjusting import build_leaving, prepare_leaving
 from gateway.families.arguments import check_names, choice, switch
 from gateway.families.configuration import build_configure, prepare_configure
@@ -18,7 +19,7 @@ from gateway.families.outputs import build_output, prepare_output
 from gateway.families.procedure import Preparation, Procedure, WriteStep
 from gateway.families.refusals import refused
 from gateway.families.schema import Command, Profile, Variant
-from gateway.families.settings import build_read, build_set, prepare_read, prepare_set
+from gateway.families.settings import build_read, build_set, prepare_read, prepare_set, rows_set
 from gateway.families.verification import verification
 from gateway.families.words import (
     Seen,
@@ -27,7 +28,6 @@ from gateway.families.words import (
     is_jogging,
     run_row,
     stop_requests,
-    take_back_run,
     word_codes,
 )
 from gateway.modbus.pdu import Request
@@ -46,6 +46,14 @@ def prepare(profile: Profile, variant: Variant, verb: str, args: Mapping[str, An
     A stop needs nothing, whatever comes with it.
     """
     _check_verb(profile, verb)
+    preparation = _prepare(profile, variant, verb, args)
+    if _wakes(profile, variant, verb, args):
+        is_source = _chooses_source(profile, variant, verb, args)
+        return run_command.with_standstill(profile, variant, preparation, is_source=is_source)
+    return preparation
+
+
+def _prepare(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> Preparation:
     match verb:
         case "stop":
             return Preparation(verb, reads=(), requires=())
@@ -56,7 +64,7 @@ def prepare(profile: Profile, variant: Variant, verb: str, args: Mapping[str, An
         case "output":
             return prepare_output(profile, args)
         case "configure" if _is_leaving(profile):
-            return prepare_leaving(profile, variant, args)
+            return prepare_leaving(profile, args)
         case "configure":
             return prepare_configure(profile, variant, args)
         case _:
@@ -66,6 +74,16 @@ def prepare(profile: Profile, variant: Variant, verb: str, args: Mapping[str, An
 def build(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any], *, seen: Seen) -> Procedure:
     """Return the steps of a command from the rows seen: freshly read, or for a stop what was last known."""
     _check_verb(profile, verb)
+    procedure = _build(profile, variant, verb, args, seen=seen)
+    if not procedure.steps or not _wakes(profile, variant, verb, args):
+        return procedure
+    is_source = _chooses_source(profile, variant, verb, args)
+    return run_command.with_run_cleared(profile, variant, procedure, seen=seen, is_source=is_source)
+
+
+def _build(
+    profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any], *, seen: Seen
+) -> Procedure:
     match verb:
         case "stop":
             return _build_command(profile, variant, verb, verb, seen=seen)
@@ -76,7 +94,7 @@ def build(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]
         case "output":
             return build_output(profile, args, seen=seen)
         case "configure" if _is_leaving(profile):
-            return build_leaving(profile, variant, args, seen=seen)
+            return build_leaving(profile, args, seen=seen)
         case "configure":
             return build_configure(profile, variant, args, seen=seen)
         case _:
@@ -88,11 +106,27 @@ _OFF, _WHOLE = "_off", "_whole"
 _PARTS = (_OFF, _WHOLE)
 _VALUE = "value"
 
-# Entries that a run command which still stands could turn into a start.
-_WAKING = ("reset", "reset_whole", "general_enable", "local_remote", "local_remote_off")
-
 # Entries that take a motion command back: built whatever is unknown, forbidden by nothing.
 _RELEASES = ("stop", "jog_off")
+
+
+def _wakes(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> bool:
+    """Return whether a command may let a run command act that stands in the starter."""
+    if verb in ("stop", "read"):
+        return False
+    if verb == "set":
+        return any(
+            row.is_configuration or profile.protected.wakes(row.code) for row in rows_set(profile, args)
+        )
+    if verb in ("output", "configure"):
+        return run_command.wakes(verb)
+    return run_command.wakes(_entry(profile, variant, verb, args))
+
+
+def _chooses_source(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> bool:
+    if verb == "set":
+        return any(profile.protected.wakes(row.code) for row in rows_set(profile, args))
+    return verb != "configure" and run_command.changes_source(_entry(profile, variant, verb, args))
 
 
 def _check_verb(profile: Profile, verb: str) -> None:
@@ -131,15 +165,16 @@ def _prepare_command(profile: Profile, variant: Variant, verb: str, args: Mappin
     codes = rows_of_points(profile, points_needed(profile, command.requires))
     if has_plain_word(command.writes) and name in _RELEASES:
         codes += (*word_codes(profile, variant), *rows_of_points(profile, ("running",)))
-    elif has_plain_word(command.writes) or name in _WAKING:
+    elif has_plain_word(command.writes):
         codes += (run_row(profile, variant), *rows_of_points(profile, ("running",)))
-    reads = reads_for(profile, (*codes, *command.needs))
+    reads = reads_for(profile, (*codes, *command.needs, *command.ceilings))
     return Preparation(verb, reads=reads, requires=command.requires)
 
 
 def _build_command(profile: Profile, variant: Variant, verb: str, name: str, *, seen: Seen) -> Procedure:
     command = profile.commands[name]
     _check_needs(profile, command, seen)
+    _check_ceilings(variant, command, seen)
     requests = _requests(profile, variant, name, seen=seen)
     last = len(requests) - 1
     steps = tuple(
@@ -150,17 +185,14 @@ def _build_command(profile: Profile, variant: Variant, verb: str, name: str, *, 
 
 
 def _requests(profile: Profile, variant: Variant, name: str, *, seen: Seen) -> Sequence[Request]:
-    writes = profile.commands[name].writes
+    writes = run_command.writes_of(profile, name)
     if name in _RELEASES:
         requests = stop_requests(profile, variant, writes, seen=seen)
         if name == "stop" and not has_plain_word(writes) and is_jogging(profile, seen):
             jog_off = profile.commands["jog_off"].writes  # a stop by ramp does not take a jog back
             requests += stop_requests(profile, variant, jog_off, seen=seen)
         return requests
-    requests = command_requests(profile, variant, writes, seen=seen)
-    # A plain command word is built without the run command (see `words`), and needs no stop before it.
-    is_waking = name in _WAKING and not has_plain_word(writes)
-    return (*take_back_run(profile, variant, seen), *requests) if is_waking else requests
+    return command_requests(profile, variant, writes, seen=seen)
 
 
 def _check_needs(profile: Profile, command: Command, seen: Seen) -> None:
@@ -171,3 +203,15 @@ def _check_needs(profile: Profile, command: Command, seen: Seen) -> None:
             wanted = " or ".join(f"{number} ({labels[number]})" for number in numbers)
             found = f"{seen[code][0]} ({labels.get(seen[code][0])})"
             raise refused("not_set_to_serial", f"{code} is {found}, not {wanted}")
+
+
+def _check_ceilings(variant: Variant, command: Command, seen: Seen) -> None:
+    """Raise the ceiling's refusal when a row was seen to read more, on a model that has the reading."""
+    model = (variant.model or "").casefold()
+    for code, ceiling in command.ceilings.items():
+        is_there = not model or any(model.startswith(one.casefold()) for one in ceiling.models)
+        if not is_there or not is_known(ceiling.since_firmware, variant):
+            continue
+        if code in seen and seen[code][0] > ceiling.most:
+            reading = f"{code} reads {seen[code][0]} {ceiling.unit}, more than {ceiling.most} {ceiling.unit}"
+            raise refused(ceiling.refusal, f"{reading}; {ceiling.remedy}")

@@ -15,10 +15,10 @@ from gateway.families.procedure import Expect, Preparation, Procedure, WriteStep
 from gateway.families.refusals import refused
 from gateway.families.schema import Parameter, Profile, Variant
 from gateway.families.settable import holds, read_back, read_of, settable_words
-from gateway.families.words import Seen, run_row, take_back_run
+from gateway.families.words import Seen
 from gateway.modbus.writes import WriteCoil
 
-RULES = ("serial_controls", "is_stopped")
+RULES = ("serial_controls",)  # and standstill: families/run_command.py
 MODE_WITHIN_S = 2.0  # until coil 2 shows the configuration mode
 FLASH_WITHIN_S = 5.0  # until coil 5 shows that the configuration is in flash (NOTES)
 
@@ -26,27 +26,24 @@ FLASH_WITHIN_S = 5.0  # until coil 5 shows that the configuration is in flash (N
 def prepare_configure(profile: Profile, variant: Variant, args: Mapping[str, Any]) -> Preparation:
     """Return what to read before the starter is initialised; `args` are new values by register, or none."""
     codes = tuple(_wanted(profile, variant, args))
-    return prepare_configuration(profile, variant, "configure", codes=codes)
+    return prepare_configuration(profile, "configure", codes=codes)
 
 
 def build_configure(profile: Profile, variant: Variant, args: Mapping[str, Any], *, seen: Seen) -> Procedure:
     """Return the whole sequence, also when no register differs from what was seen: it releases the start."""
     wanted = _wanted(profile, variant, args)
-    return configuration(profile, variant, "configure", wanted=wanted, seen=seen)
+    return configuration(profile, "configure", wanted=wanted, seen=seen)
 
 
-def prepare_configuration(
-    profile: Profile, variant: Variant, verb: str, *, codes: Sequence[str]
-) -> Preparation:
+def prepare_configuration(profile: Profile, verb: str, *, codes: Sequence[str]) -> Preparation:
     """Return what to read, and what must hold, before these registers are written."""
     needed = rows_of_points(profile, points_needed(profile, RULES))
-    reads = reads_for(profile, (*needed, run_row(profile, variant), *codes))
+    reads = reads_for(profile, (*needed, _COMPLETE, *codes))
     return Preparation(verb, reads=reads, requires=RULES)
 
 
 def configuration(
     profile: Profile,
-    variant: Variant,
     verb: str,
     *,
     wanted: Mapping[str, tuple[int, ...]],
@@ -56,14 +53,12 @@ def configuration(
 ) -> Procedure:
     """Return the sequence that writes those registers that differ from what was seen (each goes to flash).
 
-    A run command that stands is taken back first: the end of the sequence must not start the motor. Registers
-    are written one by one: what the text says of FC16 contradicts the Modbus specification. Leaving the mode
-    counts as one write of the flash, whether something differs or not.
+    Registers are written one by one: what the text says of FC16 contradicts the Modbus specification. Leaving
+    the mode counts as one write of the flash, whether something differs or not.
     """
     pairs = [(profile.parameters[code], words) for code, words in wanted.items()]
     leave = WriteCoil(profile.parameters[_MODE].address, is_on=False)
     steps = (
-        *(WriteStep(request) for request in take_back_run(profile, variant, seen)),
         WriteStep(
             WriteCoil(leave.address, is_on=True), then=_coil_is_set(profile, _MODE, within_s=MODE_WITHIN_S)
         ),

@@ -84,6 +84,9 @@ def _labels(profile: Profile) -> Iterator[str]:
 def _names(profile: Profile) -> Iterator[str]:
     named = {profile.status_word, *profile.command_word, profile.identification.model_register} - {""}
     yield from (f"family.toml: {code} is no parameter" for code in sorted(named - set(profile.parameters)))
+    protected = profile.protected
+    rows_named = (*protected.command_sources, *protected.waking, *protected.connection, *protected.actions)
+    yield from (f"protected: {code} is no parameter" for code in rows_named if code not in profile.parameters)
     rows = (code for code in profile.alarm_rows if code not in profile.parameters)
     yield from (f"family.toml: {code} is no parameter" for code in rows)
     codes = [alarm.code for alarm in profile.alarms]
@@ -114,7 +117,9 @@ def _command(profile: Profile, verb: str) -> Iterator[str]:
     if command.verify is not None and command.verify.point not in profile.points:
         yield f"{where}: {command.verify.point} is no point"
     yield from (
-        f"{where}: {code} is no parameter" for code in command.needs if code not in profile.parameters
+        f"{where}: {code} is no parameter"
+        for code in (*command.needs, *command.ceilings)
+        if code not in profile.parameters
     )
     others = [f"{verb}_{flag}" for flag in command.flags]
     if command.args == ("value",) and not verb.endswith("_off"):

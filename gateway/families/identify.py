@@ -35,12 +35,12 @@ class Identity:
     family_seen: str | None = None
     model: str | None = None
     firmware: str | None = None
-    hardware: str | None = None  # SST: its version
     serial: str | None = None
     rated_current_a: float | None = None
     rating: str | None = None  # SSW900: the range of currents of its size (S3.3.1)
     slot: Literal[1, 2] | None = None  # SSW900: where the RS-485 accessory sits
     accessories: tuple[str, ...] = ()  # SSW900: the kinds in slots 1 and 2
+    hardware: str | None = None  # SST: its version
     reason: str = ""
 
 

@@ -4,13 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from gateway.families.schema import Profile
-from gateway.families.state import ADJUSTING_ROW, MOVING, WAITING, hindrance, is_decisive, points_on, state_of
+from gateway.families.state import (
+    ADJUSTING_ROW,
+    IS_UNKNOWN,
+    MOVING,
+    WAITING,
+    hindrance,
+    is_decisive,
+    points_on,
+    state_of,
+)
 
 RULES: dict[str, str] = {
-    "remote": "the starter takes commands in remote mode",
+    "remote": "the starter is in remote mode",
     "serial_controls": "neither USB nor the parallel input controls the starter (coils 7 and 8 are 0)",
     "general_enabled": "the starter is generally enabled",
     "no_fault": "no fault is active",
@@ -23,13 +32,61 @@ RULES: dict[str, str] = {
 }
 
 
+class Wrong(NamedTuple):
+    """What a broken rule means for the operator."""
+
+    code: str  # of the result: what is wrong, never what would have been right
+    text: str
+    remedy: str
+
+
+UNKNOWN_CODE = "state_unknown"
+
+WRONG: dict[str, Wrong] = {
+    "remote": Wrong("in_local", "the starter is in local mode", "switch it to remote"),
+    "serial_controls": Wrong(
+        "controlled_elsewhere",
+        "USB or the parallel input controls the starter",
+        "give control back to the serial line",
+    ),
+    "general_enabled": Wrong(
+        "not_enabled",
+        "the starter is not generally enabled",
+        "enable it (general_enable, or its enable input)",
+    ),
+    "no_fault": Wrong("fault_active", "a fault is active", "find its cause, then reset"),
+    "has_fault": Wrong("no_fault_to_reset", "no fault is active", "there is nothing to reset"),
+    "is_ready": Wrong(
+        "not_ready", "the starter is not ready for a start", "see the state and the alarms of the starter"
+    ),
+    "configured": Wrong(
+        "not_configured", "the configuration of the starter is not complete", "send configure first"
+    ),
+    "is_stopped": Wrong("motor_running", "the motor is not stopped", "stop it first"),
+    "power_present": Wrong("no_power", "the power section is not supplied", "switch its supply on"),
+    "not_adjusting": Wrong(
+        "in_adjusting_mode",
+        "the starter is in an adjusting mode",
+        "leave that mode: configure, or at the starter",
+    ),
+}
+
+_STATE_CODES = {  # of `is_ready`, where the state says more
+    "fault": "fault_active",
+    "starting": "motor_running",
+    "running": "motor_running",
+    "stopping": "motor_running",
+}
+
+
 @dataclass(frozen=True, slots=True)
 class Violation:
-    """A rule that does not hold: what was read instead, and one line for the operator."""
+    """A rule that does not hold: the result's code, what was read, and one line for the operator."""
 
     rule: str
     reading: str
     text: str
+    code: str
 
 
 def check(profile: Profile, rules: Sequence[str], points: Mapping[str, Any]) -> tuple[Violation, ...]:
@@ -38,9 +95,18 @@ def check(profile: Profile, rules: Sequence[str], points: Mapping[str, Any]) -> 
     for rule in rules:
         reading = _CHECKS[rule](profile, points)
         if reading is not None:
-            text = f"{RULES[rule]}: required, but {reading}; {_MENDS[rule]}"
-            violations.append(Violation(rule=rule, reading=reading, text=text))
+            violations.append(_violation(profile, rule, reading, points))
     return tuple(violations)
+
+
+def _violation(profile: Profile, rule: str, reading: str, points: Mapping[str, Any]) -> Violation:
+    wrong = WRONG[rule]
+    state = state_of(profile, points) if rule == "is_ready" else ""
+    if reading.endswith(IS_UNKNOWN) or state == "unknown":
+        text = f"it is not known whether {RULES[rule]} ({reading}); look at the starter and its line"
+        return Violation(rule, reading, text, UNKNOWN_CODE)
+    code = _STATE_CODES.get(state, wrong.code)
+    return Violation(rule, reading, f"{wrong.text} ({reading}); {wrong.remedy}", code)
 
 
 def points_needed(profile: Profile, rules: Sequence[str]) -> tuple[str, ...]:
@@ -50,19 +116,6 @@ def points_needed(profile: Profile, rules: Sequence[str]) -> tuple[str, ...]:
 
 
 Check = Callable[[Profile, Mapping[str, Any]], str | None]  # None when the rule holds, else the reading
-
-_MENDS: dict[str, str] = {
-    "remote": "switch the starter to remote",
-    "serial_controls": "give control back to the serial line",
-    "general_enabled": "enable the starter (general_enable, or its enable input)",
-    "no_fault": "find the cause of the fault, then reset",
-    "has_fault": "there is nothing to reset",
-    "is_ready": "see the state and the alarms of the starter",
-    "configured": "send configure first",
-    "is_stopped": "stop the motor first",
-    "power_present": "switch the supply of the power section on",
-    "not_adjusting": "leave the adjusting mode at the starter",
-}
 
 _DECIDING: dict[str, tuple[str, ...]] = {
     "weg": ("fault", "general_enabled", "power_present", *MOVING),
@@ -94,7 +147,7 @@ def _must_be(name: str, *, is_on: bool) -> Check:
     def read(_profile: Profile, points: Mapping[str, Any]) -> str | None:
         value = points.get(name)
         if value is None:
-            return f"{name} is unknown"
+            return f"{name}{IS_UNKNOWN}"
         return None if bool(value) is is_on else f"{name} is {_word(value)}"
 
     return read
@@ -113,7 +166,7 @@ def _is_stopped(profile: Profile, points: Mapping[str, Any]) -> str | None:
         if points.get(name):
             return f"{name} is true"
         if points.get(name) is None and is_decisive(profile, name):
-            return f"{name} is unknown"
+            return f"{name}{IS_UNKNOWN}"
     return None
 
 

@@ -24,6 +24,7 @@ from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegister, WriteRegisters
 
+_UNNAMED = "not named in this manual"
 _RAW_CODE = re.compile(r"P([0-9]{1,5})")
 _REGISTER_CODE = re.compile(r"(HR|IR|COIL)([0-9]{1,5})")
 _PREFIXES = {Table.HOLDING: "HR", Table.INPUT: "IR", Table.COIL: "COIL"}
@@ -88,7 +89,7 @@ def _register(profile: Profile, prefix: str, number: int) -> Parameter | None:
 def _raw(code: str, table: Table, address: int) -> Parameter:
     return Parameter(
         code=code,
-        name="not named in this manual",
+        name=_UNNAMED,
         table=table,
         address=address,
         type=Type.BIT if table is Table.COIL else Type.U16,
@@ -187,6 +188,8 @@ def _why_not(parameter: Parameter) -> str:
         return "only commands write it"
     if parameter.access is Access.NONE:
         return parameter.note
+    if parameter.confidence is Confidence.EXTRA or parameter.name == _UNNAMED:
+        return "the serial manual does not give it: it can be read, but not set over the serial line"
     if parameter.access is not Access.RW:
         return "read-only"
     if parameter.code == "P000":  # ssw06-es 4.3, ssw07 4.3

@@ -51,6 +51,8 @@ class WriteStep:
     request: Request
     then: Expect | None = None
     is_silence_expected: bool = False  # the device restarts and may not answer (ssw06-es 4.3)
+    is_run_off: bool = False  # run = 0: when it is not taken, nothing that follows is written
+    may_be_refused: bool = False  # a refusal means that it was not needed
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,4 +80,5 @@ class Procedure:
     subject: str = ""  # code of the row that is set or read
     subjects: tuple[str, ...] = ()  # codes of the rows, where several were asked for at once
     note: str = ""  # what the operator must know with the result
+    is_run_cleared: bool = False  # it begins with run = 0, see families/run_command.py
     wears: int = 0  # how many writes go to the starter's non-volatile memory

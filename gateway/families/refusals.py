@@ -19,6 +19,8 @@ REFUSALS: dict[str, str] = {
     "not_set_to_serial": "the starter is not set up to take this from the serial line",
     "not_in_that_mode": "the starter is not in that adjusting mode",
     "would_cut_connection": "the change would cut the connection to the starter",
+    "motor_running": "the motor is not seen to stand",
+    "capacitor_charged": "the start capacitor is charged, and the motor would start late",
     "timeout_unset": "a communication timeout of 0.0 s must not be made active",
     "slot_unknown": "it is not known which slot holds the RS-485 accessory",
     "word_unknown": "what is in force in the starter is not known",

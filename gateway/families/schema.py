@@ -199,6 +199,7 @@ class Command(Model):
     flags: tuple[str, ...] = ()  # switches that may be left out; `<verb>_<flag>` is what they choose
     values: tuple[str, str] = ("true", "false")  # of the argument `value`; the second chooses `<verb>_off`
     needs: dict[str, tuple[int, ...]] = {}  # rows that must hold one of these numbers
+    ceilings: dict[str, Ceiling] = {}  # rows that must not read more
     since_firmware: str = ""  # older firmware does not know it
     note: str = ""  # what the operator must know once it is done
 
@@ -226,6 +227,30 @@ class Join(Model):
 
     codes: tuple[str, ...]  # in the order of their registers
     how: Literal["text", "version", "serial"]  # families/joined.py
+
+
+class Protected(Model):
+    """Rows that a `set` writes under conditions or not at all: by code, the section that says why."""
+
+    command_sources: dict[str, str] = {}  # who commands the motor; a restore leaves them alone unless asked
+    waking: dict[str, str] = {}  # may let a run command act that stands, without choosing its source
+    connection: dict[str, str] = {}  # to set one cuts the connection to the starter: refused
+    actions: dict[str, str] = {}  # no settings: they load, copy or erase whole sets of parameters: refused
+
+    def wakes(self, code: str) -> bool:
+        """Return whether a change of this row may let a run command act that stands in the starter."""
+        return code in self.command_sources or code in self.waking
+
+
+class Ceiling(Model):
+    """A reading above which a command is refused."""
+
+    most: int  # raw
+    unit: str
+    models: tuple[str, ...]  # how the names of the models begin that have the reading
+    since_firmware: str = ""  # older firmware does not give it
+    refusal: str  # a code of families/refusals.py
+    remedy: str  # what to do
 
 
 class FastWords(Model):
@@ -263,6 +288,7 @@ class Profile(Model):
     commands: dict[str, Command]
     fast_words: FastWords | None = None  # None: the family has none
     joins: dict[str, Join] = {}  # by what they are: name, firmware, serial
+    protected: Protected = Protected()
     outputs: dict[str, Output] = {}  # by the name of their terminals: RL1, AO1, DO1
     parameters: dict[str, Parameter]  # by code
     enums: dict[str, dict[int, str]] = {}  # "VB01.0" is what 0 and 1 mean of a bit

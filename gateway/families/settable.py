@@ -22,39 +22,22 @@ _SHOWN_BY: dict[tuple[str, tuple[int, ...]], tuple[str, int, tuple[int, ...]]] =
     ("S5.6.2", (1,)): ("S5.6.1", 0x04, (0,))
 }
 
-# Setting one of these cuts the connection to the starter (ssw06-es 2.1, 2.2; ssw07 2.1, 2.2; ssw900 C8.2).
-CONNECTION_ROWS = frozenset({"P308", "P312", "C8.2.1", "C8.2.2", "C8.2.3", "C8.2.4"})
-
-# No settings but actions (table A.2, menu C10): they load, copy or erase whole sets of parameters at once,
-# what they do to a running motor or to the connection is not stated, and they do not read back as written.
-ACTION_ROWS = frozenset({"C10.1.1", "C10.2.1", "C10.3.1", "C10.4.1", "C10.5.1"})
-
-# Who commands the motor: a run command that stands could start it, and a running one could be let go
-# (ssw06-es 2.5-2.7, ssw07 2.5-2.7, ssw900 C3). The manuals do not say; only at standstill. The end of the
-# start-up (S5.6.2) may let one act too.
-SOURCE_ROWS = frozenset({"P220", "P229", "P230", "C3.1", "C3.2", "C3.3", "C3.4", "S5.6.2"})
-
 # What is written there lands in another row: in a command word too, if it is mapped so (ssw900 7.2.3).
 MAPPED_WRITES = range(1600, 1620)
 
 
 def settable_words(profile: Profile, variant: Variant, row: Parameter, value: object) -> tuple[int, ...]:
     """Return the words that set a row to a value; CommandError when no `set` may do so."""
-    if row.code in CONNECTION_ROWS:
+    if row.code in profile.protected.connection:
         raise refused(
             "would_cut_connection", f"change {row.code} at the starter, together with the line's settings"
         )
-    if row.code in ACTION_ROWS:
+    if row.code in profile.protected.actions:
         raise refused("not_writable", f"{row.code} is an action on all parameters: do it at the starter")
     is_mapped = profile.family == "ssw900" and row.table is Table.HOLDING and row.address in MAPPED_WRITES
     if row.table is Table.COIL or row.access is Access.COMMAND or is_mapped:
         raise refused("not_writable", f"{row.code} is not written by set, but by the verbs of the family")
     return to_words(profile, row, value, variant=variant)
-
-
-def needs_standstill(row: Parameter) -> bool:
-    """Return whether a row may be set only while the motor stands."""
-    return bool(row.is_stopped_only) or row.code in SOURCE_ROWS
 
 
 def is_kept(row: Parameter) -> bool:

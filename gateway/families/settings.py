@@ -15,16 +15,14 @@ from gateway.families.procedure import Preparation, Procedure, Read, WriteStep
 from gateway.families.refusals import refused
 from gateway.families.schema import Parameter, Profile, Variant
 from gateway.families.settable import (
-    SOURCE_ROWS,
     holds,
     is_kept,
-    needs_standstill,
     read_back,
     read_of,
     settable_words,
 )
 from gateway.families.texts import in_order_of
-from gateway.families.words import Seen, has_plain_word, run_row, take_back_run
+from gateway.families.words import Seen
 from gateway.modbus.writes import WriteRegisters
 
 Wanted = list[tuple[Parameter, tuple[int, ...]]]
@@ -52,17 +50,21 @@ def build_read(profile: Profile, args: Mapping[str, Any]) -> Procedure:
     return Procedure("read", (), subject=found[0]) if is_single else Procedure("read", (), subjects=found)
 
 
+def rows_set(profile: Profile, args: Mapping[str, Any]) -> tuple[Parameter, ...]:
+    """Return the rows that a `set` names."""
+    values, _ = asked_values(args)
+    return tuple(find(profile, code) for code in values)
+
+
 def prepare_set(profile: Profile, variant: Variant, args: Mapping[str, Any]) -> Preparation:
     """Return what to read before rows are set: they, what their values hang on, the motor's state."""
     wanted, is_single = _wanted(profile, variant, args)
     codes = [row.code for row, _ in wanted]
     if _is_configuration(wanted):
-        return prepare_configuration(profile, variant, "set", codes=codes)
-    requires = ("is_stopped",) if any(needs_standstill(row) for row, _ in wanted) else ()
+        return prepare_configuration(profile, "set", codes=codes)
+    requires = ("is_stopped",) if any(row.is_stopped_only for row, _ in wanted) else ()
     others = [*(other for code in codes for other in _TIMEOUT.get(code, ()))]
     others += rows_of_points(profile, points_needed(profile, requires))
-    if _is_waking(profile, wanted):
-        others += [run_row(profile, variant), *rows_of_points(profile, ("running",))]
     if is_single:
         reads: tuple[Read, ...] = (read_of(profile, codes[0]), *reads_for(profile, others))
     else:
@@ -85,14 +87,10 @@ def build_set(profile: Profile, variant: Variant, args: Mapping[str, Any], *, se
         return Procedure("set", (), is_unchanged=True, subject=subject, subjects=subjects)
     if _is_configuration(wanted):
         rows = {row.code: words for row, words in wanted}
-        return configuration(
-            profile, variant, "set", wanted=rows, seen=seen, subject=subject, subjects=subjects
-        )
-    first = take_back_run(profile, variant, seen) if _is_waking(profile, changes) else ()
-    steps = (*(WriteStep(request) for request in first), *_steps(profile, changes))
+        return configuration(profile, "set", wanted=rows, seen=seen, subject=subject, subjects=subjects)
     return Procedure(
         "set",
-        steps,
+        tuple(_steps(profile, changes)),
         verify=read_back(profile, wanted),
         subject=subject,
         subjects=subjects,
@@ -132,12 +130,6 @@ def _check_once(wanted: Wanted) -> None:
 
 def _is_configuration(wanted: Wanted) -> bool:
     return any(row.is_configuration for row, _ in wanted)  # the SST has no other rows to be set
-
-
-def _is_waking(profile: Profile, wanted: Wanted) -> bool:
-    """Return whether a run command that stands must be taken back first; the SSW900 clears its own (S5.2)."""
-    is_source = any(row.code in SOURCE_ROWS for row, _ in wanted)
-    return is_source and not has_plain_word(profile.commands["stop"].writes)
 
 
 def _check_timeout(wanted: Wanted, seen: Seen) -> None:

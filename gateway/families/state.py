@@ -48,7 +48,7 @@ def hindrance(profile: Profile, points: Mapping[str, Any]) -> str:
     for name in _READINESS[profile.state_rule]:
         value = points.get(name)
         if value is False or (value is None and is_decisive(profile, name)):
-            return f"{name}{_UNKNOWN}" if value is None else f"{name} is false"
+            return f"{name}{IS_UNKNOWN}" if value is None else f"{name} is false"
     if any(points.get(name) for name in points_on(profile, ADJUSTING_ROW)):
         return f"it is in an adjusting mode ({ADJUSTING_ROW})"
     return "the time after a stop is not over" if any(points.get(name) for name in WAITING) else ""
@@ -99,7 +99,7 @@ _ORDER: dict[str, tuple[tuple[str, str], ...]] = {
     ),
 }
 
-_UNKNOWN = " is unknown"
+IS_UNKNOWN = " is unknown"
 
 # What must be true of a motor at rest to be ready for a start.
 _READINESS: dict[str, tuple[str, ...]] = {
@@ -110,7 +110,7 @@ _READINESS: dict[str, tuple[str, ...]] = {
 
 def _standstill(profile: Profile, points: Mapping[str, Any]) -> str:
     found = hindrance(profile, points)
-    if found.endswith(_UNKNOWN):
+    if found.endswith(IS_UNKNOWN):
         return "unknown"
     return "not_ready" if found else "ready"
 

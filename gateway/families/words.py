@@ -47,19 +47,7 @@ def run_row(profile: Profile, variant: Variant) -> str:
 
 def is_jogging(profile: Profile, seen: Seen) -> bool:
     """Return whether the starter was last seen to jog."""
-    return bool(_flags(profile, seen).get("jog"))
-
-
-def take_back_run(profile: Profile, variant: Variant, seen: Seen) -> tuple[Request, ...]:
-    """Return a stop when a run command is seen to stand while the motor is seen to be at rest, else nothing.
-
-    A fault and a general disable end the motion but not the command: what follows, a reset or an enable,
-    would be a start that nobody asked for.
-    """
-    stands = bool(seen.get(run_row(profile, variant), (0,))[0] & RUN)
-    is_at_rest = _flags(profile, seen).get("moving") is False
-    writes = profile.commands["stop"].writes
-    return stop_requests(profile, variant, writes, seen=seen) if stands and is_at_rest else ()
+    return bool(flags_of(profile, seen).get("jog"))
 
 
 def command_requests(
@@ -99,7 +87,7 @@ def word_in_force(profile: Profile, code: str, seen: Seen) -> int | None:
     The device shows only a part of the word (SSW900 S5.2), so what the status says counts for more. A run or
     jog command is kept only while the motor obeys it. With the last word alone, that word is taken as it is.
     """
-    last, flags = seen.get(code), _flags(profile, seen)
+    last, flags = seen.get(code), flags_of(profile, seen)
     if last is None and not flags:
         return None
     word = 0 if last is None else last[0] & COMMAND_BITS
@@ -112,7 +100,7 @@ def word_in_force(profile: Profile, code: str, seen: Seen) -> int | None:
     return word
 
 
-def _flags(profile: Profile, seen: Seen) -> dict[str, bool]:
+def flags_of(profile: Profile, seen: Seen) -> dict[str, bool]:
     """Return the known boolean points of the rows seen, and `moving`: whether a run command is obeyed."""
     points = decode_points(profile, Variant(), seen)
     flags = {name: point.value for name, point in points.items() if isinstance(point.value, bool)}

@@ -27,9 +27,9 @@ from gateway.line.scheduler import Scheduler
 from gateway.line.voice import OnFrame
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
-from gateway.repetition import Repetition
 
 RESTART_PAUSE_S = 1.0  # after a bug has ended a line's loop
+STOP_WITHIN_S = 3.0  # of the 10 s in which the gateway ends; the longest transaction takes less
 FIGURES_EVERY_S = 1.0
 SWITCH_INTERVAL_S = 0.0001  # Python's 5 ms are two silences: too long to wait for the app's thread
 
@@ -126,12 +126,17 @@ class LineHost:
         await asyncio.to_thread(started.wait)
 
     async def stop(self) -> None:
-        """Let each transaction under way end, close the ports and end the thread."""
+        """Let each transaction under way end, close the ports and end the thread.
+
+        A port that does not close (a driver that hangs) is waited for `STOP_WITHIN_S` at most.
+        """
         thread, self._thread = self._thread, None
         if thread is None:
             return
         self.to_line(self._stopping.set)
-        await asyncio.to_thread(thread.join)
+        await asyncio.to_thread(thread.join, STOP_WITHIN_S)
+        if thread.is_alive():
+            logger.error("the lines did not end within %g s: a port hangs", STOP_WITHIN_S)
         self._loop = None
         self._collector.end()
 
@@ -211,7 +216,6 @@ class LineHost:
 
     async def _supervise(self, hosted: _Hosted, earlier: Sequence[asyncio.Task[None]]) -> None:
         """Run one line; whatever ends it is a bug that the other lines must not feel."""
-        repetition = Repetition()
         scheduler = hosted.scheduler
         if earlier:
             await asyncio.wait(earlier)
@@ -219,10 +223,9 @@ class LineHost:
             while True:
                 try:
                     await scheduler.run()
-                except Exception as error:  # the one guard at this task's top
+                except Exception:  # the one guard at this task's top
                     hosted.crashes += 1
-                    if repetition.is_news(error):
-                        logger.exception("line=%s crashed, starts again", scheduler.name)
+                    logger.exception("line=%s crashed, starts again", scheduler.name)
                 await asyncio.sleep(RESTART_PAUSE_S)
         finally:
             if isinstance(hosted.opener, ClosesLate):

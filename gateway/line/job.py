@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from math import inf
 
 from gateway.line.outcome import Outcome
+from gateway.modbus.adu import BROADCAST
 from gateway.modbus.pdu import Request
 
 
@@ -48,3 +49,8 @@ class Job:
     lane: Lane
     finish: Callable[[Outcome], None]
     until_s: float = inf  # on the line's clock: never sent later than this
+
+    @property
+    def must_not_act_late(self) -> bool:
+        """Whether it may do harm when it arrives after its answer was due: every write but a stop."""
+        return self.lane is not Lane.STOP and self.request.is_write and self.unit != BROADCAST

@@ -98,7 +98,7 @@ class OpenPort(asyncio.Protocol, abc.ABC):
         self._received += data
         del self._received[:-KEPT_BYTES]
 
-    def _hold(self) -> None:
+    def hold(self) -> None:
         """Wait for the end of a read that ended early without letting go: no sleep ends as exactly."""
         time, until_s = self._time, self._hold_s
         if self._was_woken:
@@ -140,11 +140,15 @@ class SocketPort(OpenPort):
         """Hand one whole frame to the connection; raise PortLostError when it is gone or stuck."""
         if self._lost is not None:
             raise PortLostError(self._name, self._lost)
-        self._hold()
+        self.hold()
         transport = cast(asyncio.Transport, self._transport)
         if transport.get_write_buffer_size() > 0:
             raise PortLostError(self._name, "stuck: takes no more bytes", "restart the serial server")
         transport.write(frame)
+
+    def reset(self) -> None:
+        """Close the connection; the opener has set SO_LINGER so that this drops what has not left yet."""
+        self.close()
 
     def data_received(self, data: bytes) -> None:
         """Take bytes; asyncio calls this."""

@@ -51,6 +51,24 @@ class PortOpener(Protocol):
 
 
 @runtime_checkable
+class HoldsBack(Protocol):
+    """A port whose `write` waits for the end of the read before; `hold` does that waiting alone."""
+
+    def hold(self) -> None:
+        """Return when a frame may be written without further waiting."""
+        ...
+
+
+@runtime_checkable
+class DeliversLate(Protocol):
+    """A port whose bytes may reach the other side long after `write`: a TCP connection that stands still."""
+
+    def reset(self) -> None:
+        """Close it in such a way that nothing which has not left this machine does so later."""
+        ...
+
+
+@runtime_checkable
 class ClosesLate(Protocol):
     """An opener whose port is not quite closed when `close` returns, and cannot be opened by others yet."""
 

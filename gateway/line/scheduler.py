@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Callable, Sequence
 from math import inf
 from typing import Any
 
-from gateway.errors import PortError, PortLostError
+from gateway.errors import PortError, PortLostError, PortResetError
 from gateway.line.budget import ALLOWANCE_S, worst_stop_latency_s
 from gateway.line.deafness import Deafness
 from gateway.line.doorstep import Doorstep
@@ -24,6 +25,8 @@ from gateway.line.transaction import Transactor
 from gateway.line.uart import CountsErrors
 from gateway.line.voice import OnFrame, Voice
 from gateway.modbus.timing import LineTiming
+
+logger = logging.getLogger(__name__)
 
 REOPEN_FLOOR_S = 0.5
 REOPEN_CEILING_S = 2.0  # an adapter that is plugged in again is to be found at once
@@ -61,6 +64,7 @@ class Scheduler:
         self._time: Callable[[], float] = lambda: -inf
         self._serving: Serving | None = None  # while the port is open
         self._is_stopping = False
+        self._is_reopening = False  # after a reset on purpose: jobs wait for the new connection
         self._earlier_stray_bytes = 0
 
     async def run(self) -> None:
@@ -80,13 +84,17 @@ class Scheduler:
 
     def submit(self, job: Job) -> None:
         """Queue a job; without a port it ends at once."""
-        if self._serving is None:
+        if self._is_reopening:
+            self._plan.submit(job, self._time())
+        elif self._serving is None:
             job.finish(Silent("port closed", is_sent=False))
         else:
             self._serving.submit(job)
 
     def withdraw(self, job: Job) -> bool:
         """Take a waiting job back, so that it is never sent; False when it is too late for that."""
+        if self._is_reopening:
+            return self._plan.withdraw(job)
         return self._serving is not None and self._serving.withdraw(job)
 
     def add_poll(self, poll: Poll) -> None:
@@ -146,8 +154,15 @@ class Scheduler:
         return {**state, "progress": self.progress, "stray_bytes": stray_bytes, **uart, **figures}
 
     async def _live(self) -> None:
-        """Open the port, serve, and reopen when it is lost, ever less often while that is no use."""
+        """Serve as long as the line runs; leave nobody waiting."""
         self._time = asyncio.get_running_loop().time
+        try:
+            await self._keep_open()
+        finally:
+            self._end_jobs()
+
+    async def _keep_open(self) -> None:
+        """Open the port, serve, and reopen when it is lost, ever less often while that is no use."""
         pause_s = REOPEN_FLOOR_S
         while True:
             self.progress += 1
@@ -155,11 +170,14 @@ class Scheduler:
             try:
                 port = await self._opener()
             except PortError as error:
+                self._end_jobs()
                 self._voice.tell_port(str(error), is_open=False)
             else:
                 await self._use(port)
             if self._is_stopping:
                 return
+            if self._is_reopening:
+                continue
             if self._time() - tried_s > REOPEN_CEILING_S:
                 pause_s = REOPEN_FLOOR_S
             await self._pause(pause_s)
@@ -173,7 +191,11 @@ class Scheduler:
             self.progress += 1
 
     async def _use(self, port: Port) -> None:
-        """Serve on an open port until it is lost or we stop; leave it closed and nobody waiting."""
+        """Serve on an open port until it is lost or we stop; leave it closed.
+
+        After a reset of ours the jobs wait for the new connection, and nothing is published of it.
+        """
+        self._is_reopening = False
         line = Transactor(port, self.timing, allowance_s=self._allowance_s, trace=self._trace)
         serving = self._serving = self._serving_of(line)
         self._plan.begin(self._time())
@@ -185,14 +207,22 @@ class Scheduler:
             else:
                 self._voice.tell_port("open", is_open=True)
             await serving.run()
+        except PortResetError as error:
+            logger.info("line=%s %s", self.name, error)
+            self._is_reopening = True
         except PortLostError as error:
             self._voice.tell_port(str(error), is_open=False)
         finally:
             self._serving = None
             self._earlier_stray_bytes += line.stray_bytes
             port.close()
-            for job in self._plan.take_jobs():
-                job.finish(Silent("port closed", is_sent=False))
+            if not self._is_reopening:
+                self._end_jobs()
+
+    def _end_jobs(self) -> None:
+        self._is_reopening = False
+        for job in self._plan.take_jobs():
+            job.finish(Silent("port closed", is_sent=False))
 
     def _serving_of(self, line: Transactor) -> Serving:
         return Serving(

@@ -2,6 +2,11 @@
 
 pyserial-asyncio 0.6 reports a port as lost before it is closed, so reopening waits; pyserial uses select(),
 so descriptors from 1024 on are refused.
+
+A port belongs to the one process that holds its flock, which the kernel ends with that process. It is all
+that pyserial's `exclusive` takes: it keeps out only programs that ask for it too. TIOCEXCL keeps out the
+others, but belongs to the terminal and lasts until its last descriptor is closed. On a pseudo terminal (of
+socat, ser2net) the other end holds it open: a killed gateway that is not root's would never be let in again.
 """
 
 from __future__ import annotations
@@ -13,6 +18,7 @@ import fcntl
 import os
 import socket
 import stat
+import struct
 import termios
 from urllib.parse import urlsplit
 
@@ -38,6 +44,16 @@ _KEEP_ALIVE = (  # a serial server that was switched off is noticed within about
     (socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, 5),
     (socket.IPPROTO_TCP, socket.TCP_KEEPCNT, 4),
 )
+# What a closed connection still holds is dropped (RST), and what the other side's kernel has not acknowledged
+# after so long is too [tcp(7)]: no frame is to arrive when it has long been given up.
+_NO_LINGER = struct.pack("ii", 1, 0)
+_UNACKNOWLEDGED_MS = 2000
+_NOTHING_LATE: tuple[tuple[int, int, int | bytes], ...] = (
+    (socket.SOL_SOCKET, socket.SO_LINGER, _NO_LINGER),
+    (socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _UNACKNOWLEDGED_MS),
+    (socket.IPPROTO_TCP, socket.TCP_NODELAY, 1),
+)
+_OPTIONS = (*_KEEP_ALIVE, *_NOTHING_LATE)
 _NO_SUCH_PORT = ("no such port", "plug the adapter in, or correct the name: see /dev/serial/by-id")
 _NOT_PERMITTED = ("not permitted", "add the user to group dialout")
 _BUSY = ("busy", "another program holds it: stop that one")
@@ -122,8 +138,10 @@ class SerialOpener:
         if max(device.fileno(), device.pipe_abort_read_r or 0) >= _SELECT_LIMIT:
             device.close()
             raise PortError(self._name, "too many open files", f"fewer than {_SELECT_LIMIT} can be served")
-        with contextlib.suppress(OSError):  # the lock taken above binds only programs that ask for it
-            fcntl.ioctl(device.fileno(), termios.TIOCEXCL)
+        with contextlib.suppress(
+            OSError
+        ):  # the flock is ours: what an earlier holder has left counts no more
+            fcntl.ioctl(device.fileno(), termios.TIOCNXCL if is_pseudo else termios.TIOCEXCL)
         with contextlib.suppress(OSError, ValueError, AttributeError):  # FTDI holds bytes back for 16 ms else
             device.set_low_latency_mode(True)
         return device
@@ -140,8 +158,8 @@ class SerialOpener:
         except OSError as error:
             raise PortError(self._name, error.strerror or str(error), "is the serial server on?") from error
         connection = transport.get_extra_info("socket")
-        for level, option, number in _KEEP_ALIVE:
-            connection.setsockopt(level, option, number)
+        for level, option, setting in _OPTIONS:
+            connection.setsockopt(level, option, setting)
         return port
 
 

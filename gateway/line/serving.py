@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from math import inf
 
-from gateway.errors import PortLostError
+from gateway.errors import PortLostError, PortResetError
 from gateway.line.deafness import DEAF, Deafness
 from gateway.line.doorstep import LOOK_EVERY_S, Doorstep
 from gateway.line.figures import Figures
@@ -16,6 +17,7 @@ from gateway.line.prepared import Preparations
 from gateway.line.transaction import Transactor
 from gateway.line.voice import Voice
 
+RESET = "reset: a write was not answered in time, and must not act later"
 IDLE_WAKE_S = 1.0  # an idle line looks at its port so often
 
 
@@ -109,6 +111,8 @@ class Serving:
             outcome = await self._take(turn, noise)
             self._step()
             self._record(turn, outcome, took_s=self._time() - free_s)
+            if _may_act_late(turn, outcome) and line.reset():
+                raise PortResetError(self._port_name, RESET)
             if turn.unit and self._deafness.take(outcome, self._time()):
                 raise PortLostError(self._port_name, DEAF)
             if not self._deafness.is_deaf:
@@ -150,7 +154,8 @@ class Serving:
 
     async def _take(self, turn: Turn, noise: Garbled | None) -> Outcome:
         """Do one transaction, unless too late or on too noisy a line; a job ends even when this does not."""
-        if turn.job is not None and self._time() > turn.job.until_s:
+        until_s = inf if turn.job is None else turn.job.until_s
+        if self._time() > until_s:
             return Silent(TOO_LATE, is_sent=False)
         if noise is not None:
             return noise
@@ -164,9 +169,11 @@ class Serving:
                 prepared,
                 response_time_s=self._figures.response_time_s(turn),
                 longest_s=turn.response_time_s,
+                until_s=until_s,
                 meanwhile=self._voice.flush,
             )
-            self._figures.note_sent(turn, self.line.written_s)
+            if outcome != Silent(TOO_LATE, is_sent=False):
+                self._figures.note_sent(turn, self.line.written_s)
         finally:
             if outcome is None and turn.job is not None:
                 self._voice.finish(turn.job, Silent("port lost", is_sent=self.line.is_on_wire))
@@ -210,3 +217,9 @@ class Serving:
         finally:
             timer.cancel()
             self._waker = None
+
+
+def _may_act_late(turn: Turn, outcome: Outcome) -> bool:
+    """Return whether a write that must not act late was sent, and it is not known that it arrived."""
+    is_unsure = isinstance(outcome, Silent | Garbled) and outcome.is_sent
+    return is_unsure and turn.job is not None and turn.job.must_not_act_late

@@ -10,9 +10,9 @@ from typing import assert_never
 from gateway.errors import BadReplyError
 from gateway.line.budget import ALLOWANCE_S
 from gateway.line.hearing import Hearing, judge
-from gateway.line.outcome import Answered, Garbled, Outcome, Refused, Silent
+from gateway.line.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.pace import Pace
-from gateway.line.port import Port
+from gateway.line.port import DeliversLate, HoldsBack, Port
 from gateway.line.prepared import MIRRORED, Prepared
 from gateway.line.quarantine import Quarantine
 from gateway.line.suspicion import Suspicions, whole_frame
@@ -61,6 +61,13 @@ class Transactor:
         self.is_on_wire = False  # from the moment a request is written until its outcome is known
         self.written_s = -inf  # when the latest request was written
         self.stray_bytes = 0  # that nobody waited for, since the port was opened
+
+    def reset(self) -> bool:
+        """Let nothing that was written reach the wire later; return whether the port is closed for that."""
+        if not isinstance(self._port, DeliversLate):
+            return False
+        self._port.reset()
+        return True
 
     def quiet_from_s(self) -> float:
         """Return when the line will have been silent for long enough, if nothing more comes."""
@@ -119,13 +126,17 @@ class Transactor:
         *,
         response_time_s: float,
         longest_s: float | None = None,
+        until_s: float = inf,
         meanwhile: Callable[[], None] | None = None,
     ) -> Outcome:
         """Send a request now, the line being settled, and return what became of it by its deadline.
 
         `longest_s` is the response time that late replies are reckoned by, when `response_time_s` was cut
-        short; `meanwhile` is done once the request is on its way. Raises as `transact`.
+        short; `meanwhile` is done once the request is on its way. After `until_s` nothing is sent: that is
+        looked at last of all, since the process may be stopped at any moment before. Raises as `transact`.
         """
+        if until_s < inf and self._is_past(until_s):
+            return Silent(TOO_LATE, is_sent=False)
         self.is_on_wire = True
         wire_s = len(prepared.adu) * self._character_s
         self._earliest_s = self._time() + wire_s
@@ -144,6 +155,12 @@ class Transactor:
             outcome = await self._hear(prepared, response_time_s, max(longest_s or 0.0, response_time_s))
         self.is_on_wire = False
         return outcome
+
+    def _is_past(self, until_s: float) -> bool:
+        """Return whether a frame that is written now would be late."""
+        if isinstance(self._port, HoldsBack):
+            self._port.hold()
+        return self._time() > until_s
 
     async def _hear(self, prepared: Prepared, response_time_s: float, longest_s: float) -> Outcome:
         """Wait for the reply; judge it when it is whole, or whatever there is at the deadline."""

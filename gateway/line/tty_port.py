@@ -53,7 +53,7 @@ class TtyPort(OpenPort):
         """Hand one whole frame to the wire; raise PortLostError when the port is gone or stuck."""
         if self._lost is not None:
             raise PortLostError(self._name, self._lost)
-        self._hold()
+        self.hold()
         try:
             count = os.write(self._fd, frame)
         except BlockingIOError:
@@ -68,7 +68,7 @@ class TtyPort(OpenPort):
         self._look_away()
         with contextlib.suppress(OSError, termios.error):
             self._device.reset_output_buffer()
-            # A pseudo terminal that others hold open would refuse us the next time else.
+            # A terminal that others hold open as well would refuse us the next time else.
             fcntl.ioctl(self._device.fileno(), termios.TIOCNXCL)
         super().close()
 

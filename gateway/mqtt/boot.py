@@ -37,6 +37,10 @@ class Boot:
         if self._connected_s is not None:
             self._connected_s = now_s
 
+    def renew(self) -> None:
+        """Let the token count no more, although nothing was lost: a new one is to be read first."""
+        self._tokens += 1
+
     def is_before_connection(self, at_s: float) -> bool:
         """Return whether a moment of the steady clock lies before the present connection."""
         return self._connected_s is not None and at_s < self._connected_s

@@ -12,14 +12,16 @@ from gateway.errors import BrokerError
 from gateway.mqtt.intake import Incoming
 from gateway.mqtt.outbox import Outgoing
 from gateway.mqtt.payload import Message
+from gateway.mqtt.reasons import Notice, perhaps_taken_over
 from gateway.mqtt.retry import Backoff, Version, VersionChoice
-from gateway.mqtt.session import Session
+from gateway.mqtt.session import CONNECTION_LOST, Session
 from gateway.mqtt.settings import BrokerSettings
 from gateway.mqtt.unread import Unread
 
 log = logging.getLogger(__name__)
 
 FAREWELL_TICKET = 0  # the outbox counts from 1
+SHORT_ONES = 3  # connections in a row that the broker closed soon, until the cause is guessed
 
 
 class Source(Protocol):
@@ -52,6 +54,7 @@ class BrokerConnection:
 
     `will` makes the message that the broker publishes when this gateway vanishes. `on_link` hears of every
     change: connected or not, and what is wrong (also while connected, when commands cannot arrive).
+    `on_notice` is called for losses that need an event of their own: once, until a connection has held again.
     """
 
     def __init__(
@@ -63,6 +66,7 @@ class BrokerConnection:
         will: Callable[[], Message | None],
         on_incoming: Callable[[Incoming], None],
         on_link: Callable[[bool, str], None],
+        on_notice: Callable[[Notice], None] = lambda _: None,
         unread: Unread | None = None,
     ) -> None:
         self._settings = settings
@@ -72,6 +76,10 @@ class BrokerConnection:
         self._will = will
         self._on_incoming = on_incoming
         self._on_link = on_link
+        self._on_notice = on_notice
+        self._published: set[str] = set()  # the codes of notices, since a connection held
+        self._logged: set[str] = set()  # likewise
+        self._short_ones = 0
         self._choice = VersionChoice(settings.version)
         self._backoff = Backoff(
             first_s=settings.first_retry_s, last_s=settings.last_retry_s, seed=settings.seed
@@ -170,7 +178,22 @@ class BrokerConnection:
             self._acknowledged.set()
         if loop.time() - since_s >= self._settings.steady_s:
             self._backoff.reset()
+            self._published.clear()
+            self._logged.clear()
+            self._short_ones = 0
         self._tell(f"broker {self._settings.address}: {reason}", is_connected=False)
+        self._notice(session.notice, reason)
+
+    def _notice(self, notice: Notice | None, reason: str) -> None:
+        """Have the cause of a loss published, known or guessed, unless that has been done."""
+        if notice is None and reason == CONNECTION_LOST:
+            self._short_ones += 1
+            if self._short_ones == SHORT_ONES:
+                notice = perhaps_taken_over(self._settings.client_id)
+                log.warning("broker %s: %s", self._settings.address, notice.text)
+        if notice is not None and notice.code not in self._published and not self._closing.is_set():
+            self._published.add(notice.code)
+            self._on_notice(notice)
 
     def _send(self) -> None:
         self._sending = None
@@ -197,10 +220,10 @@ class BrokerConnection:
         if (is_connected, trouble) == self._link or self._closing.is_set():
             return
         self._link = (is_connected, trouble)
-        if trouble:
-            log.warning("%s", trouble)
-        else:
-            log.info("broker=%s connected, MQTT %s", self._settings.address, self._choice.version)
+        level = logging.DEBUG if trouble in self._logged else logging.WARNING if trouble else logging.INFO
+        self._logged.add(trouble)  # what repeats while no connection holds is logged once
+        connected = f"broker={self._settings.address} connected, MQTT {self._choice.version}"
+        log.log(level, "%s", trouble or connected)
         self._on_link(is_connected, trouble)
 
     def _deaf(self) -> str:

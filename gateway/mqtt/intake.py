@@ -13,10 +13,11 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, 
 from gateway.errors import CommandError
 from gateway.mqtt.boot import Boot, boot_of
 from gateway.mqtt.json_in import read_object
-from gateway.mqtt.topics import CommandAddress, Topics
+from gateway.mqtt.topics import CommandAddress, Malformed, Topics, shortened
 from gateway.starters.records import AuditRecord, Phase, ResultRecord
 from gateway.starters.request import CommandRequest
 
+MALFORMED_TOPIC = "malformed_topic"
 MAX_PAYLOAD_BYTES = 4096
 DEFAULT_TTL_S = 5.0
 MAX_TTL_S = 60.0
@@ -42,7 +43,7 @@ class Incoming:
 
 @dataclass(frozen=True, slots=True)
 class Rejection:
-    """A command that is not acted on: `code` names the rule, the rest whom to tell."""
+    """A command that is not acted on: `code` names the rule, the rest its sender, empty when unknown."""
 
     starter: str
     client: str
@@ -53,6 +54,7 @@ class Rejection:
     operator: str | None = None
     args: Mapping[str, Any] = field(default_factory=dict)
     correlation: bytes | None = None
+    problem: str = ""  # of a malformed topic, in a word
 
     def to_result(self, time_s: float) -> ResultRecord:
         """Return the one and final result of this command."""
@@ -143,21 +145,14 @@ class Intake:
         if address is None:
             return None
         lenient = _read_leniently(incoming.payload)
+        if isinstance(address, Malformed):
+            error = CommandError(MALFORMED_TOPIC, f"nothing was done: {address.text}")
+            return _rejected(address, lenient, incoming, error)
         try:
             now_s = utc_s if clock_is_synchronised else None
             body, expires_s = self._accepted(address, incoming, lenient, now_s=now_s, received_s=received_s)
         except CommandError as error:
-            return Rejection(
-                starter=address.starter,
-                client=address.client,
-                verb=address.verb,
-                id=lenient.id,
-                code=error.code,
-                text=error.text,
-                operator=lenient.operator,
-                args=lenient.args,
-                correlation=incoming.correlation,
-            )
+            return _rejected(address, lenient, incoming, error)
         request = self._request(address, incoming, body=body, received_s=received_s)
         return replace(request, expires_s=expires_s)
 
@@ -201,6 +196,7 @@ class Intake:
             response_topic=incoming.response_topic if is_ours else None,
             expect=body.expect,
             select=body.select,
+            boot=self._boot.token if body.boot == self._boot.token else "",
         )
 
     def _require_fresh(self, body: _Body, age_s: float | None, *, received_s: float) -> None:
@@ -229,6 +225,23 @@ class Intake:
         return CommandError("not_fresh", "neither issued_at nor boot is given")
 
 
+def _rejected(
+    address: CommandAddress | Malformed, lenient: _Body, incoming: Incoming, error: CommandError
+) -> Rejection:
+    return Rejection(
+        starter=address.starter,
+        client=address.client,
+        verb=address.verb,
+        id=lenient.id,
+        code=error.code,
+        text=error.text,
+        operator=lenient.operator,
+        args=lenient.args,
+        correlation=incoming.correlation,
+        problem=address.problem if isinstance(address, Malformed) else "",
+    )
+
+
 def _read_strictly(payload: bytes) -> _Body:
     """Return the payload of a command that must be right in every detail."""
     if len(payload) > MAX_PAYLOAD_BYTES:
@@ -236,11 +249,11 @@ def _read_strictly(payload: bytes) -> _Body:
     try:
         fields = read_object(payload)
     except ValueError as error:
-        raise CommandError("bad_json", _short(str(error))) from error
+        raise CommandError("bad_json", shortened(str(error), 200)) from error
     try:
         body = _Body.model_validate(fields)
     except ValidationError as error:
-        raise CommandError("bad_payload", _short(_explained(error))) from error
+        raise CommandError("bad_payload", shortened(_explained(error), 200)) from error
     if body.id is None:
         raise CommandError("no_id", "every command but stop needs an id")
     return body
@@ -275,11 +288,6 @@ def _explained(error: ValidationError) -> str:
         f"{'.'.join(str(part) for part in mistake['loc'])}: {mistake['msg']}"
         for mistake in error.errors(include_url=False, include_context=False, include_input=False)
     )
-
-
-def _short(text: str) -> str:
-    printable = "".join(sign if sign.isprintable() else "?" for sign in text)
-    return printable if len(printable) <= 200 else f"{printable[:199]}…"
 
 
 def _utc_s(text: str) -> float:

@@ -29,7 +29,24 @@ def read_object(payload: bytes) -> dict[str, Any]:
     )
     if not isinstance(value, dict):
         raise ValueError("not a JSON object")  # noqa: TRY004 - one kind of error for the caller
+    if "\\u" in text:
+        _require_characters(value)
     return value
+
+
+def _require_characters(value: object) -> None:
+    """Raise ValueError for half a surrogate pair, which an escape can write: no UTF-8 text holds one."""
+    match value:
+        case str():
+            if any("\ud800" <= sign <= "\udfff" for sign in value):
+                raise ValueError("a lone surrogate (\\ud800 to \\udfff) is no character")
+        case dict():
+            for key, item in value.items():
+                _require_characters(key)
+                _require_characters(item)
+        case list():
+            for item in value:
+                _require_characters(item)
 
 
 def _depth(text: str) -> int:

@@ -1,14 +1,16 @@
-"""Why there is no connection, in words and with the mend."""
+"""Why there is no connection, in words and with the remedy."""
 
 from __future__ import annotations
 
 import socket
 import ssl
+from dataclasses import dataclass
 
 from gateway.errors import BrokerError
 
 UNSUPPORTED_VERSION = 0x84  # CONNACK [MQTT5 3.2.2.2]; paho says the same for code 1 of [MQTT3 3.2.2.3]
 PACKET_TOO_LARGE = 0x95  # [MQTT5 3.4.2.1]
+SESSION_TAKEN_OVER = 0x8E  # DISCONNECT [MQTT5 3.14.2.1]: another client has connected with our client id
 
 _MENDS = {  # CONNACK reason codes [MQTT5 3.2.2.2]; paho translates the codes of [MQTT3 3.2.2.3] into these
     UNSUPPORTED_VERSION: "set the version of MQTT that the broker speaks",
@@ -39,3 +41,38 @@ def unreachable(address: str, error: OSError | ValueError) -> BrokerError:
             return BrokerError(f"broker {address}: nothing listens there", "is the broker running?")
         case _:
             return BrokerError(f"broker {address}: {error}")
+
+
+@dataclass(frozen=True, slots=True)
+class Notice:
+    """What has an event of its own besides the loss of the connection."""
+
+    code: str
+    text: str
+
+
+def taken_over(client_id: str) -> Notice:
+    """Return what is wrong when another client has connected with this gateway's client id."""
+    return Notice(
+        "client_id_taken",
+        f"another client has connected with the client id {client_id}, and receives the commands meanwhile "
+        "(stop it, or give one of the two another name in [gateway])",
+    )
+
+
+def perhaps_taken_over(client_id: str) -> Notice:
+    """Return what may be wrong when connections end soon; MQTT 3.1.1 and some brokers give no reason."""
+    return Notice(
+        "client_id_taken",
+        f"the broker closes each connection soon: perhaps another client uses the client id {client_id} "
+        "(stop it, or give one of the two another name in [gateway])",
+    )
+
+
+def too_large(size: int, most: int) -> Notice:
+    """Return what is wrong when the broker announces a packet that is not read."""
+    return Notice(
+        "message_too_large",
+        f"the broker announced a packet of {size} bytes, more than {most}: the connection was closed before "
+        "it was read (find who sends that to a command topic, and clear it if it is retained)",
+    )

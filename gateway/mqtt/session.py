@@ -23,15 +23,42 @@ from paho.mqtt.subscribeoptions import SubscribeOptions
 from gateway.errors import BrokerError
 from gateway.mqtt.intake import Incoming
 from gateway.mqtt.payload import Message
-from gateway.mqtt.reasons import PACKET_TOO_LARGE, refused, unreachable
+from gateway.mqtt.reasons import (
+    PACKET_TOO_LARGE,
+    SESSION_TAKEN_OVER,
+    Notice,
+    refused,
+    taken_over,
+    too_large,
+    unreachable,
+)
 from gateway.mqtt.retry import Version
 from gateway.mqtt.settings import BrokerSettings
 from gateway.mqtt.unread import Unread
 
-MAX_INCOMING_BYTES = 65_536  # asked of the broker; commands are 4 KB at most
+MAX_INCOMING_BYTES = 65_536  # asked of the broker, and never read; commands are 4 KB at most
+CONNECTION_LOST = "connection lost"
 CALLBACKS = [f"on_{each}" for each in ("connect", "disconnect", "publish", "subscribe", "message")]
 CALLBACKS += [f"on_socket_{each}" for each in ("open", "close", "register_write", "unregister_write")]
 READS_AT_ONCE = 100  # packets handled before other tasks of the loop have their turn
+
+
+class _TooLargeError(Exception):
+    """The broker announced more than is read; carries its size. An OSError would not come out of paho."""
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+        super().__init__(size)
+
+
+class _Client(paho.Client):
+    """Reads no packet that is announced too large: MQTT 3.1.1 cannot ask the broker to hold it back."""
+
+    def _sock_recv(self, bufsize: int) -> bytes:
+        """Read so much at most; for a packet's body paho first asks for its whole announced length."""
+        if bufsize > MAX_INCOMING_BYTES:
+            raise _TooLargeError(bufsize)
+        return super()._sock_recv(bufsize)
 
 
 class Session:
@@ -61,6 +88,7 @@ class Session:
         self._misc: asyncio.TimerHandle | None = None
         self._max_packet: int | None = None
         self.lost: asyncio.Future[str] = self._loop.create_future()
+        self.notice: Notice | None = None  # about the loss, when that needs an event of its own
         self.connack_code: int | None = None  # None: the broker never answered
         self.is_reached = False  # the broker's port took the connection
         self.window = settings.window
@@ -136,7 +164,7 @@ class Session:
 
     def _make_client(self) -> paho.Client:
         is_v5 = self._version is Version.V5
-        client = paho.Client(
+        client = _Client(
             CallbackAPIVersion.VERSION2,
             client_id=self._settings.client_id,
             clean_session=None if is_v5 else True,
@@ -205,6 +233,9 @@ class Session:
         for _ in range(READS_AT_ONCE):
             try:
                 self._client.loop_read()
+            except _TooLargeError as error:
+                self._lose_with(too_large(error.size, MAX_INCOMING_BYTES))
+                return
             except Exception as error:  # noqa: BLE001 - this callback's one guard: nonsense ends the session
                 self._lose(f"the broker sent what cannot be read: {error!r}")
                 return
@@ -222,6 +253,10 @@ class Session:
         oldest_s = min((sent_s for _, sent_s in self._tickets.values()), default=self._loop.time())
         if self._loop.time() - oldest_s > self._settings.ack_s:
             self._lose(f"the broker has not acknowledged a message for {self._settings.ack_s:g} s")
+
+    def _lose_with(self, notice: Notice) -> None:
+        self.notice = notice
+        self._lose(notice.text)
 
     def _lose(self, reason: str) -> None:
         if not self.lost.done():
@@ -287,12 +322,14 @@ class Session:
         self._loop.call_soon(self._on_incoming, incoming)
 
     def _on_disconnect(self, _client: Any, _userdata: Any, flags: Any, code: ReasonCode, _told: Any) -> None:
-        if flags.is_disconnect_packet_from_server:
+        if flags.is_disconnect_packet_from_server and code.value == SESSION_TAKEN_OVER:
+            self._lose_with(taken_over(self._settings.client_id))
+        elif flags.is_disconnect_packet_from_server:
             self._lose(f"the broker closed the connection: {code}")
         elif code.getName() == "Keep alive timeout":
             self._lose("the broker has stopped answering")
         else:
-            self._lose("connection lost")
+            self._lose(CONNECTION_LOST)
 
 
 def _properties(packet_type: int) -> Properties:

@@ -17,6 +17,16 @@ class CommandAddress(NamedTuple):
     verb: str
 
 
+class Malformed(NamedTuple):
+    """A command topic that names no command; what of it cannot be known is empty."""
+
+    starter: str
+    client: str
+    verb: str  # what stands in its place, or the whole, cut short
+    problem: str  # one of a few words
+    text: str  # what is wrong, and what would be right
+
+
 def is_level(text: str) -> bool:
     """Return whether `text` may stand as one level of a topic."""
     return _LEVEL.fullmatch(text) is not None
@@ -42,7 +52,7 @@ class Topics:
         self.gateway_outbox = f"{base}/gateway/outbox"
         self.gateway_event = f"{base}/gateway/event"
         self.audit = f"{base}/audit"
-        self.command_filter = f"{base}/command/+/+/+"
+        self.command_filter = f"{base}/command/#"  # what is mistyped too: it is answered
         self._command_prefix = f"{base}/command/"
 
     def line(self, line: str) -> str:
@@ -89,14 +99,40 @@ class Topics:
         """Return the topic on which `client` hears about his commands to a starter."""
         return f"{self.base}/result/{_checked(starter)}/{_checked(client)}"
 
-    def parse_command(self, topic: str) -> CommandAddress | None:
-        """Return what a command's topic says, or None when it is no command's topic."""
+    def parse_command(self, topic: str) -> CommandAddress | Malformed | None:
+        """Return what a command's topic says, or what is wrong with it; None for any other topic."""
+        if topic == self._command_prefix[:-1]:
+            topic = self._command_prefix
         if not topic.startswith(self._command_prefix):
             return None
-        levels = topic.removeprefix(self._command_prefix).split("/")
-        if len(levels) != 3 or not all(is_level(level) for level in levels):
-            return None
-        return CommandAddress(*levels)
+        whole = topic.removeprefix(self._command_prefix)
+        levels = whole.split("/")
+        if len(levels) == 3 and all(is_level(level) for level in levels):
+            return CommandAddress(*levels)
+        starter, client = levels[0].lower(), levels[1] if len(levels) >= 3 else ""
+        if not (is_level(starter) and is_level(client)):
+            starter = client = ""
+        verb = shortened("/".join(levels[2:]) if client else whole)
+        return Malformed(starter, client, verb, *_problem_of(levels))
+
+
+def shortened(text: str, most: int = 40) -> str:
+    """Return foreign text fit to be shown: printable, and not long."""
+    printable = "".join(sign if sign.isprintable() else "?" for sign in text[: most + 1])
+    return printable if len(printable) <= most else f"{printable[: most - 1]}…"
+
+
+def _problem_of(levels: list[str]) -> tuple[str, str]:
+    """Return in a word and in a sentence what is wrong with the levels behind `command`."""
+    form = "a command's topic is command/STARTER/CLIENT/VERB, in lower case"
+    if len(levels) < 3:
+        return "level_missing", f"{len(levels)} of 3 levels are there; {form}"
+    if "" in levels:
+        return "level_empty", f"level {levels.index('') + 1} after command is empty; {form}"
+    if len(levels) > 3:
+        return "level_too_many", f"there are {len(levels)} levels after command instead of 3; {form}"
+    wrong = next(level for level in levels if not is_level(level))
+    return "level_misspelt", f"{shortened(wrong)!r} has other characters than a-z, 0-9, _ and -; {form}"
 
 
 def _checked(level: str) -> str:

@@ -16,6 +16,8 @@ from gateway.sim.supervised import (
     OUTPUT_BY_SERIAL,
     P_ADDRESS,
     P_LOCAL_REMOTE,
+    P_LOCAL_SOURCE,
+    P_REMOTE_SOURCE,
     P_SERIAL,
     P_TIMEOUT,
     Supervised,
@@ -97,7 +99,7 @@ class BasicVariables(Supervised):
     # Requests
 
     def _read_coils(self, address: int, count: int) -> Sequence[bool]:
-        status, commands = self.status_word(), self.command
+        status, commands = self.status_word(), self.shown_command
         bits = []
         for coil in range(address, address + count):
             if coil in STATUS_COILS:
@@ -164,6 +166,8 @@ class BasicVariables(Supervised):
             self._watch()
         elif number == P_LOCAL_REMOTE and value in (0, 1):
             self._set_remote(is_remote=value == 1)
+        if number in (P_LOCAL_REMOTE, P_LOCAL_SOURCE, P_REMOTE_SOURCE):
+            self._run_if_commanded()
 
     def _writable_variables(self) -> tuple[int, ...]:
         return (VB03, VB08)

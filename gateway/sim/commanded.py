@@ -27,6 +27,7 @@ class Commanded(Unit):
     fault = 0  # the number of the latched one
     is_command_refused = False  # erratum A-06: exception 3 for what is not set to serial, instead of nothing
     is_running_while_stopping = False  # whether "running" stays 1 during the ramp down
+    hides_command_bits = False  # the command word and its coils read 0, whatever stands in them
 
     def __init__(
         self,
@@ -153,6 +154,11 @@ class Commanded(Unit):
         if self.motor.is_turned_on:
             self.motor.stop()
 
+    @property
+    def shown_command(self) -> int:
+        """The command word as it reads back."""
+        return 0 if self.hides_command_bits else self.command
+
     def _set_remote(self, *, is_remote: bool) -> None:
         self.is_remote = is_remote
         self.command = self.command | REMOTE if is_remote else self.command & ~REMOTE
@@ -164,6 +170,7 @@ class Commanded(Unit):
         was_in_control = self.is_in_control
         if mask & REMOTE and self._may_switch_mode():
             self._set_remote(is_remote=bool(values & REMOTE))
+            self._run_if_commanded()
         if mask & RESET:
             self._obey_reset(is_on=bool(values & RESET))
         if mask & RUN and values & RUN and not self.is_started:

@@ -6,7 +6,9 @@ import re
 from collections.abc import Callable
 from typing import Any
 
+from gateway.sim.commanded import Commanded
 from gateway.sim.sst import Sst
+from gateway.sim.sst_motion import SstMotion
 from gateway.sim.ssw06 import Ssw06
 from gateway.sim.ssw07 import Ssw07
 from gateway.sim.ssw900 import Ssw900
@@ -20,10 +22,18 @@ def make_unit(family: str, address: int, *, seed: int = 0, model: str | None = N
     maker = _MAKERS.get(family)
     if maker is None:
         raise ValueError(f"family {family!r} is not one of {', '.join(_MAKERS)}")
-    return maker(address, seed=seed, **_of_model(family, model), **options)
+    hides_command_bits = options.pop("hides_command_bits", False)
+    unit = maker(address, seed=seed, **_of_model(family, model), **options)
+    unit.hides_command_bits = hides_command_bits
+    return unit
 
 
-_MAKERS: dict[str, Callable[..., Unit]] = {"ssw06": Ssw06, "ssw07": Ssw07, "ssw900": Ssw900, "sst": Sst}
+_MAKERS: dict[str, Callable[..., Commanded | SstMotion]] = {
+    "ssw06": Ssw06,
+    "ssw07": Ssw07,
+    "ssw900": Ssw900,
+    "sst": Sst,
+}
 
 
 def _of_model(family: str, model: str | None) -> dict[str, Any]:

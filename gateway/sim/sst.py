@@ -106,7 +106,7 @@ class Sst(SstMotion):
     def _coils(self) -> dict[int, bool]:
         """Return the coils that are no errors, by number."""
         return {
-            1: self.is_start_set,
+            1: self.is_start_set and not self.hides_command_bits,
             2: self.is_configuring,
             5: self.is_configured,
             6: True,

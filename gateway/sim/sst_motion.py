@@ -31,6 +31,8 @@ class SstMotion(Unit):
     """One SST; initialised (coils 5 and 26 are 1) unless `is_configured` is False."""
 
     family: ClassVar[str] = "sst"
+    hides_command_bits = False  # coil 1 reads 0, whatever stands in it
+    keeps_run_command = False  # not stated: coil 1 outlives an error, and starts the motor after its reset
 
     def __init__(
         self,
@@ -204,7 +206,9 @@ class SstMotion(Unit):
             raise ValueError(f"coil {number} names no error")
         self.errors.add(number)
         self.trips.append(Trip(self.now_s, f"COIL{number}"))
+        was_set = self.is_start_set
         self._stop()
+        self.is_start_set = was_set and self.keeps_run_command
         self.motor.cut()
         minutes = self.settings[registers.AUTO_RESET]
         if minutes != registers.AUTO_RESET_OFF:
@@ -215,6 +219,8 @@ class SstMotion(Unit):
         self.errors.clear()
         self._auto_reset_s = 0.0
         self._cancel("auto-reset")
+        if self.is_start_set and self.keeps_run_command and self._is_ready():
+            self._start()
 
     def _motor_tripped(self, cause: MotorTrip) -> None:
         self._fail(COIL_OVERCURRENT if cause is MotorTrip.OVERCURRENT else COIL_OVERTEMPERATURE)

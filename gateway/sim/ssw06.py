@@ -167,7 +167,7 @@ class Ssw06(BasicVariables):
             951: 0,
             VB00: MODEL_NUMBER,
             VB01: self.status_word(),
-            VB03: self.command,
+            VB03: self.shown_command,
             VB06: self.adjusting,
             VB07: 0,
             VB08: self.relays,

@@ -85,6 +85,6 @@ class Ssw07(BasicVariables):
             265: 0,
             295: word(self.rated_current_a),
             VB01: self.status_word(),
-            VB03: self.command,
+            VB03: self.shown_command,
             VB08: self.relays,
         }

@@ -140,7 +140,7 @@ class Ssw900(Faults):
         if register in READ_WORDS:
             return self._mapped(register, measured)
         if register in COMMAND_WORDS:
-            return self.command_words[COMMAND_WORDS[register]]
+            return 0 if self.hides_command_bits else self.command_words[COMMAND_WORDS[register]]
         owner = self._map.owners.get(register)
         if owner is None:
             return 0

@@ -15,8 +15,8 @@ from gateway.starters.admission import ACCEPT, CANCEL, LOCK, SELECT, Admission
 from gateway.starters.control import StarterControlView
 from gateway.starters.errand import STOP, End, Errand
 from gateway.starters.identities import Stranger
-from gateway.starters.maintenance import NOTICE, reason_in, refusal
-from gateway.starters.precautions import Precautions
+from gateway.starters.maintenance import NOTICE, owner_of, reason_in, refusal
+from gateway.starters.precautions import GATEWAY, Precautions
 from gateway.starters.records import LockRecord, Phase, Severity
 from gateway.starters.request import CommandRequest
 from gateway.starters.selection import VALID_S, Selection
@@ -78,6 +78,9 @@ class Administration:
         if request.verb == ACCEPT:
             return self._accepted(errand, self._identities.accept(name))
         before = self._logbook.lock_of(name)
+        if before is not None:
+            lock = {"by": before.by, "operator": before.operator, "reason": before.reason}
+            errand.before = {"lock": lock}
         if request.verb == LOCK:
             reason = reason_in(request.args, request.reason)
             self._set_lock(name, LockRecord(request.client, self._clock.utc_s(), reason, request.operator))
@@ -92,8 +95,19 @@ class Administration:
             code, more = ("locked", f"; {NOTICE}") if is_lock else ("unlocked", "")
             why = request.args.get("reason", request.reason)
             data = {"client": request.client, "operator": request.operator, "reason": why}
-            starter.publisher.event(code, Severity.INFO, f"{code} by {request.client}{more}", data)
+            owner = None if is_lock or before is None or before.by == request.client else before
+            if owner is not None:
+                more = f"; the lock was {owner_of(owner)}'s: {owner.reason}"
+                data |= errand.before
+            severity = Severity.INFO if owner is None else Severity.WARNING
+            starter.publisher.event(code, severity, f"{code} by {request.client}{more}", data)
             errand.finish(End(Phase.CONFIRMED, "ok", f"{code}{more}"))
+            if owner is not None and owner.by != GATEWAY:
+                who = f"{request.client} ({request.operator})" if request.operator else request.client
+                text = f"your lock was removed by {who}: {why or 'no reason given'}; it was: {owner.reason}"
+                errand.inform(
+                    owner.by, End(Phase.CONFIRMED, "lock_removed", text, values={"by": request.client})
+                )
         elif is_lock:
             text = "locked as long as this gateway runs, but that could not be kept on the disk"
             errand.finish(End(Phase.FAILED, "not_kept", text))

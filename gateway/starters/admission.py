@@ -17,6 +17,7 @@ from gateway.starters.expectation import STATE, Expectation
 from gateway.starters.guard import Guard
 from gateway.starters.identification import Standing
 from gateway.starters.journal import UNAVAILABLE, Journal
+from gateway.starters.ledger import Ledger
 from gateway.starters.maintenance import is_forbidden, refusal
 from gateway.starters.precautions import Precautions
 from gateway.starters.request import CommandRequest
@@ -24,6 +25,7 @@ from gateway.starters.rights import Rights
 
 SELECT, CANCEL, LOCK, UNLOCK, ACCEPT = "select", "cancel", "lock", "unlock", "accept"
 OWN_VERBS = (SELECT, CANCEL, LOCK, UNLOCK, ACCEPT)  # of every family: they concern the gateway alone
+LEDGER_FULL = "ledger_full"
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +48,7 @@ class Admission:
         rights: Rights,
         precautions: Precautions,
         journal: Journal,
+        ledger: Ledger,
         clock: Clock,
     ) -> None:
         self._starters = starters
@@ -53,6 +56,7 @@ class Admission:
         self._precautions = precautions
         self._groups = precautions.policy.groups
         self._journal = journal
+        self._ledger = ledger
         self._clock = clock
 
     def take_over(self, rights: Rights) -> None:
@@ -68,23 +72,31 @@ class Admission:
         starter = self._starters.get(request.starter)
         if starter is None:
             raise CommandError("unknown_starter", "this gateway has no such starter")
-        if request.verb not in (*verbs(starter.profile), *OWN_VERBS):
-            raise CommandError("unknown_verb", f"{starter.profile.title} has no verb {request.verb[:40]!r}")
+        self.check_verb(request.starter, request.verb)
         if not self._may(request):
             text = f"{request.client} has no right to {request.verb} {request.starter}"
             raise CommandError("not_allowed", text)
         if not request.id and request.verb != STOP:
             raise CommandError("no_id", "every command but stop needs an id")
 
+    def check_verb(self, name: str, verb: str) -> None:
+        """Demand a verb of this starter's family or of the gateway; one that is not configured has any."""
+        starter = self._starters.get(name)
+        if starter is not None and verb not in (*verbs(starter.profile), *OWN_VERBS):
+            raise CommandError("unknown_verb", f"{starter.profile.title} has no verb {verb[:40]!r}")
+
     def may_stop(self, client: str, starter: str) -> bool:
         """Return whether a client may stop a starter."""
         return self._rights.is_allowed(client, verb=STOP, starter=starter)
 
     def check_journal(self) -> None:
-        """Demand a ledger that can be written."""
+        """Demand a ledger that can be written and has room."""
         if self._journal.trouble:
             text = f"commands are not taken without the ledger: {self._journal.trouble}"
             raise CommandError(UNAVAILABLE, text)
+        if not self._ledger.has_room(self._clock.now_s()):
+            text = f"{len(self._ledger)} commands could still be repeated; wait a minute, then send a new one"
+            raise CommandError(LEDGER_FULL, text)
 
     def check(
         self, request: CommandRequest, starter: StarterControlView, load: Load

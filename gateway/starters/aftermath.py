@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from gateway.families.state import state_of
 from gateway.starters.changes import UNKNOWN
-from gateway.starters.conduct import MAY_BE_TURNING
+from gateway.starters.conduct import LOOK, MAY_BE_TURNING
 from gateway.starters.control import StarterControlView
 from gateway.starters.errand import Desk, audit
 from gateway.starters.journal import Remembered
@@ -17,6 +17,7 @@ from gateway.starters.records import Phase, ResultRecord, Severity
 from gateway.starters.request import CommandRequest
 
 CRASHED = "crashed"
+STILL = ("read", "output")  # verbs that cannot move a motor whatever became of them
 STATUS_WITHIN_S = 10.0
 LOOK_EVERY_S = 0.25
 
@@ -39,7 +40,8 @@ class Aftermath:
         life = Life.resumed(may_be_written=self._remembered.may_be_written)
         text = "the gateway ended while this command was under way"
         if life.is_written:
-            text += f"; it was written, or about to be: {MAY_BE_TURNING}"
+            outlook = LOOK if self._remembered.result.verb in STILL else MAY_BE_TURNING
+            text += f"; it was written, or about to be: {outlook}"
             phase = Phase.UNCONFIRMED
         else:
             text += "; nothing was written"

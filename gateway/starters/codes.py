@@ -41,6 +41,15 @@ CODES: Mapping[str, Mapping[str, Code]] = {
         "not_seen": Code(
             "It was written, but the starter was not seen to do it in time. The motor may be turning.", _LOOK
         ),
+        "not_followed": Code(
+            "What was written does not read back: the output or the parameter did not follow. Nothing moves.",
+            "See what the text names: the output's function, the parameter's range.",
+        ),
+        "run_not_cleared": Code(
+            "The starter did not take run = 0, so that an earlier run command could have started the motor. "
+            "Nothing else was written.",
+            "Do it at the starter, where the motor can be watched.",
+        ),
         "not_readable": Code(
             "It was written, but cannot be read back; or the parameter cannot be read at all.", _LOOK
         ),
@@ -86,18 +95,24 @@ CODES: Mapping[str, Mapping[str, Code]] = {
         ),
     },
     "The starter is not in a state for it": {
-        "remote": Code("The starter is in local mode.", "Switch it to remote."),
-        "serial_controls": Code(
+        "in_local": Code("The starter is in local mode.", "Switch it to remote."),
+        "controlled_elsewhere": Code(
             "USB or the parallel input controls the starter.", "Give control back to serial."
         ),
-        "general_enabled": Code("The starter is not generally enabled.", "general_enable, or its input."),
-        "no_fault": Code("A fault is active.", "Find its cause, then reset."),
-        "has_fault": Code("There is no fault to reset.", "Nothing."),
-        "is_ready": Code("The starter is not ready for a start.", "See its state and alarms."),
-        "configured": Code("The SST's configuration is not complete.", "Send configure first."),
-        "is_stopped": Code("The motor is not stopped.", "Stop it first."),
-        "power_present": Code("The power section has no supply.", "Switch it on."),
-        "not_adjusting": Code("The starter is in an adjusting mode.", "Leave that mode at the starter."),
+        "not_enabled": Code("The starter is not generally enabled.", "general_enable, or its input."),
+        "fault_active": Code("A fault is active.", "Find its cause, then reset."),
+        "no_fault_to_reset": Code("There is no fault to reset.", "Nothing."),
+        "not_ready": Code("The starter is not ready for a start.", "See its state and alarms."),
+        "not_configured": Code("The SST's configuration is not complete.", "Send configure first."),
+        "motor_running": Code("The motor is not stopped.", "Stop it first."),
+        "no_power": Code("The power section has no supply.", "Switch it on."),
+        "in_adjusting_mode": Code(
+            "The starter is in an adjusting mode.", "Leave that mode: configure, or at the starter."
+        ),
+        "capacitor_charged": Code(
+            "The start capacitor of the SST130i is charged: the motor would start late.",
+            "Wait until it is discharged, then send the start again, with a new id.",
+        ),
         "not_in_that_mode": Code("The starter is not in the mode that was to be left.", "See its state."),
         "not_set_to_serial": Code("The starter does not take this from the serial line.", "Set it up so."),
         "not_in_firmware": Code("This starter's firmware does not have it.", "See its firmware."),
@@ -120,13 +135,14 @@ CODES: Mapping[str, Mapping[str, Code]] = {
         "word_unknown": Code("Neither command nor status word of the starter is known.", _LATER),
     },
     "The site's rules forbid it": {
-        "starts_per_hour": Code("There were as many starts this hour as allowed.", "Wait as the text says."),
-        "minimum_pause": Code("The motor has not stood still for long enough.", "Wait as the text says."),
-        "stagger": Code("Another motor of this feeder has just been started.", "Wait as the text says."),
+        "too_many_starts": Code("There were as many starts this hour as allowed.", "Wait as the text says."),
+        "pause_too_short": Code("The motor has not stood still for long enough.", "Wait as the text says."),
+        "feeder_busy": Code("Another motor of this feeder has just been started.", "Wait as the text says."),
         "locked": Code(
             "The starter is locked for maintenance. This replaces no physical lock.", "Ask who locked it."
         ),
         "not_locked": Code("The starter is not locked.", "Nothing."),
+        "lock_removed": Code("Another client has removed your lock.", "Ask him before you touch the motor."),
         "select_first": Code("This starter takes two steps.", "select, then the verb with its token."),
         "not_selected": Code("The token selects nothing of yours.", "Select again."),
         "selection_expired": Code("The selection was longer ago than it is valid.", "Select again."),
@@ -147,6 +163,10 @@ CODES: Mapping[str, Mapping[str, Code]] = {
         "ledger_unavailable": Code(
             "The gateway cannot note commands on its disk, so it takes none but stop.", "Look at state_dir."
         ),
+        "ledger_full": Code(
+            "Of so many commands a copy could still be carried out that no new one can be remembered.",
+            "Wait a minute; prove freshness by token, not by boot alone. A stop is always taken.",
+        ),
         "not_kept": Code("It could not be kept on the disk.", "Look at state_dir."),
         "shutting_down": Code("The gateway is ending.", f"{_LOOK} {_AGAIN}"),
         "interrupted": Code("The one who gave the command interrupted it.", _LOOK),
@@ -157,6 +177,10 @@ CODES: Mapping[str, Mapping[str, Code]] = {
         "not_fresh": Code("Nothing proves that it is fresh.", "Send boot, or issued_at by a right clock."),
         "wrong_boot": Code("Its boot is not the present one.", "Read gateway/status again, decide again."),
         "before_connection": Code("It is older than the gateway's connection.", "Decide again, send again."),
+        "malformed_topic": Code(
+            "The topic is not command/STARTER/CLIENT/VERB in lower case; nothing was done.",
+            "Send it to the right topic.",
+        ),
         "no_id": Code("Every command but stop needs an id.", _SENDER),
         "id_reused": Code("This id stood for another command.", "Use a new id for each command."),
         "unknown_starter": Code("This gateway has no such starter.", "See gateway/info."),

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Collection, Coroutine, Iterable, Mapping
+from collections.abc import Callable, Collection, Coroutine, Iterable, Mapping
 from contextlib import suppress
+from math import inf
 from typing import Any
 
 from gateway.clock import Clock
 from gateway.errors import CommandError
 from gateway.starters.administration import Administration
-from gateway.starters.admission import LOCK, OWN_VERBS, Admission, Load
+from gateway.starters.admission import LEDGER_FULL, LOCK, OWN_VERBS, Admission, Load
 from gateway.starters.aftermath import Aftermath
 from gateway.starters.conduct import HALTED, Conduct
 from gateway.starters.control import StarterControlView
@@ -21,7 +22,7 @@ from gateway.starters.flood import Flood
 from gateway.starters.groups import GroupStop
 from gateway.starters.journal import UNAVAILABLE, Journal, NoJournal, Remembered
 from gateway.starters.known import is_same, told_again
-from gateway.starters.ledger import LONGEST_S, Ledger
+from gateway.starters.ledger import Ledger, Proofs
 from gateway.starters.maintenance import is_forbidden
 from gateway.starters.policy import Policy
 from gateway.starters.precautions import Precautions
@@ -34,7 +35,7 @@ from gateway.starters.stopping import Stopping
 logger = logging.getLogger(__name__)
 
 SAVED_WITHIN_S = 1.0  # at the end
-NOT_TAKEN = (UNAVAILABLE, TOO_MANY)  # without the ledger, what it has may say something else
+NOT_TAKEN = (UNAVAILABLE, LEDGER_FULL, TOO_MANY)  # without the ledger, what it has may say something else
 
 
 class Commander:
@@ -50,11 +51,13 @@ class Commander:
         sequence: Sequence,
         journal: Journal | None = None,
         precautions: Precautions | None = None,
+        stood_still_s: Callable[[], float] = lambda: -inf,
+        proofs: Proofs | None = None,
     ) -> None:
         self._starters = starters
         self._rights = rights
-        self._ledger = Ledger()
         self._journal = journal or NoJournal()
+        self._ledger = Ledger(proofs=proofs, on_forgotten=self._journal.forget)
         self._precautions = precautions or Precautions(
             Policy(), starters.keys(), rights=rights, sink=sink, clock=clock, sequence=sequence
         )
@@ -65,10 +68,16 @@ class Commander:
             ledger=self._ledger,
             wear=self._precautions.wear,
             journal=self._journal,
+            stood_still_s=stood_still_s,
         )
         self._groups = self._precautions.policy.groups
         self._admission = Admission(
-            starters, rights=rights, precautions=self._precautions, journal=self._journal, clock=clock
+            starters,
+            rights=rights,
+            precautions=self._precautions,
+            journal=self._journal,
+            ledger=self._ledger,
+            clock=clock,
         )
         self._administration = Administration(self._admission, self._precautions, clock=clock)
         self._flood = Flood(self._precautions.policy.limits)
@@ -87,11 +96,12 @@ class Commander:
         if not is_stop and not self._admits(request):
             self._excess.refuse(self._key(request), request, "too many commands at once; send fewer")
             return
-        if error is not None:
+        earlier = self._ledger.find(request.client, request.id)
+        is_repeat = earlier is not None and is_same(request, earlier)
+        if error is not None and not is_repeat:
             self._refuse(request, error, is_kept=False)
             return
-        earlier = self._ledger.find(request.client, request.id)
-        if earlier is not None and not self._is_done_again(request, earlier):
+        if earlier is not None and (not is_stop or (is_repeat and not earlier.phase.is_final)):
             if not is_stop or self._admits(request):  # a stop under way is answered in any case
                 self._repeat(request, earlier)
             return
@@ -99,7 +109,7 @@ class Commander:
             if self._is_closing:
                 raise CommandError("shutting_down", HALTED["shutting_down"])  # noqa: TRY301 - as for the others
             if is_stop:
-                self._take_stop(request, is_repeat=earlier is not None and is_same(request, earlier))
+                self._take_stop(request, is_repeat=is_repeat)
             else:
                 self._take(request)
         except CommandError as refusal:
@@ -117,6 +127,14 @@ class Commander:
         else:
             self._refuse(request, CommandError(code, text), is_kept=False)
 
+    def verb_error(self, starter: str, verb: str) -> CommandError | None:
+        """Return what is wrong with a verb for a starter; None when nothing is."""
+        try:
+            self._admission.check_verb(starter, verb)
+        except CommandError as error:
+            return error
+        return None
+
     def recall(self, commands: Iterable[Remembered]) -> None:
         """Take over the commands of earlier runs, the oldest first; say once what was cut short."""
         for remembered in commands:
@@ -129,9 +147,7 @@ class Commander:
                 result = aftermath.result()
                 self._aftermaths.append(aftermath)
                 self._spawn(aftermath.tell())
-            age_s = self._desk.clock.utc_s() - remembered.since_s
-            age_s = 0.0 if age_s > LONGEST_S else age_s  # the clock was set since, or we were away for long
-            self._ledger.store(result, now_s=self._desk.clock.now_s() - age_s)
+            self._ledger.store(result, now_s=self._desk.clock.now_s())  # its age begins now: no clock says it
 
     async def settle(self, starters: Collection[str], *, within_s: float) -> None:
         """Wait until these starters are under no command; until `take_over` they take no new one but stop."""
@@ -177,11 +193,6 @@ class Commander:
         starter = request.starter if request.starter in self._starters else ""
         return self._flood.admits(client=self._key(request), starter=starter, now_s=self._desk.clock.now_s())
 
-    def _is_done_again(self, request: CommandRequest, earlier: ResultRecord) -> bool:
-        """Return whether a command is carried out although its id is known: a stop that is not under way."""
-        is_under_way = is_same(request, earlier) and not earlier.phase.is_final
-        return request.verb == STOP and not is_under_way
-
     def _repeat(self, request: CommandRequest, earlier: ResultRecord) -> None:
         """Send the stored result of a command again; an id that stood for another command is refused."""
         if not is_same(request, earlier):
@@ -192,7 +203,10 @@ class Commander:
         audit(request, self._desk, decision="duplicate", code=earlier.code)
 
     def _refuse(self, request: CommandRequest, error: CommandError, *, is_kept: bool) -> None:
-        Errand(request, self._desk).finish(End(Phase.REJECTED, error.code, error.text), is_kept=is_kept)
+        """Refuse a command; under an id that has a result, as a duplicate: that result stays."""
+        is_known = self._ledger.find(request.client, request.id) is not None
+        errand = Errand(request, self._desk, is_repeat=is_known)
+        errand.finish(End(Phase.REJECTED, error.code, error.text), is_kept=is_kept and not is_known)
 
     def _take(self, request: CommandRequest) -> None:
         """Carry out a command other than a stop; CommandError when it cannot even begin."""

@@ -16,7 +16,7 @@ from gateway.families.parameters import find
 from gateway.families.procedure import Expect, Preparation, Procedure, WriteStep
 from gateway.line.job import Lane
 from gateway.line.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
-from gateway.modbus.codes import ExceptionCode
+from gateway.modbus.codes import ExceptionCode, exception_name
 from gateway.starters.control import StarterControlView
 from gateway.starters.errand import End, Errand
 from gateway.starters.guard import Guard
@@ -29,14 +29,31 @@ MOST_READINGS = 4  # until two in a row agree
 RECENT_PERIODS = 2  # a poll of this age still counts as one of the two readings,
 SLOW_DISK_S = 0.25  # what was read before a disk took this long is read again
 RECENT_AT_MOST_S = 10.0  # however rarely the starter is polled
+DECIDES_FOR_S = 2.0  # after that a reading decides about no motor any more: much can have happened since
+WAITS_FOR_S = 10.0  # the same of what moves no motor, and may wait for its turn
+MOST_DECISIONS = 5  # each on new readings, when the line was not free while the ones before counted
 MAY_BE_TURNING = "the motor may be turning"
 CAN_WAIT = frozenset({"read", "set", "configure", "output"})  # verbs that move no motor
+LOOK = "look at the starter"
+_NOT_SET_UP = (  # what a write is refused with that the starter is not set up for, or does not have
+    ExceptionCode.ILLEGAL_FUNCTION,
+    ExceptionCode.ILLEGAL_DATA_ADDRESS,
+    ExceptionCode.ILLEGAL_DATA_VALUE,
+)
+
+_NOTHING_ELSE = "nothing else was written; do it at the starter, where the motor can be watched"
+
+LINE_NOT_FREE = "the line was not free while the command was valid"
 
 HALTED = {
     "stopped_first": "a stop came first",
     "locked": "a maintenance lock came first",
     "shutting_down": "the gateway is shutting down",
 }
+
+
+class _OutdatedError(Exception):
+    """What was decided has not been written, and is to be decided again."""
 
 
 class Conduct:
@@ -84,7 +101,14 @@ class Conduct:
             if not procedure.steps:
                 return self._unwritten(procedure, rows)
             self.errand.wear_out(procedure.wears)
-            return await self._carry_out(procedure)
+            for _ in range(MOST_DECISIONS):
+                try:
+                    return await self._carry_out(procedure)
+                except _OutdatedError:
+                    rows, procedure = await self._decide()
+                    if not procedure.steps:
+                        return self._unwritten(procedure, rows)
+            return self._cut("expired", LINE_NOT_FREE)
         except CommandError as error:
             return self._cut(error.code, error.text)
         except RefusedError as error:
@@ -105,7 +129,7 @@ class Conduct:
     def _cut(self, code: str, text: str) -> End:
         """Return the end of a command that something came in the way of."""
         if self.errand.life.is_written:
-            return End(Phase.UNCONFIRMED, code, f"{text}; it was written before: {MAY_BE_TURNING}")
+            return End(Phase.UNCONFIRMED, code, f"{text}; it was written before: {self._outlook}")
         if code == "internal":
             return End(Phase.FAILED, code, text)
         return End(Phase.REJECTED, code, f"{text}; nothing was written")
@@ -127,6 +151,8 @@ class Conduct:
         """Return what the last polls would lead to; None when they are too old, lack a row or forbid it."""
         longest_s = min(RECENT_PERIODS * self._starter.status_period_s, RECENT_AT_MOST_S)
         since_s = self.errand.now_s() - longest_s
+        if self.errand.is_outdated(since_s):
+            return None  # some of it may have been read before the gateway stood still
         recent = self._starter.snapshot.rows_since(since_s)
         codes = {code for read in self._preparation.reads for code in read.codes}
         if not codes <= recent.keys():
@@ -142,7 +168,7 @@ class Conduct:
         violations = check(profile, self._preparation.requires, self._points(rows))
         if violations:
             text = "; ".join(violation.text for violation in violations)
-            raise CommandError(violations[0].rule, text)
+            raise CommandError(violations[0].code, text)
         if self._guard is not None:
             self._guard.check(self._points(rows))
         return build(profile, self._starter.variant, request.verb, request.args, seen=rows)
@@ -150,30 +176,71 @@ class Conduct:
     async def _carry_out(self, procedure: Procedure) -> End:
         """Write each step once, each only after what the one before has to bring about."""
         self._procedure = procedure
-        for step in procedure.steps:
-            end = await self._take_step(step, is_last=step is procedure.steps[-1])
+        for place, step in enumerate(procedure.steps, 1):
+            is_last = all(later.may_be_refused for later in procedure.steps[place:])
+            end = await self._take_step(step, is_last=is_last)
             if end is not None:
-                return await self._abandoned(end)
+                return end if step.is_run_off else await self._abandoned(end)
         if procedure.verify is None:
-            text = f"written, but it cannot be read back: {MAY_BE_TURNING}"
+            text = f"written, but it cannot be read back: {self._outlook}"
             return End(Phase.UNCONFIRMED, "not_readable", text)
         values = await self._wire.see(procedure.verify)
         if values is None:
-            end = _not_seen(procedure.verify)
+            end = self._not_seen(procedure.verify)
             return await self._abandoned(replace(end, text=_noted(end.text, procedure)))
         return self._confirmed(procedure, values)
 
     async def _take_step(self, step: WriteStep, *, is_last: bool) -> End | None:
         """Write one step and see what it must bring about; return the end when the next must not follow."""
         outcome = await self._write(step)
-        end = self._taken(outcome)
+        is_excused = step.may_be_refused and isinstance(outcome, Refused) and outcome.code in _NOT_SET_UP
+        end = None if is_excused else self._taken(outcome)
+        if step.is_run_off:
+            return await self._run_off(step, outcome, end, is_excused=is_excused)
         if end is not None:
             return end
         if step.then is not None:
-            return None if await self._wire.see(step.then) is not None else _not_seen(step.then)
+            return None if await self._wire.see(step.then) is not None else self._not_seen(step.then)
         if is_last or step.is_silence_expected or isinstance(outcome, (Answered, Refused)):
             return None
         return self._cut("no_answer", f"a write before the last was not answered ({outcome.reason})")
+
+    async def _run_off(
+        self, step: WriteStep, outcome: Outcome, end: End | None, *, is_excused: bool
+    ) -> End | None:
+        """Return the end when run = 0 was not taken: nothing that lets a run command act may follow."""
+        if isinstance(outcome, Refused) and end is not None:
+            text = (
+                f"the starter refused run = 0 ({exception_name(outcome.code)}): a run command may stand in it"
+            )
+            return End(Phase.FAILED, "run_not_cleared", f"{text}; {_NOTHING_ELSE}")
+        if end is not None:
+            return end
+        if not is_excused and not isinstance(outcome, (Answered, Refused)):
+            text = f"run = 0 was not answered ({outcome.reason}): a run command may stand in the starter"
+            return End(Phase.UNCONFIRMED, "no_answer", f"{text}; {_NOTHING_ELSE}")
+        if step.then is None or await self._wire.see(step.then) is not None:
+            return None
+        seen = f"{step.then.name} was not seen to take it within {step.then.within_s:g} s"
+        text = f"run = 0 was written, but {seen}"
+        return End(Phase.FAILED, "run_not_cleared", f"{text}; {_NOTHING_ELSE}")
+
+    @property
+    def _outlook(self) -> str:
+        """What may be the case once something was written and not seen to act."""
+        wakes = self._procedure is not None and self._procedure.is_run_cleared
+        return MAY_BE_TURNING if wakes or not self.can_wait else LOOK
+
+    def _not_seen(self, expect: Expect) -> End:
+        within = f"within {expect.within_s:g} s"
+        if self._outlook is LOOK:
+            text = f"{expect.name} does not read as written {within}: it did not follow; {LOOK}"
+            return End(Phase.UNCONFIRMED, "not_followed", text)
+        if self._procedure is not None and self._procedure.is_run_cleared:
+            text = f"{expect.name} as commanded, and the motor at rest, were not both seen {within}"
+            return End(Phase.UNCONFIRMED, "not_seen", f"{text}; run = 0 is written again: {MAY_BE_TURNING}")
+        text = f"{expect.name} did not become what was commanded {within}: {MAY_BE_TURNING}"
+        return End(Phase.UNCONFIRMED, "not_seen", text)
 
     async def _write(self, step: WriteStep) -> Outcome:
         """Send one write, once."""
@@ -181,15 +248,31 @@ class Conduct:
             setup = self._starter.setup
             self._starter.line.expect_silence(setup.address, setup.profile.timing.restart_s)
         try:
-            return await self._wire.write(step.request, lane=self._lane, until_s=self._until_s())
+            return await self._hand_over(step)
         except HaltedError:
             self.errand.write()  # it may have been on its way already
             raise
 
-    def _until_s(self) -> float:
-        """Return how late the first write may be sent: what has begun is not left half done."""
+    async def _hand_over(self, step: WriteStep) -> Outcome:
+        """Give a write to the line, which sends it only while what was read last still decides.
+
+        _OutdatedError when it does not any more and nothing has been written yet. What moves no motor is not
+        left half done: its later writes go out whenever the line is free.
+        """
+        is_begun = self.errand.life.is_written
+        if is_begun and self.can_wait:
+            return await self._wire.write(step.request, lane=self._lane)
         expires_s = self.errand.request.expires_s
-        return inf if expires_s is None or self.errand.life.is_written else expires_s
+        if expires_s is None or is_begun:
+            expires_s = inf
+        until_s = self._wire.seen_s + (WAITS_FOR_S if self.can_wait else DECIDES_FOR_S)
+        outcome: Outcome = Silent(TOO_LATE, is_sent=False)
+        if not self.errand.is_outdated(self._wire.seen_s):
+            outcome = await self._wire.write(step.request, lane=self._lane, until_s=min(until_s, expires_s))
+        is_unsent = isinstance(outcome, Silent) and outcome.reason == TOO_LATE and not outcome.is_sent
+        if is_unsent and not is_begun and self.errand.now_s() <= expires_s:
+            raise _OutdatedError
+        return outcome
 
     def _taken(self, outcome: Outcome) -> End | None:
         """Take over what became of a write; return the end when it did not go out or was refused."""
@@ -201,7 +284,7 @@ class Conduct:
                 refusal = RefusedError(outcome.code)
                 return End(Phase.FAILED, refusal.code, str(refusal))
             case Silent(reason=reason, is_sent=False) if reason == TOO_LATE:
-                return self._cut("expired", "the line was not free while the command was valid")
+                return self._cut("expired", LINE_NOT_FREE)
             case Silent(is_sent=False) | Garbled(is_sent=False):
                 return self._cut("line_down", f"the write could not be sent: {outcome.reason}")
             case Silent() | Garbled():
@@ -266,8 +349,3 @@ def _only_reads(procedure: Procedure) -> bool:
 def _noted(text: str, procedure: Procedure) -> str:
     """Return a result's text with what the operator must know besides."""
     return f"{text}; {procedure.note}" if procedure.note else text
-
-
-def _not_seen(expect: Expect) -> End:
-    text = f"{expect.name} did not become what was commanded within {expect.within_s:g} s: {MAY_BE_TURNING}"
-    return End(Phase.UNCONFIRMED, "not_seen", text)

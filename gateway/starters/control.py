@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
+from gateway.families.identify import Identity
 from gateway.families.schema import Profile, Variant
 from gateway.line.client import LineClient
 from gateway.starters.identification import Standing
@@ -49,6 +50,11 @@ class StarterControlView(Protocol):
     @property
     def is_answering(self) -> bool:
         """Whether it is online."""
+        ...
+
+    @property
+    def identity(self) -> Identity:
+        """What the one who answers said about itself."""
         ...
 
     @property

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
+from math import inf
 from typing import Any
 
 from gateway.clock import Clock
@@ -41,6 +42,7 @@ class Desk:
     ledger: Ledger
     wear: Wear = field(default_factory=Wear)
     journal: Journal = field(default_factory=NoJournal)
+    stood_still_s: Callable[[], float] = lambda: -inf  # when the latest standstill ended, on the steady clock
 
 
 class Errand:
@@ -60,6 +62,10 @@ class Errand:
     def now_s(self) -> float:
         """Return the steady clock's time."""
         return self._desk.clock.now_s()
+
+    def is_outdated(self, seen_s: float) -> bool:
+        """Return whether the gateway has stood still since that moment: what was read by then is old."""
+        return seen_s < self._desk.stood_still_s()
 
     def wear_out(self, writes: int) -> None:
         """Count writes of the starter's non-volatile memory; CommandError when there were too many."""
@@ -88,10 +94,15 @@ class Errand:
         self._report(end, is_kept=is_kept)
         self._audit(end)
 
-    def _report(self, end: End, *, is_kept: bool) -> None:
-        self.life.advance(end.phase)
-        request, desk = self.request, self._desk
-        result = ResultRecord(
+    def inform(self, client: str, end: End) -> None:
+        """Publish to another client what this command did to what is his; a result without an id."""
+        result = self.result(end)
+        self._desk.sink.put(replace(result, client=client, id=None, correlation=None, response_topic=None))
+
+    def result(self, end: End) -> ResultRecord:
+        """Return what the client reads of such an end, or of a phase before it."""
+        request = self.request
+        return ResultRecord(
             starter=request.starter,
             client=request.client,
             id=request.id,
@@ -99,17 +110,23 @@ class Errand:
             phase=end.phase,
             code=end.code,
             text=end.text,
-            time_s=desk.clock.utc_s(),
+            time_s=self._desk.clock.utc_s(),
             is_duplicate=self._is_repeat,
             values=end.values,
             correlation=request.correlation,
             response_topic=request.response_topic,
         )
+
+    def _report(self, end: End, *, is_kept: bool) -> None:
+        self.life.advance(end.phase)
+        request, desk = self.request, self._desk
+        result = self.result(end)
         if not is_kept or not self._is_kept:
-            desk.sink.put(result)
+            if request.starter and request.client:  # else there is no topic for a result, only the audit
+                desk.sink.put(result)
             return
         self._latest = result
-        desk.ledger.store(result, now_s=desk.clock.now_s())
+        desk.ledger.store(result, now_s=desk.clock.now_s(), boot=request.boot)
         if end.phase is not Phase.WRITTEN and request.verb != STOP:
             # Kept before it is told: what was accepted is answered for, and two finals would be a lie. That
             # something may be written is on the disk already, before it is.

@@ -65,16 +65,17 @@ class Flood:
 
 
 class Damper:
-    """Lets one refusal for each client pass every 0.1 s and counts the others."""
+    """Lets one refusal for each client pass in an interval and counts the others."""
 
-    def __init__(self) -> None:
+    def __init__(self, every_s: float = TELL_EVERY_S) -> None:
+        self._every_s = every_s
         self._told_s: dict[Hashable, float] = {}
         self._untold: dict[Hashable, int] = {}
 
     def passes(self, client: Hashable, *, now_s: float) -> bool:
         """Return whether a refusal is told by itself; otherwise it is counted."""
         told_s = self._told_s.get(client)
-        if client not in self._untold and (told_s is None or now_s - told_s >= TELL_EVERY_S):
+        if client not in self._untold and (told_s is None or now_s - told_s >= self._every_s):
             self._told_s[client] = now_s
             return True
         self._untold[client] = self._untold.get(client, 0) + 1

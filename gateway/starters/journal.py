@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -17,11 +17,10 @@ class Remembered:
 
     result: ResultRecord  # its latest; not final when the run ended before the command did
     may_be_written: bool  # something may have reached the starter
-    since_s: float  # when it was taken, UTC
 
 
 class Journal(Protocol):
-    """Keeps commands by (client, id); those without an id are not kept. All calls on the app's loop."""
+    """Keeps commands by (client, id), and stops without an id until they end. All calls on the app's loop."""
 
     @property
     def trouble(self) -> str:
@@ -34,6 +33,10 @@ class Journal(Protocol):
 
     async def intend(self, result: ResultRecord) -> None:
         """Return when it is on the disk that the command is about to be written; CommandError if not."""
+        ...
+
+    def forget(self, keys: Sequence[tuple[str, str]]) -> None:
+        """Keep these commands no longer, each given by client and id; what goes is the ledger's decision."""
         ...
 
 
@@ -49,3 +52,6 @@ class NoJournal:
 
     async def intend(self, result: ResultRecord) -> None:
         """Return at once."""
+
+    def forget(self, keys: Sequence[tuple[str, str]]) -> None:
+        """Keep nothing, as before."""

@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from gateway.errors import DamagedError
 from gateway.starters.records import LockRecord
 
+PRECAUTIONS_FILE = "precautions.json"  # in state_dir
 VERSION = 1
 KEPT_S = 3600.0  # the longest that any rule looks back
 MOST_STARTS = 1000

@@ -22,8 +22,12 @@ def is_forbidden(verb: str, args: Mapping[str, Any]) -> bool:
 
 def refusal(lock: LockRecord) -> CommandError:
     """Return why a command is refused while this lock stands."""
-    who = f"{lock.by} ({lock.operator})" if lock.operator else lock.by
-    return CommandError("locked", f"locked for maintenance by {who}: {lock.reason}; {NOTICE}")
+    return CommandError("locked", f"locked for maintenance by {owner_of(lock)}: {lock.reason}; {NOTICE}")
+
+
+def owner_of(lock: LockRecord) -> str:
+    """Return who set a lock, for people."""
+    return f"{lock.by} ({lock.operator})" if lock.operator else lock.by
 
 
 def reason_in(args: Mapping[str, Any], reason: str | None) -> str:

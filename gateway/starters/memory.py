@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import json
 import logging
 import os
@@ -74,14 +75,19 @@ class FileMemory:
     def set_aside(self) -> None:
         """Keep the file under a second name for whoever wants to look into it.
 
-        It stays what it is until the next document takes its place, so that a damage is not forgotten.
+        It stays what it is until the next document takes its place, so that a damage is not forgotten. A
+        folder of that name is renamed, and an empty file, which is as damaged, takes its place.
         """
         aside = self._path.with_name(f"{self._path.name}.damaged")
         try:
+            if self._path.is_dir():
+                self._path.rename(_free(aside))
+                self._path.touch(mode=0o600)
+                return
             aside.unlink(missing_ok=True)
             aside.hardlink_to(self._path)
-        except OSError:
-            logger.exception("file=%s cannot be set aside", self._path)
+        except OSError as error:
+            logger.error("file=%s cannot be set aside: %s", self._path, error.strerror)  # noqa: TRY400 - one line
 
     async def save(self, document: Mapping[str, Any]) -> None:
         """Write the file anew, in a thread; done when it is on the disk."""
@@ -185,6 +191,12 @@ class Saver:
         if trouble != self._trouble:
             self._trouble = trouble
             self._on_trouble(trouble)
+
+
+def _free(path: Path) -> Path:
+    """Return this path, or the first one with a number behind it that is not taken."""
+    numbered = (path.with_name(f"{path.name}-{number}") for number in itertools.count(2))
+    return next(each for each in itertools.chain((path,), numbered) if not os.path.lexists(each))
 
 
 def _sync_folder(folder: Path) -> None:

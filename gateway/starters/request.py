@@ -24,6 +24,7 @@ class CommandRequest:
     expect: Mapping[str, Any] = field(default_factory=dict)  # what must still be so: state, or points
     select: str | None = None  # the token of a selection
     expires_s: float | None = None  # on the steady clock: not to be written later than this
+    boot: str = ""  # the boot that alone proves a copy of it fresh, whatever its age; empty: none does
 
 
 class Refusable(Protocol):

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from gateway.clock import Clock
 from gateway.families.decode import Value
+from gateway.families.run_command import CLEARED
 from gateway.starters.bench import Bench
 from gateway.starters.conduct import Conduct
 from gateway.starters.errand import Desk, Errand
@@ -28,6 +29,7 @@ class RestoreEnd:
     """What became of a restore; `failure` is None when everything was written and read back."""
 
     done: list[Change] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)  # what the results of those done say besides, each once
     failed: tuple[Change, ...] = ()
     failure: ResultRecord | None = None
     untried: tuple[Change, ...] = ()
@@ -73,6 +75,8 @@ class Restore:
                 end.failed, end.failure, end.untried = group, result, rest
                 return end
             end.done += group
+            if CLEARED in result.text and CLEARED not in end.notes:
+                end.notes.append(CLEARED)
         return end
 
     async def _carry_out(self, group: tuple[Change, ...]) -> ResultRecord:

@@ -20,8 +20,6 @@ from gateway.starters.parameter_set import Entry, ParameterSet, entries_of
 
 STANDSTILL = "is_stopped"
 
-# Who may run the motor changes with these: they come last, when everything else is as it shall be.
-COMMAND_SOURCES = ("P220", "P229", "P230", "C3.1", "C3.2", "C3.3", "C3.4")
 _TIME = "C8.2.5.3"  # before its mode, or behind it when it becomes 0: 0.0 s must never be active
 
 
@@ -77,11 +75,11 @@ def plan_restore(
         except CommandError as error:
             left[code] = error.text
             continue
-        if change is not None and change.code in COMMAND_SOURCES and not with_sources:
+        if change is not None and change.code in profile.protected.command_sources and not with_sources:
             left[code] = f"{change.before.shown} -> {change.after.shown} would change who commands the motor"
         elif change is not None:
             changes.append(change)
-    return RestorePlan(_in_order(changes), left)
+    return RestorePlan(_in_order(profile, changes), left)
 
 
 def restore_codes(profile: Profile, wanted: ParameterSet) -> tuple[str, ...]:
@@ -130,10 +128,13 @@ def _value(row: Parameter, entry: Entry) -> Value:
     return str(Decimal(from_words(row, entry.raw)).scaleb(-(row.decimals or 0)))
 
 
-def _in_order(changes: list[Change]) -> tuple[Change, ...]:
-    """Return the changes with the command sources last, and the timeout never active at 0.0 s."""
+def _in_order(profile: Profile, changes: list[Change]) -> tuple[Change, ...]:
+    """Return the changes with the command sources last, and the timeout never active at 0.0 s.
+
+    Who may run the motor changes with the command sources: everything else is as it shall be by then.
+    """
     ends = [change for change in changes if change.code == _TIME and not any(change.after.raw or ())]
     first = [change for change in changes if change.code == _TIME and change not in ends]
-    last = [change for change in changes if change.code in COMMAND_SOURCES]
+    last = [change for change in changes if change.code in profile.protected.command_sources]
     others = [change for change in changes if change not in (*ends, *first, *last)]
     return (*first, *others, *ends, *last)

@@ -13,9 +13,9 @@ from gateway.starters.logbook import Logbook
 HOUR_S = 3600.0
 
 RULES: Mapping[str, str] = {
-    "starts_per_hour": "no more starts an hour than configured",
-    "minimum_pause": "the motor has stood still for the configured time",
-    "stagger": "no other starter of this feeder has just been started",
+    "too_many_starts": "there were as many starts in the last hour as allowed",
+    "pause_too_short": "the motor has not stood still for the configured time",
+    "feeder_busy": "another motor of this feeder has just been started",
 }
 
 
@@ -77,19 +77,19 @@ class Rulebook:
             return None
         wait_s = starts[-most] + HOUR_S - now_s
         reading = f"{len(starts)} in the last hour, of {most}"
-        return _violation("starts_per_hour", reading, f"wait {wait_s:.0f} s")
+        return _violation("too_many_starts", reading, f"wait {wait_s:.0f} s")
 
     def _too_soon(self, starter: str, rules: RuleSet, now_s: float) -> Violation | None:
         if rules.minimum_pause_s <= 0:
             return None
         since_s = self._logbook.standing_since(starter)
         if since_s is None:
-            return _violation("minimum_pause", "it has not been seen to stand still", "wait")
+            return _violation("pause_too_short", "it has not been seen to stand still", "wait")
         wait_s = since_s + rules.minimum_pause_s - now_s
         if wait_s <= 0:
             return None
         reading = f"{now_s - since_s:.0f} s of {rules.minimum_pause_s:g} s"
-        return _violation("minimum_pause", reading, f"wait {wait_s:.0f} s")
+        return _violation("pause_too_short", reading, f"wait {wait_s:.0f} s")
 
     def _too_close(self, starter: str, rules: RuleSet, now_s: float) -> Violation | None:
         if not rules.feeder or rules.stagger_s <= 0:
@@ -99,9 +99,9 @@ class Rulebook:
             for start_s in self._logbook.starts_since(other, now_s - rules.stagger_s):
                 reading = f"{other} started {now_s - start_s:.1f} s ago on feeder {rules.feeder}"
                 wait_s = start_s + rules.stagger_s - now_s
-                return _violation("stagger", reading, f"wait {wait_s:.1f} s")
+                return _violation("feeder_busy", reading, f"wait {wait_s:.1f} s")
         return None
 
 
-def _violation(rule: str, reading: str, mend: str) -> Violation:
-    return Violation(rule=rule, reading=reading, text=f"{RULES[rule]}: required, but {reading}; {mend}")
+def _violation(code: str, reading: str, remedy: str) -> Violation:
+    return Violation(rule=code, reading=reading, text=f"{RULES[code]} ({reading}); {remedy}", code=code)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from dataclasses import replace
 from typing import Any, assert_never
 
 from gateway.families.command import build
@@ -11,6 +12,7 @@ from gateway.families.procedure import Procedure
 from gateway.line.job import Lane
 from gateway.line.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.modbus.pdu import Request
+from gateway.starters.addressed import Addressed
 from gateway.starters.conduct import HALTED, MAY_BE_TURNING
 from gateway.starters.control import StarterControlView
 from gateway.starters.errand import End, Errand
@@ -28,12 +30,13 @@ class Stopping:
     """One starter's stop under way; every stop command that comes meanwhile joins it."""
 
     def __init__(self, starter: StarterControlView) -> None:
-        self._starter = starter
-        self._wire = Wire(starter)
+        self._starter = Addressed(starter)
+        self._wire = Wire(self._starter)
         self._errands: list[Errand] = []
         self._deadline_s = 0.0
         self._is_written = False
         self._is_taken = False  # the starter acknowledged a stop
+        self._is_answered = False  # it answered anything at all since
         self._refusal: RefusedError | None = None
 
     def begin(self) -> None:
@@ -79,6 +82,8 @@ class Stopping:
         except Exception:  # the guard at the task's top
             logger.exception("starter=%s stop ended by a bug", self._starter.setup.name)
             end = self._cut("internal", "an error inside the gateway; see its log")
+        if self._starter.note:
+            end = replace(end, text=f"{end.text}; {self._starter.note}")
         if end.phase is not Phase.CONFIRMED:
             self._call_a_person(end)
         for errand in self._errands:
@@ -119,6 +124,7 @@ class Stopping:
         except HaltedError:
             self._note_written()  # it may have been on its way already
             raise
+        self._is_answered = self._is_answered or isinstance(outcome, (Answered, Refused))
         match outcome:
             case Refused():
                 self._refusal = RefusedError(outcome.code)
@@ -141,6 +147,7 @@ class Stopping:
         rows = None if expect is None else await self._wire.read_back(expect.reads)
         if expect is None or rows is None:
             return None
+        self._is_answered = True
         values = self._wire.values(rows)
         return values if expect.is_met(values) else None
 
@@ -151,6 +158,9 @@ class Stopping:
 
     def _unseen(self) -> End:
         """Return the end of a stop whose time is up."""
+        if self._is_written and not self._is_answered:
+            text = f"the starter did not answer for {DEADLINE_S:g} s, neither the stop nor a reading"
+            return End(Phase.UNCONFIRMED, "no_answer", f"{text}: {MAY_BE_TURNING}")
         if self._is_written:
             text = f"the motor was not seen to stop within {DEADLINE_S:g} s: {MAY_BE_TURNING}"
             return End(Phase.UNCONFIRMED, "not_seen", text)

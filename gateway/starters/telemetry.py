@@ -17,6 +17,7 @@ from gateway.line.client import LineClient
 from gateway.line.job import Poll
 from gateway.line.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.modbus.codes import exception_name
+from gateway.starters.addressed import stop_profile
 from gateway.starters.answers import Answers, Told
 from gateway.starters.changes import UNKNOWN
 from gateway.starters.decoding import Sources, unit_of
@@ -26,7 +27,7 @@ from gateway.starters.info import info_of
 from gateway.starters.polling import Polling, polls_of
 from gateway.starters.publisher import Publisher
 from gateway.starters.records import InfoRecord, Severity, Sink
-from gateway.starters.report import Report
+from gateway.starters.report import SOONEST_S, Report
 from gateway.starters.sequence import Sequence
 from gateway.starters.setup import StarterSetup, merged
 from gateway.starters.snapshot import Snapshot
@@ -72,6 +73,7 @@ class StarterTelemetry:
         self._info: InfoRecord | None = None
         self._is_answering = False
         self._was_lost = False
+        self._has_ended = False
         self._never_answered = "not yet read"  # why, as last told
         self._state = UNKNOWN
         self._on_identified: list[Callable[[], None]] = []
@@ -88,6 +90,11 @@ class StarterTelemetry:
     def is_answering(self) -> bool:
         """Return whether the starter is online."""
         return self._is_answering
+
+    @property
+    def identity(self) -> Identity:
+        """Return what the one who answers said about itself."""
+        return self._identity
 
     @property
     def identity_standing(self) -> Standing:
@@ -143,6 +150,26 @@ class StarterTelemetry:
         self._waker.cancel()
         self._polling.withdraw()
 
+    def end(self, reason: str) -> None:
+        """Publish that the starter is watched no more: offline, its state stale; take nothing from now on.
+
+        `publish_stale_values` must follow: it can wait until this has been published of all starters.
+        """
+        self._has_ended = True
+        self._identification.cancel()
+        self._waker.cancel()
+        if self._is_answering:
+            self.publisher.availability("offline", reason=reason)
+        self.snapshot.mark_stale()
+        self._status.tell(self.snapshot, now_s=self._clock.now_s(), utc_s=self._clock.utc_s())
+
+    def publish_stale_values(self) -> None:
+        """Publish all values as stale, at once."""
+        now_s = self._clock.now_s()
+        self._report.offer(self.snapshot.take_changed(), now_s=now_s)
+        for point, reading in self._report.take_due(now_s + SOONEST_S).items():
+            self.publisher.value(point, reading)
+
     async def close(self) -> None:
         """Do nothing more on its own; call once nothing is handed to it any more."""
         await self._identification.close()
@@ -151,7 +178,7 @@ class StarterTelemetry:
     def on_poll(self, key: str, outcome: Outcome) -> None:
         """Take over what became of a poll; one that is not ours any more is ignored."""
         block = self._polling.block(key)
-        if block is None:
+        if block is None or self._has_ended:
             return
         match outcome:
             case Answered():
@@ -166,6 +193,8 @@ class StarterTelemetry:
 
     def on_unit(self, *, is_answering: bool, reason: str, frames: tuple[str, ...] = ()) -> None:
         """Take over that the starter began to answer or went silent."""
+        if self._has_ended:
+            return
         if is_answering:
             self._come_online()
         elif self._is_answering:
@@ -179,7 +208,7 @@ class StarterTelemetry:
     ) -> None:
         """Take over rows that were just read, by a poll or for a command, and publish what they say."""
         self.snapshot.keep_rows(rows, at_s=at_s)
-        if self._polling.is_withdrawn:
+        if self._polling.is_withdrawn or self._has_ended:
             return  # only a stop asks such a starter, and needs its rows
         self._come_online()
         if told is None:
@@ -268,6 +297,7 @@ class StarterTelemetry:
         logger.warning("%s %s", self._where, text)
         if self.identity_standing is Standing.MISMATCHED:
             seen = self._identity
+            stop_profile(self.profile, seen)  # loaded now, so that a stop need not wait for it
             data = {"expected": self.profile.family, "seen": seen.family_seen, "model": seen.model}
             self.publisher.event("identity_mismatch", Severity.ERROR, text, data)
         else:

@@ -51,6 +51,7 @@ class Wire:
         self._halted: str | None = None
         self._begun: asyncio.Future[Outcome] | None = None
         self._inner: asyncio.Future[Any] | None = None
+        self.seen_s = inf  # when the oldest of what was read last had been asked for; a write's answer counts
 
     def halt(self, code: str) -> None:
         """Let nothing more go out.
@@ -71,11 +72,15 @@ class Wire:
         begun, self._begun = self._begun, None
         if begun is not None:
             return await self._do(begun)
-        return await self._transact(request, lane, until_s=until_s)
+        outcome = await self._transact(request, lane, until_s=until_s)
+        if isinstance(outcome, Answered):
+            self.seen_s = _asked_s(outcome)
+        return outcome
 
     async def read(self, reads: Iterable[Read], *, lane: Lane) -> Rows:
         """Return freshly read rows, trying twice; CommandError without an answer, RefusedError."""
         rows: Rows = {}
+        self.seen_s = inf
         for read in reads:
             outcome = await self._transact(read.request, lane)
             if isinstance(outcome, (Silent, Garbled)):
@@ -86,6 +91,7 @@ class Wire:
     async def read_back(self, reads: Iterable[Read]) -> Rows | None:
         """Return freshly read rows for a read-back; None when a part of them could not be had."""
         rows: Rows = {}
+        self.seen_s = inf
         for read in reads:
             outcome = await self._transact(read.request, self._read_back_lane)
             if not isinstance(outcome, Answered):
@@ -138,6 +144,7 @@ class Wire:
         match outcome:
             case Answered():
                 rows = rows_in(self._starter.profile, read, outcome.value)
+                self.seen_s = min(self.seen_s, _asked_s(outcome))
                 self._starter.take_rows(rows, at_s=outcome.at_s)
                 return rows
             case Refused():
@@ -161,6 +168,11 @@ class Wire:
         if inner.cancelled():
             raise HaltedError(self._halted or "cancelled")
         return inner.result()
+
+
+def _asked_s(answer: Answered) -> float:
+    """Return when an answer was asked for (its request's end), however late it was taken from the port."""
+    return answer.at_s - answer.response_time_s
 
 
 def exception_code_word(number: int) -> str:

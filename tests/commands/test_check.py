@@ -8,6 +8,10 @@ import pytest
 from gateway.cli import main
 from tests.config.sites import SITE, changed
 
+PASSWORD = (
+    'url = "mqtts://broker.plant:8883"',
+    'url = "mqtts://broker.plant:8883"\nusername = "mcc1"\npassword_file = "mqtt.password"',
+)
 EXAMPLES = sorted((Path(__file__).parents[2] / "config").glob("*.toml"))
 
 
@@ -116,6 +120,31 @@ def test_a_watchdog_that_is_off_and_a_disabled_line_are_shown(
     assert " off\n" in off
     assert "load 0%" in disabled
     assert "starter  " not in disabled
+
+
+@pytest.mark.parametrize(
+    ("content", "mode", "said"),
+    [
+        ("secret\n", 0o600, ""),
+        ("secret\n", 0o644, "others than its owner may use it (chmod 600 "),
+        ("", 0o600, "is empty (write the password as its first line)"),
+    ],
+)
+def test_a_password_file_that_run_would_refuse_is_warned_of(
+    content: str, mode: int, said: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    password = folder / "mqtt.password"
+    password.write_text(content, "utf-8")
+    password.chmod(mode)
+    (folder / "site.toml").write_text(changed(PASSWORD), "utf-8")
+
+    assert main(["check", str(folder / "site.toml"), "--json"]) == 0
+
+    warnings = json.loads(capsys.readouterr().out)["warnings"]
+    assert [each for each in warnings if "password_file" in each] == [
+        each for each in warnings if said and f"mqtt.password_file: {password}: {said}" in each
+    ]
+    assert bool(said) == any("password_file" in each for each in warnings)
 
 
 @pytest.mark.parametrize(

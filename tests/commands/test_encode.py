@@ -16,10 +16,26 @@ def encode(capsys: pytest.CaptureFixture[str], *words: str) -> list[str]:
     [
         ("ssw07 1 start", ["01 05 00 64 FF 00 CD E5"]),
         ("ssw07 1 stop", ["01 05 00 64 00 00 8C 15"]),
-        ("ssw07 1 reset", ["01 05 00 6B 00 00 BC 16", "01 05 00 6B FF 00 FD E6"]),  # ssw07 5.4.3
+        (
+            "ssw07 1 reset",  # run = 0 and jog = 0, then the edge (ssw07 4.2.2, 5.4.3)
+            [
+                "01 05 00 64 00 00 8C 15",
+                "01 05 00 66 00 00 2D D5",
+                "01 05 00 6B 00 00 BC 16",
+                "01 05 00 6B FF 00 FD E6",
+            ],
+        ),
         ("ssw06 3 start", ["03 06 13 8B 01 01 3C D6"]),
         ("ssw06 3 stop", ["03 06 13 8B 01 00 FD 16"]),
-        ("ssw06 3 reset", ["03 06 13 8B 80 00 9D 46", "03 06 13 8B 80 80 9C E6"]),  # ssw06-es 4.2.3
+        (
+            "ssw06 3 reset",  # ssw06-es 4.2.3
+            [
+                "03 06 13 8B 01 00 FD 16",
+                "03 06 13 8B 04 00 FE 46",
+                "03 06 13 8B 80 00 9D 46",
+                "03 06 13 8B 80 80 9C E6",
+            ],
+        ),
         ("ssw900 5 start --slot 1 --last-word 0x12", ["05 06 02 AD 00 13 59 DA"]),
         ("ssw900 5 start --slot 2 --last-word 18", ["05 06 02 AE 00 13 A9 DA"]),
         ("ssw900 5 stop", ["05 06 02 AD 00 12 98 1A", "05 06 02 AE 00 12 68 1A"]),  # the slot is not known
@@ -29,11 +45,21 @@ def encode(capsys: pytest.CaptureFixture[str], *words: str) -> list[str]:
         ("sst 9 start", ["09 05 00 00 FF 00 8D 72"]),
         (
             "sst 9 set parameter=R41 value=10",  # all of the configuration mode
-            ["09 05 00 01 FF 00 DC B2", "09 06 00 29 00 0A D9 4D", "09 05 00 01 00 00 9D 42"],
+            [
+                "09 05 00 00 00 00 CC 82",
+                "09 05 00 01 FF 00 DC B2",
+                "09 06 00 29 00 0A D9 4D",
+                "09 05 00 01 00 00 9D 42",
+            ],
         ),
         (
             "sst 9 configure R41=10",
-            ["09 05 00 01 FF 00 DC B2", "09 06 00 29 00 0A D9 4D", "09 05 00 01 00 00 9D 42"],
+            [
+                "09 05 00 00 00 00 CC 82",
+                "09 05 00 01 FF 00 DC B2",
+                "09 06 00 29 00 0A D9 4D",
+                "09 05 00 01 00 00 9D 42",
+            ],
         ),
     ],
 )

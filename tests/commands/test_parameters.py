@@ -215,7 +215,7 @@ def test_nothing_is_written_while_the_motor_turns(
     assert place.written == []
     assert place.unit.motor.is_turned_on
     out = capsys.readouterr().out
-    assert f"rejected: {code}: the motor is stopped: required" in out
+    assert f"rejected: {code}: the motor is not stopped (" in out
     assert "written and read back: nothing" in out
 
 
@@ -248,6 +248,7 @@ def test_who_commands_the_motor_is_left_as_it_is_unless_asked_for(
     assert "--command-sources" in capsys.readouterr().out
 
     assert place.restore({"P230": "DI"}, with_sources=True) == 0
+    assert "run = 0 was written first" in capsys.readouterr().out
     assert place.unit.settings[230] == 1
 
 

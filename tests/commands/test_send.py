@@ -74,7 +74,7 @@ def judged(seen: Seen) -> CommandRequest:
     ("end", "code", "last_line"),
     [
         ((Phase.CONFIRMED, "ok", "the motor runs"), 0, "confirmed: the motor runs\n"),
-        ((Phase.REJECTED, "no_fault", "it is in fault"), 1, "rejected [no_fault]: it is in fault\n"),
+        ((Phase.REJECTED, "fault_active", "it is in fault"), 1, "rejected [fault_active]: it is in fault\n"),
         ((Phase.UNCONFIRMED, "no_reply", "not seen to act"), 1, "unconfirmed [no_reply]: not seen to act\n"),
         ((Phase.FAILED, "refused", "exception 1"), 1, "failed [refused]: exception 1\n"),
     ],

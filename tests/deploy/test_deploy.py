@@ -40,6 +40,25 @@ def test_the_service_exposes_little() -> None:
     assert done.returncode == 0, done.stdout
 
 
+def test_the_service_may_use_the_serial_ports_of_all_common_boards_and_adapters() -> None:
+    allowed = set(re.findall(r"^DeviceAllow=char-(\w+) rw$", SERVICE.read_text("utf-8"), re.MULTILINE))
+
+    names = {
+        "ttyUSB",
+        "ttyACM",
+        "ttyS",
+        "ttyAMA",
+        "ttymxc",
+        "ttySC",
+        "ttyAML",
+        "ttyXRUSB",
+        "ttyMXUSB",
+        "ttyO",
+    }
+    assert names <= allowed
+    assert "pts" not in allowed
+
+
 def test_the_service_is_not_restarted_with_a_wrong_configuration() -> None:
     unit = SERVICE.read_text("utf-8")
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from gateway.clock import SystemClock
-from gateway.durable.journal import MOST_EXTRA
+from gateway.durable.journal import FORGET_AT_ONCE, MOST_EXTRA
+from gateway.starters.journal import Remembered
 from gateway.starters.records import Phase, ResultRecord
-from tests.durable.journal_run import PATIENCE_S, Run, result
+from tests.durable.journal_run import Run, result
 
 
 async def test_what_was_noted_is_recalled_in_order_with_all_that_counts(path: Path) -> None:
@@ -24,7 +24,6 @@ async def test_what_was_noted_is_recalled_in_order_with_all_that_counts(path: Pa
     await again.end()
 
     assert first.result == result("1", Phase.CONFIRMED, code="unchanged", text="done", values={"value": 3.5})
-    assert abs(first.since_s - SystemClock().utc_s()) < PATIENCE_S
     assert (second.result.phase, second.may_be_written) == (Phase.ACCEPTED, False)
 
 
@@ -101,3 +100,74 @@ async def test_until_the_ledger_is_read_it_counts_as_away(path: Path) -> None:
 
     assert before == "it is not open yet"
     assert between == "it has not been read yet"
+
+
+async def recalled(path: Path) -> list[Remembered]:
+    run = await Run(path).begin()
+    await run.end()
+    return run.recalled
+
+
+async def test_a_stop_without_an_id_is_kept_until_it_ends(path: Path) -> None:
+    run = await Run(path).begin()
+    await run.note(result(None, verb="stop"))
+    await run.note(result(None, Phase.WRITTEN, verb="stop"))
+    await run.end()  # as a crash leaves it
+
+    again = await Run(path).begin()
+    (cut_short,) = again.recalled
+    await again.note(result(None, Phase.UNCONFIRMED, verb="stop"))
+    await again.end()
+
+    assert (cut_short.result.id, cut_short.result.verb, cut_short.may_be_written) == (None, "stop", True)
+    assert await recalled(path) == []
+
+
+async def test_a_stop_without_an_id_that_comes_before_the_ledger_is_read_is_none_of_an_earlier_run(
+    path: Path,
+) -> None:
+    run = Run(path)
+    run.store.start()
+    run.journal.note(result(None, verb="stop"))
+    await run.until(lambda: not run.journal.trouble)
+    await run.end()
+
+    assert run.recalled == []
+    assert [each.result.id for each in await recalled(path)] == [None]
+
+
+async def test_what_the_ledger_forgets_is_deleted_many_at_a_time(path: Path) -> None:
+    run = await Run(path).begin()
+    ids = [str(number) for number in range(FORGET_AT_ONCE + 1)]
+    for id_ in ids:
+        run.journal.note(result(id_, Phase.REJECTED))
+
+    run.journal.forget([("alice", id_) for id_ in ids[:FORGET_AT_ONCE]])
+    await run.end()
+
+    assert [each.result.id for each in await recalled(path)] == ids[FORGET_AT_ONCE:]
+
+
+async def test_an_id_that_is_used_again_after_it_was_forgotten_stays(path: Path) -> None:
+    run = await Run(path).begin()
+    await run.note(result("1", Phase.REJECTED))
+    run.journal.forget([("alice", "1")])
+    await run.note(result("1", Phase.WRITTEN))
+    run.journal.forget([("alice", str(number)) for number in range(2, FORGET_AT_ONCE + 2)])
+    await run.end()
+
+    assert [each.result.phase for each in await recalled(path)] == [Phase.WRITTEN]
+
+
+async def test_a_row_that_cannot_be_stored_for_an_error_of_our_own_is_not_tried_again_and_again(
+    path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    run = await Run(path).begin()
+
+    await run.note(result("1", text="\ud800"))
+    for number in range(2, 6):
+        await run.note(result(str(number)))
+    await run.end()
+
+    assert len([each for each in caplog.records if "a piece of work failed" in each.message]) == 1
+    assert [each.result.id for each in await recalled(path)] == ["2", "3", "4", "5"]

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from gateway.durable.journal import SAVE_AT_ONCE
 from gateway.errors import CommandError
 from gateway.starters.journal import UNAVAILABLE
 from gateway.starters.records import Phase
@@ -156,3 +157,31 @@ async def test_a_row_whose_values_are_no_object_is_read_without_them(path: Path)
     await again.end()
 
     assert again.recalled[0].result.values == {}
+
+
+async def test_thousands_of_results_that_the_disk_missed_are_not_submitted_at_one_go(path: Path) -> None:
+    obstacle = path.parent / "obstacle"
+    obstacle.touch()
+    run = Run(obstacle / "x.sqlite")
+    run.store.start()
+    await run.until(lambda: News.AWAY in run.news)
+    for number in range(1000):
+        run.journal.note(result(f"{number}", Phase.CONFIRMED, verb="stop"))
+    await run.note(result("last", Phase.CONFIRMED))
+    submit, pieces = run.store.submit, list[object]()
+    run.store.submit = lambda *args, **kwargs: (pieces.append(args), submit(*args, **kwargs))[1]  # type: ignore[method-assign]
+
+    run.journal.resume()
+    at_once = len(pieces)
+    obstacle.unlink()
+    await run.until(lambda: News.OPEN in run.news)
+    async with asyncio.timeout(PATIENCE_S):
+        while run.journal._unsaved:
+            await run.journal.settle(PATIENCE_S)
+    await run.journal.settle(PATIENCE_S)
+    await run.end()
+
+    assert at_once <= 2 * SAVE_AT_ONCE
+    again = await Run(obstacle / "x.sqlite").begin()
+    await again.end()
+    assert {each.result.id for each in again.recalled} == {*map(str, range(1000)), "last"}

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from gateway.database import Connection, Database
-from gateway.durable.ledger_table import LONGEST_S, PRUNED_EVERY, LedgerRow, LedgerTable
+from gateway.durable.ledger_table import UNNAMED, LedgerRow, LedgerTable
 from gateway.errors import DamagedError
 
 ROW = LedgerRow(
@@ -34,13 +34,16 @@ class Kept:
         self.database = Database(folder / "x.sqlite", [table], 2**20)
         self.database.open()
 
-    def put(self, *rows: LedgerRow, now_s: float = 10.0) -> None:
+    def put(self, *rows: LedgerRow) -> None:
         for row in rows:
 
             def work(connection: Connection, row: LedgerRow = row) -> None:
-                self.table.put(connection, row=row, now_s=now_s)
+                self.table.put(connection, row=row)
 
             self.database.transact([work])
+
+    def forget(self, *keys: tuple[str, str]) -> None:
+        self.database.transact([lambda connection: self.table.forget(connection, keys=keys)])
 
     def rows(self) -> list[LedgerRow]:
         (rows,) = self.database.transact([self.table.rows])
@@ -52,7 +55,7 @@ class Kept:
 
 @pytest.fixture
 def kept(tmp_path: Path) -> Iterator[Kept]:
-    kept = Kept(tmp_path, LedgerTable(most_rows=100, least_rows=0))
+    kept = Kept(tmp_path, LedgerTable())
     yield kept
     kept.database.close()
 
@@ -91,44 +94,47 @@ def test_rows_come_in_the_order_of_their_commands(kept: Kept) -> None:
     assert kept.ids() == ["b", "a", "c"]
 
 
-def test_the_oldest_finished_rows_go_when_there_are_too_many(kept: Kept) -> None:
-    kept.put(replace(ROW, id="under way"))
+@pytest.mark.parametrize("since_s", [-1.0e9, 10.0, 1.8e9])
+def test_no_row_goes_by_itself_whatever_the_clock_says_and_however_many_there_are(
+    kept: Kept, since_s: float
+) -> None:
+    kept.put(*(final(str(number), since_s=since_s) for number in range(300)))
 
-    kept.put(*(final(str(number)) for number in range(300)))
-
-    ids = kept.ids()
-    assert "under way" in ids
-    assert ids[-1] == "299"
-    assert "0" not in ids
-    assert len(ids) <= 100 + PRUNED_EVERY
+    assert kept.ids() == [str(number) for number in range(300)]
 
 
-def test_finished_rows_go_after_seven_days(kept: Kept) -> None:
-    kept.put(final("old"), final("young", since_s=20.0), replace(ROW, id="under way"))
+def test_what_the_ledger_forgets_goes(kept: Kept) -> None:
+    kept.put(*(final(str(number)) for number in range(4)))
 
-    kept.put(*(final("new", since_s=LONGEST_S + 15.0) for _ in range(PRUNED_EVERY + 1)), now_s=LONGEST_S + 15)
+    kept.forget(("alice", "1"), ("alice", "3"), ("bob", "0"))
 
-    assert kept.ids() == ["young", "under way", "new"]
-
-
-def test_a_clock_that_is_set_at_last_makes_nobody_forget_the_latest_commands(tmp_path: Path) -> None:
-    kept = Kept(tmp_path, LedgerTable(least_rows=PRUNED_EVERY))
-    in_1970 = [final(f"{number}", since_s=10.0 + number) for number in range(PRUNED_EVERY)]
-    kept.put(*in_1970)
-
-    kept.put(final("in 2026", since_s=1.8e9), now_s=1.8e9)
-    kept.put(*[final("in 2026", since_s=1.8e9)] * (PRUNED_EVERY + 1), now_s=1.8e9)
-
-    assert kept.ids() == [*(str(number) for number in range(1, PRUNED_EVERY)), "in 2026"]
-    kept.database.close()
+    assert kept.ids() == ["0", "2"]
 
 
-def test_room_is_made_from_the_oldest_finished_rows(kept: Kept) -> None:
-    kept.put(replace(ROW, id="under way"), *(final(str(number)) for number in range(20)))
+def test_a_stop_without_an_id_goes_with_those_of_earlier_runs_for_the_same_starter(kept: Kept) -> None:
+    unnamed = [f"{UNNAMED}run-1/pump-1", f"{UNNAMED}run-2/pump-1"]
+    other = replace(ROW, id=f"{UNNAMED}run-1/fan", starter="fan")
+    kept.put(*(replace(ROW, id=id_) for id_ in unnamed), other, replace(ROW, id="named"))
+
+    kept.forget(("alice", f"{UNNAMED}run-2/pump-1"))
+
+    assert kept.ids() == [other.id, "named"]
+
+
+def test_room_is_made_from_what_may_be_repeated_and_what_was_acted_on_keeps_its_key(kept: Kept) -> None:
+    harmless = [replace(final(f"no {n}"), phase="rejected") for n in range(9)]
+    harmless.append(replace(final("read"), verb="read"))
+    acted = replace(final("acted"), text="x" * 500, extra='{"values": 5}')
+    kept.put(replace(ROW, id="under way"), acted, *harmless)
 
     kept.database.make_room()
+    assert kept.ids() == ["under way", "acted", "no 6", "no 7", "no 8", "read"]
+    for _ in range(4):
+        kept.database.make_room()
 
-    assert kept.ids() == ["under way", *(str(number) for number in range(3, 20))]
+    assert kept.ids() == ["under way", "acted"]
+    row = kept.rows()[1]
+    assert (row.extra, len(row.text), row.phase) == ("{}", 40, "confirmed")
 
 
 @pytest.mark.parametrize("column", ["time_s", "since_s"])

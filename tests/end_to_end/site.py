@@ -101,6 +101,11 @@ class Program:
         except TimeoutError:
             raise AssertionError(f"never said {text!r}:\n{self.output}") from None
 
+    @property
+    def pid(self) -> int:
+        assert self._process is not None
+        return self._process.pid
+
     def signal(self, number: signal.Signals) -> None:
         assert self._process is not None
         self._process.send_signal(number)

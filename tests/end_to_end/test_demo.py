@@ -99,5 +99,5 @@ async def test_a_hand_at_the_starter_takes_control_and_power_away_and_gives_them
         await scada.until("starter/mill/state", state="ready", quality="good")
         refused = await by_hand(scada, "pump", "trip", "often")
 
-    assert held["code"] == "remote"
+    assert held["code"] == "in_local"
     assert "no number 'often'" in refused["error"]

@@ -24,9 +24,14 @@ def frame(request: Request) -> str:
     return encode(1, request.encode()).hex(" ").upper()
 
 
+def own(procedure: Procedure) -> list[Request]:
+    """Return what a command itself writes, without the run = 0 around it (see test_run_command.py)."""
+    return [step.request for step in procedure.steps if not (step.is_run_off or step.may_be_refused)]
+
+
 def words(procedure: Procedure) -> list[tuple[int, int]]:
-    """Return address and word of each FC06 that a procedure writes."""
-    frames = [step.request.encode() for step in procedure.steps]
+    """Return address and word of each FC06 that a command itself writes."""
+    frames = [request.encode() for request in own(procedure)]
     return [
         (int.from_bytes(pdu[1:3], "big"), int.from_bytes(pdu[3:5], "big")) for pdu in frames if pdu[0] == 6
     ]
@@ -46,5 +51,5 @@ def built(
 
 
 def frames(family: str, verb: str, args: Mapping[str, Any] | None = None, **rows: Any) -> list[str]:
-    """Return the frames to unit 1 that a command writes."""
-    return [frame(step.request) for step in built(family, verb, args, **rows).steps]
+    """Return the frames to unit 1 that a command itself writes."""
+    return [frame(request) for request in own(built(family, verb, args, **rows))]

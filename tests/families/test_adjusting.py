@@ -20,9 +20,10 @@ def test_a_mode_is_left_by_its_bit_of_vb07_and_the_device_restarts(mode: str, wo
     assert procedure.steps[-1].is_silence_expected
     assert procedure.verify is not None
     assert procedure.verify.within_s > load_profile("ssw06").timing.restart_s
-    assert procedure.verify.is_met({"VB06": (0,)})
-    assert procedure.verify.is_met({"VB06": (3 - word,)})
-    assert not procedure.verify.is_met({"VB06": (word,)})
+    assert procedure.verify.is_met({"VB06": (0,), "running": False})
+    assert procedure.verify.is_met({"VB06": (3 - word,), "running": False})
+    assert not procedure.verify.is_met({"VB06": (word,), "running": False})
+    assert not procedure.verify.is_met({"VB06": (0,), "running": True})
 
 
 @pytest.mark.parametrize(("mode", "shown"), [("factory", 2), ("P202", 1), ("P202", 0)])
@@ -36,12 +37,6 @@ def test_the_motor_must_rest_and_the_mode_be_read() -> None:
 
     assert preparation.requires == ("is_stopped",)
     assert {code for read in preparation.reads for code in read.codes} == {"VB01", "VB03", "VB06"}
-
-
-def test_a_run_command_that_stands_is_taken_back_first() -> None:
-    found = words(built("ssw06", "configure", {"leave": "P202"}, VB06=2, VB01=READY, VB03=0x13))
-
-    assert found == [(5003, 0x0100), (5007, 2)]
 
 
 @pytest.mark.parametrize("args", [{}, {"leave": "both"}, {"leave": 1}, {"leave": "P202", "R41": 1}])

@@ -102,10 +102,38 @@ def test_a_violation_tells_what_was_read_and_what_to_do() -> None:
     (violation,) = check(load_profile("ssw07"), ("remote",), {"remote": False})
 
     assert violation.reading == "remote is false"
-    assert violation.text == (
-        "the starter takes commands in remote mode: required, but remote is false; "
-        "switch the starter to remote"
-    )
+    assert violation.text == "the starter is in local mode (remote is false); switch it to remote"
+    assert violation.code == "in_local"
+
+
+@pytest.mark.parametrize(
+    ("rule", "bad", "code"),
+    [
+        ("remote", {"remote": False}, "in_local"),
+        ("general_enabled", {"general_enabled": False}, "not_enabled"),
+        ("no_fault", {"fault": True}, "fault_active"),
+        ("has_fault", {"fault": False}, "no_fault_to_reset"),
+        ("is_ready", {"power_present": False}, "not_ready"),
+        ("is_ready", {"running": True}, "motor_running"),
+        ("is_ready", {"fault": True}, "fault_active"),
+        ("is_ready", {"general_enabled": None}, "state_unknown"),
+        ("is_stopped", {"running": True}, "motor_running"),
+        ("power_present", {"power_present": False}, "no_power"),
+        ("not_adjusting", {"vb06": 2}, "in_adjusting_mode"),
+        ("remote", {"remote": None}, "state_unknown"),
+        ("no_fault", {"fault": None}, "state_unknown"),
+        ("is_stopped", {"running": None}, "state_unknown"),
+    ],
+)
+def test_a_code_says_what_is_wrong_and_never_what_would_have_been_right(
+    rule: str, bad: dict[str, Any], code: str
+) -> None:
+    points = {**WEG_AT_REST, "current_limit": False, "full_voltage": False, **bad}
+
+    (violation,) = check(load_profile("ssw06"), (rule,), points)
+
+    assert violation.code == code
+    assert "required" not in violation.text
 
 
 @pytest.mark.parametrize("family", FAMILIES)

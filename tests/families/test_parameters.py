@@ -278,3 +278,25 @@ def test_a_label_sets_the_number_it_stands_for_on_every_list_without_doubles() -
 
 def test_access_none_and_command_rows_are_the_only_ones_beside_ro_and_rw() -> None:
     assert {access.value for access in Access} == {"ro", "rw", "command", "none"}
+
+
+@pytest.mark.parametrize(
+    ("family", "code", "why"),
+    [
+        ("ssw07", "P500", "the serial manual does not give it"),
+        ("ssw06", "P202", "the serial manual does not give it"),
+        ("ssw07", "P001", "the serial manual does not give it"),
+        ("ssw07", "P003", "read-only"),
+        ("ssw900", "C1.4", "not legible"),
+    ],
+)
+def test_a_parameter_that_the_serial_manual_does_not_give_is_not_called_read_only(
+    family: str, code: str, why: str
+) -> None:
+    profile = load_profile(family)
+
+    with pytest.raises(CommandError) as refusal:
+        to_words(profile, find(profile, code), 1)
+
+    assert why in refusal.value.text
+    assert ("read-only" in refusal.value.text) is (why == "read-only")

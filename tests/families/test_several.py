@@ -11,8 +11,7 @@ from gateway.families.asked import MOST
 from gateway.families.command import build, prepare
 from gateway.families.load import load_profile
 from gateway.families.procedure import Preparation
-from gateway.families.schema import Variant
-from tests.families.starters import READY, SLOT_1, built, frame, frames
+from tests.families.starters import READY, SLOT_1, built, frame, frames, own
 
 ENTER, LEAVE = "01 05 00 01 FF 00 DD FA", "01 05 00 01 00 00 9C 0A"
 
@@ -66,7 +65,7 @@ def test_one_row_in_a_list_is_told_as_several() -> None:
 def test_neighbouring_registers_are_written_in_one_request() -> None:
     procedure = built("ssw07", "set", to(P314=30, P313=1, P229=2), P314=0, P313=0, P229=0)
 
-    assert [frame(step.request)[:-6] for step in procedure.steps] == [
+    assert [frame(request)[:-6] for request in own(procedure)] == [
         "01 06 00 E5 00 02",
         "01 10 01 39 00 02 04 00 01 00 1E",
     ]
@@ -115,7 +114,7 @@ def test_outputs_are_not_kept_and_do_not_wear() -> None:
 def test_the_registers_of_an_sst_are_written_one_by_one_in_one_procedure_which_wears_once() -> None:
     procedure = built("sst", "set", to(R41=30, R33=2.0), R41=0, R33=0, COIL1=0, R19=0)
 
-    found = [frame(step.request) for step in procedure.steps]
+    found = [frame(request) for request in own(procedure)]
     assert (found[0], found[-1], len(found)) == (ENTER, LEAVE, 4)
     assert procedure.subjects == ("R41", "R33")
     assert procedure.wears == 1
@@ -127,20 +126,9 @@ def test_one_stopped_row_among_others_demands_a_motor_at_rest() -> None:
 
 
 @pytest.mark.parametrize("code", ["P220", "P229", "P230"])
-def test_who_commands_the_motor_changes_only_at_standstill_and_wakes_no_run_command(code: str) -> None:
+def test_who_commands_the_motor_changes_only_at_standstill(code: str) -> None:
     assert prepared("ssw07", "set", {"parameter": code, "value": 1}).requires == ("is_stopped",)
-    found = frames("ssw07", "set", {"parameter": code, "value": 1}, VB01=READY, VB03=0x13, **{code: 0})
-    assert found[0] == "01 05 00 64 00 00 8C 15"
-    assert len(found) == 2
-    found = frames("ssw07", "set", {"parameter": code, "value": 1}, VB01=READY, VB03=0x12, **{code: 0})
-    assert len(found) == 1
-
-
-def test_an_ssw900_clears_its_own_run_command_when_its_source_changes() -> None:
-    profile = load_profile("ssw900")
-
-    assert prepare(profile, Variant(), "set", {"parameter": "C3.3", "value": 1}).requires == ("is_stopped",)
-    assert len(frames("ssw900", "set", {"parameter": "C3.3", "value": 1}, S5_1_1=0x102, S5_2_5=0x13)) == 1
+    assert len(frames("ssw07", "set", {"parameter": code, "value": 1}, VB01=READY, VB03=0, **{code: 0})) == 1
 
 
 def test_a_timeout_is_made_active_once_its_time_stands() -> None:

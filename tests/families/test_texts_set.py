@@ -7,10 +7,11 @@ from typing import Any
 import pytest
 
 from gateway.errors import CommandError
+from gateway.families.command import prepare
 from gateway.families.load import load_profile
 from gateway.families.parameters import to_words
 from gateway.families.schema import Variant
-from gateway.families.settings import build_set, prepare_set
+from gateway.families.settings import build_set
 from gateway.families.texts import from_text, shown_within, to_text
 from gateway.modbus.writes import WriteRegister, WriteRegisters
 
@@ -104,7 +105,7 @@ def test_a_number_that_is_set_must_be_read_back_as_it_is() -> None:
 
 
 def test_an_aborted_start_up_is_seen_by_the_status_and_wants_standstill() -> None:
-    prepared = prepare_set(SSW900, Variant(slot=1), {"parameter": "S5.6.2", "value": 1})
+    prepared = prepare(SSW900, Variant(slot=1), "set", {"parameter": "S5.6.2", "value": 1})
     procedure = built("S5.6.2", 1, (0,))
 
     assert prepared.requires == ("is_stopped",)

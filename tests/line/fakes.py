@@ -139,6 +139,13 @@ class FakePort:
             self._waiter.set_result(None)
 
 
+class FakeConnection(FakePort):
+    """A FakePort that may deliver late, as a TCP connection may; it notes when it was reset."""
+
+    def reset(self) -> None:
+        self.close()
+
+
 @dataclass
 class Units:
     """Starters that answer every read with `address + i`, every write with its acknowledgement."""
@@ -185,12 +192,15 @@ class FakeOpener:
     def __init__(self, make_port: Callable[[], FakePort]) -> None:
         self.make_port = make_port
         self.failure: str | None = None
+        self.takes_s = 0.0
         self.tried_s: list[float] = []
         self.ports: list[FakePort] = []
         self.opened = asyncio.Event()
 
     async def __call__(self) -> FakePort:
         self.tried_s.append(asyncio.get_running_loop().time())
+        if self.takes_s:
+            await asyncio.sleep(self.takes_s)
         if self.failure is not None:
             raise PortError(self.name, self.failure)
         self.ports.append(self.make_port())

@@ -11,7 +11,8 @@ import pytest
 from gateway.line.job import Lane
 from gateway.line.outcome import Answered, Outcome, Silent
 from gateway.line.scheduler import REOPEN_CEILING_S, REOPEN_FLOOR_S
-from tests.line.fakes import Rig, Said, Units, nobody, poll
+from gateway.modbus.writes import WriteRegister
+from tests.line.fakes import TIMING, Answer, FakeConnection, Rig, Said, Units, nobody, poll
 from tests.line.served import NO_PORT, READ, WRITE
 from tests.virtual_time import run_virtually
 
@@ -91,3 +92,98 @@ def test_a_flapping_port_is_tried_ever_less_often_and_one_that_lasted_at_once() 
     lost_s = [at_s for at_s, is_open, _ in rig.listener.ports if not is_open]
     gaps_s = [tried - lost for lost, tried in zip(lost_s, rig.opener.tried_s[1:], strict=True)]
     assert gaps_s == pytest.approx([0.5, 1.0, 2.0, 0.5])
+
+
+STOP = WriteRegister(5003, 0)
+
+
+def silent_to_writes(frame: bytes) -> Iterable[Said]:
+    return nobody(frame) if frame[1] == 6 else Units({1})(frame)
+
+
+def connection_rig(answer: Answer = silent_to_writes) -> Rig:
+    """Return a line behind a connection that may deliver late."""
+    rig = Rig(answer, [poll("a")])
+    rig.opener.make_port = lambda: FakeConnection(answer, TIMING)
+    return rig
+
+
+@pytest.mark.parametrize(
+    ("lane", "resets"), [(Lane.COMMAND, 1), (Lane.PARAMETERS, 1), (Lane.READ_BACK, 1), (Lane.STOP, 0)]
+)
+def test_a_write_without_an_answer_resets_a_connection_at_once_but_a_stop_does_not(
+    lane: Lane, resets: int
+) -> None:
+    rig = connection_rig()
+
+    async def scenario() -> tuple[Outcome, float, Outcome]:
+        async with rig:
+            await asyncio.sleep(0.5)
+            outcome = await rig.transact(1, WRITE, lane)
+            ended_s = asyncio.get_running_loop().time()
+            await asyncio.sleep(0.001)
+            return outcome, ended_s, await rig.transact(1, READ)
+
+    outcome, ended_s, next_one = run_virtually(scenario())
+
+    assert outcome == Silent()
+    assert isinstance(next_one, Answered)  # on the new connection, without a pause
+    assert len(rig.opener.ports) == 1 + resets
+    if resets:
+        assert rig.opener.ports[0].closed_s == pytest.approx(ended_s)
+    assert [event[1:] for event in rig.listener.ports] == [(True, "open")]  # nobody need know
+    assert [unit[2] for unit in rig.listener.units] == [True] * (1 + resets)
+
+
+def test_an_answered_write_and_a_read_without_an_answer_leave_a_connection_alone() -> None:
+    rig = connection_rig(Units({1}))
+
+    async def scenario() -> list[Outcome]:
+        async with rig:
+            return [await rig.transact(1, WRITE), await rig.transact(2, READ)]
+
+    written, silent = run_virtually(scenario())
+
+    assert isinstance(written, Answered)
+    assert silent == Silent()
+    assert len(rig.opener.ports) == 1
+
+
+def test_what_waits_behind_a_write_that_resets_the_connection_goes_out_on_the_next_one() -> None:
+    rig = connection_rig()
+
+    async def scenario() -> list[Outcome]:
+        async with rig:
+            jobs = [rig.transact(1, WRITE), rig.transact(1, READ), rig.transact(1, STOP, Lane.STOP)]
+            return list(await asyncio.gather(*jobs))
+
+    written, read, _ = run_virtually(scenario())
+
+    assert written == Silent()
+    assert isinstance(read, Answered)
+
+
+def test_a_connection_that_cannot_be_had_again_after_a_reset_ends_what_waits() -> None:
+    rig = connection_rig()
+
+    async def scenario() -> tuple[Outcome, Outcome]:
+        async with rig:
+            rig.opener.failure = "no connection"
+            return tuple(await asyncio.gather(rig.transact(1, WRITE), rig.transact(1, READ)))
+
+    assert run_virtually(scenario()) == (Silent(), NO_PORT)
+    assert [event[1] for event in rig.listener.ports] == [True, False]
+
+
+def test_a_line_that_ends_while_it_reopens_leaves_nobody_waiting() -> None:
+    rig = connection_rig()
+
+    async def scenario() -> list[Outcome]:
+        async with rig:
+            rig.opener.takes_s = 60.0
+            jobs = [asyncio.create_task(rig.transact(1, each)) for each in (WRITE, READ)]
+            await jobs[0]
+            await asyncio.sleep(0.01)
+        return [await job for job in jobs]
+
+    assert run_virtually(scenario()) == [Silent(), NO_PORT]

@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import errno
 import os
+import subprocess
+import sys
 import termios
 import threading
 
@@ -17,6 +19,7 @@ from gateway.line.serial_port import port_error
 from gateway.modbus.timing import Framing
 from tests.line.fakes import until
 from tests.line.opened import LONG_S, Pty, opener, read_pty, settled
+from tests.ordinary_user import give
 
 
 async def test_reopening_waits_until_the_port_before_is_closed(pty: Pty) -> None:
@@ -41,6 +44,27 @@ async def test_a_second_opener_finds_the_port_busy(pty: Pty) -> None:
         await opener(pty.path)()
 
     await settled(port)
+
+
+def test_a_pseudo_terminal_opens_again_for_an_ordinary_user_whose_gateway_was_killed(pty: Pty) -> None:
+    give(pty.path)
+
+    for _ in range(2):
+        with holder(pty.path) as process:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "open\n"
+            process.kill()
+
+
+def test_a_pseudo_terminal_is_busy_for_a_second_gateway_and_free_after_the_first_was_killed(pty: Pty) -> None:
+    give(pty.path)
+
+    with holder(pty.path) as first:
+        assert first.stdout is not None
+        assert first.stdout.readline() == "open\n"
+        with holder(pty.path) as second:
+            assert "busy" in second.communicate()[0]
+        first.kill()
 
 
 @pytest.mark.parametrize(
@@ -147,3 +171,9 @@ async def test_rate_and_framing_are_set_and_the_control_lines_left_low(
     assert bool(attributes[2] & termios.CSTOPB) == (asked.stop_bits == 2)
     assert attributes[4] == termios.B9600
     device.close()
+
+
+def holder(path: str) -> subprocess.Popen[str]:
+    """Return a process of an ordinary user that opens this port and says so."""
+    command = [sys.executable, "-m", "tests.line.port_holder", path]
+    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)

@@ -6,8 +6,10 @@ import random
 import pytest
 
 from gateway.errors import PortLostError
-from gateway.line.outcome import Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.transaction import BABBLE_LIMIT_S
+from gateway.line.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
+from gateway.line.prepared import Prepared
+from gateway.line.trace import Trace
+from gateway.line.transaction import BABBLE_LIMIT_S, Transactor
 from gateway.modbus import adu
 from gateway.modbus.identify import Identification, ReadDeviceIdentification
 from gateway.modbus.reads import ReadHoldingRegisters
@@ -235,3 +237,32 @@ def test_a_port_that_is_lost_tells_whether_the_request_was_sent() -> None:
 
     assert not run_virtually(scenario(0.001))
     assert run_virtually(scenario(0.010))
+
+
+class HoldingPort(FakePort):
+    """A port in whose last wait before the write the process is stopped."""
+
+    stopped_s = 0.0
+
+    def hold(self) -> None:
+        self.stopped_s = 7.0
+
+
+@pytest.mark.parametrize(("until_s", "is_sent"), [(5.0, False), (10.0, True)])
+def test_a_frame_that_has_become_too_late_in_the_last_wait_before_it_is_not_sent(
+    until_s: float, is_sent: bool
+) -> None:
+    async def scenario() -> tuple[Outcome, bool, int]:
+        port = HoldingPort(lambda frame: [Said(REPLY)])
+        loop = asyncio.get_running_loop()
+        line = Transactor(port, TIMING, trace=Trace("line"), time=lambda: loop.time() + port.stopped_s)
+        await asyncio.sleep(0.1)
+        prepared = Prepared.of(1, READ)
+        outcome = await line.exchange(prepared, response_time_s=RESPONSE_TIME_S, until_s=until_s)
+        return outcome, line.is_on_wire, len(port.sent)
+
+    outcome, is_on_wire, count = run_virtually(scenario())
+
+    assert (outcome == Silent(TOO_LATE, is_sent=False)) is not is_sent
+    assert not is_on_wire
+    assert count == int(is_sent)

@@ -49,6 +49,7 @@ class FakeBroker:
     answers_pings: bool = True
     tls: Certificate | None = None
     after_suback: bytes = b""
+    closes_after_suback: bool = False
     port: int = 0
     levels: list[int] = field(default_factory=list)  # of the CONNECTs seen
     is_reached: asyncio.Event = field(default_factory=asyncio.Event)  # somebody has connected
@@ -104,7 +105,7 @@ class FakeBroker:
             properties = b"\x00" if self.levels[-1] == LEVEL_5 else b""
             body = packet.packet_id + properties + bytes([self.suback_code])
             writer.write(bytes([0x90, len(body)]) + body + self.after_suback)
-            return True
+            return not self.closes_after_suback
         if packet.kind == PINGREQ and self.answers_pings:
             writer.write(b"\xd0\x00")
         if packet.kind == PUBLISH and self.acknowledges:

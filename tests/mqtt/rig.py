@@ -11,6 +11,7 @@ from gateway.mqtt.intake import Incoming
 from gateway.mqtt.outbox import Outbox
 from gateway.mqtt.payload import Payloads
 from gateway.mqtt.publisher import Publisher
+from gateway.mqtt.reasons import Notice
 from gateway.mqtt.settings import BrokerSettings
 from gateway.mqtt.topics import Topics
 from gateway.starters.records import EventRecord, Quality, Severity, ValueRecord
@@ -41,6 +42,7 @@ class Rig:
         self.publisher = Publisher(self.payloads, self.outbox, SystemClock())
         self.links: asyncio.Queue[tuple[bool, str]] = asyncio.Queue()
         self.incoming: asyncio.Queue[Incoming] = asyncio.Queue()
+        self.notices: list[Notice] = []
         self.connection = BrokerConnection(
             how,
             self.outbox,
@@ -48,6 +50,7 @@ class Rig:
             will=self.publisher.will,
             on_incoming=self.incoming.put_nowait,
             on_link=lambda is_connected, trouble: self.links.put_nowait((is_connected, trouble)),
+            on_notice=self.notices.append,
         )
         self.publisher.wake_with(self.connection.wake)
         self.task: asyncio.Task[None] | None = None

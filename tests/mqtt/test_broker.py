@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from gateway.mqtt.reasons import taken_over
 from gateway.mqtt.retry import Version
 from gateway.mqtt.settings import TlsSettings
 from gateway.starters.records import LineRecord, Phase, ResultRecord
@@ -114,7 +115,7 @@ async def test_a_broker_that_acknowledges_nothing_is_left_and_hears_everything_a
 @pytest.mark.parametrize(
     ("nonsense", "reason"),
     [
-        ("E0 02 8E 00", "the broker closed the connection: Session taken over"),
+        ("E0 02 8E 00", taken_over("mcc1").text),
         ("00 00", "connection lost"),
         ("90 FF FF FF FF FF FF", "connection lost"),
     ],
@@ -187,7 +188,7 @@ async def test_a_refused_subscription_is_reported_and_telemetry_goes_out() -> No
 
     assert is_connected
     assert trouble == (
-        f"broker 127.0.0.1:{broker.port} refuses commands: no subscription to b/command/+/+/+ "
+        f"broker 127.0.0.1:{broker.port} refuses commands: no subscription to b/command/# "
         "(let this user read it, in the broker's access list)"
     )
 

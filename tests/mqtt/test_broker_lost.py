@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import socket
 from pathlib import Path
 
-from gateway.mqtt.settings import TlsSettings
+import pytest
+
+from gateway.mqtt.retry import Version
+from gateway.mqtt.session import MAX_INCOMING_BYTES
+from gateway.mqtt.settings import BrokerSettings, TlsSettings
 from tests.mqtt.fake_broker import (
     DISCONNECT,
     HANG_UP,
@@ -116,3 +121,58 @@ async def test_nothing_is_published_after_the_loss_of_the_connection() -> None:
 
         assert session.publish(99, rig.publisher.will()) is None
         assert session.in_flight < session.window
+
+
+@pytest.mark.parametrize("level", [LEVEL_5, LEVEL_311])
+@pytest.mark.parametrize("size", [MAX_INCOMING_BYTES + 1, 200_000_000])
+async def test_a_packet_that_is_announced_too_large_ends_the_connection_before_it_is_read(
+    level: int, size: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    version = Version.V5 if level == LEVEL_5 else Version.V311
+    with caplog.at_level(logging.WARNING):
+        async with (
+            FakeBroker(after_suback=announced(size)) as broker,  # which sends nothing of the rest
+            Rig(settings(broker.port, version=version)) as rig,
+        ):
+            for _ in range(3):
+                await rig.until_connected()
+                is_connected, trouble = await rig.link()
+                assert not is_connected
+                assert f"a packet of {size} bytes, more than {MAX_INCOMING_BYTES}" in trouble
+
+    assert [notice.code for notice in rig.notices] == ["message_too_large"]
+    assert [record.levelname for record in caplog.records] == ["WARNING"]  # once, though it goes on
+    assert broker.levels[:3] == [level] * 3
+
+
+async def test_a_packet_of_the_largest_size_is_read() -> None:
+    packet = announced(MAX_INCOMING_BYTES)
+    topic = b"\x00\x0eb/command/p1/a"
+    body = topic + bytes(MAX_INCOMING_BYTES - len(topic))
+    async with FakeBroker(after_suback=packet + body) as broker, Rig(v311(broker.port)) as rig:
+        incoming = await rig.command()
+
+    assert (incoming.topic, rig.notices) == ("b/command/p1/a", [])
+
+
+async def test_connections_that_end_at_once_without_a_reason_may_be_another_clients_doing() -> None:
+    async with FakeBroker(closes_after_suback=True) as broker, Rig(v311(broker.port)) as rig:
+        for _ in range(4):
+            await rig.until_connected()
+
+    assert [notice.code for notice in rig.notices] == ["client_id_taken"]
+    assert "perhaps another client uses the client id mcc1" in rig.notices[0].text
+
+
+def v311(port: int) -> BrokerSettings:
+    return settings(port, version=Version.V311)
+
+
+def announced(size: int) -> bytes:
+    """Return the fixed header of a PUBLISH of so many bytes [MQTT3 2.2.3]."""
+    header = bytearray([0x30])
+    while size >= 0x80:
+        header.append(size % 0x80 | 0x80)
+        size //= 0x80
+    header.append(size)
+    return bytes(header)

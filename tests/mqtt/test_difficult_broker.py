@@ -48,6 +48,8 @@ async def test_another_client_with_our_name_makes_no_storm_and_loses_no_event(
         messages = await watcher.until(lambda seen: f"event {ROUNDS}" in seen.payload)
 
     assert not is_connected
+    assert [notice.code for notice in rig.notices] == ["client_id_taken"]  # once, though it goes on
+    assert "another client uses the client id mcc1" in rig.notices[0].text  # this broker gives no reason
     assert took_s >= ROUNDS * 0.2
     assert broker.log().count("mcc1 already connected") == 2 * ROUNDS
     assert list(dict.fromkeys(numbers(messages))) == [str(number) for number in range(1, ROUNDS + 1)]

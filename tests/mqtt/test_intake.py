@@ -40,12 +40,36 @@ def test_a_complete_command_is_passed_on_with_everything_it_says() -> None:
         correlation=b"42",
         response_topic="b/result/pump-1/alice",
         expires_s=12.0,
+        boot="boot-1",
     )
 
 
 def test_what_is_no_command_topic_is_no_command() -> None:
-    assert judge(command(fresh(), topic="b/command/pump-1/alice")) is None
-    assert judge(command(fresh(), topic="b/command/pump-1/Alice/start")) is None
+    assert judge(command(fresh(), topic="b/commands/pump-1/alice/start")) is None
+
+
+@pytest.mark.parametrize(
+    ("topic", "starter", "client"),
+    [("pump-1/alice/START", "pump-1", "alice"), ("pump-1/alice", "", ""), ("pump-1/Alice/start", "", "")],
+)
+def test_a_malformed_command_topic_is_refused_with_what_can_be_known(
+    topic: str, starter: str, client: str
+) -> None:
+    refused = refusal(command(fresh(), topic=f"b/command/{topic}"))
+
+    assert (refused.starter, refused.client, refused.id, refused.code) == (
+        starter,
+        client,
+        "c1",
+        "malformed_topic",
+    )
+
+
+def test_only_a_command_with_the_present_boot_is_one_that_the_boot_proves_fresh() -> None:
+    judged = judge(command({"id": "c1", "issued_at": NOW}))
+
+    assert isinstance(judged, CommandRequest)
+    assert judged.boot == ""
 
 
 def test_a_response_topic_elsewhere_is_ignored() -> None:
@@ -161,7 +185,6 @@ def test_a_payload_that_cannot_be_read_is_refused_with_its_reason(
         {"id": ""},
         {"id": "x" * 65},
         {"id": "a\n"},
-        {"id": "a\ud800"},
         {"ttl_s": "5"},
         {"ttl_s": True},
         {"ttl_s": 0},

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.mqtt.topics import CommandAddress, Topics, is_level, to_level
+from gateway.mqtt.topics import CommandAddress, Malformed, Topics, is_level, to_level
 
 
 def all_payload_topics(topics: Topics) -> list[str]:
@@ -77,31 +77,50 @@ def test_every_command_topic_matches_the_filter_and_is_read_back() -> None:
     topics = Topics("acme/gw1")
     topic = topics.command("pump-1", "alice", "local_remote")
 
-    assert topics.command_filter == "acme/gw1/command/+/+/+"
-    assert topic.count("/") == topics.command_filter.count("/")
+    assert topics.command_filter == "acme/gw1/command/#"
+    assert topic.startswith(topics.command_filter.removesuffix("#"))
     assert topics.parse_command(topic) == CommandAddress("pump-1", "alice", "local_remote")
 
 
 @pytest.mark.parametrize(
-    "topic",
+    "topic", ["", "other/command/pump-1/alice/start", "b/result/pump-1/alice/start", "b/commands"]
+)
+def test_a_topic_that_is_not_below_command_is_none_of_ours(topic: str) -> None:
+    assert Topics("b").parse_command(topic) is None
+
+
+@pytest.mark.parametrize(
+    ("topic", "known", "problem"),
     [
-        "",
-        "other/command/pump-1/alice/start",
-        "b/command",
-        "b/command/pump-1/alice",
-        "b/command/pump-1/alice/start/now",
-        "b/command/pump-1//start",
-        "b/command/Pump-1/alice/start",
-        "b/command/pump-1/alice/st art",
-        "b/command/pump-1/alice/start\n",
-        "b/command/+/alice/start",
-        "b/command/pump-1/alice/\x00",
-        "b/command/pump-1/aliceï/start",
-        "b/result/pump-1/alice/start",
+        ("b/command", ("", "", ""), "level_missing"),
+        ("b/command/pump-1", ("", "", "pump-1"), "level_missing"),
+        ("b/command/pump-1/stop", ("", "", "pump-1/stop"), "level_missing"),
+        ("b/command/pump-1/alice/stop/", ("pump-1", "alice", "stop/"), "level_empty"),
+        ("b/command/pump-1/alice/", ("pump-1", "alice", ""), "level_empty"),
+        ("b/command/pump-1//start", ("", "", "pump-1//start"), "level_empty"),
+        ("b/command//alice/start", ("", "", "/alice/start"), "level_empty"),
+        ("b/command/pump-1/alice/start/now", ("pump-1", "alice", "start/now"), "level_too_many"),
+        ("b/command/pump-1/alice/STOP", ("pump-1", "alice", "STOP"), "level_misspelt"),
+        ("b/command/PUMP-1/alice/stop", ("pump-1", "alice", "stop"), "level_misspelt"),
+        ("b/command/pump-1/Alice/stop", ("", "", "pump-1/Alice/stop"), "level_misspelt"),
+        ("b/command/pump-1/alice/st art", ("pump-1", "alice", "st art"), "level_misspelt"),
+        ("b/command/pump-1/alice/start\n", ("pump-1", "alice", "start?"), "level_misspelt"),
+        ("b/command/+/alice/start", ("", "", "+/alice/start"), "level_misspelt"),
+        ("b/command/pump-1/alice/\x00", ("pump-1", "alice", "?"), "level_misspelt"),
+        ("b/command/pump-1/aliceï/start", ("", "", "pump-1/aliceï/start"), "level_misspelt"),
+        (f"b/command/pump-1/alice/{'X' * 500}", ("pump-1", "alice", "X" * 39 + "…"), "level_misspelt"),
     ],
 )
-def test_anything_else_is_no_command(topic: str) -> None:
-    assert Topics("b").parse_command(topic) is None
+def test_of_a_mistyped_command_topic_is_told_what_can_be(
+    topic: str, known: tuple[str, str, str], problem: str
+) -> None:
+    found = Topics("b").parse_command(topic)
+
+    assert isinstance(found, Malformed)
+    assert found[:3] == known
+    assert found.problem == problem
+    assert found.text.isprintable()
+    assert len(found.text) < 200
 
 
 @pytest.mark.parametrize(

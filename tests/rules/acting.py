@@ -61,14 +61,15 @@ class Actor:
                 seen = self.read(preparation.reads)
                 violations = check(self.profile, preparation.requires, self.points(seen))
                 if violations:
-                    return Done(violations[0].rule, violations[0].text)
+                    return Done(violations[0].code, violations[0].text)
             procedure = build(self.profile, self.variant, verb, given, seen=seen)
         except CommandError as error:
             return Done(error.code, error.text)
         for step in procedure.steps:
             pdu = self.talk.pdu(step.request)
             written.append(step.request.encode().hex())
-            if pdu is not None and exception_code(step.request, pdu) is not None:
+            is_refused = pdu is not None and exception_code(step.request, pdu) is not None
+            if is_refused and not step.may_be_refused:
                 return self._abandoned(procedure.abandon, Done("refused", written=written))
             if step.then is not None and not self._see(step.then):
                 return self._abandoned(procedure.abandon, Done("unconfirmed", written=written))

@@ -17,7 +17,7 @@ from tests.rules.acting import RAW_START, Actor
 
 LIFE = 100  # commands that a starter gets before a new one takes its place
 STARTS = ("start", "jog on")
-STOPS = ("stop", "jog off", "general_enable off", "local_remote off")
+STOPS = ("stop", "jog off", "general_enable off")
 DEADLY = ("R42",)  # shorter than the starter's own start-up it restarts for ever, whatever is commanded
 VALUES = (0, 1, 2, 5, 10, 50, 0.5, True, "on", "Serial", "nonsense", None, -1, 70000)
 
@@ -101,11 +101,14 @@ def label(verb: str, args: dict[str, Any]) -> str:
 def send_at_random(family: str, count: int, *, keeps_run_command: bool, seed: object = 1) -> dict[str, int]:
     """Send so many commands and return how often each had which end; AssertionError when one is wrong."""
     dice = random.Random(f"{family} {keeps_run_command} {seed}")
-    options: dict[str, Any] = {} if family == "sst" else {"keeps_run_command": keeps_run_command}
+    options: dict[str, Any] = {"hides_command_bits": keeps_run_command}
+    if family != "sst":
+        options["keeps_run_command"] = keeps_run_command
     ends: dict[str, int] = {}
     for number in range(count):
         if number % LIFE == 0:  # one whose settings nobody has spoilt yet
             actor = Actor(family, **options)
+            actor.unit.keeps_run_command = keeps_run_command
         end = _send_one(actor, dice)
         ends[end] = ends.get(end, 0) + 1
     return ends

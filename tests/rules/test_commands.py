@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
 
+from gateway.errors import CommandError
+from gateway.families.command import build
+from gateway.families.load import load_profile
+from gateway.families.schema import Variant
 from gateway.modbus.writes import WriteRegister
 from gateway.sim.power import MotorState
 from gateway.sim.sst import Sst
@@ -51,7 +56,7 @@ def test_a_motor_that_jogs_is_neither_started_nor_jogged_again(family: str, verb
     actor = Actor(family)
     actor.act("jog", ON)
 
-    assert actor.act(verb, ON if verb == "jog" else {}).end == "is_ready"
+    assert actor.act(verb, ON if verb == "jog" else {}).end == "motor_running"
 
 
 @pytest.mark.parametrize("family", WEG)
@@ -60,7 +65,7 @@ def test_the_direction_turns_at_standstill_and_not_while_the_motor_runs(family: 
 
     assert actor.act("direction", {"value": "reverse"}).end == "confirmed"
     assert actor.act("start").end == "confirmed"
-    assert actor.act("direction", {"value": "forward"}).end == "is_stopped"
+    assert actor.act("direction", {"value": "forward"}).end == "motor_running"
 
     points = actor.points(actor.rows)
     assert points["reverse"] is True
@@ -71,7 +76,7 @@ def test_local_and_remote_are_switched_and_in_local_nothing_starts(family: str) 
     actor = Actor(family)
 
     assert actor.act("local_remote", {"value": "local"}).end == "confirmed"
-    assert actor.act("start").end == "remote"
+    assert actor.act("start").end == "in_local"
     assert actor.act("local_remote", {"value": "remote"}).end == "confirmed"
     assert actor.act("start").end == "confirmed"
 
@@ -135,7 +140,7 @@ def test_an_ssw06_leaves_the_adjusting_mode_that_it_is_in_and_no_other(
     actor = Actor("ssw06")
     actor.talk.ask(WriteRegister(register, value))
 
-    assert actor.act("start").end in ("is_ready", "remote")
+    assert actor.act("start").end in ("not_ready", "in_local")
     assert actor.act("configure", {"leave": other}).end == "not_in_that_mode"
     assert actor.act("configure", {"leave": mode}).end == "confirmed"
     assert actor.act("configure", {"leave": mode}).end == "not_in_that_mode"
@@ -145,10 +150,10 @@ def test_an_sst_that_was_reset_whole_must_be_initialised_before_it_starts() -> N
     actor = Actor("sst")
 
     assert actor.act("reset", {"whole": True}).end == "confirmed"
-    assert actor.act("start").end == "configured"
+    assert actor.act("start").end == "not_configured"
     assert actor.act("configure").end == "confirmed"
     assert actor.act("start").end == "confirmed"
-    assert actor.act("reset", {"whole": True}).end == "is_stopped"
+    assert actor.act("reset", {"whole": True}).end == "motor_running"
 
 
 def test_only_what_differs_goes_to_the_flash_of_an_sst() -> None:
@@ -192,5 +197,35 @@ def test_an_ssw900_between_the_accepted_start_and_its_ramp_is_not_taken_for_one_
     actor = Actor("ssw900", settings={931: 50})  # C5.7.1: 5 s before the ramp
     actor.talk.ask(WriteRegister(685, 0x0013))
 
-    assert actor.act("direction", {"value": "reverse"}).end == "is_stopped"
-    assert actor.act("start").end == "is_ready"
+    assert actor.act("direction", {"value": "reverse"}).end == "motor_running"
+    assert actor.act("start").end == "motor_running"
+
+
+def test_an_sst130i_whose_start_capacitor_is_charged_is_not_started_late_but_refused_with_the_reading() -> (
+    None
+):
+    actor = Actor("sst", model="SST130i-75-M", variant=Variant(model="SST130i-75-M", firmware="2.21"))
+    assert actor.act("start").end == "confirmed"
+    actor.act("stop", seen=dict(actor.rows))
+    actor.talk.wait(1.0)
+
+    done = actor.act("start")
+
+    assert (done.end, done.written) == ("capacitor_charged", [])
+    assert re.search(r"R20 reads \d+ V, more than 30 V; wait until", done.text)
+    actor.talk.wait(8.0)
+    assert not actor.unit.motor.is_turning
+    assert actor.act("start").end == "confirmed"
+
+
+@pytest.mark.parametrize(
+    "variant",
+    [Variant(model="SST330i-M"), Variant(model="SST130i-75-M", firmware="1.90")],
+    ids=["three phases", "firmware before 2.00"],
+)
+def test_the_register_of_the_capacitor_counts_only_where_it_exists(variant: Variant) -> None:
+    profile = load_profile("sst")
+
+    assert build(profile, variant, "start", {}, seen={"R20": (310,)}).steps
+    with pytest.raises(CommandError, match="capacitor_charged"):
+        build(profile, Variant(), "start", {}, seen={"R20": (310,)})

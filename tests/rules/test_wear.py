@@ -215,5 +215,6 @@ async def test_an_output_that_does_not_follow_is_unconfirmed_and_says_what_it_ne
     await asyncio.sleep(5.0)
 
     end = rig.sink.final("o")
-    assert (end.phase, end.code) == (Phase.UNCONFIRMED, "not_seen")
+    assert (end.phase, end.code) == (Phase.UNCONFIRMED, "not_followed")
+    assert "turning" not in end.text
     assert "P277" in end.text

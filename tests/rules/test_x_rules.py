@@ -134,8 +134,9 @@ def test_x_10_values_are_checked_before_and_only_differences_are_written() -> No
     actor = Actor("sst")
 
     assert actor.act("configure", {"R41": 0x0130}).end == "out_of_range"
-    assert actor.act("configure", {"R41": 30}).written == ["050001ff00", "060029001e", "0500010000"]
-    assert actor.act("configure", {"R41": 30}).written == ["050001ff00", "0500010000"]
+    run_off, enter, leave = "0500000000", "050001ff00", "0500010000"
+    assert actor.act("configure", {"R41": 30}).written == [run_off, enter, "060029001e", leave]
+    assert actor.act("configure", {"R41": 30}).written == [run_off, enter, leave]
 
 
 @pytest.mark.parametrize("baud", [19200, 38400, 57600])

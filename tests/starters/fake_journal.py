@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from gateway.errors import CommandError
@@ -20,27 +20,26 @@ class FakeDisk:
     def remembered(self) -> list[Remembered]:
         return list(self.kept.values())
 
-    def keep(self, result: ResultRecord, *, may_be_written: bool, now_s: float) -> None:
-        assert result.id
-        before = self.kept.get((result.client, result.id))
-        self.kept[result.client, result.id] = Remembered(
-            result,
-            may_be_written=may_be_written or (before is not None and before.may_be_written),
-            since_s=now_s if before is None else before.since_s,
-        )
+    def keep(self, result: ResultRecord, *, may_be_written: bool) -> None:
+        key = result.client, result.id or f"stop of {result.starter}"
+        if not result.id and result.phase.is_final:
+            self.kept.pop(key, None)
+            return
+        before = self.kept.get(key)
+        is_written = may_be_written or (before is not None and before.may_be_written)
+        self.kept[key] = Remembered(result, may_be_written=is_written)
 
 
 class FakeJournal:
     """One run's journal on a disk; once `is_dead`, nothing reaches the disk any more."""
 
-    def __init__(self, disk: FakeDisk, *, takes_s: float = 0.0, now_s: Callable[[], float]) -> None:
+    def __init__(self, disk: FakeDisk, *, takes_s: float = 0.0) -> None:
         self.disk = disk
         self.takes_s = takes_s
         self.trouble = ""
         self.is_failing = False
         self.is_dead = False
         self.intended: list[str] = []
-        self._now_s = now_s
 
     def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:
         may_be_written = result.verb == "stop" or result.phase is Phase.WRITTEN
@@ -53,10 +52,14 @@ class FakeJournal:
         self._land(result, True, None)
         self.intended.append(str(result.id))
 
+    def forget(self, keys: Sequence[tuple[str, str]]) -> None:
+        for key in keys:
+            self.disk.kept.pop(key, None)
+
     def _land(self, result: ResultRecord, may_be_written: bool, then: Callable[[], None] | None) -> None:
         if self.is_dead:
             return  # the process is gone: neither kept nor told
-        if result.id and not self.is_failing:
-            self.disk.keep(result, may_be_written=may_be_written, now_s=self._now_s())
+        if (result.id or result.verb == "stop") and not self.is_failing:
+            self.disk.keep(result, may_be_written=may_be_written)
         if then is not None:
             then()

@@ -26,7 +26,7 @@ class JournalRig(CommandRig):
         self.begin_run()
 
     def begin_run(self) -> None:
-        self.journal = FakeJournal(self.disk, takes_s=self.takes_s, now_s=self.clock.utc_s)
+        self.journal = FakeJournal(self.disk, takes_s=self.takes_s)
         self.commander = Commander(
             {self.setup.name: self.telemetry},
             rights=RIGHTS,

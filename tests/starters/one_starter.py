@@ -126,12 +126,13 @@ async def one_starter(
     memory: TestMemory | None = None,
     lap_s: float = 60.0,
     every_s: float = 1.0,
+    family: str | None = None,
 ) -> AsyncIterator[Here]:
     """Run it; nothing has been asked yet."""
     clock, sink, sequence = VirtualClock(asyncio.get_running_loop()), RecordingSink(), Sequence()
     bus = SimulatedLine(TIMING, [unit])
     variant = Variant(model=model)
-    profile = load_profile(unit.family)
+    profile = load_profile(family or unit.family)  # as configured
     setup = StarterSetup("pump", "pumps", 1, profile, variant, every_s=every_s, has_fast_words=has_fast_words)
     router = Router()
     scheduler = Scheduler(

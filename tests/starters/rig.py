@@ -6,6 +6,7 @@ import asyncio
 import functools
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass, field
+from math import inf
 from typing import Any
 
 from gateway.families.load import load_profile
@@ -111,12 +112,15 @@ class CommandRig(Rig):
     def __post_init__(self) -> None:
         super().__post_init__()
         rights = Rights(self.operators)
+        self.tasks: list[asyncio.Future[None]] = []  # which the tests keep alive
+        self.stood_still_s = -inf  # when the latest standstill ended
         self.commander = Commander(
             {self.setup.name: self.telemetry},
             rights=rights,
             sink=self.sink,
             clock=self.clock,
             sequence=self.sequence,
+            stood_still_s=lambda: self.stood_still_s,
         )
         if self.family in ("ssw06", "ssw07"):
             self.unit.on_write = self._obey

@@ -7,7 +7,7 @@ import importlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from gateway.families.interlock import RULES as INTERLOCKS
+from gateway.families.interlock import UNKNOWN_CODE, WRONG
 from gateway.families.refusals import REFUSALS
 from gateway.modbus.codes import ExceptionCode
 from gateway.starters.codes import CODES, explain
@@ -59,8 +59,9 @@ def listed() -> list[str]:
 
 def given() -> set[str]:
     words = {code for path in sources() for code in codes_in(path)}
+    interlocks = {UNKNOWN_CODE, *(wrong.code for wrong in WRONG.values())}
     exceptions = {exception_code_word(code) for code in ExceptionCode}
-    return words | exceptions | NAMED_ELSEWHERE | REFUSALS.keys() | INTERLOCKS.keys() | RULES.keys()
+    return words | exceptions | NAMED_ELSEWHERE | REFUSALS.keys() | interlocks | RULES.keys()
 
 
 def test_every_code_that_the_gateway_gives_is_in_the_list() -> None:

@@ -45,17 +45,17 @@ async def test_a_start_needs_two_readings_when_the_last_poll_is_old() -> None:
 
 
 @pytest.mark.parametrize(
-    ("word", "rule"),
+    ("word", "code"),
     [
-        (READY & ~REMOTE, "remote"),
-        (READY & ~ENABLED, "general_enabled"),
-        (READY | FAULT, "no_fault"),
-        (AT_SPEED, "is_ready"),
+        (READY & ~REMOTE, "in_local"),
+        (READY & ~ENABLED, "not_enabled"),
+        (READY | FAULT, "fault_active"),
+        (AT_SPEED, "motor_running"),
     ],
 )
 @virtually
-async def test_a_start_that_a_rule_forbids_is_rejected_by_its_name_and_nothing_is_written(
-    word: int, rule: str
+async def test_a_start_that_a_rule_forbids_is_rejected_by_what_is_wrong_and_nothing_is_written(
+    word: int, code: str
 ) -> None:
     rig = await ready()
     rig.unit.holding[VB01] = word
@@ -63,7 +63,7 @@ async def test_a_start_that_a_rule_forbids_is_rejected_by_its_name_and_nothing_i
     rig.submit("start")
     await asyncio.sleep(5.0)
 
-    assert rig.sink.phases() == [ACCEPTED, ("rejected", rule)]
+    assert rig.sink.phases() == [ACCEPTED, ("rejected", code)]
     assert rig.line.writes == []
 
 
@@ -76,7 +76,7 @@ async def test_one_false_reading_does_not_let_a_start_pass() -> None:
     rig.submit("start")
     await asyncio.sleep(5.0)
 
-    assert rig.sink.final().code == "no_fault"
+    assert rig.sink.final().code == "fault_active"
     assert rig.line.writes == []
 
 

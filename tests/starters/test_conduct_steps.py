@@ -25,6 +25,8 @@ from tests.starters.rules import (
     ready,
 )
 
+UNDO_START = WriteCoil(0, False)
+
 
 @virtually
 async def test_a_command_that_cannot_be_read_back_stays_unconfirmed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -134,7 +136,7 @@ async def test_a_reset_stops_after_a_first_write_that_was_not_answered() -> None
 async def test_a_reset_refused_at_its_second_write_has_failed() -> None:
     rig = await ready()
     rig.unit.holding[VB01] = READY | FAULT
-    rig.line.rules.append(lambda r: Refused(3, 0.0) if r.is_write and len(rig.line.writes) == 2 else None)
+    rig.line.rules.append(lambda r: Refused(3, 0.0) if r == WriteCoil(107, True) else None)
 
     rig.submit("reset")
     await asyncio.sleep(20.0)
@@ -146,9 +148,7 @@ async def test_a_reset_refused_at_its_second_write_has_failed() -> None:
 async def test_a_line_lost_between_two_writes_leaves_the_command_unconfirmed() -> None:
     rig = await ready()
     rig.unit.holding[VB01] = READY | FAULT
-    rig.line.rules.append(
-        lambda r: Silent("port lost", is_sent=False) if r.is_write and len(rig.line.writes) == 2 else None
-    )
+    rig.line.rules.append(lambda r: Silent("port lost", is_sent=False) if r == WriteCoil(107, True) else None)
 
     rig.submit("reset")
     await asyncio.sleep(20.0)
@@ -178,7 +178,7 @@ async def test_an_sst_that_does_not_enter_its_configuration_mode_is_left_as_it_w
     await asyncio.sleep(20.0)
 
     assert rig.sink.final().phase is Phase.UNCONFIRMED
-    assert rig.line.writes == [WriteCoil(1, True), WriteCoil(1, False)]
+    assert rig.line.writes == [UNDO_START, WriteCoil(1, True), WriteCoil(1, False), UNDO_START]
 
 
 @virtually
@@ -203,4 +203,4 @@ async def test_an_sst_that_refuses_a_register_is_taken_out_of_configuration_mode
     await asyncio.sleep(20.0)
 
     assert rig.sink.phases() == [ACCEPTED, WRITTEN, ("failed", "illegal_data_value")]
-    assert rig.line.writes[-1] == WriteCoil(1, False)
+    assert rig.line.writes[-2:] == [WriteCoil(1, False), UNDO_START]

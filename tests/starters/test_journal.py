@@ -130,7 +130,7 @@ async def test_after_a_slow_disk_the_starter_is_read_again_before_it_is_written(
 
     await asyncio.sleep(5.0)
 
-    assert rig.sink.final("1").code == "remote"
+    assert rig.sink.final("1").code == "in_local"
     assert rig.line.writes == []
 
 

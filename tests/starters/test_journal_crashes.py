@@ -8,7 +8,7 @@ import pytest
 
 from gateway.starters.journal import Remembered
 from gateway.starters.records import AuditRecord, EventRecord, Phase, ResultRecord
-from tests.starters.fakes import AT_SPEED, TRANSACTION_S, VB01
+from tests.starters.fakes import AT_SPEED, READY, TRANSACTION_S, VB01
 from tests.starters.journal_rig import rig_online
 from tests.starters.rig import virtually
 
@@ -165,7 +165,7 @@ async def test_a_command_for_a_starter_that_is_configured_no_more_is_told_too() 
     rig = await rig_online()
     gone = ResultRecord("pump-9", "alice", "1", "start", Phase.ACCEPTED, "ok", "", 0.0)
 
-    rig.commander.recall([Remembered(gone, may_be_written=True, since_s=rig.clock.utc_s())])
+    rig.commander.recall([Remembered(gone, may_be_written=True)])
     await asyncio.sleep(1.0)
 
     assert rig.sink.final("1").code == "crashed"
@@ -179,40 +179,31 @@ async def test_what_came_before_the_ledger_could_be_read_is_not_overwritten_by_i
     old = ResultRecord("pump-1", "alice", "1", "start", Phase.WRITTEN, "ok", "", 0.0)
     rig.submit("stop", "1")
 
-    rig.commander.recall([Remembered(old, may_be_written=True, since_s=rig.clock.utc_s())])
+    rig.commander.recall([Remembered(old, may_be_written=True)])
     await asyncio.sleep(20.0)
 
     assert {result.verb for result in rig.sink.of(ResultRecord)} == {"stop"}
 
 
+@pytest.mark.parametrize("days", [-9, 9, -20_000])
 @virtually
-async def test_the_ledgers_age_is_carried_over_a_restart() -> None:
+async def test_an_executed_id_stays_known_over_restarts_however_far_the_clock_is_off(days: int) -> None:
     rig = await rig_online()
-    old = ResultRecord("pump-1", "alice", "old", "start", Phase.CONFIRMED, "ok", "", 0.0)
-    week_s = 7 * 24 * 3600.0
-
-    rig.commander.recall([Remembered(old, may_be_written=True, since_s=rig.clock.utc_s() - week_s + 10)])
-    await asyncio.sleep(11.0)
-    rig.submit("read", "new", args={"parameter": "P003"})
-    await asyncio.sleep(5.0)
     rig.submit("start", "old")
     await asyncio.sleep(5.0)
 
-    assert not rig.sink.of(ResultRecord)[-1].is_duplicate  # forgotten, as any after seven days
-
-
-@virtually
-async def test_a_command_from_before_the_clock_was_set_is_still_known_after_a_restart() -> None:
-    rig = await rig_online()
-    in_1970 = ResultRecord("pump-1", "alice", "old", "start", Phase.CONFIRMED, "ok", "", 0.0)
-
-    rig.commander.recall([Remembered(in_1970, may_be_written=True, since_s=60.0)])
-    rig.submit("read", "new", args={"parameter": "P003"})
-    await asyncio.sleep(5.0)
-    rig.submit("start", "old")
-    await asyncio.sleep(5.0)
+    for _ in range(2):
+        rig.clock.epoch_s += days * 86_400.0
+        rig.crash()
+        rig.restart()
+        for number in range(300):
+            rig.submit("read", f"new {number}", args={"parameter": "P003"})
+            await asyncio.sleep(0.3)
+        rig.submit("start", "old")
+        await asyncio.sleep(5.0)
 
     assert rig.sink.of(ResultRecord)[-1].is_duplicate
+    assert rig.starts() == 1
 
 
 @pytest.mark.parametrize("takes_s", [0.0, 0.015, 0.3])
@@ -240,3 +231,45 @@ async def test_at_most_one_start_frame_per_id_goes_out_whenever_the_gateway_cras
         assert len(finals) == 1, (moment_s, finals)
         if before:
             assert finals[0].phase in (Phase.CONFIRMED, Phase.UNCONFIRMED), moment_s
+
+
+@pytest.mark.parametrize("is_running", [True, False])
+@virtually
+async def test_a_stop_without_an_id_that_a_crash_cuts_short_is_reported_once_after_the_restart(
+    is_running: bool,
+) -> None:
+    rig = await rig_online()
+    rig.unit.holding[VB01] = AT_SPEED
+    rig.poll()
+    rig.unit.on_write = lambda _: None
+    rig.submit("stop", None)
+    await asyncio.sleep(1.0)
+    rig.crash()
+    rig.unit.holding[VB01] = AT_SPEED if is_running else READY
+    rig.poll()
+
+    rig.restart()
+    await asyncio.sleep(15.0)
+
+    (told,) = rig.sink.of(ResultRecord)
+    assert (told.id, told.verb, told.phase, told.code) == (None, "stop", Phase.UNCONFIRMED, "crashed")
+    assert told.values == {"state": "running" if is_running else "ready"}
+    (event,) = [each for each in rig.sink.of(EventRecord) if each.code == "command_cut_short"]
+    assert event.data["verb"] == "stop"
+    rig.crash()
+    rig.restart()
+    await asyncio.sleep(15.0)
+    assert rig.sink.of(ResultRecord) == []
+
+
+@virtually
+async def test_a_stop_without_an_id_that_has_ended_is_not_reported_after_a_crash() -> None:
+    rig = await rig_online()
+    rig.submit("stop", None)
+    await asyncio.sleep(5.0)
+    rig.crash()
+
+    rig.restart()
+    await asyncio.sleep(15.0)
+
+    assert rig.sink.of(ResultRecord) == []

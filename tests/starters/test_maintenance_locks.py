@@ -124,3 +124,36 @@ async def test_locking_needs_the_right_to_lock_an_id_and_a_reason() -> None:
 
     assert plant.sink.of(ResultRecord)[-1].code == "no_id"
     assert plant.precautions.logbook.lock_of("pump-1") is None
+
+
+@virtually
+async def test_who_removes_anothers_lock_is_named_to_its_owner_and_the_audit_says_whose_it_was() -> None:
+    operators = (Operator("alice", ("*",), ("*",)), Operator("carol", ("*",), ("*",)))
+    plant = await Plant(operators=operators).online()
+    await plant.do("lock", "1", args={"reason": "belt is off"}, operator="Alice A.")
+    plant.sink.clear()
+
+    assert await plant.do("unlock", "2", client="carol", args={"reason": "shift ends"}) == "ok"
+
+    lock = {"by": "alice", "operator": "Alice A.", "reason": "belt is off"}
+    audit = next(each for each in plant.sink.of(AuditRecord) if each.decision == "confirmed")
+    assert (audit.client, audit.before) == ("carol", {"lock": lock})
+    event = next(each for each in plant.sink.of(EventRecord) if each.code == "unlocked")
+    assert event.data["lock"] == lock
+    assert "carol" in event.text
+    assert "the lock was alice (Alice A.)'s: belt is off" in event.text
+    (notice,) = [each for each in plant.sink.of(ResultRecord) if each.client == "alice"]
+    assert (notice.id, notice.verb, notice.code) == (None, "unlock", "lock_removed")
+    assert "carol: shift ends" in notice.text
+    assert "the lock was alice (Alice A.)'s" in plant.sink.final("2").text
+
+
+@virtually
+async def test_who_removes_his_own_lock_hears_of_it_once() -> None:
+    plant = await Plant().online()
+    await plant.do("lock", "1", args={"reason": "belt is off"})
+    plant.sink.clear()
+
+    await plant.do("unlock", "2")
+
+    assert {each.id for each in plant.sink.of(ResultRecord)} == {"2"}

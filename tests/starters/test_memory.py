@@ -54,10 +54,28 @@ def test_a_file_that_cannot_be_read_is_damaged(tmp_path: Path) -> None:
         FileMemory(tmp_path).load()
 
 
+def test_a_folder_in_the_files_place_is_set_aside_as_a_damaged_file_is(tmp_path: Path) -> None:
+    for folder in (tmp_path / "x.json", tmp_path / "x.json.damaged"):
+        folder.mkdir()
+        (folder / "kept").touch()
+    memory = FileMemory(tmp_path / "x.json")
+
+    for _ in range(2):  # a crash before the next document comes does not hide the damage
+        with pytest.raises(DamagedError):
+            memory.load()
+        memory.set_aside()
+    asyncio.run(memory.save({"a": 1}))
+
+    assert memory.load() == {"a": 1}
+    assert (tmp_path / "x.json.damaged" / "kept").exists()
+    assert (tmp_path / "x.json.damaged-2" / "kept").exists()
+
+
 def test_what_cannot_be_set_aside_is_only_logged(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     FileMemory(tmp_path / "x.json").set_aside()
 
-    assert "cannot be set aside" in caplog.text
+    assert "cannot be set aside: No such file or directory" in caplog.text
+    assert "Traceback" not in caplog.text
 
 
 async def test_what_cannot_be_written_says_so_and_leaves_the_old(tmp_path: Path) -> None:

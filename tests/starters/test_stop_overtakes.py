@@ -104,7 +104,7 @@ async def test_a_stop_takes_an_sst_out_of_its_configuration_mode_again() -> None
     rig = CommandRig("sst")
     await rig.online()
     rig.submit("configure", "1")
-    await asyncio.sleep(0.1)
+    await asyncio.sleep(0.35)
     assert WriteCoil(1, True) in rig.line.writes
 
     rig.submit("stop", "2")

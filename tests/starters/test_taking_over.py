@@ -32,7 +32,7 @@ async def test_a_command_under_way_ends_by_the_rules_it_came_under() -> None:
 
     assert plant.sink.final("old").phase is Phase.CONFIRMED
     assert await plant.do("stop", "2") == "ok"
-    assert await plant.do("start", "new") == "minimum_pause"
+    assert await plant.do("start", "new") == "pause_too_short"
 
 
 @virtually
@@ -70,7 +70,7 @@ async def test_starts_and_locks_are_remembered_over_a_change_of_the_rules() -> N
 
     take_over(plant, Policy(rules={"pump-1": RuleSet(starts_per_hour=1)}))
 
-    assert await plant.do("start", "4") == "starts_per_hour"
+    assert await plant.do("start", "4") == "too_many_starts"
     assert await plant.do("start", "5", starter="pump-2") == "locked"
 
 

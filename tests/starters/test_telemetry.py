@@ -259,3 +259,47 @@ async def test_closing_leaves_no_timer_and_no_task_behind() -> None:
 
     assert rig.sink.records == []
     assert len(asyncio.all_tasks()) == 1
+
+
+@virtually
+async def test_an_end_says_offline_then_stale_states_then_stale_values_and_nothing_good_after_that() -> None:
+    rig = await Rig().online()
+    rig.unit.holding[P003] = 815
+    rig.poll(VALUES)  # within the pause after a publication
+    good = {
+        name for name, reading in rig.telemetry.snapshot.readings.items() if reading.quality is Quality.GOOD
+    }
+    rig.sink.clear()
+
+    rig.telemetry.end("the gateway ended")
+    rig.poll()  # what was under way
+    rig.telemetry.take_rows({"P003": (1,)}, at_s=rig.clock.now_s())
+    rig.telemetry.on_unit(is_answering=True, reason="answers")
+    rig.telemetry.publish_stale_values()
+    await rig.telemetry.close()
+    await asyncio.sleep(100.0)
+
+    kinds = [type(record) for record in rig.sink.records]
+    assert kinds[:2] == [AvailabilityRecord, StateRecord]
+    assert kinds.count(AvailabilityRecord) == kinds.count(StateRecord) == 1
+    (availability,) = rig.sink.of(AvailabilityRecord)
+    assert (availability.state, availability.reason) == ("offline", "the gateway ended")
+    assert [record.quality for record in rig.sink.of(StateRecord)] == [STALE]
+    values = rig.sink.of(ValueRecord)
+    assert {record.point for record in values if record.quality is STALE} == good
+    assert all(record.quality in (STALE, Quality.BAD) for record in values)
+    assert rig.sink.values("current")[-1].value == 81.5  # the last good one, with its own time
+    assert rig.sink.events() == []
+
+
+@virtually
+async def test_an_end_leaves_a_disabled_starter_disabled_and_one_that_never_answered_offline_as_it_was() -> (
+    None
+):
+    disabled, silent = Rig(is_enabled=False), Rig()
+    for rig in (disabled, silent):
+        rig.telemetry.start()
+        rig.telemetry.end("the gateway ended")
+
+    assert [record.state for record in disabled.sink.of(AvailabilityRecord)] == ["disabled"]
+    assert [record.reason for record in silent.sink.of(AvailabilityRecord)] == ["not yet read"]

@@ -75,10 +75,14 @@ class FakeJournal:
     def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:
         if result.id:
             key = (result.client, result.id)
-            earlier = self.kept.get(key, Remembered(result, may_be_written=False, since_s=result.time_s))
+            earlier = self.kept.get(key, Remembered(result, may_be_written=False))
             self.kept[key] = replace(earlier, result=result)
         if then is not None:
             then()
+
+    def forget(self, keys: Iterable[tuple[str, str]]) -> None:
+        for key in keys:
+            self.kept.pop(key, None)
 
     async def intend(self, result: ResultRecord) -> None:
         assert result.id
@@ -149,7 +153,7 @@ class World:
             journal=self.journal,
             precautions=self.precautions,
         )
-        self.commander.recall(sorted(self.journal.kept.values(), key=lambda each: each.since_s))
+        self.commander.recall(list(self.journal.kept.values()))
         for telemetry in self.telemetries.values():
             router.starters[telemetry.setup.address] = telemetry
             telemetry.start()

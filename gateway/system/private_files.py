@@ -1,0 +1,23 @@
+"""What is kept on the disk is for its owner alone: ids, operators and their reasons are in it."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from pathlib import Path
+
+OTHERS = 0o077
+
+
+def keep_private(folder: Path) -> None:
+    """Have the files below a folder 0600: those that are there, and all that this process makes from now on.
+
+    What belongs to another user is left as it is; the folders keep their modes.
+    """
+    os.umask(OTHERS)
+    for place, _, names in os.walk(folder):
+        for name in names:
+            path = Path(place, name)
+            with suppress(OSError):
+                if path.lstat().st_mode & OTHERS and path.is_file() and not path.is_symlink():
+                    path.chmod(0o600)

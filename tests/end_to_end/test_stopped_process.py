@@ -1,0 +1,72 @@
+"""A gateway that is stopped in the middle of a start, while a hand takes the starter over."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+from pathlib import Path
+
+import pytest
+
+from gateway.standstill import LIMIT_S
+from tests.conftest import StartMosquitto
+from tests.end_to_end.site import Program, Scada, site_config, write_config
+
+pytestmark = [pytest.mark.end_to_end, pytest.mark.mosquitto]
+
+STOPPED_AFTER_S = (0.0, 0.02, 0.04, 0.06, 0.08)  # within reading, deciding, writing and reading back
+ONE_STARTER = """
+[[line.starter]]
+name = "pump"
+address = 1
+family = "ssw07"
+every_s = 0.2
+
+[[operator]]
+client = "alice"
+may = ["*"]
+starters = ["*"]
+"""
+
+
+async def test_no_start_is_written_on_what_was_read_before_the_process_was_stopped(
+    start_mosquitto: StartMosquitto, tmp_path: Path
+) -> None:
+    broker = start_mosquitto()
+    text = site_config(broker_port=broker.port, port=str(tmp_path / "ttyHALL"), starters=ONE_STARTER)
+    config = write_config(tmp_path, text)
+    ends = []
+    async with (
+        Program(
+            "gateway", "simulate", str(config), "--knobs", f"mqtt://127.0.0.1:{broker.port}"
+        ) as simulator,
+        broker.watch("starters/plant/#") as watcher,
+    ):
+        await simulator.says("line hall")
+        async with Program("gateway", "run", str(config)) as gateway:
+            scada = Scada(broker, watcher)
+            await scada.ready("pump")
+            for number, after_s in enumerate(STOPPED_AFTER_S):
+                await scada.command("pump", "start", f"start-{number}")
+                await asyncio.sleep(after_s)
+                gateway.signal(signal.SIGSTOP)
+                await scada.turn("pump", "control", "local")
+                await asyncio.sleep(LIMIT_S + 0.5)
+                gateway.signal(signal.SIGCONT)
+                result = await final(scada, f"start-{number}")
+                ends.append((result["phase"], result["code"]))
+                await scada.turn("pump", "keypad", "stop")
+                await scada.turn("pump", "control", "remote")
+                await scada.until("starter/pump/state", state="ready", quality="good", remote=True)
+
+    # Written before the stop and seen to run after it, or not at all; written in local it has no effect.
+    assert {phase for phase, _ in ends} <= {"confirmed", "rejected"}, ends
+
+
+async def final(scada: Scada, id_: str) -> dict[str, object]:
+    """Wait for the final result of a command."""
+    while True:
+        result = await scada.result("pump", id=id_)
+        if result["phase"] not in ("accepted", "written"):
+            return result
+        scada.latest.pop("result/pump/alice")

@@ -1,0 +1,287 @@
+"""A run command that stands in a starter is taken back before whatever could let it act; of every family."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from gateway.errors import CommandError
+from gateway.families.command import build, prepare, verbs
+from gateway.families.interlock import check
+from gateway.families.load import FAMILIES, load_profile
+from gateway.families.procedure import Procedure, WriteStep
+from gateway.families.run_command import CLEARED
+from gateway.families.schema import Parameter, Profile, Variant
+from gateway.modbus.writes import WriteCoil, WriteRegister
+from tests.families.starters import (
+    ENABLED,
+    FAULT,
+    READY,
+    REMOTE,
+    RUNNING,
+    SLOT_1,
+    SLOT_2,
+    built,
+    frame,
+)
+
+RUN_COIL = {"ssw06": 100, "ssw07": 100, "sst": 0}
+AT_REST = {
+    "ssw06": {"VB01": (READY,), "VB03": (0,), "VB06": (3,), "P220": (6,)},
+    "ssw07": {"VB01": (READY,), "VB03": (0,), "P220": (6,)},
+    "ssw900": {"S5.1.1": (ENABLED | REMOTE,), "S5.2.5": (0,), "S5.2.6": (0,), "C3.1": (10,)},
+    "sst": {"R19": (0,), "COIL1": (0,), "COIL5": (1,), "COIL7": (0,), "COIL8": (0,), "COIL9": (1,)},
+}
+TURNING = {
+    "ssw06": {"VB01": (READY | RUNNING,)},
+    "ssw07": {"VB01": (READY | RUNNING,)},
+    "ssw900": {"S5.1.1": (ENABLED | REMOTE | RUNNING,)},
+    "sst": {"R19": (2,)},
+}
+# What may be written without run = 0 before it, as the manuals have it: a motion or its end, and the outputs
+# (ssw06-es 4.2.3, 4.2.6-4.2.8; ssw07 4.2.2, 4.2.3; ssw900 S5.2, S5.3; the SST's coil 1).
+HARMLESS_COILS = {"ssw06": {100, 102}, "ssw07": {100, 102}, "ssw900": set(), "sst": {0}}
+SOURCES = {
+    "ssw06": {220, 229, 230},
+    "ssw07": {220, 229, 230},
+    "ssw900": {220, 229, 230, 231, *range(263, 269), 207, 208, 337, 338, 1101, 1102},
+    "sst": {4, 5, 6, *range(30, 43)},
+}
+
+
+def is_run_off(profile: Profile, step: WriteStep) -> bool:
+    """Tell from the bytes alone whether a write takes the run command back."""
+    match step.request:
+        case WriteCoil(address=address, is_on=is_on):
+            return address == RUN_COIL.get(profile.family) and not is_on
+        case WriteRegister(address=address, word=word):
+            if profile.family == "ssw06":
+                return address == 5003 and word & 0x0101 == 0x0100
+            return profile.family == "ssw900" and address in (685, 686) and not word & 0x05
+    return False
+
+
+def wakes(profile: Profile, step: WriteStep) -> bool:
+    """Tell from the bytes alone whether a write may let a run command act that stands."""
+    pdu = step.request.encode()
+    address, word = int.from_bytes(pdu[1:3], "big"), int.from_bytes(pdu[3:5], "big")
+    if pdu[0] == 5:
+        is_disabling = profile.family != "sst" and address == 101 and not word
+        return address not in HARMLESS_COILS[profile.family] and not is_disabling
+    count = int.from_bytes(pdu[3:5], "big") if pdu[0] == 16 else 1
+    if SOURCES[profile.family] & set(range(address, address + count)):
+        return True
+    if profile.family == "ssw06" and address == 5003:  # mask and value of enable, direction, mode, reset
+        return bool(word & 0x9800) or word & 0x0202 == 0x0202
+    return address in (5003, 5007, 685, 686) and not (
+        profile.family == "ssw900" and is_run_off(profile, step)
+    )
+
+
+def values_of(profile: Profile, row: Parameter) -> Iterator[Any]:
+    """Yield values that a `set` may take, the lowest and the highest, also of an enum."""
+    members = [number for number, label in profile.enums.get(row.enum, {}).items() if label != "Reserved"]
+    numbers = members or [row.raw_min or 0, row.raw_max or 0]
+    scale = 10 ** (row.decimals or 0)
+    for number in (min(numbers), max(numbers)):
+        yield number / scale if scale > 1 else number
+
+
+def every_command(profile: Profile) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield every verb with every choice of its arguments, and a set of every row."""
+    for verb in verbs(profile):
+        if verb == "set":
+            for row in profile.parameters.values():
+                yield from (
+                    ("set", {"parameter": row.code, "value": each}) for each in values_of(profile, row)
+                )
+        elif verb == "output":
+            yield from (
+                (verb, {"output": name, "value": value}) for name in profile.outputs for value in (True, 50)
+            )
+        elif verb == "configure" and profile.family == "ssw06":
+            yield from ((verb, {"leave": mode}) for mode in ("factory", "P202"))
+        elif verb == "configure":
+            yield from ((verb, args) for args in ({}, {"R41": 30}, {"R40": 10}))
+        elif verb == "reset":
+            yield from ((verb, args) for args in ({}, {"whole": True}))
+        elif verb == "read":
+            yield verb, {"parameter": next(iter(profile.parameters))}
+        elif profile.commands[verb].args:
+            yield from ((verb, {"value": value}) for value in (True, False, *profile.commands[verb].values))
+        else:
+            yield verb, {}
+
+
+def every_procedure(family: str, variant: Variant) -> Iterator[tuple[str, dict[str, Any], Procedure]]:
+    """Yield what can be built of all that, of a motor at rest."""
+    profile = load_profile(family)
+    for verb, args in every_command(profile):
+        try:
+            yield verb, args, build(profile, variant, verb, args, seen=AT_REST[family])
+        except CommandError:
+            continue
+
+
+@pytest.mark.parametrize("variant", [SLOT_1, SLOT_2], ids=["slot 1", "slot 2"])
+@pytest.mark.parametrize("family", FAMILIES)
+def test_no_procedure_of_any_verb_and_any_row_wakes_a_run_command_before_run_is_0(
+    family: str, variant: Variant
+) -> None:
+    profile = load_profile(family)
+    count = 0
+
+    for verb, args, procedure in every_procedure(family, variant):
+        waking = [place for place, step in enumerate(procedure.steps) if wakes(profile, step)]
+        if verb in ("start", "jog") or not waking:
+            continue
+        count += 1
+        first = procedure.steps[: waking[0]]
+        assert any(is_run_off(profile, step) and step.is_run_off for step in first), (verb, args)
+        assert CLEARED in procedure.note, (verb, args)
+        assert procedure.verify is not None, (verb, args)
+        assert not procedure.verify.is_met(
+            {procedure.verify.name: procedure.verify.is_one_of[0], "running": True}
+        )
+
+    assert count >= 4
+
+
+@pytest.mark.parametrize("variant", [SLOT_1, SLOT_2], ids=["slot 1", "slot 2"])
+@pytest.mark.parametrize("family", FAMILIES)
+def test_run_is_set_to_0_only_where_it_is_read_that_the_motor_stands(family: str, variant: Variant) -> None:
+    profile = load_profile(family)
+
+    for verb, args, procedure in every_procedure(family, variant):
+        if not any(step.is_run_off for step in procedure.steps):
+            continue
+        preparation = prepare(profile, variant, verb, args)
+        codes = {code for read in preparation.reads for code in read.codes}
+        assert "is_stopped" in preparation.requires, (verb, args)
+        assert {"R19" if family == "sst" else profile.status_word} <= codes, (verb, args)
+        assert check(profile, preparation.requires, {}), (verb, args)  # what is not known is not standing
+        with pytest.raises(CommandError, match="motor_running"):
+            build(profile, variant, verb, args, seen={**AT_REST[family], **TURNING[family]})
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_stop_and_the_end_of_a_motion_wait_for_no_reading_and_clear_nothing_else(family: str) -> None:
+    profile = load_profile(family)
+    ends = [("stop", {})]
+    if family != "sst":
+        ends += [("jog", {"value": False}), ("general_enable", {"value": False})]
+
+    for verb, args in ends:
+        procedure = build(profile, SLOT_1, verb, args, seen={**AT_REST[family], **TURNING[family]})
+        assert "is_stopped" not in prepare(profile, SLOT_1, verb, args).requires
+        assert not any(step.is_run_off for step in procedure.steps)
+
+
+def test_every_row_that_chooses_the_command_source_is_named_in_its_familys_data() -> None:
+    for family in FAMILIES:
+        profile = load_profile(family)
+        protected = (*profile.protected.command_sources, *profile.protected.waking)
+        named = {profile.parameters[code].address for code in protected}
+        named |= {row.address for row in profile.parameters.values() if row.is_configuration}
+        assert (
+            SOURCES[family] & {row.address for row in profile.parameters.values() if row.is_writable} <= named
+        )
+
+
+def frames_of(family: str, verb: str, args: dict[str, Any], variant: Variant = SLOT_1) -> list[str]:
+    procedure = build(load_profile(family), variant, verb, args, seen=AT_REST[family])
+    return [frame(step.request)[3:17] for step in procedure.steps]
+
+
+@pytest.mark.parametrize(
+    ("family", "verb", "args", "expected"),
+    [
+        ("ssw06", "reset", {}, ["06 13 8B 01 00", "06 13 8B 04 00", "06 13 8B 80 00", "06 13 8B 80 80"]),
+        ("ssw07", "general_enable", {"value": True}, ["05 00 64 00 00", "05 00 66 00 00", "05 00 65 FF 00"]),
+        ("ssw900", "reset", {}, ["06 02 AD 00 12", "06 02 AD 00 12", "06 02 AD 00 92"]),
+        ("sst", "reset", {}, ["05 00 00 00 00", "05 00 02 FF 00"]),
+        ("ssw06", "configure", {"leave": "P202"}, ["06 13 8B 01 00", "06 13 8B 04 00", "06 13 8F 00 02"]),
+    ],
+)
+def test_run_and_jog_are_0_before_the_words_of_the_command(
+    family: str, verb: str, args: dict[str, Any], expected: list[str]
+) -> None:
+    assert frames_of(family, verb, args) == expected
+
+
+@pytest.mark.parametrize(
+    ("family", "verb", "args", "off", "own"),
+    [
+        ("ssw06", "local_remote", {"value": "remote"}, "06 13 8B 01 00", "06 13 8B 10 10"),
+        ("ssw07", "local_remote", {"value": "remote"}, "05 00 64 00 00", "05 00 68 FF 00"),
+        ("ssw07", "set", {"parameter": "P230", "value": 2}, "05 00 64 00 00", "06 00 E6 00 02"),
+    ],
+)
+def test_where_the_source_changes_run_is_0_behind_it_too_since_a_deaf_source_may_have_ignored_the_first(
+    family: str, verb: str, args: dict[str, Any], off: str, own: str
+) -> None:
+    found = frames_of(family, verb, args)
+
+    assert found[0] == off
+    assert found[2:4] == [own, off]
+
+
+def test_a_change_of_source_clears_the_words_of_both_slots_of_an_ssw900() -> None:
+    found = frames_of("ssw900", "set", {"parameter": "C3.3", "value": 5}, SLOT_2)
+
+    assert found == ["06 02 AD 00 12", "06 02 AE 00 12", "06 00 E6 00 05"]
+
+
+def test_a_jog_that_an_old_ssw07_does_not_have_is_not_taken_back() -> None:
+    procedure = built("ssw07", "reset", variant=Variant(firmware="1.30"), VB01=READY | FAULT, VB03=0)
+
+    assert [frame(step.request)[3:17] for step in procedure.steps] == [
+        "05 00 64 00 00",
+        "05 00 6B 00 00",
+        "05 00 6B FF 00",
+    ]
+
+
+def test_the_run_command_must_read_0_where_it_can_be_read() -> None:
+    first, *_ = built("ssw06", "reset", VB01=READY | FAULT, VB03=1).steps
+
+    assert first.then is not None
+    assert first.then.is_met({"VB03": (0x12,)})
+    assert not first.then.is_met({"VB03": (0x13,)})
+
+
+def test_only_an_sst_that_is_not_initialised_may_refuse_run_0() -> None:
+    barred, _ = build(load_profile("sst"), SLOT_1, "reset", {}, seen={**AT_REST["sst"], "COIL5": (0,)}).steps
+    free, _ = build(load_profile("sst"), SLOT_1, "reset", {}, seen=AT_REST["sst"]).steps
+
+    assert (barred.may_be_refused, free.may_be_refused) == (True, False)
+
+
+def test_the_words_of_an_ssw900_never_carry_a_run_command_that_was_seen_to_stand() -> None:
+    last = {"S5_2_5": 0x17}
+
+    for verb, args in (
+        ("reset", {}),
+        ("general_enable", {"value": True}),
+        ("direction", {"value": "reverse"}),
+    ):
+        procedure = built("ssw900", verb, args, **last)
+        assert all(not int.from_bytes(step.request.encode()[3:5], "big") & 0x05 for step in procedure.steps)
+
+
+def test_the_rows_that_a_family_protects_are_in_no_list_of_the_code() -> None:
+    table = {
+        family: (profile.protected.command_sources, profile.protected.connection)
+        for family in FAMILIES
+        for profile in [load_profile(family)]
+    }
+
+    assert set(table["ssw06"][0]) == {"P220", "P229", "P230"} == set(table["ssw07"][0])
+    assert {"C3.1", "C3.2", "C3.3", "C3.4"} <= set(table["ssw900"][0])
+    assert all(
+        section
+        for sources, connection in table.values()
+        for section in (*sources.values(), *connection.values())
+    )

@@ -1,0 +1,120 @@
+"""What the result says when run = 0 was written first, and when it was not taken."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from gateway.line.outcome import Refused, Silent
+from gateway.modbus.writes import WriteCoil
+from gateway.starters.records import Phase
+from tests.starters.fakes import FAULT, READY, VB01, VB03
+from tests.starters.rig import CommandRig, virtually
+
+RUN_OFF, JOG_OFF = WriteCoil(100, False), WriteCoil(102, False)
+RESET = [WriteCoil(107, False), WriteCoil(107, True)]
+
+
+async def in_fault() -> CommandRig:
+    """Return an SSW-07 in fault, whose fault goes when it is reset."""
+    rig = CommandRig("ssw07")
+    await rig.online()
+    rig.unit.holding[VB01] = READY | FAULT
+
+    def obey(request: Any) -> None:
+        if request == RESET[1]:
+            rig.unit.holding[VB01] = READY
+
+    rig.unit.on_write = obey
+    return rig
+
+
+@virtually
+async def test_the_result_says_that_run_was_set_to_0_first() -> None:
+    rig = await in_fault()
+
+    rig.submit("reset")
+    await asyncio.sleep(20.0)
+
+    assert rig.sink.final().phase is Phase.CONFIRMED
+    assert "run = 0 was written first" in rig.sink.final().text
+    assert rig.line.writes == [RUN_OFF, JOG_OFF, *RESET]
+
+
+@virtually
+async def test_a_jog_that_is_not_set_up_may_be_refused() -> None:
+    rig = await in_fault()
+    rig.line.rules.append(lambda r: Refused(3, 0.0) if r == JOG_OFF else None)
+
+    rig.submit("reset")
+    await asyncio.sleep(20.0)
+
+    assert rig.sink.final().phase is Phase.CONFIRMED
+
+
+@pytest.mark.parametrize(
+    ("outcome", "phase", "code"),
+    [(Refused(3, 0.0), Phase.FAILED, "run_not_cleared"), (Silent(), Phase.UNCONFIRMED, "no_answer")],
+    ids=["refused", "not answered"],
+)
+@virtually
+async def test_when_run_0_is_not_taken_nothing_else_is_written(outcome: Any, phase: Phase, code: str) -> None:
+    rig = await in_fault()
+    rig.line.rules.append(lambda r: outcome if r == RUN_OFF else None)
+
+    rig.submit("reset")
+    await asyncio.sleep(20.0)
+
+    assert (rig.sink.final().phase, rig.sink.final().code) == (phase, code)
+    assert "nothing else was written" in rig.sink.final().text
+    assert "turning" not in rig.sink.final().text
+    assert rig.line.writes == [RUN_OFF]
+
+
+@virtually
+async def test_when_the_run_command_still_reads_1_nothing_else_is_written() -> None:
+    rig = await in_fault()
+    rig.unit.holding[VB03] = 0x13
+    rig.unit.on_write = lambda request: None
+
+    rig.submit("reset")
+    await asyncio.sleep(20.0)
+
+    assert (rig.sink.final().phase, rig.sink.final().code) == (Phase.FAILED, "run_not_cleared")
+    assert rig.line.writes == [RUN_OFF]
+
+
+@virtually
+async def test_a_motor_that_starts_at_a_reset_is_stopped_and_the_result_says_so() -> None:
+    rig = await in_fault()
+
+    def start(request: Any) -> None:
+        if request == RESET[1]:
+            rig.unit.holding[VB01] = READY | 1
+
+    rig.unit.on_write = start
+    rig.submit("reset")
+    await asyncio.sleep(20.0)
+
+    assert (rig.sink.final().phase, rig.sink.final().code) == (Phase.UNCONFIRMED, "not_seen")
+    assert "the motor may be turning" in rig.sink.final().text
+    assert rig.line.writes[-2:] == [RUN_OFF, JOG_OFF]
+
+
+@virtually
+async def test_an_output_that_does_not_follow_is_not_called_a_turning_motor() -> None:
+    rig = CommandRig("ssw07")
+    rig.unit.holding |= {5008: 0, 277: 1}
+    await rig.online()
+    rig.unit.on_write = lambda request: rig.unit.holding.update({5008: 0})
+
+    rig.submit("output", args={"output": "RL1", "value": True})
+    await asyncio.sleep(20.0)
+
+    final = rig.sink.final()
+    assert (final.phase, final.code) == (Phase.UNCONFIRMED, "not_followed")
+    assert "did not follow" in final.text
+    assert "P277" in final.text
+    assert "turning" not in final.text

@@ -1,0 +1,146 @@
+"""One gateway for one state directory, whatever the disk and the user."""
+
+from __future__ import annotations
+
+import fcntl
+import logging
+import os
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from gateway.errors import StartError
+from gateway.system.instance_lock import FILE, instance_lock
+from tests.ordinary_user import give
+
+HOLD = """
+import sys
+from pathlib import Path
+from gateway.errors import StartError
+from gateway.system.instance_lock import instance_lock
+from tests.ordinary_user import become_ordinary
+become_ordinary()
+try:
+    with instance_lock(Path(sys.argv[1])):
+        print("held", flush=True)
+        sys.stdin.read()
+except StartError as error:
+    print(error, flush=True)
+"""
+
+
+def holder(state_dir: Path) -> subprocess.Popen[str]:
+    """Return a process of an ordinary user that takes the lock, says so, and holds it."""
+    command = [sys.executable, "-c", HOLD, str(state_dir)]
+    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+
+def said(process: subprocess.Popen[str]) -> str:
+    assert process.stdout is not None
+    return process.stdout.readline().rstrip("\n")
+
+
+def test_a_second_one_is_refused_and_names_the_process_of_the_first(tmp_path: Path) -> None:
+    with (
+        instance_lock(tmp_path / "state"),
+        pytest.raises(StartError, match=rf"another gateway \(pid {os.getpid()}\) .*state .*stop that one"),
+        instance_lock(tmp_path / "state"),
+    ):
+        pass
+
+
+def test_the_holder_on_another_machine_or_in_another_container_is_named_with_its_host(tmp_path: Path) -> None:
+    with instance_lock(tmp_path):
+        (tmp_path / FILE).write_text("1 plc-box\n")
+
+        with pytest.raises(StartError, match="pid 1 on plc-box"), instance_lock(tmp_path):
+            pass
+
+
+@pytest.mark.parametrize("content", ["", "nonsense", "\x00\xff"])
+def test_a_file_that_names_nobody_is_locked_all_the_same(content: str, tmp_path: Path) -> None:
+    with instance_lock(tmp_path):
+        (tmp_path / FILE).write_text(content)
+
+        with pytest.raises(StartError, match="process id unknown"), instance_lock(tmp_path):
+            pass
+
+
+def test_the_lock_ends_with_the_context_and_its_file_is_for_its_user_only(tmp_path: Path) -> None:
+    for _ in range(2):
+        with instance_lock(tmp_path / "state"):
+            pass
+
+    assert (tmp_path / "state" / FILE).stat().st_mode & 0o777 == 0o600
+    assert (tmp_path / "state").stat().st_mode & 0o777 == 0o700
+    assert (tmp_path / "state" / FILE).read_text() == f"{os.getpid()} {socket.gethostname()}\n"
+
+
+def test_the_lock_ends_with_a_process_that_was_killed(tmp_path: Path) -> None:
+    make_reachable(tmp_path)
+    with holder(tmp_path) as first:
+        assert said(first) == "held"
+        with holder(tmp_path) as second:
+            assert f"pid {first.pid}" in said(second)
+        first.send_signal(signal.SIGKILL)
+
+    with holder(tmp_path) as third:
+        assert said(third) == "held"
+        third.kill()
+
+
+def test_a_folder_of_another_user_is_told_in_one_line_with_its_remedy(tmp_path: Path) -> None:
+    make_reachable(tmp_path)
+    locked = tmp_path / "state"
+    locked.mkdir()
+    locked.chmod(0o500)  # of another user's folder the same is true
+
+    with holder(locked) as process:
+        line = said(process)
+
+    assert line.startswith(f"state_dir {locked}: user ")
+    assert "may not write there (set state_dir in [gateway] to a folder of this user" in line
+    assert f"sudo install -d -m 700 -o {os.getuid() or 65534} {locked}" in line
+
+
+def test_a_folder_in_the_files_place_is_locked_instead(tmp_path: Path) -> None:
+    (tmp_path / FILE).mkdir()
+
+    with instance_lock(tmp_path), pytest.raises(StartError), instance_lock(tmp_path):
+        pass
+
+
+def test_other_trouble_of_the_disk_prevents_nothing(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    (tmp_path / "state").write_text("a file where the folder should be")
+
+    with caplog.at_level(logging.WARNING), instance_lock(tmp_path / "state" / "deeper"):
+        pass
+
+    assert "a second gateway there is not noticed" in caplog.text
+
+
+def test_a_file_system_without_locks_prevents_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(37, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", refuse)
+
+    with caplog.at_level(logging.WARNING), instance_lock(tmp_path):
+        pass
+
+    assert "No locks available" in caplog.text
+
+
+def make_reachable(folder: Path) -> None:
+    """Let the ordinary user own this folder and pass through those above it."""
+    give(folder)
+    if os.geteuid() == 0:
+        for above in folder.parents[:3]:
+            if above.stat().st_uid == 0 and str(above).startswith("/tmp/"):
+                above.chmod(above.stat().st_mode | 0o011)

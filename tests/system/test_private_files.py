@@ -1,0 +1,65 @@
+"""Files of the state directory are for their owner alone."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from gateway.database import Database
+from gateway.durable.audit_files import Anchor, write_anchor
+from gateway.durable.ledger_table import LedgerTable
+from gateway.starters.memory import FileMemory
+from gateway.system.private_files import keep_private
+
+
+@pytest.fixture(autouse=True)
+def open_umask() -> Iterator[None]:
+    before = os.umask(0o022)
+    yield
+    os.umask(before)
+
+
+def modes(folder: Path) -> set[int]:
+    return {path.stat().st_mode & 0o777 for path in folder.rglob("*") if path.is_file()}
+
+
+def test_files_that_an_earlier_version_left_readable_become_private(tmp_path: Path) -> None:
+    (tmp_path / "audit").mkdir()
+    for name in ("gateway.sqlite", "audit/anchor.json"):
+        (tmp_path / name).write_text("x")
+        (tmp_path / name).chmod(0o644)
+
+    keep_private(tmp_path)
+
+    assert modes(tmp_path) == {0o600}
+
+
+def test_files_that_are_made_later_are_private_whoever_makes_them(tmp_path: Path) -> None:
+    keep_private(tmp_path)
+
+    FileMemory(tmp_path / "precautions.json").write({"version": 1})
+    write_anchor(tmp_path, Anchor())
+    database = Database(tmp_path / "gateway.sqlite", [LedgerTable()], 2**20)
+    database.open()
+
+    assert {path.name for path in tmp_path.iterdir()} >= {"gateway.sqlite", "gateway.sqlite-wal"}
+    assert modes(tmp_path) == {0o600}
+    database.close()
+
+
+def test_what_a_link_points_to_elsewhere_keeps_its_mode(tmp_path: Path) -> None:
+    elsewhere, state = tmp_path / "elsewhere", tmp_path / "state"
+    state.mkdir()
+    elsewhere.write_text("x")
+    (state / "link").symlink_to(elsewhere)
+
+    keep_private(state)
+
+    assert elsewhere.stat().st_mode & 0o777 == 0o644
+
+
+def test_a_folder_that_does_not_exist_yet_is_no_trouble(tmp_path: Path) -> None:
+    keep_private(tmp_path / "state")
