@@ -11,13 +11,14 @@ from typing import Any
 from gateway import __version__
 from gateway.capture_socket import capture_of
 from gateway.clock import Clock, ClockWatch, SystemClock
+from gateway.clock_memory import CLOCK_FILE, ClockMemory
 from gateway.config.changes import Changes, changes_of, fixed
 from gateway.config.setups import least_watchdog_s, policy_of, rights_of
 from gateway.durable.keeper import Keeper
 from gateway.errors import ConfigError
 from gateway.line.host import LineHost
 from gateway.mqtt.boot import Boot
-from gateway.mqtt.intake import MAX_AHEAD_S, MAX_TTL_S
+from gateway.mqtt.freshness import MAX_AHEAD_S, MAX_TTL_S, Tokens
 from gateway.plant import Plant
 from gateway.reception import Reception
 from gateway.site import Site
@@ -57,15 +58,17 @@ class App:
         self._clock_watch = ClockWatch(site.config.gateway.clock)
         self._sequence = Numbers()
         self._boot = Boot(secrets.token_hex(8))
+        self._tokens = Tokens(self._boot)
         self._uplink = Uplink(
             site,
-            self._boot,
+            self._tokens,
             clock=self._clock,
             on_incoming=lambda incoming: self._reception.take(incoming),
             on_link=self._note_link,
             tell=self.tell,
         )
         self._memories = _memories_of(site)
+        self._clock_memory = self._build_clock_memory()
         self._precautions = self._build_precautions()
         self._companions = Companions(self._uplink.publisher)
         self._plant = Plant(
@@ -97,6 +100,7 @@ class App:
                 ("history", self._uplink.spooler.pace),
                 ("reception", self._reception.run),
                 ("capture", self._capture.run),
+                ("clock", self._clock_memory.run),
             )
         ]
         await self._host.start()  # before all else: the starters' watchdogs run
@@ -114,6 +118,7 @@ class App:
             await self._plant.close()
             await self._companions.close()
             await self._precautions.identities.close()
+            await self._clock_memory.close()
             await self._keeper.settle()
             await self._uplink.close(reason)
             await asyncio.gather(self._uplink.end(), self._keeper.close(reason))
@@ -185,7 +190,7 @@ class App:
 
     def _build_precautions(self) -> Precautions:
         config = self._site.config
-        memory, identities_memory, wear_memory = self._memories
+        memory, identities_memory, wear_memory, _ = self._memories
         return Precautions(
             policy_of(config),
             [starter.name for line in config.lines for starter in line.starters],
@@ -209,6 +214,9 @@ class App:
             on_recalled=lambda commands: self._commander.recall(commands),
             on_untold=self._uplink.tell_again,
         )
+
+    def _build_clock_memory(self) -> ClockMemory:
+        return ClockMemory(self._clock_watch, self._memories[-1], tell=self.tell)
 
     def _build_commander(self) -> Commander:
         sink = self._keeper.sink(self._companions)
@@ -238,11 +246,11 @@ class App:
     def _build_reception(self) -> Reception:
         return Reception(
             self._uplink.topics,
-            self._boot,
+            self._tokens,
             commander=self._commander,
             clock=self._clock,
             clock_watch=self._clock_watch,
-            restate=self._uplink.publisher.restate,
+            restate=self._uplink.restate,
             tell=self.tell,
         )
 
@@ -272,7 +280,7 @@ class App:
 
 def _memories_of(site: Site) -> list[SwitchedMemory]:
     """Return what is kept in small files; without operators nothing is."""
-    files = (site.state_dir / name for name in (PRECAUTIONS_FILE, IDENTITIES_FILE, WEAR_FILE))
+    files = (site.state_dir / name for name in (PRECAUTIONS_FILE, IDENTITIES_FILE, WEAR_FILE, CLOCK_FILE))
     return [SwitchedMemory(FileMemory(file), is_on=bool(site.config.operators)) for file in files]
 
 

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import ctypes
+import functools
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
+
+from gateway.system.clock_steps import SETTLED_S, ClockSteps, Reading
 
 ASK_EVERY_S = 10.0
 FORBIDDEN = -1  # adjtimex(2): no answer
@@ -16,6 +19,9 @@ STA_UNSYNC = 0x0040  # the same in its status
 # Touched by systemd-timesyncd(8) at each synchronisation, every 34 minutes at the latest by its default.
 TIMESYNC_MARK = Path("/run/systemd/timesync/synchronized")
 MARK_VALID_S = 2 * 3600.0
+
+BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
+READ_WITHIN_S = 0.01
 
 Trust = Literal["auto", "trusted", "untrusted"]
 
@@ -88,31 +94,85 @@ def is_synchronised_state(state: int, status: int) -> bool:
     return 0 <= state != TIME_ERROR and not status & STA_UNSYNC
 
 
+def read_clocks() -> Reading:
+    """Return both clocks of this machine, read as if at one moment."""
+    for _ in range(3):  # a process that is held up between the readings must not look like a step
+        before_s = time.clock_gettime(time.CLOCK_BOOTTIME)
+        utc_s = time.time()
+        after_s = time.clock_gettime(time.CLOCK_BOOTTIME)
+        if after_s - before_s < READ_WITHIN_S:
+            break
+    return Reading(after_s, utc_s, _boot_id())
+
+
+@functools.cache
+def _boot_id() -> str:
+    try:
+        return BOOT_ID.read_text("ascii").strip()
+    except (OSError, ValueError):
+        return ""  # a service's sandbox (ProcSubset) hides it
+
+
 class ClockWatch:
-    """Whether time stamps from elsewhere can be compared with the system clock."""
+    """Whether time stamps from elsewhere can be compared with the system clock.
+
+    `on_change` takes what speaks against it after a step, and None once it counts again.
+    """
 
     def __init__(
         self,
         trust: Trust = "auto",
         *,
         ask: Callable[[], bool] = is_kernel_clock_synchronised,
-        now_s: Callable[[], float] = time.monotonic,
+        read: Callable[[], Reading] = read_clocks,
     ) -> None:
         self._trust = trust
         self._ask = ask
-        self._now_s = now_s
+        self._read = read
+        self._steps = ClockSteps()
         self._answer = False
         self._asked_s: float | None = None
+        self.on_change: Callable[[str | None], None] = lambda _: None
 
     def trust(self, trust: Trust) -> None:
         """Go by another configuration from now on."""
         self._trust = trust
 
-    def is_synchronised(self) -> bool:
-        """Return what the configuration says, else what the kernel said at most 10 s ago."""
-        if self._trust != "auto":
-            return self._trust == "trusted"
-        now_s = self._now_s()
+    def recall(self, document: Mapping[str, Any] | None) -> None:
+        """Compare with what an earlier run has stored of the clock; to be called once, at the start."""
+        self._steps.recall(document, self._read())
+
+    @property
+    def step(self) -> str | None:
+        """Return which step of the clock speaks against it, in words; None for none."""
+        return self._steps.doubt
+
+    def document(self) -> dict[str, Any]:
+        """Return what the next run must know of the clock."""
+        return self._steps.document(self._read())
+
+    def look(self) -> None:
+        """Notice a step since the last look; to be called often, and before any command is judged."""
+        before = self._steps.doubt
+        if self._steps.look(self._read(), is_synchronised=self._is_synchronised):
+            if before is None:
+                self._asked_s = None  # what the kernel said before a step counts no more
+            self.on_change(self._steps.doubt)
+
+    def doubt(self) -> str | None:
+        """Return why the wall clock cannot be compared with others now, in words; None when it can."""
+        if self._trust == "untrusted":
+            return "the configuration does not trust this gateway's clock"
+        if self._steps.doubt is not None:
+            again = f"until the kernel has called it synchronised for {SETTLED_S:g} s"
+            return f"{self._steps.doubt}, so issued_at does not count {again}"
+        if self._trust == "auto" and not self._is_synchronised():
+            return "this gateway's clock is not synchronised"
+        return None
+
+    def _is_synchronised(self) -> bool:
+        """Return what the kernel said at most 10 s ago."""
+        now_s = self._read().up_s
         if self._asked_s is None or now_s - self._asked_s >= ASK_EVERY_S:
             self._answer = self._ask()
             self._asked_s = now_s

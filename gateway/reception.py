@@ -8,9 +8,9 @@ from math import inf
 from typing import Any, Protocol
 
 from gateway.clock import Clock, ClockWatch
-from gateway.mqtt.boot import Boot
+from gateway.mqtt.freshness import Moment, Tokens
 from gateway.mqtt.intake import MALFORMED_TOPIC, Incoming, Intake, Rejection
-from gateway.mqtt.topics import Topics, shortened
+from gateway.mqtt.topics import CommandAddress, Topics, shortened
 from gateway.standstill import StandstillWatch
 from gateway.starters.commander import Commander
 from gateway.starters.damped import Damped
@@ -38,7 +38,7 @@ class Reception:
     def __init__(
         self,
         topics: Topics,
-        boot: Boot,
+        tokens: Tokens,
         *,
         commander: Commander,
         clock: Clock,
@@ -47,8 +47,8 @@ class Reception:
         tell: Tell,
         standstill: Callable[[Callable[[float], None]], StandstillWatch] = StandstillWatch,
     ) -> None:
-        self._intake = Intake(topics, boot)
-        self._boot = boot
+        self._intake = Intake(topics, tokens, freshness_of=self._freshness_of)
+        self._boot = tokens.boot
         self._commander = commander
         self._clock = clock
         self._clock_watch = clock_watch
@@ -59,8 +59,8 @@ class Reception:
         self._malformed = Damped(self._tell_malformed, clock=clock, every_s=MALFORMED_EVERY_S)
 
     async def run(self) -> None:
-        """Watch for standstills for ever."""
-        await self._standstill.run()
+        """Watch for standstills and for steps of the clock, for ever."""
+        await self._standstill.run(also=self._clock_watch.look)
 
     def stood_still_s(self) -> float:
         """Return when the latest standstill ended, on the steady clock; one that just has is noticed."""
@@ -69,13 +69,10 @@ class Reception:
 
     def take(self, incoming: Incoming) -> None:
         """Pass an operator's message on, or tell its sender why not."""
-        self._standstill.look()  # what has waited must not be judged by the token of before
-        verdict = self._intake.judge(
-            incoming,
-            utc_s=self._clock.utc_s(),
-            received_s=self._clock.now_s(),
-            clock_is_synchronised=self._clock_watch.is_synchronised(),
-        )
+        self._standstill.look()  # what has waited must not be judged by the tokens of before
+        self._clock_watch.look()
+        moment = Moment(self._clock.now_s(), self._clock.utc_s(), self._clock_watch.doubt())
+        verdict = self._intake.judge(incoming, moment)
         if verdict is None:
             log.debug("topic=%s is no command", shortened(incoming.topic))
             return
@@ -106,6 +103,9 @@ class Reception:
         text = f"{which} on {malformed['topic']}: {malformed['text']}"
         data = {"problem": malformed["problem"], "topic": malformed["topic"], "count": max(count, 1)}
         self._tell(MALFORMED_TOPIC, Severity.WARNING, text, data)
+
+    def _freshness_of(self, address: CommandAddress) -> tuple[str, ...]:
+        return self._commander.freshness(address.client, verb=address.verb, starter=address.starter)
 
     def _note_standstill(self, seconds: float) -> None:
         """Refuse what was sent before now: it may have waited as long, in the broker or in our own socket."""

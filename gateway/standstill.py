@@ -41,8 +41,9 @@ class StandstillWatch:
         if longest_s > LIMIT_S:
             self._on_standstill(longest_s)
 
-    async def run(self) -> None:
-        """Look for ever."""
+    async def run(self, *, also: Callable[[], None]) -> None:
+        """Look for ever, and each time have `also` look."""
         while True:
             self.look()
+            also()
             await asyncio.sleep(LOOK_EVERY_S)

@@ -6,6 +6,7 @@ The connection can be moved to another broker, or another login, while everythin
 from __future__ import annotations
 
 import asyncio
+import logging
 import secrets
 from collections.abc import Callable, Sequence
 
@@ -14,12 +15,13 @@ from gateway.clock import Clock
 from gateway.config.schema import Config
 from gateway.config.setups import policy_of, tls_files_of
 from gateway.durable.outbox_disk import OutboxDisk
-from gateway.mqtt.boot import Boot
 from gateway.mqtt.broker import BrokerConnection
+from gateway.mqtt.freshness import Tokens
 from gateway.mqtt.intake import Incoming
 from gateway.mqtt.outbox import Outbox
-from gateway.mqtt.payload import GatewayInfo, Operator, Payloads
+from gateway.mqtt.payload import GatewayInfo, Message, Operator, Payloads
 from gateway.mqtt.publisher import Publisher
+from gateway.mqtt.retry import Version
 from gateway.mqtt.settings import BrokerSettings, TlsSettings
 from gateway.mqtt.spooler import Spooler, Tell
 from gateway.mqtt.topics import Topics
@@ -27,8 +29,15 @@ from gateway.mqtt.unread import Unread
 from gateway.site import Site
 from gateway.starters.records import ResultRecord, Severity
 
+log = logging.getLogger(__name__)
+
 FAREWELL_S = 3.0
 KEEP_WITHIN_S = 2.0
+OLD_MQTT = (
+    "the broker refuses MQTT 5, so 3.1.1 is spoken. Lost: the retained flag of commands that are delivered "
+    "live, their message expiry, response topic and correlation data, the limit on a packet's size, and why "
+    "a message is refused. Use a broker that speaks MQTT 5"
+)
 MOVED = "the configuration names another broker or another login"
 
 
@@ -41,7 +50,7 @@ class Uplink:
     def __init__(
         self,
         site: Site,
-        boot: Boot,
+        tokens: Tokens,
         *,
         clock: Clock,
         on_incoming: Callable[[Incoming], None],
@@ -55,8 +64,14 @@ class Uplink:
         self._settings = self._settings_of(site)
         self.unread = Unread()
         self.topics = Topics(site.config.base)
-        payloads = Payloads(self.topics, boot)
-        self.outbox = Outbox(last_topic=self.topics.gateway_status, pack=payloads.history, boot=boot.run)
+        self._tokens = tokens
+        self._clock = clock
+        self._tell = tell
+        self._version: Version | None = None
+        self._payloads = Payloads(self.topics, tokens.boot)
+        self.outbox = Outbox(
+            last_topic=self.topics.gateway_status, pack=self._payloads.history, boot=tokens.boot.run
+        )
         self.spooler = Spooler(
             self.outbox,
             OutboxDisk(site.state_dir),
@@ -64,7 +79,8 @@ class Uplink:
             tell=tell,
             wake=lambda: self._connection.wake(),
         )
-        self.publisher = Publisher(payloads, self.outbox, clock)
+        self.publisher = Publisher(self._payloads, self.outbox, clock)
+        self._config = site.config
         self.tell_info(site.config)
         self._connection = self._connect()
         self._serving: asyncio.Task[None] | None = None
@@ -72,15 +88,25 @@ class Uplink:
 
     def tell_info(self, config: Config) -> None:
         """Publish what this gateway is."""
+        self._config = config
         self.publisher.set_info(
             GatewayInfo(
                 version=__version__,
                 starters=tuple(starter.name for line in config.lines for starter in line.starters),
                 lines=tuple(line.name for line in config.lines),
-                operators=tuple(Operator(each.client, each.may, each.starters) for each in config.operators),
+                operators=tuple(
+                    Operator(each.client, each.may, each.starters, each.freshness)
+                    for each in config.operators
+                ),
                 groups=policy_of(config).groups,
+                mqtt_version=self._version,
             )
         )
+
+    def restate(self) -> None:
+        """Publish the present boot and a new token: those of before count no more."""
+        self.publisher.restate()
+        self._connection.beat()
 
     async def run(self) -> None:
         """Stay connected for ever, to whatever broker the latest configuration names."""
@@ -142,9 +168,27 @@ class Uplink:
             on_link=self._on_link,
             on_notice=lambda notice: self._tell(notice.code, Severity.ERROR, notice.text, {}),
             unread=self.unread,
+            pulse=self._fresh,
+            on_version=self._note_version,
         )
         self.publisher.wake_with(connection.wake)
         return connection
+
+    def _fresh(self) -> Message:
+        """Return the proof of freshness of this moment, for the live connection only."""
+        return self._payloads.fresh(self._tokens.issue(self._clock.now_s()), self._clock.utc_s())
+
+    def _note_version(self, version: Version) -> None:
+        """Publish by which version the broker is spoken to, and warn of what the older one hides."""
+        if version is self._version:
+            return
+        before, self._version = self._version, version
+        self.tell_info(self._config)
+        if version is Version.V311:
+            log.warning("broker=%s %s", self._settings.address, OLD_MQTT)
+            self._tell("mqtt_3_1_1", Severity.WARNING, OLD_MQTT, {})
+        elif before is not None:
+            self._tell("mqtt_5", Severity.INFO, "the broker takes MQTT 5 again", {})
 
     def _settings_of(self, site: Site) -> BrokerSettings:
         mqtt = site.config.mqtt

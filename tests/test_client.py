@@ -28,6 +28,7 @@ class PlayedGateway:
 
     @staticmethod
     def come_online(broker: MosquittoBroker, state: str = "online") -> None:
+        broker.publish(TOPICS.gateway_fresh, json.dumps({"token": "token-1", "time": "2026Z"}), "-r")
         broker.publish(TOPICS.gateway_status, json.dumps({"state": state, "boot": "boot-1"}), "-r")
 
     async def command(self) -> tuple[str, dict[str, Any]]:
@@ -76,6 +77,7 @@ async def test_a_command_is_fresh_and_followed_to_its_end(start_mosquitto: Start
     assert body.pop("id") == result.id
     assert body == {
         "boot": "boot-1",
+        "token": "token-1",
         "operator": "Alice A.",
         "reason": "as agreed",
         "ttl_s": 3.0,
@@ -153,6 +155,27 @@ async def test_a_stop_goes_out_even_when_no_gateway_seems_to_be_there(
 
     assert topic == "starters/mcc1/command/pump-1/alice/stop"
     assert "boot" not in body
+
+
+@pytest.mark.mosquitto
+async def test_a_gateway_that_publishes_no_token_is_sent_nothing_but_a_stop(
+    start_mosquitto: StartMosquitto, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("gateway.mqtt.sender.STATUS_WITHIN_S", 0.2)
+    broker = start_mosquitto()
+    broker.publish(TOPICS.gateway_status, json.dumps({"state": "online", "boot": "boot-1"}), "-r")
+    async with broker.watch(TOPICS.command_filter) as watcher:
+        gateway = PlayedGateway(broker, watcher)
+        with pytest.raises(
+            BrokerError, match="no gateway publishes its token in starters/mcc1/gateway/fresh"
+        ):
+            await client(broker).start("pump-1")
+        asking = asyncio.create_task(client(broker).stop("pump-1"))
+        topic, body = await gateway.command()
+        await gateway.answer(body["id"], "confirmed")
+        await asking
+
+    assert topic.endswith("/stop")
 
 
 @pytest.mark.mosquitto

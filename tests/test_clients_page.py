@@ -3,16 +3,8 @@
 from __future__ import annotations
 
 import json
-import re
-from pathlib import Path
 
-PAGE = (Path(__file__).parents[1] / "docs" / "clients.md").read_text("utf-8")
-
-
-def example(language: str) -> str:
-    found = re.search(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
-    assert found is not None
-    return found[1]
+from tests.clients_page import example
 
 
 def test_the_python_example_compiles() -> None:
@@ -32,3 +24,9 @@ def test_nothing_in_the_flow_is_retained_or_queued() -> None:
 
     assert {node["retain"] for node in nodes if node["type"] == "mqtt out"} == {"false"}
     assert {node["cleansession"] for node in nodes if node["type"] == "mqtt-broker"} == {True}
+
+
+def test_what_the_examples_send_is_proven_by_a_token() -> None:
+    for language in ("sh", "json"):
+        assert "gateway/fresh" in example(language)
+        assert "boot" not in example(language)

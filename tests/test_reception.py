@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from gateway.clock import ClockWatch
 from gateway.mqtt.boot import Boot
+from gateway.mqtt.freshness import Tokens
 from gateway.mqtt.intake import Incoming
 from gateway.mqtt.json_out import rfc3339
 from gateway.mqtt.payload import Payloads
@@ -20,7 +21,9 @@ from gateway.mqtt.topics import Topics
 from gateway.reception import Reception
 from gateway.standstill import StandstillWatch
 from gateway.starters.records import AuditRecord, ResultRecord, Severity
-from tests.starters.plant import Plant
+from gateway.starters.rights import Operator
+from gateway.system.clock_steps import Reading
+from tests.starters.plant import OPERATORS, Plant
 from tests.starters.rig import virtually
 from tests.virtual_time import run_virtually
 
@@ -31,28 +34,36 @@ class Desk:
     def __init__(self, plant: Plant) -> None:
         self.plant = plant
         self.boot = Boot("run")
+        self._tokens = Tokens(self.boot)
         self.boot.connected(plant.clock.now_s())
         self.asleep_s = 0.0
         self.tokens: list[str] = []  # as told again
         self.events: list[tuple[Any, ...]] = []
         self.reception = Reception(
             Topics("b"),
-            self.boot,
+            self._tokens,
             commander=plant.commander,
             clock=plant.clock,
-            clock_watch=ClockWatch("trusted"),
+            clock_watch=ClockWatch("trusted", ask=lambda: False, read=self._read_clocks),
             restate=lambda: self.tokens.append(self.boot.token),
             tell=lambda *event: self.events.append(event),
             standstill=self._watch,
         )
 
+    def token(self) -> str:
+        return self._tokens.issue(self.plant.clock.now_s())
+
+    def _read_clocks(self) -> Reading:
+        clock = self.plant.clock
+        return Reading(clock.now_s() + self.asleep_s, clock.utc_s())
+
     def _watch(self, on_standstill: Callable[[float], None]) -> StandstillWatch:
         clock = self.plant.clock
         return StandstillWatch(on_standstill, up_s=lambda: clock.now_s() + self.asleep_s, utc_s=clock.utc_s)
 
-    def take(self, verb: str, id_: str, **fields: Any) -> None:
+    def take(self, verb: str, id_: str, starter: str = "pump-1", **fields: Any) -> None:
         payload = json.dumps({"id": id_, **fields}).encode()
-        self.reception.take(Incoming(f"b/command/pump-1/alice/{verb}", payload))
+        self.reception.take(Incoming(f"b/command/{starter}/alice/{verb}", payload))
 
 
 async def desk() -> Desk:
@@ -67,7 +78,7 @@ async def desk() -> Desk:
 @virtually
 async def test_what_waited_while_the_gateway_stood_still_is_refused(asleep_s: float, code: str) -> None:
     here = await desk()
-    boot, issued_at = here.boot.token, rfc3339(here.plant.clock.utc_s())
+    boot, token, issued_at = here.boot.token, here.token(), rfc3339(here.plant.clock.utc_s())
     await asyncio.sleep(3.0 if not asleep_s else 0.01)
     here.asleep_s = asleep_s  # with the machine: the steady clock does not count that
     here.plant.clock.epoch_s += asleep_s
@@ -75,10 +86,12 @@ async def test_what_waited_while_the_gateway_stood_still_is_refused(asleep_s: fl
     here.take("start", "1", boot=boot)
     here.take("start", "2", issued_at=issued_at, ttl_s=60)
     here.take("start", "3", boot=boot, issued_at=issued_at, ttl_s=60)
+    here.take("start", "4", token=token, ttl_s=60)
+    here.take("read", "5", boot=boot)
     await asyncio.sleep(3.0)
 
-    codes = {id_: here.plant.sink.final(id_).code for id_ in ("1", "2", "3")}
-    assert codes == {"1": "wrong_boot", "2": code, "3": code}
+    codes = {id_: here.plant.sink.final(id_).code for id_ in "12345"}
+    assert codes == {"1": "wrong_boot", "2": code, "3": code, "4": "not_fresh", "5": "wrong_boot"}
     assert here.plant.starts() == 0
     assert here.tokens == [here.boot.token] != [boot]
     assert [(code, severity) for code, severity, *_ in here.events] == [("stood_still", Severity.WARNING)]
@@ -102,7 +115,7 @@ async def test_after_a_standstill_the_new_token_and_what_is_issued_from_then_on_
     await asyncio.sleep(3.0)
     here.take("read", "old", boot="run")
 
-    here.take("start", "1", boot=here.boot.token)
+    here.take("start", "1", token=here.token())
     await here.plant.wait(3.0)
     here.take("stop", "2")
     await here.plant.wait(3.0)
@@ -110,6 +123,54 @@ async def test_after_a_standstill_the_new_token_and_what_is_issued_from_then_on_
     await here.plant.wait(3.0)
 
     assert [here.plant.sink.final(id_).code for id_ in "123"] == ["ok", "ok", "ok"]
+
+
+@pytest.mark.parametrize("step_s", [-20.0, 20.0])
+@virtually
+async def test_a_clock_that_was_set_makes_no_old_command_fresh(step_s: float) -> None:
+    here = await desk()
+    true_utc_s = here.plant.clock.utc_s()
+    here.plant.clock.epoch_s += step_s
+
+    here.take("start", "late", issued_at=rfc3339(true_utc_s - 20.0))
+    here.take("start", "now", issued_at=rfc3339(true_utc_s))
+    before = here.plant.starts()
+    here.take("start", "by token", token=here.token())
+    await here.plant.wait(3.0)
+
+    late, now = here.plant.sink.final("late"), here.plant.sink.final("now")
+    by = "back" if step_s < 0 else "ahead"
+    assert (before, here.plant.starts()) == (0, 1)
+    assert late.code == now.code == "not_fresh"
+    assert late.text.startswith(f"this gateway's clock was set {by} by 20.0 s, so issued_at does not count")
+    assert here.plant.sink.final("by token").code == "ok"
+
+
+@virtually
+async def test_the_boot_alone_starts_nothing_but_for_an_operator_whose_entry_says_so() -> None:
+    old_client = Operator("alice", ("start",), ("pump-2",), "boot")
+    here = Desk(await Plant(operators=(*OPERATORS, old_client)).online())
+
+    here.take("start", "1", boot="run")
+    here.take("start", "2", starter="pump-2", boot="run")
+    here.take("read", "3", boot="run", args={"parameter": "P003"})
+    await here.plant.wait(3.0)
+
+    codes = [here.plant.sink.final(id_).code for id_ in "123"]
+    assert codes == ["not_fresh", "ok", "ok"]
+
+
+@virtually
+async def test_a_start_whose_token_is_old_when_it_comes_expires_within_the_gateway_as_well() -> None:
+    here = await desk()
+    token = here.token()
+    await asyncio.sleep(1.5)
+    verdicts: list[float | None] = []
+    here.plant.commander.submit = lambda request: verdicts.append(request.expires_s)  # type: ignore[method-assign]
+
+    here.take("start", "1", token=token)
+
+    assert verdicts == [pytest.approx(here.plant.clock.now_s() - 1.5 + 5.0)]
 
 
 @virtually
@@ -271,8 +332,8 @@ async def test_half_a_surrogate_pair_anywhere_in_a_command_is_no_json(field: str
     here = await desk()
     odd: Any = {"args": {"parameter": "\ud800"}, "expect": {"state": "\udfff"}}.get(field, "x\ud800")
 
-    here.take("start", **{"id_": "1", "boot": "run", field.replace("id", "id_"): odd})  # type: ignore[arg-type]
-    here.take("start", "2", boot="run", reason="\U0001f600")
+    here.take("start", **{"id_": "1", "token": here.token(), field.replace("id", "id_"): odd})  # type: ignore[arg-type]
+    here.take("start", "2", token=here.token(), reason="\U0001f600")
     await here.plant.wait(3.0)
 
     assert [(r.id, r.code) for r in here.plant.sink.of(ResultRecord) if r.phase.is_final] == [

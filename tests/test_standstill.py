@@ -52,17 +52,19 @@ def test_a_standstill_is_told_once() -> None:
 
 def test_it_looks_often_enough_not_to_take_its_own_pauses_for_standstills() -> None:
     told_s: list[float] = []
+    looks: list[float] = []
 
     async def scenario() -> None:
         loop = asyncio.get_running_loop()
         watch = StandstillWatch(told_s.append, up_s=loop.time, utc_s=loop.time)
-        looking = asyncio.create_task(watch.run())
+        looking = asyncio.create_task(watch.run(also=lambda: looks.append(loop.time())))
         await asyncio.sleep(60.0)
         looking.cancel()
 
     run_virtually(scenario())
 
     assert told_s == []
+    assert len(looks) >= 60.0 / LOOK_EVERY_S  # and so does who looks beside it
 
 
 def test_the_clock_runs_while_the_machine_sleeps() -> None:

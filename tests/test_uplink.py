@@ -7,18 +7,21 @@ import json
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from gateway.clock import SystemClock
 from gateway.config.load import parse
 from gateway.mqtt.boot import Boot
+from gateway.mqtt.freshness import Tokens
 from gateway.mqtt.intake import Incoming
 from gateway.site import Site
 from gateway.starters.records import AvailabilityRecord
 from gateway.uplink import Uplink
 from tests.conftest import StartMosquitto
 from tests.mosquitto import MosquittoBroker, Watcher
+from tests.mqtt.fake_broker import ACCEPT_5, ACCEPT_311, LEVEL_5, LEVEL_311, REFUSE_VERSION, FakeBroker
 
 pytestmark = [pytest.mark.mosquitto]
 
@@ -50,16 +53,18 @@ class Links:
 
 
 @asynccontextmanager
-async def uplink(first: Site) -> AsyncIterator[tuple[Uplink, Links]]:
+async def uplink(
+    first: Site, events: list[tuple[str, str]] | None = None
+) -> AsyncIterator[tuple[Uplink, Links]]:
     links = Links()
     incoming: list[Incoming] = []
     up = Uplink(
         first,
-        Boot("run"),
+        Tokens(Boot("run")),
         clock=SystemClock(),
         on_incoming=incoming.append,
         on_link=links.note,
-        tell=lambda *_: None,
+        tell=lambda code, _severity, text, _data: (events if events is not None else []).append((code, text)),
     )
     running = asyncio.create_task(up.run())
     yield up, links
@@ -146,3 +151,34 @@ async def test_a_broker_that_was_never_there_is_left_at_once(
 
         while not (await links.next())[0]:
             pass
+
+
+async def test_the_version_of_mqtt_is_published_and_the_older_one_warned_of(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    events: list[tuple[str, str]] = []
+    answers: dict[int, bytes | None] = {LEVEL_5: REFUSE_VERSION, LEVEL_311: ACCEPT_311}
+    async with (
+        FakeBroker(answers=answers) as broker,
+        uplink(site(tmp_path, broker.port), events) as (_, links),
+    ):
+        old = await info(broker)
+        broker.answers[LEVEL_5] = ACCEPT_5
+        assert await links.next() == (True, "")
+        broker.hang_up()
+        new = await info(broker)
+
+    assert (old["mqtt_version"], new["mqtt_version"]) == ("3.1.1", "5")
+    assert [code for code, _ in events] == ["mqtt_3_1_1", "mqtt_5"]
+    assert "Lost: the retained flag of commands that are delivered live" in events[0][1]
+    assert "the broker refuses MQTT 5" in caplog.text
+
+
+async def info(broker: FakeBroker) -> dict[str, Any]:
+    """Return the next gateway/info that knows its version."""
+    while True:
+        packet = await broker.publication()
+        if packet.topic == "starters/g/gateway/info":
+            fields: dict[str, Any] = json.loads(packet.body[packet.body.index(b"{") :])
+            if fields["mqtt_version"] is not None:
+                return fields

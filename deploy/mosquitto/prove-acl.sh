@@ -2,14 +2,17 @@
 # Proves on a running broker that its access list does what the gateway trusts it to do:
 #   - nobody commands under another's name,
 #   - who only looks on commands nothing,
-#   - nobody but the gateway says what starters do, or what became of a command; neither with a last will.
-# Every probe is for a starter that does not exist, and is seen, or not, through the gateway's own eyes. The gateway
-# may run meanwhile: it answers the probes that reach it with "unknown starter". Whoever may list this machine's
-# processes sees the passwords while the script runs.
+#   - nobody but the gateway says what starters do, or what became of a command; neither with a last will,
+#   - nobody throws the gateway off by connecting with its client id, and receives its commands in its place.
+# Every probe is for a starter that does not exist, and is seen, or not, by a login of its own that may read the whole
+# branch. Stop the gateway before: the script uses its login. Passwords show in this machine's list of processes
+# while the script runs.
 #
 #   deploy/mosquitto/prove-acl.sh [options] -- PUB_AND_SUB_OPTIONS..
 #     --base B            of the topics (starters/mcc1)
 #     --gateway U:P       login of the gateway (mcc1)
+#     --client-id ID      of the gateway, when it is not the login's name
+#     --prover U:P        login that may read everything and that no program uses meanwhile
 #     --operator U:P      login of an operator; give two of them
 #     --viewer U:P        login of somebody who only looks on; may be given again
 #   What follows -- is passed to mosquitto_pub and mosquitto_sub, such as -h broker.plant -p 8883 --cafile ca.pem
@@ -19,6 +22,8 @@ set -euo pipefail
 
 base=starters/mcc1
 gateway=
+client_id=
+prover=
 operators=()
 viewers=()
 wait_s=2
@@ -29,17 +34,21 @@ while [ $# -gt 0 ]; do
 	case "$1" in
 		--base) base="${2:?}"; shift 2 ;;
 		--gateway) gateway="${2:?}"; shift 2 ;;
+		--client-id) client_id="${2:?}"; shift 2 ;;
+		--prover) prover="${2:?}"; shift 2 ;;
 		--operator) operators+=("${2:?}"); shift 2 ;;
 		--viewer) viewers+=("${2:?}"); shift 2 ;;
 		--) shift; break ;;
 		*) usage ;;
 	esac
 done
-if [ -z "$gateway" ] || [ "${#operators[@]}" -lt 2 ] || [ "${#viewers[@]}" -lt 1 ]; then usage; fi
+if [ -z "$gateway" ] || [ -z "$prover" ] || [ "${#operators[@]}" -lt 2 ] || [ "${#viewers[@]}" -lt 1 ]; then usage; fi
 
+client_id="${client_id:-${gateway%%:*}}"
 folder=$(mktemp -d)
 listener=
-trap 'if [ -n "$listener" ]; then kill "$listener" 2> /dev/null || true; fi; rm -rf "$folder"' EXIT
+victim=
+trap 'for one in $listener $victim; do kill "$one" 2> /dev/null || true; done; rm -rf "$folder"' EXIT
 token="probe-$$-$RANDOM$RANDOM"
 failed=0
 
@@ -57,9 +66,25 @@ leave_will() { # LOGIN TOPIC PAYLOAD: connect, and vanish
 	{ kill -KILL "$vanishing" && wait "$vanishing"; } 2> /dev/null || true
 }
 
-heard() { grep -qF "$1" "$folder/heard"; }
+take_id() { # LOGIN - MARK: connect with the gateway's client id while somebody else has it with the gateway's login
+	stdbuf -oL mosquitto_sub "${broker[@]}" -u "${gateway%%:*}" -P "${gateway#*:}" -i "$client_id" -d \
+		-t "$base/acl-probe" > "$folder/victim" 2>&1 &
+	victim=$!
+	sleep 0.5
+	mosquitto_sub "${broker[@]}" -u "${1%%:*}" -P "${1#*:}" -i "$client_id" -W 1 \
+		-t "$base/acl-probe" > /dev/null 2>&1 || true
+	sleep "$wait_s" # mosquitto_sub connects again after a second
+	# One CONNACK: it has never had to.
+	if ! kill -0 "$victim" 2> /dev/null || [ "$(grep -c CONNACK "$folder/victim")" -ne 1 ]; then
+		echo " $3" >> "$folder/taken"
+	fi
+	{ kill "$victim" && wait "$victim"; } 2> /dev/null || true
+	victim=
+}
 
-expect() { # arrives|is-refused LOGIN TOPIC WHAT [publish|leave_will]
+heard() { grep -qF "$1" "$folder/heard" "$folder/taken"; }
+
+expect() { # arrives|is-refused LOGIN TOPIC WHAT [publish|leave_will|take_id]
 	count=$((count + 1))
 	"${5:-publish}" "$2" "$3" "$token-$count."
 	probes+=("$1|$token-$count.|$4")
@@ -69,13 +94,13 @@ broker=("$@")
 probes=()
 count=0
 
-# Everything is listened to with the gateway's login, which may read the whole branch.
-mosquitto_sub "${broker[@]}" -u "${gateway%%:*}" -P "${gateway#*:}" -q 1 -t "$base/#" -F '%t %p' \
+touch "$folder/taken"
+mosquitto_sub "${broker[@]}" -u "${prover%%:*}" -P "${prover#*:}" -q 1 -t "$base/#" -F '%t %p' \
 	> "$folder/heard" 2> "$folder/trouble" &
 listener=$!
 sleep "$wait_s"
 if ! kill -0 "$listener" 2> /dev/null; then
-	echo "the gateway's login cannot listen: $(cat "$folder/trouble")" >&2
+	echo "the prover's login cannot listen: $(cat "$folder/trouble")" >&2
 	exit 1
 fi
 
@@ -88,6 +113,7 @@ for one in "${operators[@]}"; do
 	expect is-refused "$one" "$base/result/acl-probe/$me" "$me tells himself a result"
 	expect is-refused "$one" "$base/gateway/status" "$me speaks for the gateway"
 	expect is-refused "$one" "$base/audit" "$me writes into the books"
+	expect is-refused "$one" - "$me takes the gateway's client id, and its commands" take_id
 	for other in "${operators[@]}"; do
 		if [ "$other" != "$one" ]; then
 			as_other="$base/command/acl-probe/${other%%:*}/read"
@@ -106,6 +132,7 @@ for one in "${viewers[@]}"; do
 	expect is-refused "$one" "$base/result/acl-probe/${operators[0]%%:*}" "$me tells ${operators[0]%%:*} a result"
 	expect is-refused "$one" "$base/gateway/status" "$me speaks for the gateway"
 	expect is-refused "$one" "$base/audit" "$me writes into the books"
+	expect is-refused "$one" - "$me takes the gateway's client id, and its commands" take_id
 done
 expect is-refused "" "$base/command/acl-probe/${operators[0]%%:*}/read" "somebody without a login commands"
 expect is-refused "" "$said" "somebody without a login says what a starter does"

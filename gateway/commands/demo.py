@@ -67,8 +67,10 @@ watch     mosquitto_sub -p {port} -v -t 'starters/demo/#'
 values    mosquitto_sub -p {port} -v -t 'starters/demo/starter/+/value/current'
 start     starter-gateway send {config} pump start --client demo
 stop      mosquitto_pub -p {port} -q 1 -t starters/demo/command/pump/demo/stop -n
-by hand   mosquitto_pub -p {port} -q 1 -t starters/demo/command/fan/demo/start \\
-            -m '{{"id":"1","boot":"<boot of starters/demo/gateway/status>"}}'
+by hand   token=$(mosquitto_sub -p {port} -C 1 -t starters/demo/gateway/fresh | cut -d '"' -f 4)
+          id=$(cat /proc/sys/kernel/random/uuid)
+          mosquitto_pub -p {port} -q 1 -t starters/demo/command/fan/demo/start \\
+            -m "{{\\"id\\":\\"$id\\",\\"token\\":\\"$token\\"}}"
 answers   mosquitto_sub -p {port} -v -t 'starters/demo/result/#'
 set       starter-gateway send {config} pump set --client demo parameter=P314 value=30
 

@@ -50,7 +50,7 @@ def clock_remark(read: Callable[[], int | None] = clock_state) -> Remark:
     if state is None:
         return Remark("clock", "whether it is synchronised cannot be told here", Weight.NOTE)
     if state == _TIME_ERROR:
-        what = "is not synchronised: time stamps are wrong, commands need `boot` instead of `issued_at`"
+        what = "is not synchronised: time stamps are wrong, commands need `token`, not `issued_at`"
         return Remark("clock", f"{what} (install chrony, or switch systemd-timesyncd on)", Weight.WARNING)
     return Remark("clock", "is synchronised")
 

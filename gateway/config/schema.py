@@ -159,6 +159,8 @@ class OperatorTable(Table):
     client: Name  # the level in the command topic
     may: tuple[Verb, ...] = Field(strict=False, min_length=1)
     starters: tuple[Glob, ...] = Field(strict=False, min_length=1)  # names, * and ? as in a shell
+    # What proves a command fresh: token or issued_at; issued_at alone (bridges); or even boot (old clients).
+    freshness: Literal["token", "issued_at", "boot"] = "token"
 
 
 class Config(Table):

@@ -27,7 +27,7 @@ def setups_of(line: LineTable) -> tuple[StarterSetup, ...]:
 
 def rights_of(config: Config) -> Rights:
     """Return who may do what."""
-    return Rights(Operator(each.client, each.may, each.starters) for each in config.operators)
+    return Rights(Operator(each.client, each.may, each.starters, each.freshness) for each in config.operators)
 
 
 def policy_of(config: Config) -> Policy:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Protocol
 
 from gateway.errors import BrokerError
+from gateway.mqtt.freshness import EVERY_S
 from gateway.mqtt.intake import Incoming
 from gateway.mqtt.outbox import Outgoing
 from gateway.mqtt.payload import Message
@@ -20,6 +20,8 @@ from gateway.mqtt.unread import Unread
 
 log = logging.getLogger(__name__)
 
+PULSE_EVERY_S = EVERY_S
+PULSE_RETRY_S = 0.1
 FAREWELL_TICKET = 0  # the outbox counts from 1
 SHORT_ONES = 3  # connections in a row that the broker closed soon, until the cause is guessed
 
@@ -55,6 +57,8 @@ class BrokerConnection:
     `will` makes the message that the broker publishes when this gateway vanishes. `on_link` hears of every
     change: connected or not, and what is wrong (also while connected, when commands cannot arrive).
     `on_notice` is called for losses that need an event of their own: once, until a connection has held again.
+    `pulse` makes a message of QoS 0 that goes out before all others of a connection and then every
+    PULSE_EVERY_S; it is made when it is sent, and never waits. `on_version` takes each connection's version.
     """
 
     def __init__(
@@ -68,6 +72,8 @@ class BrokerConnection:
         on_link: Callable[[bool, str], None],
         on_notice: Callable[[Notice], None] = lambda _: None,
         unread: Unread | None = None,
+        pulse: Callable[[], Message] | None = None,
+        on_version: Callable[[Version], None] = lambda _: None,
     ) -> None:
         self._settings = settings
         self._unread = unread or Unread()
@@ -80,12 +86,15 @@ class BrokerConnection:
         self._published: set[str] = set()  # the codes of notices, since a connection held
         self._logged: set[str] = set()  # likewise
         self._short_ones = 0
+        self._pulse = pulse
+        self._on_version = on_version
         self._choice = VersionChoice(settings.version)
         self._backoff = Backoff(
             first_s=settings.first_retry_s, last_s=settings.last_retry_s, seed=settings.seed
         )
         self._session: Session | None = None
         self._sending: asyncio.Handle | None = None
+        self._beating: asyncio.TimerHandle | None = None
         self._link: tuple[bool, str] | None = None
         self._closing = asyncio.Event()
         self._acknowledged = asyncio.Event()
@@ -107,6 +116,7 @@ class BrokerConnection:
         try:
             while not self._closing.is_set():
                 if not await self._serve_once():
+                    self._choice.begin()
                     await self._pause(self._backoff.next_s())
         finally:
             if self._sending is not None:
@@ -140,9 +150,8 @@ class BrokerConnection:
 
     async def _serve_once(self) -> bool:
         """Connect and serve until the loss; return whether to connect again at once."""
-        answer_s = self._settings.guess_s if self._choice.is_guess else self._settings.answer_s
         session = Session(
-            replace(self._settings, answer_s=answer_s),
+            self._settings,
             self._choice.version,
             will=self._will(),
             on_incoming=self._on_incoming,
@@ -152,11 +161,10 @@ class BrokerConnection:
         try:
             await session.connect()
             is_subscribed = await session.subscribe(self._command_filter)
-            self._choice.worked()
             await self._serve(session, is_deaf=not is_subscribed)
         except BrokerError as error:
-            if self._choice.failed(session.connack_code, is_reached=session.is_reached):
-                log.debug("broker=%s %s; trying MQTT %s", self._settings.address, error, self._choice.version)
+            if self._choice.failed(session.connack_code, is_closed=session.is_closed_unanswered):
+                log.debug("broker=%s %s; next: MQTT %s", self._settings.address, error, self._choice.version)
                 return True
             self._tell(str(error), is_connected=False)
         finally:
@@ -169,11 +177,15 @@ class BrokerConnection:
         self._session = session
         self._source.connected(session.window)
         try:
+            self._on_version(self._choice.version)
             self._tell(self._deaf() if is_deaf else "", is_connected=True)
+            self._beat(session)
             self.wake()
             reason = await session.lost
         finally:
             self._session = None
+            if self._beating is not None:
+                self._beating.cancel()
             self._source.disconnected()
             self._acknowledged.set()
         if loop.time() - since_s >= self._settings.steady_s:
@@ -194,6 +206,20 @@ class BrokerConnection:
         if notice is not None and notice.code not in self._published and not self._closing.is_set():
             self._published.add(notice.code)
             self._on_notice(notice)
+
+    def beat(self) -> None:
+        """Send the pulse now, where there is a connection: what it said before has become wrong."""
+        if self._session is not None:
+            self._beat(self._session)
+
+    def _beat(self, session: Session) -> None:
+        """Send the pulse, or try again soon; what could not be sent is made anew."""
+        if self._beating is not None:
+            self._beating.cancel()
+        if self._pulse is None or self._is_source_shut:
+            return
+        pause_s = PULSE_EVERY_S if session.publish_now(self._pulse()) else PULSE_RETRY_S
+        self._beating = asyncio.get_running_loop().call_later(pause_s, self._beat, session)
 
     def _send(self) -> None:
         self._sending = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Annotated, Any
@@ -11,7 +11,16 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from gateway.errors import CommandError
-from gateway.mqtt.boot import Boot, boot_of
+from gateway.mqtt.freshness import (
+    BY_BOOT,
+    BY_TOKEN,
+    DEFAULT_TTL_S,
+    MAX_TTL_S,
+    Moment,
+    Proof,
+    Tokens,
+    decided_s,
+)
 from gateway.mqtt.json_in import read_object
 from gateway.mqtt.topics import CommandAddress, Malformed, Topics, shortened
 from gateway.starters.records import AuditRecord, Phase, ResultRecord
@@ -19,9 +28,6 @@ from gateway.starters.request import CommandRequest
 
 MALFORMED_TOPIC = "malformed_topic"
 MAX_PAYLOAD_BYTES = 4096
-DEFAULT_TTL_S = 5.0
-MAX_TTL_S = 60.0
-MAX_AHEAD_S = 2.0  # how far a sender's clock may run before ours
 
 _INSTANT = re.compile(  # RFC 3339 5.6
     r"\d{4}-\d\d-\d\d[Tt ]\d\d:\d\d:\d\d(\.\d{1,9})?([Zz]|[+-]\d\d:\d\d)", re.ASCII
@@ -108,6 +114,7 @@ class _Body(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, hide_input_in_errors=True)
 
     id: _Id | None = None
+    token: _Id | None = None
     issued_at: _Instant | None = None
     ttl_s: float = Field(default=DEFAULT_TTL_S, gt=0, le=MAX_TTL_S)
     boot: _Id | None = None
@@ -122,25 +129,29 @@ _ID = TypeAdapter(_Id, config=ConfigDict(strict=True))
 _REASON = TypeAdapter(_Reason, config=ConfigDict(strict=True))
 
 
+def _by_token(_: CommandAddress) -> Collection[str]:
+    return (BY_TOKEN,)
+
+
 class Intake:
-    """Judges incoming messages for one base and one run of the gateway."""
+    """Judges incoming messages for one base and one run of the gateway.
 
-    def __init__(self, topics: Topics, boot: Boot | str) -> None:
-        self._topics = topics
-        self._boot = boot_of(boot)
+    `freshness_of` returns the settings that say what may prove an operator's command fresh.
+    """
 
-    def judge(
+    def __init__(
         self,
-        incoming: Incoming,
+        topics: Topics,
+        tokens: Tokens,
         *,
-        utc_s: float,
-        received_s: float,
-        clock_is_synchronised: bool,
-    ) -> CommandRequest | Rejection | None:
-        """Return a well-formed, fresh command, or why it is refused; None when it is no command at all.
+        freshness_of: Callable[[CommandAddress], Collection[str]] = _by_token,
+    ) -> None:
+        self._topics = topics
+        self._tokens = tokens
+        self._freshness_of = freshness_of
 
-        `utc_s` is now by the wall clock, `received_s` the time of arrival on the steady clock.
-        """
+    def judge(self, incoming: Incoming, moment: Moment) -> CommandRequest | Rejection | None:
+        """Return a well-formed, fresh command, or why it is refused; None when it is no command at all."""
         address = self._topics.parse_command(incoming.topic)
         if address is None:
             return None
@@ -149,21 +160,14 @@ class Intake:
             error = CommandError(MALFORMED_TOPIC, f"nothing was done: {address.text}")
             return _rejected(address, lenient, incoming, error)
         try:
-            now_s = utc_s if clock_is_synchronised else None
-            body, expires_s = self._accepted(address, incoming, lenient, now_s=now_s, received_s=received_s)
+            body, expires_s = self._accepted(address, incoming, lenient, moment)
         except CommandError as error:
             return _rejected(address, lenient, incoming, error)
-        request = self._request(address, incoming, body=body, received_s=received_s)
+        request = self._request(address, incoming, body=body, received_s=moment.now_s)
         return replace(request, expires_s=expires_s)
 
     def _accepted(
-        self,
-        address: CommandAddress,
-        incoming: Incoming,
-        lenient: _Body,
-        *,
-        now_s: float | None,
-        received_s: float,
+        self, address: CommandAddress, incoming: Incoming, lenient: _Body, moment: Moment
     ) -> tuple[_Body, float | None]:
         """Return the body of a command to act on, and until when it may be; CommandError for all others."""
         if incoming.is_retained:
@@ -173,10 +177,17 @@ class Intake:
         body = _read_strictly(incoming.payload)
         if incoming.expiry_s == 0:
             raise CommandError("expired", "the message's own expiry has passed")
-        age_s = None if body.issued_at is None or now_s is None else now_s - _utc_s(body.issued_at)
-        self._require_fresh(body, age_s, received_s=received_s)
-        left_s = body.ttl_s - max(age_s or 0.0, 0.0)
-        return body, received_s + min(left_s, left_s if incoming.expiry_s is None else incoming.expiry_s)
+        since_s = decided_s(
+            _proof(body),
+            verb=address.verb,
+            freshness=self._freshness_of(address),
+            tokens=self._tokens,
+            moment=moment,
+        )
+        expires_s = since_s + body.ttl_s
+        return body, expires_s if incoming.expiry_s is None else min(
+            expires_s, moment.now_s + incoming.expiry_s
+        )
 
     def _request(
         self, address: CommandAddress, incoming: Incoming, *, body: _Body, received_s: float
@@ -196,33 +207,19 @@ class Intake:
             response_topic=incoming.response_topic if is_ours else None,
             expect=body.expect,
             select=body.select,
-            boot=self._boot.token if body.boot == self._boot.token else "",
+            boot=self._lasting_boot(address, body),
         )
 
-    def _require_fresh(self, body: _Body, age_s: float | None, *, received_s: float) -> None:
-        """Raise CommandError unless the command is provably fresh; `age_s` is None without a good clock.
+    def _lasting_boot(self, address: CommandAddress, body: _Body) -> str:
+        """Return the boot that proves copies of this command fresh as long as it is the present one."""
+        present = self._tokens.boot.token
+        is_proof = body.boot == present and BY_BOOT in self._freshness_of(address)
+        return present if is_proof else ""
 
-        Either proof is enough, but a command whose own time has run out is not saved by the right boot.
-        """
-        if age_s is not None and age_s > body.ttl_s:
-            raise CommandError("expired", f"issued {age_s:.1f} s ago, valid for {body.ttl_s:g} s")
-        if body.boot == self._boot.token:
-            return
-        if age_s is None:
-            raise self._unproven(body)
-        if age_s < -MAX_AHEAD_S:
-            raise CommandError("not_fresh", f"issued_at is {-age_s:.1f} s in the future; set the clock")
-        if self._boot.is_before_connection(received_s - age_s):
-            text = "issued before this gateway was connected to its broker; decide again, then send again"
-            raise CommandError("before_connection", text)
 
-    def _unproven(self, body: _Body) -> CommandError:
-        """Return why neither proof of a command can be taken."""
-        if body.boot is not None:
-            return CommandError("wrong_boot", "boot is not the one in gateway/status")
-        if body.issued_at is not None:
-            return CommandError("not_fresh", "this gateway's clock is not synchronised; send boot instead")
-        return CommandError("not_fresh", "neither issued_at nor boot is given")
+def _proof(body: _Body) -> Proof:
+    issued_s = None if body.issued_at is None else _utc_s(body.issued_at)
+    return Proof(token=body.token, issued_s=issued_s, boot=body.boot, ttl_s=body.ttl_s)
 
 
 def _rejected(

@@ -62,6 +62,7 @@ class Operator:
     client: str
     may: tuple[str, ...]
     starters: tuple[str, ...]
+    freshness: str = "token"
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +74,7 @@ class GatewayInfo:
     lines: tuple[str, ...]
     operators: tuple[Operator, ...]
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # name -> members, for stop
+    mqtt_version: str | None = None  # of the connection; None before the first
 
 
 class Payloads:
@@ -121,6 +123,11 @@ class Payloads:
         }
         return _latest(self.topics.gateway_status, fields)
 
+    def fresh(self, token: str, time_s: float) -> Message:
+        """Return the proof of freshness that a command echoes."""
+        fields = {"token": token, "time": rfc3339(time_s)}
+        return _latest(self.topics.gateway_fresh, fields, qos=0)
+
     def gateway_info(self, info: GatewayInfo) -> Message:
         """Return what this gateway is."""
         fields = {
@@ -128,10 +135,16 @@ class Payloads:
             "version": info.version,
             "contract": CONTRACT_VERSION,
             "boot": self._boot.run,
+            "mqtt_version": info.mqtt_version,
             "starters": info.starters,
             "lines": info.lines,
             "operators": [
-                {"client": operator.client, "may": operator.may, "starters": operator.starters}
+                {
+                    "client": operator.client,
+                    "may": operator.may,
+                    "starters": operator.starters,
+                    "freshness": operator.freshness,
+                }
                 for operator in info.operators
             ],
             "notice": "not a safety function",

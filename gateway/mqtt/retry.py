@@ -36,49 +36,38 @@ class Backoff:
 
 
 class VersionChoice:
-    """Which version to speak: 5 first, 3.1.1 to brokers that do not take 5; what once worked is kept."""
+    """Which version to speak: 5 at each attempt to connect, 3.1.1 only to a broker that refuses 5.
 
-    LOYALTY = 3  # unanswered attempts after which a version that once worked is doubted
+    A refusal is a CONNACK that says so, or a connection that the broker closed right upon the CONNECT, CLOSED
+    times in a row, as brokers do that cannot even read a CONNECT of MQTT 5. Closed once, it may have been
+    ended or restarted just then. Silence is never a refusal: a broker that stood still, or a stalled network,
+    knows MQTT 5 as before, and 3.1.1 would hide the retained flag of what it delivers.
+    """
+
+    CLOSED = 2
 
     def __init__(self, forced: Version | None = None) -> None:
+        self._forced = forced
         self.version = forced or Version.V5
-        self._is_forced = forced is not None
-        self._is_known = False
-        self._strikes = 0
+        self._closed = 0
 
-    @property
-    def is_guess(self) -> bool:
-        """Return whether nothing speaks for this version yet."""
-        return not self._is_forced and not self._is_known
+    def begin(self) -> None:
+        """Begin another attempt to connect, after a pause."""
+        self.version = self._forced or Version.V5
+        self._closed = 0
 
-    def worked(self) -> None:
-        """Note that the broker accepted this version."""
-        self._is_known = True
-        self._strikes = 0
+    def failed(self, connack_code: int | None, *, is_closed: bool) -> bool:
+        """Note that a connection could not be had; return whether to try at once again, by `version`.
 
-    def failed(self, connack_code: int | None, *, is_reached: bool) -> bool:
-        """Note that a connection could not be had; return whether to try the other version at once.
-
-        `connack_code` is None when the broker, if it was reached at all, did not answer.
+        `connack_code` is None without a CONNACK; `is_closed` says that the broker closed instead.
         """
-        if connack_code == UNSUPPORTED_VERSION:
-            return self.unsupported()
-        return is_reached and connack_code is None and self.unanswered()
-
-    def unsupported(self) -> bool:
-        """Note that the broker does not speak this version; return whether to try the other at once."""
-        return self._strike(1)
-
-    def unanswered(self) -> bool:
-        """Note that the broker closed or kept silent instead of answering; return as `unsupported` does."""
-        return self._strike(self.LOYALTY if self._is_known else 1)
-
-    def _strike(self, needed: int) -> bool:
-        if self._is_forced:
+        if self.version is not Version.V5 or self._forced is not None:
             return False
-        self._strikes += 1
-        if self._strikes < needed:
+        if connack_code is None and is_closed:
+            self._closed += 1
+            if self._closed < self.CLOSED:
+                return True
+        elif connack_code != UNSUPPORTED_VERSION:
             return False
-        self._strikes = 0
-        self.version = Version.V311 if self.version is Version.V5 else Version.V5
-        return self.version is Version.V311  # back to 5 only after a pause, lest two refusals make a storm
+        self.version = Version.V311
+        return True

@@ -66,12 +66,13 @@ class Sender:
         )
         session.lost.add_done_callback(lambda _: self._news.put_nowait(None))
         try:
-            boot, trouble = await self._boot(session, order)
-            if not await session.subscribe(self._topics.result(order.starter, order.client)):
+            is_answered = await session.subscribe(self._topics.result(order.starter, order.client))
+            proof, trouble = await self._proof(session, order)
+            if not is_answered:
                 trouble = self._forbidden(f"read the results of {order.client}")
             if trouble is not None and order.verb != STOP:
                 raise trouble
-            message = self._message(order, boot=boot, now_s=now_s)
+            message = self._message(order, proof=proof, now_s=now_s)
             session.publish(1, message)
             within_s = min(within_s, TROUBLED_WITHIN_S) if trouble is not None else within_s
             try:
@@ -84,33 +85,51 @@ class Sender:
         finally:
             await session.disconnect()
 
-    async def _boot(self, session: Session, order: Order) -> tuple[str | None, BrokerError | None]:
-        """Return the token that proves a command fresh; a stop does without, and hears why there is none."""
+    async def _proof(self, session: Session, order: Order) -> tuple[Mapping[str, str], BrokerError | None]:
+        """Return what proves a command fresh; a stop does without, and hears why there is none."""
         is_stop = order.verb == STOP
         try:
-            return await self._told_boot(session, STOP_STATUS_WITHIN_S if is_stop else STATUS_WITHIN_S), None
+            status = await self._told_status(session, STOP_STATUS_WITHIN_S if is_stop else STATUS_WITHIN_S)
+            proof = {"boot": str(status.get("boot"))}
+            if not is_stop:
+                proof["token"] = await self._told_token(session)
         except BrokerError as error:
             if not is_stop or session.lost.done():
                 raise
-            return None, error
+            return {}, error
+        return proof, None
 
-    async def _told_boot(self, session: Session, within_s: float) -> str:
+    async def _told_status(self, session: Session, within_s: float) -> dict[str, Any]:
         topic = self._topics.gateway_status
+        status = await self._retained(session, topic, within_s)
+        if status is None:
+            raise BrokerError(f"no gateway has told its state in {topic}", "is it running?")
+        if status.get("state") == "offline":
+            raise BrokerError(
+                f"the gateway is offline: {status.get('reason') or 'no reason told'}", "start it"
+            )
+        return status
+
+    async def _told_token(self, session: Session) -> str:
+        """Return the present token; taken last, so that it is as young as can be."""
+        topic = self._topics.gateway_fresh
+        fresh = await self._retained(session, topic, STATUS_WITHIN_S)
+        if fresh is None:
+            raise BrokerError(f"no gateway publishes its token in {topic}", "is it of this version?")
+        return str(fresh.get("token"))
+
+    async def _retained(self, session: Session, topic: str, within_s: float) -> dict[str, Any] | None:
+        """Return the retained message of a topic, or the first that comes; None when none comes in time."""
         if not await session.subscribe(topic, with_retained=True):
             raise self._forbidden(f"read {topic}")
         try:
             async with asyncio.timeout(within_s):
                 while True:
-                    status = await self._next(topic)
-                    if status is not None:
-                        break
+                    message = await self._next(topic)
+                    if message is not None:
+                        return message
         except TimeoutError:
-            raise BrokerError(f"no gateway has told its state in {topic}", "is it running?") from None
-        if status.get("state") == "offline":
-            raise BrokerError(
-                f"the gateway is offline: {status.get('reason') or 'no reason told'}", "start it"
-            )
-        return str(status.get("boot"))
+            return None
 
     async def _final(
         self, order: Order, message: Message, on_phase: Callable[[Mapping[str, Any]], None]
@@ -143,9 +162,9 @@ class Sender:
             case _:
                 return None
 
-    def _message(self, order: Order, *, boot: str | None, now_s: float) -> Message:
+    def _message(self, order: Order, *, proof: Mapping[str, str], now_s: float) -> Message:
         optional = {
-            "boot": boot,
+            **proof,
             "operator": order.operator,
             "reason": order.reason,
             "ttl_s": order.ttl_s,
@@ -186,8 +205,9 @@ async def connected(
         try:
             await session.connect()
         except BrokerError:
+            is_closed = session.is_closed_unanswered
             session.abort()
-            if not choice.failed(session.connack_code, is_reached=session.is_reached):
+            if not choice.failed(session.connack_code, is_closed=is_closed):
                 raise
         else:
             return session, choice.version

@@ -90,7 +90,7 @@ class Session:
         self.lost: asyncio.Future[str] = self._loop.create_future()
         self.notice: Notice | None = None  # about the loss, when that needs an event of its own
         self.connack_code: int | None = None  # None: the broker never answered
-        self.is_reached = False  # the broker's port took the connection
+        self._is_served = False  # the broker's port took the connection
         self.window = settings.window
         self._client = self._make_client()
 
@@ -108,7 +108,6 @@ class Session:
             raise unreachable(self._settings.address, error) from error
         finally:
             del connecting  # it holds what was raised, whose traceback holds this frame
-        self.is_reached = True
         self._serve()
         await self._answer(self._connack, "CONNACK")
 
@@ -125,9 +124,21 @@ class Session:
         return bool(await self._answer(self._suback, "SUBACK") < 0x80)
 
     @property
+    def is_closed_unanswered(self) -> bool:
+        """Return whether the broker ended the connection before it had answered CONNECT."""
+        return self._is_served and self.connack_code is None and self.lost.done()
+
+    @property
     def in_flight(self) -> int:
         """Return how many messages the broker has not acknowledged yet."""
         return len(self._tickets)
+
+    def publish_now(self, message: Message) -> bool:
+        """Send a message of QoS 0 at once; return False when the socket has not taken what was before it."""
+        if self.lost.done() or self._client.want_write():
+            return False
+        self._client.publish(message.topic, message.payload, qos=0, retain=message.retain)
+        return True
 
     def publish(self, ticket: int, message: Message) -> int | None:
         """Send a message; return a reason code when it cannot be sent at all, else `on_ack` tells its end."""
@@ -210,6 +221,7 @@ class Session:
 
     def _serve(self) -> None:
         self._sock = self._client.socket()
+        self._is_served = True
         self._loop.add_reader(self._sock, self._read)
         self._unread.watch(self._sock.fileno())
         self._loop.add_writer(self._sock, self._client.loop_write)  # CONNECT is waiting already

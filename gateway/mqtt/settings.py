@@ -57,11 +57,10 @@ class BrokerSettings:
     username: str | None = None
     password: str | None = field(default=None, repr=False)
     tls: TlsSettings | None = None
-    version: Version | None = None  # None: 5, else 3.1.1
+    version: Version | None = None  # None: 5, or 3.1.1 where the broker refuses 5
     keepalive_s: int = 15
     window: int = 20  # unacknowledged messages at most; the broker may ask for less
     answer_s: float = 10.0  # how long the broker may take for CONNACK and SUBACK
-    guess_s: float = 3.0  # the same while the version is a guess: some brokers do not answer a wrong one
     ack_s: float = 30.0  # how long for a PUBACK
     first_retry_s: float = 0.5
     last_retry_s: float = 4.0  # one client: what SCADA misses weighs more than what a broker has to refuse

@@ -48,6 +48,7 @@ class Topics:
             _checked(level)
         self.base = base
         self.gateway_status = f"{base}/gateway/status"
+        self.gateway_fresh = f"{base}/gateway/fresh"
         self.gateway_info = f"{base}/gateway/info"
         self.gateway_outbox = f"{base}/gateway/outbox"
         self.gateway_event = f"{base}/gateway/event"

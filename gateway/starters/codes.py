@@ -173,9 +173,16 @@ CODES: Mapping[str, Mapping[str, Code]] = {
     },
     "The command itself is wrong": {
         "retained": Code("A retained command is never acted on.", "Send it without retain."),
-        "expired": Code("It came too late: its own time had passed.", _AGAIN),
-        "not_fresh": Code("Nothing proves that it is fresh.", "Send boot, or issued_at by a right clock."),
-        "wrong_boot": Code("Its boot is not the present one.", "Read gateway/status again, decide again."),
+        "expired": Code(
+            "It came too late: its own time had passed.", f"Look at what holds messages up. {_AGAIN}"
+        ),
+        "not_fresh": Code(
+            "Nothing proves that it is fresh.",
+            "Send the token of gateway/fresh, or issued_at by a right clock.",
+        ),
+        "wrong_boot": Code(
+            "Its boot is not the present one.", "Read gateway/fresh, decide again, send its token."
+        ),
         "before_connection": Code("It is older than the gateway's connection.", "Decide again, send again."),
         "malformed_topic": Code(
             "The topic is not command/STARTER/CLIENT/VERB in lower case; nothing was done.",

@@ -157,6 +157,10 @@ class Commander:
                 while any(name in self._conducts or name in self._stops for name in starters):
                     await asyncio.wait(self._tasks, return_when=asyncio.FIRST_COMPLETED)
 
+    def freshness(self, client: str, *, verb: str, starter: str) -> tuple[str, ...]:
+        """Return the settings that say what may prove such a command fresh."""
+        return self._rights.freshness(client, verb=verb, starter=starter)
+
     def take_over(self, rights: Rights) -> None:
         """Judge new commands by these rights and the precautions' present policy from now on."""
         self._rights = rights

@@ -16,6 +16,7 @@ class Operator:
     client: str
     may: tuple[str, ...]  # verbs, or "*" for all
     starters: tuple[str, ...]  # names, with * and ? as in a shell
+    freshness: str = "token"  # what may prove the client's commands fresh: token, issued_at or boot
 
 
 class Rights:
@@ -46,6 +47,20 @@ class Rights:
             and _matches(operator, starter)
             for operator in self._operators
         )
+
+    def freshness(self, client: str, *, verb: str, starter: str) -> tuple[str, ...]:
+        """Return the `freshness` of the client's entries that give this right, each of them enough.
+
+        The default counts for what no entry names: verbs that need no right, and what will be refused.
+        """
+        settings = tuple(
+            operator.freshness
+            for operator in self._operators
+            if operator.client == client
+            and (ANY_VERB in operator.may or verb in operator.may)
+            and _matches(operator, starter)
+        )
+        return settings or ("token",)
 
 
 def _matches(operator: Operator, starter: str) -> bool:

@@ -1,1 +1,1 @@
-"""What the gateway needs of the operating system, and nothing else knows of: start with `instance_lock`."""
+"""What the gateway needs of the machine it runs on, and nothing else knows of: start with `instance_lock`."""

@@ -12,7 +12,8 @@ import pytest
 
 from gateway.cli import main
 from gateway.errors import BrokerError
-from gateway.mqtt.intake import Incoming, Intake
+from gateway.mqtt.freshness import Moment
+from gateway.mqtt.intake import Incoming
 from gateway.mqtt.payload import Message, Payloads
 from gateway.mqtt.settings import BrokerSettings
 from gateway.mqtt.topics import Topics
@@ -21,6 +22,7 @@ from gateway.starters.request import CommandRequest
 from tests.config.sites import changed
 from tests.conftest import StartMosquitto
 from tests.mosquitto import MosquittoBroker, Seen, free_port
+from tests.mqtt.commands import TOKEN, UNSYNCHRONISED, intake
 
 TOPICS = Topics("starters/mcc1")
 BOOT = "boot-1"
@@ -47,7 +49,9 @@ def publish(broker: MosquittoBroker, message: Message) -> None:
 
 
 def be_online(broker: MosquittoBroker, state: str = "online", reason: str | None = None) -> None:
-    publish(broker, Payloads(TOPICS, BOOT).status(state, time_s=1e9, since_s=1e9, reason=reason))
+    payloads = Payloads(TOPICS, BOOT)
+    publish(broker, payloads.fresh(TOKEN, 1e9))
+    publish(broker, payloads.status(state, time_s=1e9, since_s=1e9, reason=reason))
 
 
 def result(command: CommandRequest, phase: Phase, code: str = "ok", text: str = "", **values: Any) -> Message:
@@ -59,11 +63,9 @@ def result(command: CommandRequest, phase: Phase, code: str = "ok", text: str = 
 
 def judged(seen: Seen) -> CommandRequest:
     """Return the command as the gateway understands it; its clock is not to be trusted."""
-    verdict = Intake(TOPICS, BOOT).judge(
+    verdict = intake(TOPICS).judge(
         Incoming(seen.topic, seen.payload.encode(), is_retained=seen.retain),
-        utc_s=0.0,
-        received_s=0.0,
-        clock_is_synchronised=False,
+        Moment(7.0, 0.0, UNSYNCHRONISED),
     )
     assert isinstance(verdict, CommandRequest)
     return verdict
@@ -152,6 +154,7 @@ async def test_every_command_has_an_id_of_its_own_and_leaves_nothing_behind(
 
     assert bodies[0]["id"] != bodies[1]["id"]
     assert all(body["boot"] == BOOT and body["issued_at"].endswith("Z") for body in bodies)
+    assert not any("token" in body for body in bodies)  # a stop waits for no proof
     async with broker.watch(TOPICS.command_filter, TOPICS.gateway_status) as later:
         assert (await later.next()).topic == TOPICS.gateway_status  # neither a retained command nor a will
 
@@ -200,8 +203,10 @@ def test_a_login_without_the_right_to_write_is_told(
 ) -> None:
     acl = "user alice\ntopic read starters/#\nuser mcc1\ntopic readwrite starters/#\n"
     broker = start_mosquitto(users={"alice": "a", "mcc1": "m"}, acl=acl)
-    status = Payloads(TOPICS, BOOT).status("online", time_s=1e9, since_s=1e9, reason=None)
-    broker.publish(status.topic, status.payload.decode(), "-r", user=("mcc1", "m"))
+    payloads = Payloads(TOPICS, BOOT)
+    status = payloads.status("online", time_s=1e9, since_s=1e9, reason=None)
+    for message in (payloads.fresh(TOKEN, 1e9), status):
+        broker.publish(message.topic, message.payload.decode(), "-r", user=("mcc1", "m"))
     (tmp_path / "alice.password").write_text("a\n")
     (tmp_path / "alice.password").chmod(0o600)
     words = ("pump-1", "start", "--username", "alice", "--password-file", str(tmp_path / "alice.password"))

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.config.load import load, parse
+from gateway.config.setups import rights_of
 from gateway.errors import ConfigError
 from tests.config.sites import SITE, changed, site
 
@@ -206,3 +207,17 @@ def test_whatever_is_changed_is_either_right_or_told(at: int, cut: int, new: str
 
     with contextlib.suppress(ConfigError):
         parse(text, "site.toml")
+
+
+@pytest.mark.parametrize("freshness", ["token", "issued_at", "boot"])
+def test_an_operator_says_what_proves_his_commands_fresh(freshness: str) -> None:
+    config = site(('may = ["start", "stop"]', f'may = ["start", "stop"]\nfreshness = "{freshness}"'))
+
+    assert rights_of(config).freshness("alice", verb="start", starter="pump-1") == (freshness,)
+
+
+def test_by_default_a_token_proves_it_and_what_proves_nothing_is_no_setting() -> None:
+    wrong = changed(('may = ["start", "stop"]', 'may = ["start", "stop"]\nfreshness = "none"'))
+
+    assert site().operators[0].freshness == "token"
+    assert any("freshness" in problem for problem in problems(wrong))

@@ -13,7 +13,12 @@ from tests.mosquitto import MosquittoBroker
 MOSQUITTO = Path(__file__).parents[2] / "deploy" / "mosquitto"
 SCRIPT = MOSQUITTO / "prove-acl.sh"
 ACL = (MOSQUITTO / "acl").read_text("utf-8")
-USERS = {name: f"{name}:password" for name in ("mcc1", "alice", "bob", "viewer", "auditor")}
+USERS = {name: f"{name}:password" for name in ("mcc1", "alice", "bob", "viewer", "auditor", "prover")}
+TIED = tuple(
+    line
+    for line in (MOSQUITTO / "mosquitto.conf").read_text("utf-8").splitlines()
+    if line.startswith("use_username_as_clientid")
+)
 
 
 def login(name: str) -> str:
@@ -21,7 +26,8 @@ def login(name: str) -> str:
 
 
 def prove(broker: MosquittoBroker, *options: str) -> subprocess.CompletedProcess[str]:
-    who = ("--gateway", login("mcc1"), "--operator", login("alice"), "--operator", login("bob"))
+    eyes = ("--gateway", login("mcc1"), "--prover", login("prover"))
+    who = (*eyes, "--operator", login("alice"), "--operator", login("bob"))
     viewers = ("--viewer", login("viewer"), "--viewer", login("auditor"))
     where = ("--", "-h", broker.host, "-p", str(broker.port))
     command = [str(SCRIPT), *who, *viewers, *options, *where]
@@ -34,13 +40,26 @@ def wrong(done: subprocess.CompletedProcess[str]) -> list[str]:
 
 @pytest.mark.mosquitto
 def test_the_list_that_we_ship_is_proved(start_mosquitto: StartMosquitto) -> None:
-    done = prove(start_mosquitto(users=USERS, acl=ACL))
+    done = prove(start_mosquitto(users=USERS, acl=ACL, options=TIED))
 
+    assert TIED == ("use_username_as_clientid true",)
     assert done.returncode == 0, done.stdout + done.stderr
     assert wrong(done) == []
     assert "ok    alice commands as bob: is refused\n" in done.stdout
     assert "ok    alice commands as bob by a last will: is refused\n" in done.stdout
     assert "ok    somebody without a login commands: is refused\n" in done.stdout
+    assert "ok    alice takes the gateway's client id, and its commands: is refused\n" in done.stdout
+    assert "ok    viewer takes the gateway's client id, and its commands: is refused\n" in done.stdout
+
+
+@pytest.mark.mosquitto
+def test_a_broker_that_lets_everybody_choose_a_client_id_is_not(start_mosquitto: StartMosquitto) -> None:
+    done = prove(start_mosquitto(users=USERS, acl=ACL))
+
+    assert done.returncode == 1
+    assert {line.partition(" takes ")[0] for line in wrong(done)} == {
+        f"WRONG {name}" for name in ("alice", "bob", "viewer", "auditor")
+    }
 
 
 @pytest.mark.mosquitto
@@ -66,7 +85,7 @@ def test_a_list_with_a_hole_is_not(
 ) -> None:
     assert change[0] in ACL
 
-    done = prove(start_mosquitto(users=USERS, acl=ACL.replace(*change)))
+    done = prove(start_mosquitto(users=USERS, acl=ACL.replace(*change), options=TIED))
 
     assert done.returncode == 1
     assert any(line.startswith(found) for line in wrong(done)), done.stdout
@@ -86,7 +105,7 @@ def test_a_broker_that_lets_everybody_in_is_not(start_mosquitto: StartMosquitto)
 def test_a_login_that_the_broker_does_not_know_is_told(start_mosquitto: StartMosquitto) -> None:
     broker = start_mosquitto(users=USERS, acl=ACL)
 
-    done = prove(broker, "--gateway", "mcc1:wrong")
+    done = prove(broker, "--prover", "prover:wrong")
 
     assert done.returncode == 1
     assert "cannot listen" in done.stderr

@@ -167,13 +167,20 @@ class Scada:
         return found
 
     async def boot(self) -> str:
-        """Return the token that proves freshness."""
+        """Return the name of the present connection."""
         status = await self.until("gateway/status", state="online")
         return str(status["boot"])
 
+    async def token(self) -> str:
+        """Return the present proof of freshness."""
+        await self.until("gateway/status", state="online")
+        while self.watcher.has_more():
+            self._take(await self.watcher.next())
+        return str(self.latest["gateway/fresh"]["token"])
+
     async def command(self, starter: str, verb: str, id_: str, *options: str, **args: Any) -> None:
         """Publish a fresh command."""
-        payload = json.dumps({"id": id_, "boot": await self.boot(), "args": args})
+        payload = json.dumps({"id": id_, "token": await self.token(), "args": args})
         await self.publish(f"command/{starter}/{self.client}/{verb}", payload, *options)
 
     async def publish(self, topic: str, payload: str, *options: str) -> None:

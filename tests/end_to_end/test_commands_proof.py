@@ -14,6 +14,8 @@ from tests.torture.of_commands import (
     MALFORMED_PURE,
     STALE,
     STALE_OLD,
+    STALLED,
+    STALLED_OLD,
     STOPS,
     Proof,
 )
@@ -71,3 +73,10 @@ def test_thousands_of_malformed_payloads_are_each_refused_with_a_reason_and_none
     row = MALFORMED_PURE.row(MALFORMED_PURE.short, SEED)
 
     assert row.failures == [], str(row)
+
+
+@pytest.mark.parametrize("proof", [STALLED, STALLED_OLD], ids=["mqtt 5", "mqtt 3.1.1"])
+async def test_a_start_that_a_standing_broker_held_for_too_long_makes_no_start_frame(
+    proof: Proof, tmp_path: Path
+) -> None:
+    await try_shortly(proof, tmp_path)

@@ -179,7 +179,9 @@ async def test_nobody_without_a_right_and_nothing_malformed_gets_through(
 ) -> None:
     async with plant(start_mosquitto(), tmp_path) as (scada, _, _):
         boot = await scada.boot()
-        await scada.publish("command/pump/mallory/start", json.dumps({"id": "m", "boot": boot}))
+        await scada.publish(
+            "command/pump/mallory/start", json.dumps({"id": "m", "token": await scada.token()})
+        )
         refused = await scada.until("result/pump/mallory", phase="rejected")
         wanted = {
             "not json": "bad_json",

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from gateway.mqtt.boot import Boot
+from gateway.mqtt.freshness import Moment, Tokens
 from gateway.mqtt.intake import Incoming, Intake, Rejection
 from gateway.mqtt.topics import Topics
 from gateway.starters.request import CommandRequest
@@ -14,12 +16,26 @@ NOW = "2026-11-21T01:02:03Z"
 START = "b/command/pump-1/alice/start"
 
 
+TOKEN = "token-1"  # made when everything arrives
+UNSYNCHRONISED = "this gateway's clock is not synchronised"
+
+
+def intake(topics: Topics | None = None, *, at_s: float = 7.0, freshness: str = "token") -> Intake:
+    """Return an intake of the run `boot-1` that has just made TOKEN."""
+    tokens = Tokens(Boot("boot-1"), draw=lambda: TOKEN)
+    tokens.issue(at_s)
+    return Intake(topics or Topics("b"), tokens, freshness_of=lambda _: (freshness,))
+
+
 def judge(
-    incoming: Incoming, *, clock_is_synchronised: bool = True, utc_s: float = NOW_S
+    incoming: Incoming,
+    *,
+    clock_is_synchronised: bool = True,
+    utc_s: float = NOW_S,
+    freshness: str = "token",
 ) -> CommandRequest | Rejection | None:
-    return Intake(Topics("b"), "boot-1").judge(
-        incoming, utc_s=utc_s, received_s=7.0, clock_is_synchronised=clock_is_synchronised
-    )
+    doubt = None if clock_is_synchronised else UNSYNCHRONISED
+    return intake(freshness=freshness).judge(incoming, Moment(7.0, utc_s, doubt))
 
 
 def command(fields: object, *, topic: str = START, **flags: Any) -> Incoming:
@@ -27,10 +43,10 @@ def command(fields: object, *, topic: str = START, **flags: Any) -> Incoming:
 
 
 def fresh(**fields: object) -> dict[str, object]:
-    return {"id": "c1", "boot": "boot-1", **fields}
+    return {"id": "c1", "token": TOKEN, **fields}
 
 
-def refusal(incoming: Incoming, *, clock_is_synchronised: bool = True) -> Rejection:
-    judged = judge(incoming, clock_is_synchronised=clock_is_synchronised)
+def refusal(incoming: Incoming, **how: Any) -> Rejection:
+    judged = judge(incoming, **how)
     assert isinstance(judged, Rejection)
     return judged

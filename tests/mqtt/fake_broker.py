@@ -24,6 +24,7 @@ class Packet:
 
     kind: int
     body: bytes
+    qos: int = 0  # of a PUBLISH
 
     @property
     def topic(self) -> str:
@@ -73,12 +74,16 @@ class FakeBroker:
             writer.close()
         await asyncio.gather(*(writer.wait_closed() for writer in self._writers), return_exceptions=True)
 
-    async def publication(self) -> Packet:
-        """Return the next PUBLISH."""
+    async def publication(self, *, qos: int = 1) -> Packet:
+        """Return the next PUBLISH of at least this quality; 0: the proofs of freshness too."""
         async with asyncio.timeout(10.0):
-            while (packet := await self.received.get()).kind != PUBLISH:
+            while (packet := await self.received.get()).kind != PUBLISH or packet.qos < qos:
                 pass
         return packet
+
+    def hang_up(self) -> None:
+        """Close the newest connection."""
+        self._writers[-1].close()
 
     def acknowledge(self, packet: Packet) -> None:
         self._writers[-1].write(b"\x40\x02" + packet.packet_id)
@@ -108,18 +113,18 @@ class FakeBroker:
             return not self.closes_after_suback
         if packet.kind == PINGREQ and self.answers_pings:
             writer.write(b"\xd0\x00")
-        if packet.kind == PUBLISH and self.acknowledges:
+        if packet.kind == PUBLISH and packet.qos and self.acknowledges:
             self.acknowledge(packet)
         self.received.put_nowait(packet)
         return True
 
 
 async def _read(reader: asyncio.StreamReader) -> Packet:
-    kind = (await reader.readexactly(1))[0] >> 4
+    first = (await reader.readexactly(1))[0]
     size = shift = 0
     while True:
         byte = (await reader.readexactly(1))[0]
         size |= (byte & 0x7F) << shift
         shift += 7
         if not byte & 0x80:
-            return Packet(kind, await reader.readexactly(size))
+            return Packet(first >> 4, await reader.readexactly(size), first >> 1 & 3)

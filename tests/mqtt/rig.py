@@ -6,12 +6,15 @@ import asyncio
 from types import TracebackType
 
 from gateway.clock import SystemClock
+from gateway.mqtt.boot import Boot
 from gateway.mqtt.broker import BrokerConnection
-from gateway.mqtt.intake import Incoming
+from gateway.mqtt.freshness import Moment, Tokens
+from gateway.mqtt.intake import Incoming, Intake, Rejection
 from gateway.mqtt.outbox import Outbox
-from gateway.mqtt.payload import Payloads
+from gateway.mqtt.payload import Message, Payloads
 from gateway.mqtt.publisher import Publisher
 from gateway.mqtt.reasons import Notice
+from gateway.mqtt.retry import Version
 from gateway.mqtt.settings import BrokerSettings
 from gateway.mqtt.topics import Topics
 from gateway.starters.records import EventRecord, Quality, Severity, ValueRecord
@@ -32,15 +35,19 @@ def settings(port: int, **changes: object) -> BrokerSettings:
 
 
 class Rig:
-    """A gateway that is nothing but its MQTT floor."""
+    """A gateway that is nothing but its MQTT floor; its tokens die with a connection, as they should."""
 
     def __init__(self, how: BrokerSettings) -> None:
         self.topics = Topics("b")
+        self.boot = Boot("boot-1")
+        self.tokens = Tokens(self.boot)
+        self.intake = Intake(self.topics, self.tokens)
         self.payloads = Payloads(self.topics, "boot-1")
         self.outbox = Outbox(last_topic=self.topics.gateway_status, pack=self.payloads.history, boot="boot-1")
         self.outbox.grant_history(10**6)  # nobody paces what is told late
         self.publisher = Publisher(self.payloads, self.outbox, SystemClock())
         self.links: asyncio.Queue[tuple[bool, str]] = asyncio.Queue()
+        self.versions: list[Version] = []  # of the connections so far
         self.incoming: asyncio.Queue[Incoming] = asyncio.Queue()
         self.notices: list[Notice] = []
         self.connection = BrokerConnection(
@@ -49,8 +56,10 @@ class Rig:
             command_filter=self.topics.command_filter,
             will=self.publisher.will,
             on_incoming=self.incoming.put_nowait,
-            on_link=lambda is_connected, trouble: self.links.put_nowait((is_connected, trouble)),
             on_notice=self.notices.append,
+            on_link=self._note_link,
+            pulse=self._fresh,
+            on_version=self.versions.append,
         )
         self.publisher.wake_with(self.connection.wake)
         self.task: asyncio.Task[None] | None = None
@@ -83,6 +92,24 @@ class Rig:
         """Wait until the broker has acknowledged everything."""
         await self.connection._wait_until(lambda: self.outbox.is_idle, PATIENCE_S)
         assert self.outbox.is_idle
+
+    def _fresh(self) -> Message:
+        clock = SystemClock()
+        return self.payloads.fresh(self.tokens.issue(clock.now_s()), clock.utc_s())
+
+    def _note_link(self, is_connected: bool, trouble: str) -> None:
+        if is_connected:
+            self.boot.connected(SystemClock().now_s())
+        else:
+            self.boot.disconnected()
+        self.links.put_nowait((is_connected, trouble))
+
+    async def verdict(self) -> str:
+        """Return what becomes of the next command by its freshness: `fresh`, or why it is refused."""
+        incoming = await self.command()
+        clock = SystemClock()
+        judged = self.intake.judge(incoming, Moment(clock.now_s(), clock.utc_s()))
+        return judged.code if isinstance(judged, Rejection) else "fresh"
 
     async def command(self) -> Incoming:
         """Return the next message on a command topic."""

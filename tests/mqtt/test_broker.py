@@ -13,6 +13,7 @@ from gateway.mqtt.settings import TlsSettings
 from gateway.starters.records import LineRecord, Phase, ResultRecord
 from tests.mosquitto import Certificate
 from tests.mqtt.fake_broker import (
+    ACCEPT_5,
     ACCEPT_311,
     HANG_UP,
     LEVEL_5,
@@ -23,19 +24,42 @@ from tests.mqtt.fake_broker import (
 from tests.mqtt.rig import Rig, event, settings, value
 
 
-@pytest.mark.parametrize("answer", [REFUSE_VERSION, HANG_UP, None])
-async def test_a_broker_that_does_not_take_mqtt_5_is_spoken_to_in_3_1_1(answer: bytes | None) -> None:
+@pytest.mark.parametrize(
+    ("answer", "levels"),
+    [(REFUSE_VERSION, [LEVEL_5, LEVEL_311]), (HANG_UP, [LEVEL_5, LEVEL_5, LEVEL_311])],
+)
+async def test_a_broker_that_does_not_take_mqtt_5_is_spoken_to_in_3_1_1(
+    answer: bytes, levels: list[int]
+) -> None:
     async with (
         FakeBroker(answers={LEVEL_5: answer, LEVEL_311: ACCEPT_311}) as broker,
-        Rig(settings(broker.port, guess_s=0.2)) as rig,
+        Rig(settings(broker.port)) as rig,
     ):
         assert await rig.link() == (True, "")
         assert rig.connection.version is Version.V311
         assert rig.connection.is_connected
-        assert broker.levels == [LEVEL_5, LEVEL_311]
+        assert broker.levels == levels
+        assert rig.versions == [Version.V311]
 
 
-async def test_the_version_that_worked_is_used_again_at_once() -> None:
+async def test_a_broker_that_stands_still_is_not_taken_for_an_older_one() -> None:
+    async with (
+        FakeBroker(answers={LEVEL_5: None, LEVEL_311: ACCEPT_311}) as broker,
+        Rig(settings(broker.port, answer_s=0.1)) as rig,
+    ):
+        is_connected, trouble = await rig.link()
+        while len(broker.levels) < 4:
+            await rig.connection._pause(0.05)
+        broker.answers[LEVEL_5] = ACCEPT_5
+        await rig.until_connected()
+
+    assert not is_connected
+    assert trouble.endswith("sent no CONNACK within 0.1 s")
+    assert set(broker.levels) == {LEVEL_5}
+    assert rig.versions == [Version.V5]
+
+
+async def test_mqtt_5_is_tried_again_at_each_connect() -> None:
     async with (
         FakeBroker(answers={LEVEL_5: REFUSE_VERSION, LEVEL_311: ACCEPT_311}) as broker,
         Rig(settings(broker.port)) as rig,
@@ -43,8 +67,31 @@ async def test_the_version_that_worked_is_used_again_at_once() -> None:
         await rig.until_connected()
         broker._writers[-1].close()
         await rig.until_connected()
+        broker.answers[LEVEL_5] = ACCEPT_5
+        broker._writers[-1].close()
+        await rig.until_connected()
 
-    assert broker.levels == [LEVEL_5, LEVEL_311, LEVEL_311]
+    assert broker.levels == [LEVEL_5, LEVEL_311, LEVEL_5, LEVEL_311, LEVEL_5]
+    assert rig.versions == [Version.V311, Version.V311, Version.V5]
+
+
+async def test_the_first_word_of_a_connection_is_the_proof_of_freshness_and_it_is_renewed_each_second() -> (
+    None
+):
+    async with FakeBroker() as broker, Rig(settings(broker.port)) as rig:
+        begun_s = asyncio.get_running_loop().time()
+        seen = [await broker.publication(qos=0)]
+        while [each.topic for each in seen].count("b/gateway/fresh") < 3:
+            seen.append(await broker.publication(qos=0))
+        took_s = asyncio.get_running_loop().time() - begun_s
+        broker._writers[-1].close()
+        await rig.until_connected()
+        again = await broker.publication(qos=0)
+
+    assert seen[0].topic == again.topic == "b/gateway/fresh"
+    assert seen[1].topic == "b/gateway/status"
+    assert 1.5 < took_s < 3.5
+    assert len({each.body for each in (*seen, again) if each.topic == "b/gateway/fresh"}) == 4
 
 
 async def test_a_configured_version_is_not_given_up() -> None:
@@ -221,7 +268,7 @@ async def test_the_correlation_data_of_a_command_comes_back_with_its_result() ->
 async def test_figures_go_out_without_waiting_for_an_acknowledgement() -> None:
     async with FakeBroker(acknowledges=False) as broker, Rig(settings(broker.port)) as rig:
         rig.publisher.put(LineRecord("pumps", {"polls": 1}))
-        while (await broker.publication()).topic != "b/gateway/line/pumps":
+        while (await broker.publication(qos=0)).topic != "b/gateway/line/pumps":
             pass
         await rig.until_connected()
         session = rig.connection._session

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from gateway.mqtt.boot import Boot
+from gateway.mqtt.freshness import MAX_TTL_S, Moment, Tokens
 from gateway.mqtt.intake import Incoming, Intake, Rejection
 from gateway.mqtt.json_out import rfc3339
 from gateway.mqtt.payload import Payloads
@@ -25,17 +26,26 @@ class Desk:
     def __init__(self) -> None:
         self.boot = Boot("run")
         self.boot.connected(100.0)
-        self.intake = Intake(TOPICS, self.boot)
+        self.tokens = Tokens(self.boot)
+        self.freshness = ("token",)
+        self.intake = Intake(TOPICS, self.tokens, freshness_of=lambda _: self.freshness)
+
+    def token(self, at_s: float) -> dict[str, Any]:
+        return {"token": self.tokens.issue(at_s)}
 
     def judge(
-        self, fields: dict[str, Any], *, at_s: float = 110.0, is_synchronised: bool = True, **flags: Any
+        self,
+        fields: dict[str, Any],
+        *,
+        at_s: float = 110.0,
+        is_synchronised: bool = True,
+        verb: str = "start",
+        **flags: Any,
     ) -> str | CommandRequest:
-        incoming = Incoming(
-            "b/command/pump-1/alice/start", json.dumps({"id": "1", **fields}).encode(), **flags
-        )
-        verdict = self.intake.judge(
-            incoming, utc_s=NOW_S + at_s, received_s=at_s, clock_is_synchronised=is_synchronised
-        )
+        payload = json.dumps({"id": "1", **fields}).encode()
+        incoming = Incoming(f"b/command/pump-1/alice/{verb}", payload, **flags)
+        doubt = None if is_synchronised else "this gateway's clock is not synchronised"
+        verdict = self.intake.judge(incoming, Moment(at_s, NOW_S + at_s, doubt))
         assert verdict is not None
         return verdict.code if isinstance(verdict, Rejection) else verdict
 
@@ -85,6 +95,8 @@ def test_a_command_with_the_token_of_an_earlier_connection_is_refused() -> None:
     desk.boot.disconnected()
     desk.boot.connected(105.0)
 
+    desk.freshness = ("boot",)
+
     assert desk.judge({"boot": token}) == "wrong_boot"
     assert isinstance(desk.judge({"boot": desk.boot.token}), CommandRequest)
 
@@ -99,7 +111,7 @@ def test_a_command_issued_before_the_connection_is_refused_although_it_is_fresh(
 def test_the_right_token_outweighs_a_senders_clock_that_is_behind() -> None:
     desk = Desk()
 
-    judged = desk.judge({**issued(99.0), "boot": desk.boot.token}, at_s=101.0)
+    judged = desk.judge({**issued(99.0), **desk.token(100.5)}, at_s=101.0)
 
     assert isinstance(judged, CommandRequest)
 
@@ -112,30 +124,142 @@ def test_without_a_synchronised_clock_only_the_token_proves_anything() -> None:
     desk = Desk()
 
     assert desk.judge(issued(110.0), is_synchronised=False) == "not_fresh"
-    assert isinstance(desk.judge({"boot": "run"}, is_synchronised=False), CommandRequest)
+    assert isinstance(desk.judge(desk.token(109.0), is_synchronised=False), CommandRequest)
 
 
 @pytest.mark.parametrize(
-    ("fields", "flags", "expires_s"),
+    ("fields", "made_s", "flags", "expires_s"),
     [
-        ({"boot": "run"}, {}, 115.0),
-        ({"boot": "run", "ttl_s": 30}, {}, 140.0),
-        (issued(108.0), {}, 113.0),
-        (issued(111.0), {}, 115.0),  # a clock ahead of ours gives no more time
-        ({"boot": "run", "ttl_s": 30}, {"expiry_s": 3}, 113.0),
+        ({}, 110.0, {}, 115.0),
+        ({}, 107.5, {}, 112.5),  # what is left of its time passes inside the gateway too
+        ({"ttl_s": 30}, 107.5, {}, 137.5),
+        ({"boot": "run"}, None, {}, 115.0),
+        ({"boot": "run", "ttl_s": 30}, None, {}, 140.0),
+        (issued(108.0), None, {}, 113.0),
+        (issued(108.0), 109.0, {}, 113.0),  # of two proofs the elder counts
+        (issued(109.0), 107.0, {}, 112.0),
+        (issued(111.0), None, {}, 115.0),  # a clock ahead of ours gives no more time
+        ({"boot": "run", "ttl_s": 30}, None, {"expiry_s": 3}, 113.0),
     ],
 )
 def test_a_command_may_be_written_no_later_than_it_is_valid(
-    fields: dict[str, Any], flags: dict[str, Any], expires_s: float
+    fields: dict[str, Any], made_s: float | None, flags: dict[str, Any], expires_s: float
 ) -> None:
-    judged = Desk().judge(fields, **flags)
+    desk = Desk()
+    desk.freshness = ("boot",)
+    token = {} if made_s is None else desk.token(made_s)
+
+    judged = desk.judge({**fields, **token}, **flags)
 
     assert isinstance(judged, CommandRequest)
     assert judged.expires_s == pytest.approx(expires_s)
 
 
+@pytest.mark.parametrize("ttl_s", [0.5, 5.0, 60.0])
+@pytest.mark.parametrize("stalled_s", [1.0, 4.9, 5.1, 12.0, 59.9, 60.5, 62.7, 3600.0])
+def test_a_start_that_its_way_held_up_for_longer_than_it_is_valid_is_never_taken(
+    ttl_s: float, stalled_s: float
+) -> None:
+    desk = Desk()
+    proofs: list[dict[str, Any]] = [desk.token(200.0), {**desk.token(200.0), "boot": "run"}, issued(200.0)]
+    for second in range(200, 201 + int(stalled_s)):
+        desk.tokens.issue(float(second))  # others go on being made
+
+    verdicts = [desk.judge({**each, "ttl_s": ttl_s}, at_s=200.0 + stalled_s) for each in proofs]
+
+    if stalled_s <= ttl_s:
+        assert all(isinstance(each, CommandRequest) for each in verdicts)
+    else:
+        assert set(verdicts) <= {"expired", "not_fresh"}
+        assert stalled_s > MAX_TTL_S or set(verdicts) == {"expired"}
+
+
+def test_the_boot_proves_a_connection_and_no_age_so_it_is_not_enough_for_a_start() -> None:
+    assert Desk().judge({"boot": "run"}) == "not_fresh"
+    assert Desk().judge({"boot": "another"}) == "wrong_boot"
+    assert isinstance(Desk().judge({"boot": "run"}, verb="read"), CommandRequest)
+
+
+@pytest.mark.parametrize(
+    ("freshness", "proof", "verdict"),
+    [
+        (("token",), "token", None),
+        (("token",), "issued_at", None),
+        (("token",), "boot", "not_fresh"),
+        (("issued_at",), "token", "not_fresh"),
+        (("issued_at",), "issued_at", None),
+        (("issued_at",), "boot", "not_fresh"),
+        (("boot",), "token", None),
+        (("boot",), "issued_at", None),
+        (("boot",), "boot", None),
+        (("issued_at", "boot"), "boot", None),  # two entries of one operator give the right
+        (("issued_at", "token"), "token", None),
+    ],
+)
+def test_an_operators_setting_says_what_is_enough(
+    freshness: tuple[str, ...], proof: str, verdict: str | None
+) -> None:
+    desk = Desk()
+    desk.freshness = freshness
+    fields = {"token": desk.token(109.0), "issued_at": issued(109.0), "boot": {"boot": "run"}}[proof]
+
+    judged = desk.judge(fields)
+
+    assert judged == verdict if verdict is not None else isinstance(judged, CommandRequest)
+
+
+@pytest.mark.parametrize("event", ["lost connection", "standstill"])
+def test_tokens_of_before_a_lost_connection_or_a_standstill_prove_nothing(event: str) -> None:
+    desk = Desk()
+    before = desk.token(109.5)
+    if event == "standstill":
+        desk.boot.stood_still(109.9)
+    else:
+        desk.boot.disconnected()
+        desk.boot.connected(109.9)
+
+    assert desk.judge(before) == "not_fresh"
+    assert isinstance(desk.judge(desk.token(110.0)), CommandRequest)
+
+
+def test_a_token_that_was_never_made_proves_nothing_and_spoils_the_boot_beside_it() -> None:
+    desk = Desk()
+    desk.freshness = ("boot",)
+
+    assert desk.judge({"token": "guessed"}) == "not_fresh"
+    assert desk.judge({"token": "guessed", "boot": "run"}) == "not_fresh"
+    assert isinstance(desk.judge({"token": "guessed", **issued(109.0)}), CommandRequest)
+
+
+def test_an_expired_token_is_saved_by_no_other_proof() -> None:
+    desk = Desk()
+    desk.freshness = ("boot",)
+
+    assert desk.judge({**desk.token(104.0), **issued(109.0), "boot": "run"}) == "expired"
+
+
+def test_a_token_cannot_be_guessed_and_is_remembered_for_a_minute_only() -> None:
+    tokens = Tokens(Boot("run"))
+    made = [tokens.issue(float(second)) for second in range(300)]
+
+    assert len(set(made)) == 300
+    assert min(len(token) for token in made) >= 16  # 96 bits
+    assert tokens.made_s(made[-1]) == 299.0
+    assert tokens.made_s(made[238]) == 238.0
+    assert tokens.made_s(made[237]) is None
+
+
+def test_the_token_is_published_with_its_time_retained_and_without_acknowledgement() -> None:
+    message = Payloads(TOPICS, "run").fresh("abc", NOW_S)
+
+    assert (message.topic, message.qos, message.retain) == ("b/gateway/fresh", 0, True)
+    assert json.loads(message.payload) == {"token": "abc", "time": rfc3339(NOW_S)}
+
+
 def test_what_is_expected_and_selected_is_passed_on() -> None:
-    judged = Desk().judge({"boot": "run", "expect": {"state": "ready", "remote": True}, "select": "ab12"})
+    desk = Desk()
+
+    judged = desk.judge({**desk.token(109.0), "expect": {"state": "ready", "remote": True}, "select": "ab12"})
 
     assert isinstance(judged, CommandRequest)
     assert judged.expect == {"state": "ready", "remote": True}

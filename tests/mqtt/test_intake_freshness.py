@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from gateway.mqtt.intake import Rejection
 from gateway.mqtt.json_out import rfc3339
 from gateway.starters.request import CommandRequest
-from tests.mqtt.commands import NOW, NOW_S, command, fresh, judge, refusal
+from tests.mqtt.commands import NOW, NOW_S, TOKEN, command, fresh, judge, refusal
 
 
 @pytest.mark.parametrize(
@@ -38,24 +38,61 @@ def test_the_sender_chooses_the_time_to_live(ttl_s: float | None, code: str | No
     assert getattr(judged, "code", None) == code
 
 
+AGAIN = "read B/gateway/fresh and send it again"
+HELD_UP = "it was held up on its way; decide again, then send again"
+
+
 @pytest.mark.parametrize(
     ("fields", "is_synchronised", "code", "text"),
     [
-        ({}, True, "not_fresh", "neither issued_at nor boot is given"),
+        (
+            {},
+            True,
+            "not_fresh",
+            "neither token nor issued_at is given; send the token of B/gateway/fresh",
+        ),
         (
             {"issued_at": NOW},
             False,
             "not_fresh",
-            "this gateway's clock is not synchronised; send boot instead",
+            "this gateway's clock is not synchronised; send the token of B/gateway/fresh instead",
         ),
-        ({"boot": "boot-0"}, True, "wrong_boot", "boot is not the one in gateway/status"),
-        ({"boot": "boot-0", "issued_at": NOW}, False, "wrong_boot", "boot is not the one in gateway/status"),
-        ({"issued_at": "2026-11-21T01:01:57Z"}, True, "expired", "issued 6.0 s ago, valid for 5 s"),
+        (
+            {"boot": "boot-1"},
+            True,
+            "not_fresh",
+            "boot proves the connection, not the age; send the token of B/gateway/fresh",
+        ),
+        (
+            {"boot": "boot-0"},
+            True,
+            "wrong_boot",
+            f"boot is not the one in gateway/status; {AGAIN} with its token",
+        ),
+        (
+            {"boot": "boot-0", "issued_at": NOW},
+            False,
+            "wrong_boot",
+            f"boot is not the one in gateway/status; {AGAIN} with its token",
+        ),
+        (
+            {"token": "another"},
+            True,
+            "not_fresh",
+            "its token is not known: older than 60 s, or of before the gateway lost its broker or stood "
+            f"still; {AGAIN}",
+        ),
+        (
+            {"issued_at": "2026-11-21T01:01:57Z"},
+            True,
+            "expired",
+            f"issued 6.0 s ago, valid for 5 s: {HELD_UP}",
+        ),
         (
             {"issued_at": "2026-11-21T01:01:57Z", "boot": "boot-0"},
             True,
             "expired",
-            "issued 6.0 s ago, valid for 5 s",
+            f"issued 6.0 s ago, valid for 5 s: {HELD_UP}",
         ),
         (
             {"issued_at": "2026-11-21T01:02:05.1Z"},
@@ -67,7 +104,7 @@ def test_the_sender_chooses_the_time_to_live(ttl_s: float | None, code: str | No
             {"issued_at": "0001-01-01T00:00:00+14:00"},
             True,
             "expired",
-            "issued 63930870123.0 s ago, valid for 5 s",
+            f"issued 63930870123.0 s ago, valid for 5 s: {HELD_UP}",
         ),
     ],
 )
@@ -82,17 +119,19 @@ def test_a_command_that_is_not_provably_fresh_is_refused(
 @pytest.mark.parametrize(
     "fields",
     [
-        {"boot": "boot-1"},
-        {"boot": "boot-1", "issued_at": "2026-11-22T00:00:00Z"},  # the sender's clock is ahead
+        {"token": TOKEN},
+        {"token": TOKEN, "issued_at": "2026-11-22T00:00:00Z"},  # the sender's clock is ahead
+        {"token": TOKEN, "boot": "boot-0"},
         {"boot": "boot-0", "issued_at": NOW},
+        {"token": "another", "issued_at": NOW},
     ],
 )
 def test_one_proof_of_freshness_is_enough(fields: dict[str, object]) -> None:
     assert isinstance(judge(command({"id": "c1", **fields})), CommandRequest)
 
 
-def test_the_right_boot_does_not_save_a_command_whose_time_has_run_out() -> None:
-    fields = {"id": "c1", "boot": "boot-1", "issued_at": "2026-11-21T00:00:00Z"}
+def test_the_right_token_does_not_save_a_command_whose_time_has_run_out() -> None:
+    fields = {"id": "c1", "token": TOKEN, "boot": "boot-1", "issued_at": "2026-11-21T00:00:00Z"}
 
     assert refusal(command(fields)).code == "expired"
 
@@ -104,7 +143,7 @@ def test_a_message_whose_own_expiry_has_run_out_is_expired() -> None:
 
 @given(
     fields=st.dictionaries(
-        st.sampled_from(["id", "issued_at", "ttl_s", "boot", "operator", "reason", "args", "x"]),
+        st.sampled_from(["id", "token", "issued_at", "ttl_s", "boot", "operator", "reason", "args", "x"]),
         st.none()
         | st.booleans()
         | st.integers()
@@ -118,8 +157,9 @@ def test_a_message_whose_own_expiry_has_run_out_is_expired() -> None:
 def test_no_stale_or_retained_start_is_ever_accepted(
     *, fields: dict[str, object], age_s: float, is_retained: bool
 ) -> None:
-    if fields.get("boot") == "boot-1":
-        fields.pop("boot")
+    for name, right in (("boot", "boot-1"), ("token", TOKEN)):
+        if fields.get(name) == right:
+            fields.pop(name)
     fields["issued_at"] = rfc3339(NOW_S - age_s)
 
     judged = judge(command(fields, is_retained=is_retained))

@@ -252,9 +252,12 @@ def test_the_info_says_who_may_do_what_and_that_this_is_no_safety_function() -> 
         "version": "0.1.0",
         "contract": 1,
         "boot": "boot-1",
+        "mqtt_version": None,
         "starters": ["pump-1"],
         "lines": ["pumps"],
-        "operators": [{"client": "alice", "may": ["start", "stop"], "starters": ["pump-*"]}],
+        "operators": [
+            {"client": "alice", "may": ["start", "stop"], "starters": ["pump-*"], "freshness": "token"}
+        ],
         "notice": "not a safety function",
     }
 

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import pytest
+
 from gateway.mqtt.retry import Backoff, Version, VersionChoice
 
 
@@ -32,61 +34,63 @@ def test_a_connection_that_held_makes_the_next_pause_short() -> None:
     assert backoff.next_s() == 0.5
 
 
-def test_mqtt_5_is_tried_first_and_3_1_1_at_once_when_the_broker_does_not_take_it() -> None:
+def test_mqtt_5_is_tried_first_and_3_1_1_at_once_when_the_broker_refuses_it() -> None:
     choice = VersionChoice()
     first = choice.version
 
-    assert choice.is_guess
-    assert choice.unsupported()
+    assert choice.failed(0x84, is_closed=True)
     assert (first, choice.version) == (Version.V5, Version.V311)
 
 
-def test_when_neither_version_is_answered_there_is_a_pause_between_the_pairs() -> None:
+def test_a_broker_that_closes_right_upon_mqtt_5_is_asked_once_more_before_3_1_1() -> None:
     choice = VersionChoice()
 
-    at_once = [choice.unanswered() for _ in range(4)]
+    versions = [(choice.failed(None, is_closed=True), choice.version.value) for _ in range(3)]
 
-    assert at_once == [True, False, True, False]
+    assert versions == [(True, "5"), (True, "3.1.1"), (False, "3.1.1")]
 
 
-def test_a_version_that_worked_is_kept_over_a_few_bad_attempts() -> None:
+def test_silence_is_never_a_refusal_however_often() -> None:
     choice = VersionChoice()
-    choice.unsupported()
-    choice.worked()
 
-    assert not choice.is_guess
-    assert [choice.unanswered() for _ in range(2)] == [False, False]
-    assert choice.version.value == "3.1.1"
-    choice.worked()
-    assert [choice.unanswered() for _ in range(3)] == [False, False, False]
+    for _ in range(20):
+        assert not choice.failed(None, is_closed=False)
+        choice.begin()
+
     assert choice.version is Version.V5
 
 
-def test_a_version_that_worked_is_left_when_the_broker_says_it_does_not_speak_it() -> None:
-    choice = VersionChoice()
-    choice.worked()
-
-    assert choice.unsupported()
-    assert choice.version is Version.V311
-
-
-def test_a_broker_that_is_away_or_refuses_says_nothing_about_the_version() -> None:
+def test_a_broker_that_closes_once_and_then_is_silent_has_refused_nothing() -> None:
     choice = VersionChoice()
 
-    assert not choice.failed(None, is_reached=False)
-    assert not choice.failed(0x86, is_reached=True)
+    assert choice.failed(None, is_closed=True)
+    assert not choice.failed(None, is_closed=False)
+    choice.begin()
+    assert choice.failed(None, is_closed=True)
     assert choice.version is Version.V5
 
 
-def test_a_failed_connection_tells_whether_the_other_version_is_worth_trying() -> None:
-    assert VersionChoice().failed(0x84, is_reached=True)
-    assert VersionChoice().failed(None, is_reached=True)
+def test_mqtt_5_is_tried_anew_at_each_connect() -> None:
+    choice = VersionChoice()
+    choice.failed(0x84, is_closed=True)
+
+    choice.begin()
+
+    assert choice.version is Version.V5
 
 
-def test_a_configured_version_is_never_left() -> None:
-    choice = VersionChoice(Version.V311)
+def test_a_broker_that_refuses_us_for_another_reason_says_nothing_about_the_version() -> None:
+    choice = VersionChoice()
 
-    assert not choice.unsupported()
-    assert not choice.unanswered()
-    assert choice.version is Version.V311
-    assert not choice.is_guess
+    assert not choice.failed(0x86, is_closed=True)
+    assert choice.version is Version.V5
+
+
+@pytest.mark.parametrize("version", list(Version))
+def test_a_configured_version_is_never_left(version: Version) -> None:
+    choice = VersionChoice(version)
+
+    assert not choice.failed(0x84, is_closed=True)
+    assert not choice.failed(None, is_closed=True)
+    choice.begin()
+    assert choice.version is version

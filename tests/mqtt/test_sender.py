@@ -27,6 +27,7 @@ def publication(topic: str, payload: str, *, level: int = LEVEL_5) -> bytes:
 
 
 STATUS = publication(TOPICS.gateway_status, '{"state":"online","boot":"x"}')
+FRESH = publication(TOPICS.gateway_fresh, '{"token":"t1","time":"2026Z"}')
 NONSENSE = publication(TOPICS.gateway_status, "no json") + publication("b/other", "{}")
 
 
@@ -49,23 +50,27 @@ async def send(broker: FakeBroker, *, within_s: float = 10.0) -> Mapping[str, An
 
 @pytest.mark.parametrize(
     ("codes", "forbidden"),
-    [([0x87], "read b/gateway/status"), ([1, 0x87], "read the results of alice")],
+    [
+        ([1, 0x87], "read b/gateway/status"),
+        ([1, 1, 0x87], "read b/gateway/fresh"),
+        ([0x87, 1, 1], "read the results of alice"),
+    ],
 )
 async def test_a_refused_subscription_is_told(codes: list[int], forbidden: str) -> None:
-    async with PickyBroker(after_suback=STATUS, suback_codes=codes) as broker:
+    async with PickyBroker(after_suback=STATUS + FRESH, suback_codes=codes) as broker:
         with pytest.raises(BrokerError, match=f"does not let a client without login {forbidden}"):
             await send(broker)
 
 
 async def test_what_is_not_the_status_is_passed_over() -> None:
-    async with FakeBroker(after_suback=NONSENSE + STATUS) as broker:
+    async with FakeBroker(after_suback=NONSENSE + STATUS + FRESH) as broker:
         assert await send(broker, within_s=0.05) is None
 
         assert (await broker.publication()).topic == TOPICS.command("pump-1", "alice", "start")
 
 
 async def test_a_broker_that_goes_away_meanwhile_leaves_the_end_unknown() -> None:
-    async with FakeBroker(after_suback=STATUS) as broker:
+    async with FakeBroker(after_suback=STATUS + FRESH) as broker:
         sending = asyncio.create_task(send(broker))
         await broker.publication()
 
@@ -77,8 +82,9 @@ async def test_a_broker_that_goes_away_meanwhile_leaves_the_end_unknown() -> Non
 
 async def test_a_broker_of_the_older_version_is_spoken_to_in_its_own() -> None:
     status = publication(TOPICS.gateway_status, '{"state":"online","boot":"x"}', level=LEVEL_311)
+    fresh = publication(TOPICS.gateway_fresh, '{"token":"t1"}', level=LEVEL_311)
     answers: dict[int, bytes | None] = {LEVEL_5: REFUSE_VERSION, LEVEL_311: ACCEPT_311}
-    async with FakeBroker(answers=answers, after_suback=status) as broker:
+    async with FakeBroker(answers=answers, after_suback=status + fresh) as broker:
         assert await send(broker, within_s=0.05) is None
 
         assert broker.levels == [LEVEL_5, LEVEL_311]

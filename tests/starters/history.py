@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import pairwise
 
 from gateway.starters.logbook import MOVING, STANDING
@@ -15,9 +16,10 @@ SLACK_S = 0.3  # what a frame may be later than the decision: a few transactions
 
 
 class History:
-    """All that went over the wire and was told; `lawful` are the starts, as starter and id, that may be."""
+    """All that went over the wire and was told; `lawful` are the starts that may be, as starter and id,
+    each with the time until which its frame may go out."""
 
-    def __init__(self, world: World, lawful: set[tuple[str, str]]) -> None:
+    def __init__(self, world: World, lawful: Mapping[tuple[str, str], float]) -> None:
         self._world = world
         self._lawful = lawful
 
@@ -39,10 +41,10 @@ class History:
         ]
         used: set[str] = set()
         for frame_s in frames:
-            at_s, id_ = max(each for each in accepted if each[0] <= frame_s)
+            _, id_ = max(each for each in accepted if each[0] <= frame_s)
             assert (name, id_) in self._lawful
             assert id_ not in used, "two start frames for one id"
-            assert frame_s - at_s <= TTL_S + SLACK_S, "a start that came late"
+            assert frame_s <= self._lawful[name, id_] + SLACK_S, "a start that came late"
             used.add(id_)
             assert not self._was_locked(name, frame_s)
             assert len([each for each in frames if frame_s - 3600 < each <= frame_s]) <= STARTS_PER_HOUR

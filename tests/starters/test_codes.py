@@ -16,7 +16,7 @@ from gateway.starters.wire import exception_code_word
 from tests.results_page import PAGE, page
 
 GATEWAY = Path(__file__).parents[2] / "gateway"
-FLOORS = ("families", "starters", "mqtt/intake.py", "durable")
+FLOORS = ("families", "starters", "mqtt/intake.py", "mqtt/freshness.py", "durable")
 
 # Where the code stands in a call.
 PLACES = {"CommandError": 0, "refused": 0, "halt": 0, "_cut": 0, "End": 1}

@@ -28,7 +28,8 @@ AHEAD_S = 2.0
 starters, clients = st.sampled_from(NAMES), st.sampled_from(["alice", "bob", "mallory"])
 flips = st.sampled_from([False, False, False, True])
 waits = st.sampled_from([0.02, 0.05, 0.1, 0.3, 1.0, 3.0])
-proofs = st.sampled_from(["token", "token", "token", "earlier token", "issued", "nothing"])
+proofs = st.sampled_from(["token", "token", "token", "earlier token", "issued", "boot", "nothing"])
+NEVER_S = float("-inf")
 
 
 class CommandMachine(RuleBasedStateMachine):
@@ -39,7 +40,9 @@ class CommandMachine(RuleBasedStateMachine):
         self.loop = VirtualTimeLoop()
         self.world: World = self.run(self.begin())
         self.ids = 0
-        self.lawful: set[tuple[str, str]] = set()  # starts: starter and id
+        self.lawful: dict[
+            tuple[str, str], float
+        ] = {}  # starts: starter and id, until when its frame may go out
         self.sent: list[tuple[str, str, str]] = []  # starts: starter, client and id
         self.tokens: list[str] = ["never given"]
 
@@ -66,25 +69,30 @@ class CommandMachine(RuleBasedStateMachine):
         self.ids += 1
         return str(self.ids)
 
-    def proof(self, kind: str, age_s: float) -> tuple[dict[str, Any], bool]:
-        """Return what is sent to prove a command fresh, and whether it does."""
+    def proof(self, kind: str, age_s: float) -> tuple[dict[str, Any], float]:
+        """Return what is sent to prove a command fresh, and until when it may be acted on (NEVER_S: never).
+
+        The sender's clock is right; what the gateway's shows may not be.
+        """
         world = self.world
         now_s = world.clock.now_s()
         if kind == "token":
-            return {"boot": world.boot.token}, True
+            made_s, token = world.token(max(age_s, 0.0))
+            return {"token": token}, made_s + TTL_S if made_s >= world.connected_s else NEVER_S
         if kind == "earlier token":
-            return {"boot": self.tokens[-1]}, False
+            return {"token": self.tokens[-1], "boot": world.boot.token}, NEVER_S
         if kind == "issued":
             is_fresh = -AHEAD_S < age_s < TTL_S and now_s - age_s > world.connected_s
-            return {"issued_at": rfc3339(world.clock.utc_s() - age_s)}, is_fresh
-        return {}, False
+            until_s = now_s - max(age_s, 0.0) + TTL_S
+            return {"issued_at": rfc3339(world.true_utc_s() - age_s)}, until_s if is_fresh else NEVER_S
+        return {"boot": world.boot.token} if kind == "boot" else {}, NEVER_S
 
     @rule(starter=starters, client=clients, kind=proofs, age_s=st.floats(-4, 8), retained=flips)
     def start_somehow(self, starter: str, client: str, kind: str, age_s: float, retained: bool) -> None:
-        id_, (proof, is_fresh) = self.new_id(), self.proof(kind, age_s)
+        id_, (proof, until_s) = self.new_id(), self.proof(kind, age_s)
         may = client == "alice" or (client == "bob" and starter == "a")
-        if is_fresh and may and not retained:
-            self.lawful.add((starter, id_))
+        if until_s >= self.world.clock.now_s() and may and not retained:
+            self.lawful[starter, id_] = until_s
         self.sent.append((starter, client, id_))
         self.do(lambda: self.world.publish(starter, client, "start", id=id_, is_retained=retained, **proof))
 
@@ -102,6 +110,8 @@ class CommandMachine(RuleBasedStateMachine):
             ("mallory", "token", 0.0, False),
             ("alice", "issued", TTL_S + 1.0, False),
             ("alice", "earlier token", 0.0, False),
+            ("alice", "token", TTL_S + 0.5, False),
+            ("alice", "boot", 0.0, False),
             ("alice", "issued", 0.5, False),  # before the connection
         ):
             if kind != "token":
@@ -116,14 +126,14 @@ class CommandMachine(RuleBasedStateMachine):
     )
     def start_that_waited_in_the_socket(self, starter: str, seconds: float, kind: str) -> None:
         self.bring_to_rest(starter)
-        id_, (proof, is_fresh) = self.new_id(), self.proof(kind, 0.0)
-        if is_fresh and seconds < LIMIT_S:
-            self.lawful.add((starter, id_))
+        id_, (proof, until_s) = self.new_id(), self.proof(kind, 0.0)
+        if seconds < LIMIT_S:
+            self.lawful[starter, id_] = until_s
         self.sent.append((starter, "alice", id_))
-        token = self.world.boot.token
+        boot, token = self.world.boot.token, self.world.token()[1]
         self.run(self.world.stand_still(seconds))
         self.do(lambda: self.world.publish(starter, "alice", "start", id=id_, **proof))
-        if self.world.boot.token != token:
+        if self.world.boot.token != boot:
             self.tokens.append(token)
         self.wait(0.3)
 
@@ -147,10 +157,11 @@ class CommandMachine(RuleBasedStateMachine):
     @rule(starter=starters, state=st.sampled_from(["ready", "running"]))
     def start_expecting(self, starter: str, state: str) -> None:
         id_ = self.new_id()
+        proof, until_s = self.proof("token", 0.0)
         if state == "ready":  # a start of what runs is unlawful in any case
-            self.lawful.add((starter, id_))
-        proof = {"boot": self.world.boot.token, "expect": {"state": state}}
-        self.do(lambda: self.world.publish(starter, "alice", "start", id=id_, **proof))
+            self.lawful[starter, id_] = until_s
+        body = {**proof, "expect": {"state": state}}
+        self.do(lambda: self.world.publish(starter, "alice", "start", id=id_, **body))
 
     @precondition(lambda self: self.sent)
     @rule(data=st.data())
@@ -159,7 +170,10 @@ class CommandMachine(RuleBasedStateMachine):
         starter, client, id_ = data.draw(st.sampled_from(self.sent[-5:]))
         if (starter, id_) not in self.lawful and not self.was_taken(client, id_):
             return  # one that was refused for its form may well be sent anew; that is another command
-        self.do(lambda: self.world.publish(starter, client, "start", id=id_, boot=self.world.boot.token))
+        proof, until_s = self.proof("token", 0.0)
+        if not self.was_taken(client, id_):  # else it is the first one's time that counts
+            self.lawful[starter, id_] = until_s
+        self.do(lambda: self.world.publish(starter, client, "start", id=id_, **proof))
 
     def was_taken(self, client: str, id_: str) -> bool:
         return any(
@@ -174,8 +188,8 @@ class CommandMachine(RuleBasedStateMachine):
 
     @rule(starter=starters, is_locked=st.sampled_from([False, False, True]))
     def lock(self, starter: str, is_locked: bool) -> None:
-        verb, token = "lock" if is_locked else "unlock", self.world.boot.token
-        body = {"id": self.new_id(), "boot": token, "args": {"reason": "belt"}}
+        verb, (proof, _) = "lock" if is_locked else "unlock", self.proof("token", 0.0)
+        body = {"id": self.new_id(), **proof, "args": {"reason": "belt"}}
         self.do(lambda: self.world.publish(starter, "alice", verb, **body))
 
     @rule(seconds=waits)
@@ -189,13 +203,13 @@ class CommandMachine(RuleBasedStateMachine):
             self.wait(1.0 + PAUSE_S)
 
     def reconnect(self) -> None:
-        self.tokens.append(self.world.boot.token)
+        self.tokens.append(self.world.token()[1])
         self.do(self.world.boot.disconnected)
         self.do(self.world.connect)
 
-    def crash(self) -> None:
-        self.tokens.append(self.world.boot.token)
-        self.do(self.world.crash)
+    def crash(self, *, step_s: float = 0.0) -> None:
+        self.tokens.append(self.world.token()[1])
+        self.do(lambda: self.world.crash(step_s=step_s))
 
     @rule(starter=starters)
     def crash_and_start(self, starter: str) -> None:
@@ -218,6 +232,19 @@ class CommandMachine(RuleBasedStateMachine):
         self.start(starter, TTL_S + 2.0)
         self.world.journal.disk_s = 0.0
 
+    @rule(starter=starters, step_s=st.sampled_from([-20.0, 20.0]), is_between_runs=st.booleans())
+    def start_late_by_a_clock_that_was_set(self, starter: str, step_s: float, is_between_runs: bool) -> None:
+        """Send a start that was held up for as long as the clock was set back; by that clock it is fresh."""
+        self.bring_to_rest(starter)
+        if is_between_runs:
+            self.crash(step_s=step_s)
+            self.wait(ONLINE_S + PAUSE_S)
+        else:
+            self.world.clock.epoch_s += step_s
+            self.wait(0.3)
+        self.start_somehow(starter, "alice", "issued", 20.0, retained=False)
+        self.wait(0.3)
+
     @rule(data=st.data())
     def disturb_again(self, data: st.DataObject) -> None:
         self.disturb(data)
@@ -226,11 +253,21 @@ class CommandMachine(RuleBasedStateMachine):
     def disturb(self, data: st.DataObject) -> None:
         """Let one of the things happen that should not."""
         world, starter = self.world, data.draw(starters)
-        match data.draw(st.sampled_from(["gateway", "line", "people", "answers", "broker", "clock", "disk"])):
+        match data.draw(
+            st.sampled_from(
+                ["gateway", "line", "people", "answers", "broker", "clock", "disk", "clock is put right"]
+            )
+        ):
             case "broker":
                 self.reconnect()
             case "clock":
-                world.clock.epoch_s += data.draw(st.sampled_from([-86400.0, -3.0, 3.0, 86400.0]))
+                step_s = data.draw(st.sampled_from([-86400.0, -20.0, -3.0, 3.0, 20.0, 86400.0]))
+                if data.draw(st.booleans()):
+                    self.crash(step_s=step_s)  # it is set between two runs
+                else:
+                    world.clock.epoch_s += step_s
+            case "clock is put right":
+                self.do(world.put_clock_right)
             case "answers":
                 kind = data.draw(st.sampled_from(["none", "writes", "all"]))
                 self.do(lambda: world.impair(starter, kind))

@@ -22,7 +22,7 @@ async def test_a_stop_just_after_the_start_is_confirmed_as_soon_as_at_any_other_
 ) -> None:
     world = World()
     await asyncio.sleep(2.0 + PAUSE_S)
-    world.publish(starter, "alice", "start", id="1", boot=world.boot.token)
+    world.publish(starter, "alice", "start", id="1", token=world.token()[1])
     await asyncio.sleep(2.0)
     assert world.units[starter].motor.is_turned_on
 

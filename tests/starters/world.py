@@ -18,6 +18,7 @@ from gateway.modbus.adu import decode
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil
 from gateway.mqtt.boot import Boot
+from gateway.mqtt.freshness import EVERY_S, Tokens
 from gateway.mqtt.intake import Incoming
 from gateway.mqtt.topics import Topics
 from gateway.reception import Reception
@@ -37,6 +38,7 @@ from gateway.starters.rules import RuleSet
 from gateway.starters.sequence import Sequence
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry import StarterTelemetry
+from gateway.system.clock_steps import Reading
 from tests.starters.fakes import RUN_COIL
 from tests.starters.plant import FakeMemory
 from tests.starters.test_on_a_line import LostWrites, Router
@@ -113,6 +115,8 @@ class World:
         self.plugs: list[tuple[float, bool]] = [(0.0, True)]
         self.disturbances_s: list[float] = []  # crashes, and the port going away
         self.connected_s = 0.0
+        self.clock_document: dict[str, Any] = {}  # as an earlier run has stored it
+        self._true_epoch_s = self.clock.epoch_s
         self._runs = 0
         self._boot()
 
@@ -120,7 +124,13 @@ class World:
         self._runs += 1
         sequence, rights, router = Sequence(), Rights(OPERATORS), Router()
         self.boot = Boot(f"run{self._runs}")
+        self._tokens = Tokens(self.boot)
+        self.made: list[tuple[float, str]] = []  # when, and the token; of this run
         self.connect()
+        self._issuing = asyncio.create_task(self._issue())
+        clock_watch = ClockWatch("trusted", ask=lambda: self.is_clock_right, read=self._read_clocks)
+        clock_watch.recall(self.clock_document)
+        self.clock_document = clock_watch.document()
         self.precautions = Precautions(
             Policy(rules=dict.fromkeys(NAMES, RULES), groups={"both": NAMES}),
             NAMES,
@@ -160,10 +170,10 @@ class World:
         self._serving = asyncio.create_task(scheduler.run())
         self.reception = Reception(
             Topics("t"),
-            self.boot,
+            self._tokens,
             commander=self.commander,
             clock=self.clock,
-            clock_watch=ClockWatch("trusted"),
+            clock_watch=clock_watch,
             restate=lambda: None,
             tell=lambda *event: None,
             standstill=self._watch,
@@ -173,12 +183,42 @@ class World:
     def _watch(self, on_standstill: Callable[[float], None]) -> StandstillWatch:
         return StandstillWatch(on_standstill, up_s=self.clock.now_s, utc_s=self.clock.utc_s)
 
+    @property
+    def is_clock_right(self) -> bool:
+        """Return whether the gateway's wall clock shows the true time: what an honest kernel says of it."""
+        return self.clock.epoch_s == self._true_epoch_s
+
+    def put_clock_right(self) -> None:
+        self.clock.epoch_s = self._true_epoch_s
+
+    def true_utc_s(self) -> float:
+        """Return the time by everybody else's clock."""
+        return self._true_epoch_s + self.clock.now_s()
+
+    def token(self, age_s: float = 0.0) -> tuple[float, str]:
+        """Return the newest token that is at least so old, after the time when it was made."""
+        due_s = self.clock.now_s() - age_s
+        return max((each for each in self.made if each[0] <= due_s), default=(float("-inf"), "never made"))
+
+    def _read_clocks(self) -> Reading:
+        return Reading(self.clock.now_s(), self.clock.utc_s(), "boot-1")
+
+    async def _issue(self) -> None:
+        while True:
+            await asyncio.sleep(EVERY_S)
+            self._issue_token()
+
+    def _issue_token(self) -> None:
+        self.made.append((self.clock.now_s(), self._tokens.issue(self.clock.now_s())))
+
     def connect(self) -> None:
         self.boot.connected(self.clock.now_s())
         self.connected_s = self.clock.now_s()
+        self._issue_token()
 
-    async def crash(self) -> None:
-        """End the gateway in the middle of whatever it does, and start it again at once."""
+    async def crash(self, *, step_s: float = 0.0) -> None:
+        """End the gateway in the middle of whatever it does, and start it again with a clock that was set."""
+        self.clock.epoch_s += step_s
         self.disturbances_s.append(self.clock.now_s())
         tasks = asyncio.all_tasks() - {asyncio.current_task()}
         for task in tasks:
@@ -194,7 +234,8 @@ class World:
             await telemetry.close()
         self._serving.cancel()
         self._looking.cancel()
-        await asyncio.wait((self._serving, self._looking))
+        self._issuing.cancel()
+        await asyncio.wait((self._serving, self._looking, self._issuing))
 
     def publish(
         self, starter: str, client: str, verb: str, *, is_retained: bool = False, **body: Any

@@ -35,7 +35,7 @@ class Listener(Recorder):
     """Hears results and states, not the commands."""
 
     def _connected(self, client: Any, *_: Any) -> None:
-        for topic in ("result/#", "starter/+/state", "gateway/status", "gateway/line/+"):
+        for topic in ("result/#", "starter/+/state", "gateway/status", "gateway/fresh", "gateway/line/+"):
             client.subscribe(f"{BASE}/{topic}", qos=1)
 
     @property
@@ -110,7 +110,7 @@ class CommandSite:
 
     def payload(self, id_: str, **fields: Any) -> str:
         """Return a fresh command."""
-        return json.dumps({"id": id_, "boot": self.listener.boot, **fields})
+        return json.dumps({"id": id_, "token": self.listener.token, **fields})
 
     async def result(
         self,

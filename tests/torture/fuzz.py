@@ -23,6 +23,8 @@ from gateway.families.load import FAMILIES
 from gateway.modbus.adu import decode, encode, reply_adu_size, request_adu_size
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.server import decode_request
+from gateway.mqtt.boot import Boot
+from gateway.mqtt.freshness import Moment, Tokens
 from gateway.mqtt.intake import Incoming, Intake
 from gateway.mqtt.topics import Topics
 from tests.rules.random_commands import send_at_random
@@ -110,13 +112,15 @@ def _decode_as_all(pdu: bytes) -> None:
 
 def payloads(dice: random.Random, count: int) -> dict[str, int]:
     """Judge commands of every kind of wrongness; none may be accepted but by chance with all its proofs."""
-    intake = Intake(Topics(BASE), "boot")
+    tokens = Tokens(Boot("boot"), draw=lambda: "boot")
+    tokens.issue(100.0)
+    intake = Intake(Topics(BASE), tokens)
     tally: dict[str, int] = {}
     for _ in range(count):
         topic = f"{BASE}/command/{_level(dice)}/{_level(dice)}/{_level(dice)}"
         began_s = time.monotonic()
         incoming = Incoming(topic, _payload(dice), is_retained=dice.random() < 0.1)
-        verdict = intake.judge(incoming, utc_s=1e9, received_s=100.0, clock_is_synchronised=True)
+        verdict = intake.judge(incoming, Moment(100.0, 1e9))
         if time.monotonic() - began_s > LIMIT_S:
             raise AssertionError(f"{len(incoming.payload)} bytes took {time.monotonic() - began_s:.1f} s")
         code = getattr(verdict, "code", "no command" if verdict is None else "accepted")
@@ -137,11 +141,13 @@ def _payload(dice: random.Random) -> bytes:
     if kind == 2:
         return b'{"id":' + b"9" * dice.randrange(1, 3900) + b"}"
     if kind == 3:
-        return b'{"id":"a","id":"b","boot":"boot"}'
+        return b'{"id":"a","id":"b","token":"boot"}'
     if kind == 4:
         return b"x" * (10 * 2**20 if dice.random() < 0.001 else 5000)
     values: tuple[Any, ...] = (None, True, -1, 1e308, "\ud800", [], {}, "x" * 300, "boot", 5)
-    fields = {key: dice.choice(values) for key in ("id", "boot", "ttl_s", "args", "operator", "issued_at")}
+    fields = {
+        key: dice.choice(values) for key in ("id", "token", "boot", "ttl_s", "args", "operator", "issued_at")
+    }
     text = json.dumps({key: value for key, value in fields.items() if dice.random() < 0.7})
     if kind == 5:
         text = text.replace("null", dice.choice(("NaN", "Infinity", "-Infinity")))

@@ -22,11 +22,11 @@ NUMBERS = (2**63, -(2**64), 10**18, 10**400, -1, 2**31, 65536)
 
 
 class Mutator:
-    """Makes a verb and a payload; none of them may be acted on, whoever sends it."""
+    """Makes a verb and a payload; none of them may be acted on, though `token` gives a right one."""
 
-    def __init__(self, seed: int, boot: str) -> None:
+    def __init__(self, seed: int, token: Callable[[], str]) -> None:
         self._dice = random.Random(seed)
-        self._boot = boot
+        self._token = token
         self._number = 0
         self._ways: tuple[Callable[[], bytes], ...] = (
             self._not_json,
@@ -55,7 +55,7 @@ class Mutator:
 
     def _fields(self, **more: object) -> dict[str, object]:
         self._number += 1
-        return {"id": f"bad-{self._number}", "boot": self._boot, **more}
+        return {"id": f"bad-{self._number}", "token": self._token(), **more}
 
     def _text(self, **more: object) -> str:
         return json.dumps(self._fields(**more))
@@ -86,7 +86,7 @@ class Mutator:
         return self._text(args={"parameter": "P314", "value": "@"}).replace('"@"', digits).encode()
 
     def _twice(self) -> bytes:
-        key = self._dice.choice(("id", "boot", "args"))
+        key = self._dice.choice(("id", "token", "args"))
         text = self._text(args={})
         return f'{text[:-1]}, "{key}": {json.dumps(self._fields(args={})[key])}}}'.encode()
 
@@ -96,10 +96,10 @@ class Mutator:
         return payload.replace(b"@", bad)
 
     def _wrong_type(self) -> bytes:
-        key = self._dice.choice(("id", "boot", "operator", "reason", "issued_at", "ttl_s", "args", "expect"))
+        key = self._dice.choice(("id", "token", "operator", "reason", "issued_at", "ttl_s", "args", "expect"))
         values: tuple[object, ...] = ([], [1], True, [[]], "\x1b[2J" if key != "ttl_s" else "5")
         fields = {**self._fields(), key: self._dice.choice(values)}
-        if key in ("id", "boot", "operator") and fields[key] is None:
+        if key in ("id", "token", "operator") and fields[key] is None:
             fields[key] = 7
         return json.dumps(fields).encode()
 

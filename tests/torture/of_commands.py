@@ -17,7 +17,7 @@ from tests.torture.command_site import CommandSite, command_site
 from tests.torture.of_flood import flood
 from tests.torture.of_kills import kills, stops_at_start_up
 from tests.torture.of_malformed import malformed_in_process, malformed_through_broker
-from tests.torture.of_stale import stale, stale_to_old
+from tests.torture.of_stale import stale, stale_to_old, stalled
 from tests.torture.scenario import Row
 from tests.torture.scratch import scratch
 
@@ -73,6 +73,8 @@ FLOOD = Proof("flood of commands", flood, 60, 5, "s", every_s=1.0)  # a period t
 STOPS = Proof("stop at start-up", stops_at_start_up, 50, 3, "times")
 STALE = Proof("stale commands", stale, 100, 5, "each")
 STALE_OLD = Proof("stale, gateway on 3.1.1", stale_to_old, 100, 5, "each", is_old=True)
+STALLED = Proof("stalled ways", stalled, 60, 6, "s at most")
+STALLED_OLD = Proof("stalled, gateway on 3.1.1", stalled, 60, 6, "s at most", is_old=True)
 MALFORMED = Proof("malformed, by broker", malformed_through_broker, 200, 40, "payloads")
 MALFORMED_PURE = PureProof("malformed, in process", malformed_in_process, 100_000, 5_000, "payloads")
 SCENARIOS: tuple[Proof | PureProof, ...] = (
@@ -81,6 +83,8 @@ SCENARIOS: tuple[Proof | PureProof, ...] = (
     FLOOD,
     STALE,
     STALE_OLD,
+    STALLED,
+    STALLED_OLD,
     MALFORMED,
     MALFORMED_PURE,
 )

@@ -63,7 +63,6 @@ async def flood(site: CommandSite, seconds: int, seed: int) -> None:
 
 async def _pour(site: CommandSite, per_s: int, seconds: int) -> int:
     """Publish evenly from three users; return how many messages."""
-    boot = site.listener.boot
     async with AsyncExitStack() as stack:
         pipes = [
             await stack.enter_async_context(Pipe(site.broker, f"command/{starter}/{user}/read", "mqttv5"))
@@ -74,7 +73,11 @@ async def _pour(site: CommandSite, per_s: int, seconds: int) -> int:
         number = 0
         while (gone_s := time.monotonic() - begun_s) < seconds:
             while number < gone_s * per_s:
-                command = {"id": f"flood-{number}", "boot": boot, "args": {"parameter": PARAMETER}}
+                command = {
+                    "id": f"flood-{number}",
+                    "token": site.listener.token,
+                    "args": {"parameter": PARAMETER},
+                }
                 pipes[number % len(pipes)].say(json.dumps(command))
                 number += 1
             await asyncio.sleep(BATCH_S)

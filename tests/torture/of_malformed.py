@@ -11,6 +11,8 @@ from paho.mqtt import client as paho
 from paho.mqtt.enums import CallbackAPIVersion
 
 from gateway.errors import GatewayError
+from gateway.mqtt.boot import Boot
+from gateway.mqtt.freshness import Moment, Tokens
 from gateway.mqtt.intake import Incoming, Intake, Rejection
 from gateway.mqtt.topics import Topics
 from gateway.starters.flood import Limits, Rate
@@ -36,11 +38,12 @@ def malformed_in_process(count: int, seed: int) -> tuple[list[str], dict[str, in
 
 async def _judge_all(count: int, seed: int) -> tuple[list[str], dict[str, int]]:
     plant = await Plant(policy=ROOM).online()
-    intake = Intake(Topics("b"), "boot-1")
+    tokens = Tokens(Boot("boot-1"))
+    intake = Intake(Topics("b"), tokens)
     failures: list[str] = []
     codes: Counter[str] = Counter()
     batch: list[tuple[str, bytes]] = []
-    for verb, payload in Mutator(seed, "boot-1").payloads(count):
+    for verb, payload in Mutator(seed, lambda: tokens.issue(plant.clock.now_s())).payloads(count):
         batch.append((verb, payload))
         try:
             _take(plant, intake, Incoming(f"b/command/pump-1/alice/{verb}", payload))
@@ -55,7 +58,7 @@ async def _judge_all(count: int, seed: int) -> tuple[list[str], dict[str, int]]:
 def _take(plant: Plant, intake: Intake, incoming: Incoming) -> None:
     """Do as `App._take` does."""
     now_s = plant.clock.now_s()
-    verdict = intake.judge(incoming, utc_s=1.8e9, received_s=now_s, clock_is_synchronised=True)
+    verdict = intake.judge(incoming, Moment(now_s, 1.8e9))
     if isinstance(verdict, Rejection):
         plant.commander.reject(verdict, verdict.code, verdict.text)
     elif verdict is not None:
@@ -92,7 +95,7 @@ async def malformed_through_broker(site: CommandSite, count: int, seed: int) -> 
     since, writes, begun_s = len(site.listener.results), site.writes(), time.monotonic()
     try:
         for number, (verb, payload) in enumerate(
-            Mutator(seed, site.listener.boot).payloads(count, with_big=False), 1
+            Mutator(seed, lambda: site.listener.token).payloads(count, with_big=False), 1
         ):
             starter = STARTERS[number % len(STARTERS)]
             client.publish(f"{BASE}/command/{starter}/alice/{verb}", payload, qos=1)

@@ -11,16 +11,20 @@ import time
 from collections.abc import Callable
 from contextlib import AsyncExitStack
 
+from gateway.mqtt.freshness import DEFAULT_TTL_S
 from gateway.mqtt.json_out import rfc3339
 from gateway.standstill import LIMIT_S
 from tests.torture.command_site import PACE_S, STARTERS, USERS, CommandSite, Pipe
-from tests.torture.recorder import BASE
+from tests.torture.recorder import BASE, is_final
 from tests.torture.waiting import until
 
 VERSIONS = ("mqttv311", "mqttv5")
 SETTLED_S = 1.0
 EXPIRY = ("-D", "publish", "message-expiry-interval", "1")
 TTL_S = 60  # the longest that is allowed
+STALLS_S = (1, 6, 8, 12, 30, 60)
+KEPT_ALIVE_S = 20.0  # longer than this, and the gateway may have given the connection up
+AGAIN_S = 5.0  # until client and gateway are connected again, at the latest
 AT_ONCE = 40  # commands that wait for a gateway that stands still; more would be too many
 
 
@@ -36,6 +40,52 @@ async def stale_to_old(site: CommandSite, count: int, seed: int) -> None:
     site.check(site.old_broker.refused > 0, "nobody tried 5")
     await _try_all(site, count, (_retained_before, _expired, _replayed, _queued, _waiting))
     await _retained_live(site)
+
+
+async def stalled(site: CommandSite, longest_s: int, seed: int) -> None:
+    """Starts that a broker that stands still holds for 1 s up to so long, sent with both versions of MQTT.
+
+    Within `ttl_s` they may act, later never; one that outlives the keep-alive comes over another connection.
+    """
+    late = early = 0
+    for seconds in (each for each in STALLS_S if each <= longest_s):
+        starts, since = site.starts(), len(site.listener.results)
+        boot = site.listener.boot
+        site.broker.stand_still()
+        sending = asyncio.gather(
+            *(
+                asyncio.to_thread(
+                    site.broker.publish,
+                    f"{BASE}/command/{starter}/alice/start",
+                    payload,
+                    "-V",
+                    version,
+                    patience_s=2.0 * STALLS_S[-1],
+                )
+                for starter, payload, version in [
+                    (each, site.payload(f"stalled-{seconds}-{each}", boot=boot), VERSIONS[number % 2])
+                    for number, each in enumerate(STARTERS)
+                ]
+            ),
+            return_exceptions=True,  # a client may give up meanwhile
+        )
+        await asyncio.sleep(seconds)
+        site.broker.go_on()
+        await sending
+        await asyncio.sleep(AGAIN_S if seconds > KEPT_ALIVE_S else SETTLED_S)
+        acted = site.starts() - starts
+        if seconds > DEFAULT_TTL_S:
+            late += len(STARTERS)
+            site.check(acted == 0, f"{acted} start frames after {seconds} s")
+            codes = {each["code"] for each in site.listener.results[since:] if is_final(each)}
+            site.check(codes <= {"expired", "not_fresh", "wrong_boot"}, f"after {seconds} s: {codes}")
+        else:
+            early += len(STARTERS)
+            site.check(acted == len(STARTERS), f"{acted} start frames after {seconds} s")
+        for starter in STARTERS:
+            await site.stop(starter)
+        await site.ready()
+    site.figures |= {"late": late, "in time": early, "start frames": site.starts()}
 
 
 async def _try_all(
@@ -128,23 +178,23 @@ async def _replayed(site: CommandSite, version: str, count: int) -> int:
     repeated = site.listener.of(id_, since=since)
     site.check(len(repeated) == half, f"{len(repeated)} answers to {half} repetitions")
     site.check(all(each["duplicate"] for each in repeated), "a repetition was not told as one")
-    old_boot = site.listener.boot
+    old_boot, old_token = site.listener.boot, site.listener.token
     await site.restart()
     site.check(site.listener.boot != old_boot, "the boot token is the same after a restart")
-    old = lambda new_id: json.dumps({"id": new_id, "boot": old_boot})  # noqa: E731 - as the others
+    old = lambda new_id: json.dumps({"id": new_id, "boot": old_boot, "token": old_token})  # noqa: E731 - as the others
     await _refused(site, await _publish(site, version, count - half, old), ("wrong_boot",))
     return 1
 
 
 async def _queued(site: CommandSite, version: str, count: int) -> int:
     """Sent while the gateway was away, to a broker that has a session to keep them in; half retained."""
-    boot = site.listener.boot
+    boot, token = site.listener.boot, site.listener.token
     await site.gateway.stop()
     _leave_session(site, version)
     issued_at = rfc3339(time.time())
 
     def payload(id_: str) -> str:
-        return json.dumps({"id": id_, "boot": boot, "issued_at": issued_at, "ttl_s": TTL_S})
+        return json.dumps({"id": id_, "boot": boot, "token": token, "issued_at": issued_at, "ttl_s": TTL_S})
 
     half = (count + 1) // 2
     since = len(site.listener.results)
@@ -162,19 +212,19 @@ async def _waiting(site: CommandSite, version: str, count: int) -> int:
     """Sent to a gateway that stands still, so that they wait in its socket, with the best of proofs."""
     left = count
     while left:
-        now, token = min(left, AT_ONCE), site.listener.boot
+        now, boot, token = min(left, AT_ONCE), site.listener.boot, site.listener.token
         left -= now
         site.gateway.signal(signal.SIGSTOP)
 
-        def payload(id_: str, boot: str = token) -> str:
-            issued_at = {"issued_at": rfc3339(time.time()), "ttl_s": TTL_S}
-            return json.dumps({"id": id_, "boot": boot, **(issued_at if id_.endswith("1") else {})})
+        def payload(id_: str, boot: str = boot, token: str = token) -> str:
+            issued_at = {"issued_at": rfc3339(time.time())} if id_.endswith("1") else {}
+            return json.dumps({"id": id_, "boot": boot, "token": token, "ttl_s": TTL_S, **issued_at})
 
         ids = await _publish(site, version, now, payload, pace_s=0.0)
         await asyncio.sleep(LIMIT_S + 0.5)
         site.gateway.signal(signal.SIGCONT)
         await _refused(site, ids, ("wrong_boot", "before_connection"))
-        await until(lambda token=token: site.listener.boot != token, "a new token", within_s=5.0)  # type: ignore[misc] # a default
+        await until(lambda boot=boot: site.listener.boot != boot, "a new boot", within_s=5.0)  # type: ignore[misc] # a default
         await asyncio.sleep(2 * SETTLED_S)  # lest the next ones be too many
     return 0
 

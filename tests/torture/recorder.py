@@ -49,9 +49,13 @@ class Recorder:
     def publish(self, topic: str, payload: str, *, retain: bool = False) -> None:
         self._client.publish(f"{BASE}/{topic}", payload, qos=1, retain=retain)
 
+    @property
+    def token(self) -> str:
+        """Return the present proof of freshness."""
+        return str(self.latest.get("gateway/fresh", {}).get("token", "none"))
+
     def command(self, starter: str, verb: str, id_: str, **args: Any) -> None:
-        boot = self.latest.get("gateway/status", {}).get("boot", "")
-        payload = json.dumps({"id": id_, "boot": boot, "args": args})
+        payload = json.dumps({"id": id_, "token": self.token, "args": args})
         self.publish(f"command/{starter}/alice/{verb}", payload)
 
     async def until(

@@ -71,7 +71,7 @@ class Contender(ABC):
         """Configure it and return how it is run; `every_s` = 0 is as fast as it can."""
 
     @abstractmethod
-    def order(self, starter: str, verb: str, boot: str) -> tuple[str, str]:
+    def order(self, starter: str, verb: str, token: str) -> tuple[str, str]:
         """Return topic and payload of a start or stop."""
 
     @abstractmethod
@@ -87,10 +87,10 @@ class Ours(Contender):
     def command(self, site: Site, every_s: float) -> list[str]:
         return [sys.executable, "-m", "gateway", "run", str(site.configure(every_s))]
 
-    def order(self, starter: str, verb: str, boot: str) -> tuple[str, str]:
+    def order(self, starter: str, verb: str, token: str) -> tuple[str, str]:
         body = {"id": uuid.uuid4().hex, "issued_at": rfc3339(time.time()), "ttl_s": 5}
         return f"starters/plant/command/{starter}/alice/{verb}", json.dumps(
-            {**body, "boot": boot} if boot else body
+            {**body, "token": token} if token else body
         )
 
     def read(self, topic: str, body: Any, received_s: float) -> Iterator[Told]:
@@ -119,7 +119,7 @@ class Script(Contender):
         path = Path(__file__).with_name("script.py")
         return [sys.executable, "-u", str(path), str(site.port), str(site.broker_port), str(every_s)]
 
-    def order(self, starter: str, verb: str, boot: str) -> tuple[str, str]:
+    def order(self, starter: str, verb: str, token: str) -> tuple[str, str]:
         return f"plant/{starter}/set", verb
 
     def read(self, topic: str, body: Any, received_s: float) -> Iterator[Told]:
@@ -170,7 +170,7 @@ class Modpoll(Contender):
         words = [str(word) for pair in options.items() for word in pair]
         return [str(self._home / "bin" / "python"), "-m", "modpoll", "--daemon", "--timestamp", *words]
 
-    def order(self, starter: str, verb: str, boot: str) -> tuple[str, str]:
+    def order(self, starter: str, verb: str, token: str) -> tuple[str, str]:
         body = {"object_type": "coil", "address": RUN_COIL, "value": verb == "start"}
         return f"modpoll/{starter}/set", json.dumps(body)
 

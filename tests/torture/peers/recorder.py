@@ -19,12 +19,12 @@ class Recorder(recorder.Recorder):
     def __init__(self, port: int, contender: Contender) -> None:
         super().__init__(port)
         self.told: list[Told] = []
-        self.boot = ""  # of a gateway that tells one
+        self.present_token = ""  # of a gateway that publishes one
         self._contender = contender
 
     def order(self, starter: str, verb: str, *, retain: bool = False) -> float:
         """Publish a start or stop; return when."""
-        topic, payload = self._contender.order(starter, verb, self.boot)
+        topic, payload = self._contender.order(starter, verb, self.present_token)
         sent_s = time.monotonic()
         self._client.publish(topic, payload, qos=1, retain=retain)
         return sent_s
@@ -38,8 +38,8 @@ class Recorder(recorder.Recorder):
             return
         try:
             body = json.loads(message.payload) if message.payload else {}
-            if message.topic.endswith("gateway/status"):
-                self.boot = body["boot"]
+            if message.topic.endswith("gateway/fresh"):
+                self.present_token = body["token"]
             self.told.extend(self._contender.read(message.topic, body, received_s))
         except (ValueError, KeyError) as error:
             self.bad.append(f"{message.topic}: {error!r} {message.payload[:100]!r}")

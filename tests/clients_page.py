@@ -1,0 +1,15 @@
+"""The examples of docs/clients.md."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+PAGE = (Path(__file__).parents[1] / "docs" / "clients.md").read_text("utf-8")
+
+
+def example(language: str) -> str:
+    """Return the first example in a language."""
+    found = re.search(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
+    assert found is not None
+    return found[1]
