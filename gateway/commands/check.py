@@ -15,9 +15,10 @@ from gateway.config.fast_gain import fast_gains, fast_lines
 from gateway.config.load import examine
 from gateway.config.mending import relief_of
 from gateway.config.prospects import LineProspect, StarterProspect
-from gateway.config.schema import Config
+from gateway.config.schema import Config, LineTable
 from gateway.config.secrets import password_in
 from gateway.errors import ConfigError
+from gateway.families.load import load_profile
 
 _SAFE_FACTOR = 1.5  # a watchdog below this many longest gaps leaves little room for commands and retries
 _GROUPS = ("status", "values", "slow")
@@ -105,6 +106,7 @@ def _watchdog(starter: StarterProspect) -> str:
 
 def _line_warnings(prospects: tuple[LineProspect, ...]) -> Iterator[str]:
     for line in prospects:
+        yield from _segment_warnings(line.table)
         whole = line.forecast
         if whole.is_overloaded:
             factor = max(each.period_s / each.poll.every_s for each in whole.polls if each.poll.every_s)
@@ -115,6 +117,19 @@ def _line_warnings(prospects: tuple[LineProspect, ...]) -> Iterator[str]:
             if limit_s and limit_s < wanted_s:
                 what = f"its watchdog of {limit_s:g} s has {starter.margin_s:.2f} s to spare"
                 yield f"starter {starter.table.name}: {what} (make it {wanted_s:.1f} s, or every_s shorter)"
+
+
+def _segment_warnings(table: LineTable) -> Iterator[str]:
+    """Say that a line has more devices than a manual allows without a repeater; disabled ones count."""
+    limits = {
+        profile.title: limit
+        for profile in (load_profile(starter.family) for starter in table.starters)
+        if (limit := profile.limits.segment_devices) is not None
+    }
+    title, most = min(limits.items(), key=lambda pair: pair[1], default=("", len(table.starters)))
+    if len(table.starters) > most:
+        what = f"{len(table.starters)} starters need a repeater, {title} allows {most} without"
+        yield f"line {table.name}: {what} (put one in, or use more lines)"
 
 
 def _password_warnings(path: Path) -> Iterator[str]:

@@ -14,6 +14,7 @@ from gateway.config.schema import LineTable
 from gateway.config.setups import setups_of, timing_of
 from gateway.errors import BrokerError, CommandError, PortError, PortLostError
 from gateway.families.bulk import bulk_reads
+from gateway.families.factory_settings import as_delivered
 from gateway.families.finding import Weight
 from gateway.families.identify import identify
 from gateway.families.readiness import readiness, readiness_codes
@@ -99,7 +100,7 @@ class LineCheckup:
         where = f"starter {setup.name}"
         slots = ("S3.5.1", "S3.5.2") if len(setup.profile.command_word) > 1 else ()
         try:
-            rows = await self._broker.read(setup.name, (*readiness_codes(setup.profile), *slots))
+            rows = await self._broker.read(setup.name, readiness_codes(setup.profile))
         except BrokerError as error:
             tell(Remark(where, f"cannot be asked: {error}", Weight.WARNING))
             return
@@ -118,8 +119,12 @@ class LineCheckup:
         self, setup: StarterSetup, variant: Variant, rows: Rows, tell: Callable[[Remark], None]
     ) -> None:
         gap_s = self._gaps_s.get(setup.name)
-        for finding in readiness(setup.profile, variant, rows, gap_s=gap_s):
+        findings = readiness(setup.profile, variant, rows, gap_s=gap_s, watchdog_s=setup.watchdog_s)
+        for finding in findings:
             tell(Remark(f"starter {setup.name}", finding.text, finding.weight))
+        delivered = as_delivered(setup.profile, variant, rows)
+        if delivered:
+            tell(Remark(f"starter {setup.name}", delivered))
 
 
 class _Nobody:

@@ -12,7 +12,7 @@ from gateway.commands.progress import Progress
 from gateway.errors import UsageError
 from gateway.families.load import load_profile
 from gateway.starters.parameter_file import from_toml, to_toml
-from gateway.starters.parameter_set import ParameterSet, differences
+from gateway.starters.parameter_set import ParameterSet, differences, of_factory
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -30,8 +30,13 @@ def add_parser(subparsers: Subparsers) -> None:
         "--unnamed", action="store_true", help="P000 to P999 too, as raw words (SSW-06, SSW-07)"
     )
     diff = actions.add_parser("diff", help="tell in which settings two sets differ; exit code 1 when in any")
-    for name in ("a", "b"):
-        diff.add_argument(name, metavar=name.upper(), help="a saved file, or CONFIG:STARTER for a live one")
+    diff.add_argument("a", metavar="A", help="a saved file, or CONFIG:STARTER for a live one")
+    diff.add_argument("b", metavar="B", nargs="?", help="another one")
+    diff.add_argument(
+        "--factory",
+        action="store_true",
+        help="instead of B: what the starter is delivered with, as far as its serial manual prints it",
+    )
     diff.add_argument("--all", action="store_true", help="what is measured too, not the settings alone")
     restore = actions.add_parser("restore", help="write the settings that differ, at standstill only")
     _add_starter(restore)
@@ -98,6 +103,10 @@ def _save(args: argparse.Namespace, progress: Progress) -> int:
 
 
 def _diff(args: argparse.Namespace, progress: Progress) -> int:
+    if args.factory:
+        return _diff_factory(args, progress)
+    if args.b is None:
+        raise UsageError("name a second set, or give --factory")
     before, after = (_set(name, progress) for name in (args.a, args.b))
     if before.family != after.family:
         raise UsageError(f"{args.a} is of family {before.family}, {args.b} of {after.family}: not comparable")
@@ -107,6 +116,22 @@ def _diff(args: argparse.Namespace, progress: Progress) -> int:
     if not found:
         what = "no difference" if args.all else "no setting differs"
         print(f"{what} between {args.a} and {args.b}")
+    return 1 if found else 0
+
+
+def _diff_factory(args: argparse.Namespace, progress: Progress) -> int:
+    if args.b is not None:
+        raise UsageError(f"--factory takes the place of {args.b} (leave one of them out)")
+    given = _set(args.a, progress)
+    profile = load_profile(given.family)
+    factory, held = of_factory(profile, given)
+    if not held.parameters:
+        raise UsageError(f"{args.a} holds nothing whose factory setting the manual of {profile.title} prints")
+    found = differences(factory, held, profile=profile)
+    for difference in found:
+        print(difference.text)
+    same = [code for code in held.parameters if code not in {each.code for each in found}]
+    print(f"as delivered: {', '.join(same) or 'none'}")
     return 1 if found else 0
 
 

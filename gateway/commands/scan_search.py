@@ -8,10 +8,11 @@ long as the search is at their rate.
 from __future__ import annotations
 
 import asyncio
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from gateway.errors import CommandError
+from gateway.errors import CommandError, PortError
 from gateway.families.bulk import bulk_reads
 from gateway.families.finding import Watchdog
 from gateway.families.identify import Identity, identify, identify_requests, matches
@@ -43,6 +44,9 @@ _PROBES: tuple[Request, ...] = (
 )
 _SLOWEST_REPLY_S = 0.1  # of a unit that is there
 _WATCHDOG_SHARE = 1 / 3  # of its time, after which a unit is asked again
+# Between attempts to open the port again: a serial server that takes one connection at a time, or an adapter
+# that was unplugged for a moment, needs some time before it can be opened again.
+_REOPEN_AFTER_S = (0.2, 0.5, 1.0, 2.0, 4.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +117,7 @@ class Search:
         self._legs = list(_legs(wish))
         self._probes = _PROBES if wish.is_thorough else _PROBES[:1]
         self._spent_s = 0.0
+        self._was_open = False  # the port, at least once
 
     async def run(self) -> list[Find]:
         """Return what answers; PortError when the port cannot be had."""
@@ -127,17 +132,32 @@ class Search:
         return found
 
     async def _walk(self, timing: LineTiming, addresses: tuple[int, ...]) -> list[Find]:
+        """Return who answers at one setting; a port that is lost meanwhile is opened again."""
         found: list[Find] = []
+        left = deque(enumerate(addresses))
+        waits_s = iter(_REOPEN_AFTER_S)
         self._due.clear()
-        async with Survey(self._open_with(timing), timing) as survey:
-            for place, address in enumerate(addresses):
-                self._tell(timing, addresses, place)
-                await self._keep_quiet(survey)
-                find = await self._look(survey, address)
-                if find is not None:
-                    found.append(find)
-                    self._tell_find(find)
-                    self._watch(find)
+        while left:
+            before = len(left)
+            try:
+                async with Survey(self._open_with(timing), timing) as survey:
+                    self._was_open = True
+                    while left:
+                        self._tell(timing, addresses, left[0][0])
+                        await self._keep_quiet(survey)
+                        find = await self._look(survey, left[0][1])
+                        left.popleft()
+                        if find is not None:
+                            found.append(find)
+                            self._tell_find(find)
+                            self._watch(find)
+            except PortError:
+                if len(left) < before:  # it did work for a while
+                    waits_s = iter(_REOPEN_AFTER_S)
+                wait_s = next(waits_s, None)
+                if wait_s is None or not self._was_open:
+                    raise
+                await asyncio.sleep(wait_s)
         self._spent_s += len(addresses) * self._cost_s(timing)
         return found
 

@@ -8,14 +8,17 @@ import signal
 import sys
 from collections.abc import AsyncIterator, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from gateway.commands.command import Subparsers
 from gateway.commands.simulator_topics import simulator_topics
 from gateway.config.load import load
-from gateway.config.schema import Config, LineTable, split_url
+from gateway.config.schema import Config, LineTable, StarterTable, split_url
 from gateway.config.setups import timing_of
 from gateway.errors import UsageError
+from gateway.families.load import load_profile
 from gateway.sim.bus import Bus
 from gateway.sim.factory import make_unit
 from gateway.sim.knobs import KNOBS
@@ -102,12 +105,25 @@ def _broker(url: str | None) -> tuple[str, int] | None:
     return parts[0].hostname or "", parts[1]
 
 
+def simulated_unit(starter: StarterTable) -> Unit:
+    """Return a starter as the configuration describes it: model, slot, and its table `simulated`."""
+    wish = starter.simulated
+    rows = load_profile(starter.family).parameters
+    options: dict[str, Any] = {
+        "settings": {rows[code].address: value for code, value in wish.parameters.items()}
+    }
+    if wish.firmware is not None:
+        options["firmware"] = wish.firmware
+    if starter.slot is not None:
+        options["slot"] = starter.slot
+    unit = make_unit(starter.family, starter.address, seed=starter.address, model=starter.model, **options)
+    if wish.braking_s:
+        unit.motor.data = replace(unit.motor.data, braking_s=wish.braking_s)
+    return unit
+
+
 def _bus(table: LineTable) -> Bus:
-    units = [
-        make_unit(starter.family, starter.address, seed=starter.address, model=starter.model)
-        for starter in table.starters
-        if starter.enabled
-    ]
+    units = [simulated_unit(starter) for starter in table.starters if starter.enabled]
     return Bus(timing_of(table), units, name=table.name, chunk_bytes=None, tolerance_s=TOLERANCE_S)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from gateway.config.schema import Config, LineTable, StarterTable
+from gateway.config.schema import Config, LineTable, SimulatedTable, StarterTable
 from gateway.errors import Problem
 
 RESTART = "restart the gateway for that: systemctl restart starter-gateway"
@@ -105,8 +105,8 @@ def _port(line: LineTable) -> LineTable:
 
 
 def _machine(starter: StarterTable) -> StarterTable:
-    """Return a starter without what does not concern its polls (rules), or only their pace."""
-    return starter.model_copy(update={"rules": None, "every_s": 1.0})
+    """Return a starter without what does not concern its polls (rules, simulation), or only their pace."""
+    return starter.model_copy(update={"rules": None, "simulated": SimulatedTable(), "every_s": 1.0})
 
 
 def _starters(config: Config) -> Iterator[StarterTable]:

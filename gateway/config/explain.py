@@ -11,7 +11,7 @@ from pydantic_core import ErrorDetails
 
 from gateway.config.locate import Key
 from gateway.config.mistake import Mistake, choose, short
-from gateway.config.schema import NAME_PATTERN, Config
+from gateway.config.schema import FIRMWARE_PATTERN, NAME_PATTERN, Config
 
 _TYPES = {
     "string_type": "a text in quotes",
@@ -59,6 +59,8 @@ def _unknown(key: Key, _value: Any, _ctx: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def _pattern(_key: Key, value: Any, ctx: Mapping[str, Any]) -> tuple[str, str]:
+    if ctx["pattern"] == FIRMWARE_PATTERN:
+        return f"is {short(value)}", "two numbers with a point between them, such as 1.30"
     also = "" if ctx["pattern"] == NAME_PATTERN else ", and * or ? for any others"
     return f"is {short(value)}", f"only a-z, 0-9, _ and -{also}"
 

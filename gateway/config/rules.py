@@ -16,7 +16,7 @@ from gateway.config.locate import Key
 from gateway.config.mistake import Mistake, choose, short, spell
 from gateway.config.schema import NAME_PATTERN, SCHEMES, Baud, FramingText, is_loopback, split_url
 from gateway.families.load import FAMILIES, load_profile
-from gateway.families.schema import Profile
+from gateway.families.schema import Profile, Table
 
 Document = Mapping[str, Any]
 
@@ -36,6 +36,7 @@ def broken_rules(document: Document) -> list[Mistake]:
         *_patterns(document),
         *_groups(document),
         *_feeders(document),
+        *_simulated(document),
     ]
 
 
@@ -204,6 +205,27 @@ def _feeders(document: Document) -> Iterator[Mistake]:
                 if one in own and other not in own:
                     mend = "a feeder and the time between two starts on it go together"
                     yield Mistake((*starter_key, "name"), f"{short(name)} has {one} without {other}", mend)
+
+
+def _simulated(document: Document) -> Iterator[Mistake]:
+    """Tell what a simulated starter of its family does not have."""
+    for key, line in _lines(document):
+        for starter_key, starter in _starters(key, line):
+            if not _is_family(starter):
+                continue
+            profile = load_profile(starter["family"])
+            table = _table(starter, "simulated")
+            for code in _table(table, "parameters"):
+                row = profile.parameters.get(code)
+                if row is None or row.table is Table.COIL or row.words != 1:
+                    mend = (
+                        "name a parameter of one register by its code in the manual, such as P314 or C8.2.5.3"
+                    )
+                    where = (*starter_key, "simulated", "parameters", code)
+                    yield Mistake(where, f"{profile.family} has no such parameter", mend)
+            if table.get("braking_s") and profile.family not in ("ssw06", "ssw07"):
+                mend = "leave it out" if profile.family == "sst" else "set C7.4.1 and C7.4.2 as parameters"
+                yield Mistake((*starter_key, "simulated", "braking_s"), "is for ssw06 and ssw07", mend)
 
 
 def _fits(name: str, pattern: object) -> bool:

@@ -13,6 +13,7 @@ from urllib.parse import SplitResult, urlsplit
 from pydantic import BaseModel, ConfigDict, Field
 
 NAME_PATTERN = r"^[a-z0-9_-]+$"
+FIRMWARE_PATTERN = r"^\d{1,2}\.\d{1,2}$"
 GLOB_PATTERN = r"^[a-z0-9_*?-]+$"
 SCHEMES = {"mqtt": 1883, "mqtts": 8883}
 
@@ -114,6 +115,14 @@ class GroupTable(Table):
     starters: tuple[Glob, ...] = Field(strict=False, min_length=1)
 
 
+class SimulatedTable(Table):
+    """`[line.starter.simulated]`: what `simulate` makes of a starter; the gateway itself takes no notice."""
+
+    firmware: Annotated[str, Field(pattern=FIRMWARE_PATTERN)] | None = None  # e.g. "1.30"
+    parameters: dict[str, Annotated[int, Field(ge=0, le=0xFFFF)]] = {}  # by the manual's code, as on the wire
+    braking_s: float = Field(default=0.0, ge=0, le=600)  # SSW-06, SSW-07: DC braking at each stop; 0: none
+
+
 class StarterTable(Table):
     """`[[line.starter]]`: one machine on a line."""
 
@@ -128,6 +137,7 @@ class StarterTable(Table):
     fast_words: bool = False  # SSW900: points mapped onto 1500-1549, at standstill; one request reads all
     enabled: bool = True  # False: never asked, availability "disabled"
     rules: RulesTable | None = None
+    simulated: SimulatedTable = SimulatedTable()
 
 
 class LineTable(Table):

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-from gateway.families.numbers import TYPE_LIMITS, from_words
-from gateway.families.parameters import raw_row
-from gateway.families.schema import RESERVED, Parameter, Point, Profile, Table, Type, Variant
+from gateway.families.joined import joined
+from gateway.families.numbers import TYPE_LIMITS, from_words, to_percent
+from gateway.families.parameters import raw_row, unnamed_code
+from gateway.families.schema import OFF, RESERVED, Parameter, Point, Profile, Table, Type, Variant
 from gateway.families.state import alarm_code, alarm_label
 from gateway.families.texts import to_text
 
@@ -19,7 +20,6 @@ Value = bool | int | float | str | None
 _DIVIDED_FROM_A = 820.0  # ssw06-es 4.4: models of this current and up send whole amperes
 _CURRENT = re.compile(r"[A-Za-z]+[- ]?[0-9]+[A-Za-z]*[- ]+([0-9]+(?:[.,][0-9]+)?)")
 _VERSION = re.compile(r"([0-9]+)\.([0-9]+)")
-_UNNAMED = {Table.HOLDING: "HR", Table.INPUT: "IR", Table.COIL: "COIL"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,7 @@ class Decoded:
     """What words mean; `value` is None when it cannot be told, `raw` is always there."""
 
     value: Value
-    label: str | None  # of an enum's number
+    label: str | None  # of an enum's number; "off"; hh:mm:ss of a time
     unit: str
     raw: tuple[int, ...]
 
@@ -45,7 +45,8 @@ def decode_row(profile: Profile, variant: Variant, parameter: Parameter, words: 
     if not low <= number <= high:
         return Decoded(None, label=None, unit=parameter.unit, raw=raw)
     label = _label(profile, parameter, number)
-    return Decoded(_value(variant, parameter, number), label=label, unit=parameter.unit, raw=raw)
+    unit = "%" if parameter.full_scale else parameter.unit
+    return Decoded(_value(variant, parameter, number), label=label, unit=unit, raw=raw)
 
 
 def decode_points(
@@ -75,6 +76,7 @@ def decode_words(
     """Return what a run of words (bits, for coils) means, ready for JSON: by code, with the point's name.
 
     Words of no row, or of a row that is not there whole, stand raw under HR, IR or COIL and their number.
+    What lies over several rows that are all there stands once more as a whole.
     """
     found: dict[str, dict[str, Any]] = {}
     end = start + len(words)
@@ -86,9 +88,25 @@ def decode_words(
             part = words[offset : offset + row.words]
             found[row.code] = _as_json(profile, row, decode_row(profile, variant, row, part))
         if not rows:
-            found[_unnamed(profile, table, address)] = _raw_json(table, words[offset])
+            found[unnamed_code(profile, table, address)] = _raw_json(table, words[offset])
         address += max((row.words for row in rows), default=1)
-    return found
+    return found | _joined(profile, found)
+
+
+def _joined(profile: Profile, found: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Return what lies over several of these rows, under the first and the last of them: R22-R29."""
+    raw = {code: shown["raw"] for code, shown in found.items()}
+    return {
+        f"{codes[0]}-{codes[-1]}": {
+            "point": name,
+            "value": text,
+            "unit": "",
+            "label": None,
+            "raw": [word for code in codes for word in raw[code]],
+        }
+        for name, text in joined(profile, raw).items()
+        if (codes := profile.joins[name].codes)
+    }
 
 
 def is_present(point: Point, variant: Variant) -> bool:
@@ -110,16 +128,23 @@ def rated_current_a(model: str) -> float | None:
 
 
 def _label(profile: Profile, row: Parameter, number: int) -> str | None:
-    """Return what the manual calls this number: an enum's member, a coil's meaning, a fault or an alarm."""
+    """Return what a number is called: an enum's member, a coil's meaning, a fault, an alarm, off, a time."""
     letter = profile.alarm_rows.get(row.code)
     if letter is not None:
         return alarm_label(profile, alarm_code(letter, number)) if number else None
+    if number == row.off:
+        return OFF
+    if row.type is Type.TIME:
+        minutes, seconds = divmod(number, 60)
+        return f"{minutes // 60:02d}:{minutes % 60:02d}:{seconds:02d}"
     return profile.enums[row.enum].get(number) if row.enum else None
 
 
 def _value(variant: Variant, row: Parameter, number: int) -> Value:
     if row.type is Type.BIT:
         return bool(number)
+    if row.full_scale:
+        return to_percent(number, row.full_scale)
     decimals = row.decimals or 0
     if row.is_rated_scaled:
         rated_a = variant.rated_current_a or rated_current_a(variant.model or "")
@@ -185,11 +210,6 @@ def _point_of(profile: Profile, row: Parameter) -> str | None:
     if row.type is Type.BIT and bit:
         return profile.points_of.get((word, int(bit)))
     return profile.points_of.get((row.code, None))
-
-
-def _unnamed(profile: Profile, table: Table, address: int) -> str:
-    is_from_one = table is Table.COIL and "COIL1" in profile.parameters  # SST coil table
-    return f"{_UNNAMED[table]}{address + is_from_one}"
 
 
 def _raw_json(table: Table, word: int) -> dict[str, Any]:

@@ -5,13 +5,16 @@ Reads only. Nothing is taken for granted: a unit that proves nothing has no fami
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from gateway.families.decode import rated_current_a
-from gateway.families.schema import Profile
+from gateway.families.joined import serial_of, text_of, version_of
+from gateway.families.schema import Profile, Type
+from gateway.families.texts import to_text
 from gateway.modbus.identify import Identification, ReadDeviceIdentification
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters, ReadInputRegisters
@@ -36,6 +39,8 @@ class Identity:
     rated_current_a: float | None = None
     rating: str | None = None  # SSW900: the range of currents of its size (S3.3.1)
     slot: Literal[1, 2] | None = None  # SSW900: where the RS-485 accessory sits
+    accessories: tuple[str, ...] = ()  # SSW900: the kinds in slots 1 and 2
+    hardware: str | None = None  # SST: its version
     reason: str = ""
 
 
@@ -105,8 +110,8 @@ def _slot_questions(profile: Profile) -> tuple[Question, ...]:
 def _from_text(answer: Identification | None) -> Identity:
     if answer is None:
         return Identity(reason="it does not answer Read Device Identification (FC43)")
-    text = answer.objects.get(_PRODUCT, "").strip()
-    revision = answer.objects.get(_REVISION, "").strip().removeprefix("V") or None
+    text = _printable(answer.objects.get(_PRODUCT, ""))
+    revision = _printable(answer.objects.get(_REVISION, "")).removeprefix("V") or None
     found = _MODEL_TEXT.search(text)
     if found is None:
         return Identity(model=text or None, firmware=revision, reason=f"FC43 names {text or 'no product'!r}")
@@ -118,6 +123,11 @@ def _from_text(answer: Identification | None) -> Identity:
         rated_current_a=None if family == "ssw900" else rated_current_a(text),
         reason=f"FC43 names {text!r}",
     )
+
+
+def _printable(text: str) -> str:
+    """Return a text up to its first character that is not printable ASCII, such as what fills it up."""
+    return "".join(itertools.takewhile(lambda each: each.isascii() and each.isprintable(), text)).strip()
 
 
 def _with_model_register(profile: Profile, seen: Identity, answer: tuple[int, ...] | None) -> Identity:
@@ -150,6 +160,7 @@ def _with_slots(profile: Profile, seen: Identity, answers: Mapping[str, Any]) ->
         serial=_double_word(answers.get("model")),
         rating=_rating(profile, answers.get("model")),
         slot=_slot(slots),
+        accessories=tuple(profile.enums["S3.5.1"].get(content, str(content)) for content in slots),
         reason=f"{seen.reason}; slots 1 and 2 hold {slots}" if slots else seen.reason,
     )
 
@@ -183,24 +194,9 @@ def _identify_sst(registers: tuple[int, ...] | None, name: tuple[int, ...] | Non
         return Identity(reason=f"register 0 is {registers[0]}, no model number of an SST")
     return Identity(
         family_seen="sst",
-        model=_sst_name(name) or model,
-        firmware=f"{registers[2] & 0xFF}.{registers[2] >> 8}{registers[3] & 0xFF}",
-        serial=_sst_serial(registers[8:12]),
+        model=text_of(name or ()) or model,
+        firmware=version_of(registers[2:4]),
+        hardware=to_text(Type.VERSION_LOW, registers[1:2]),
+        serial=serial_of(registers[8:12]),
         reason=f"register 0 is {registers[0]}",
     )
-
-
-def _sst_name(words: tuple[int, ...] | None) -> str | None:
-    """Return the text of registers 22-29, whichever byte comes first: the order is not stated."""
-    for order in ("big", "little"):
-        text = b"".join(word.to_bytes(2, order) for word in words or ()).rstrip(b"\0 ").decode("latin-1")
-        if text.startswith("SST") and text.isascii() and text.isprintable():
-            return text
-    return None
-
-
-def _sst_serial(words: tuple[int, ...]) -> str | None:
-    """Return the serial number: 32 bits in registers 8-9, or 64 when 10 or 11 is used (four are reserved)."""
-    used = words if any(words[2:]) else words[:2]
-    number = int.from_bytes(b"".join(word.to_bytes(2, "big") for word in used), "big")
-    return str(number) if number else None

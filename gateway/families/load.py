@@ -2,7 +2,8 @@
 
 A profile is a directory `profiles/<family>` with `family.toml` (identity, timing, limits, points, commands),
 `parameters.csv` (a `Parameter` a line) and, where the family needs them, `enums.csv`, `bits.csv`,
-`alarms.csv` and `ranges.csv` (limits that differ by model). An empty cell means that the manual does not say.
+`alarms.csv`, `ranges.csv` (limits that differ by model) and `presets.csv` (factory settings, off,
+full scale). An empty cell means that the manual does not say.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError
 
 from gateway.errors import ProfileError, UsageError
 from gateway.families.consistency import contradictions
-from gateway.families.schema import Alarm, ModelRange, Parameter, Profile
+from gateway.families.schema import Alarm, ModelRange, Parameter, Preset, Profile
 
 FAMILIES = ("ssw06", "ssw07", "ssw900", "sst")
 
@@ -38,6 +39,12 @@ class _Label(BaseModel):
 
 class _Range(ModelRange):
     """A line of `ranges.csv`."""
+
+    code: str
+
+
+class _Preset(Preset):
+    """A line of `presets.csv`."""
 
     code: str
 
@@ -107,11 +114,17 @@ def _read_labels(path: Traversable, problems: list[str]) -> dict[str, dict[int, 
 
 def _read_parameters(directory: Traversable, problems: list[str]) -> dict[str, Parameter]:
     ranges = _read_ranges(directory, problems)
+    presets = {
+        row.code: row.model_dump(exclude={"code"}, exclude_none=True)
+        for _, row in _read_rows(directory / "presets.csv", _Preset, problems)
+    }
     rows: dict[str, Parameter] = {}
     for where, cells in _read_lines(directory / "parameters.csv"):
         cells.setdefault("decimals", None)
         try:
-            row = Parameter.model_validate({**cells, "ranges": ranges.pop(cells.get("code", ""), ())})
+            code = cells.get("code", "")
+            preset = presets.pop(code, {})
+            row = Parameter.model_validate({**cells, **preset, "ranges": ranges.pop(code, ())})
         except ValidationError as error:
             problems += _explain(where, error)
             continue
@@ -119,6 +132,7 @@ def _read_parameters(directory: Traversable, problems: list[str]) -> dict[str, P
             problems.append(f"{where}: {row.code} stands twice")
         rows[row.code] = row
     problems += [f"ranges.csv: {code} is no parameter" for code in ranges]
+    problems += [f"presets.csv: {code} is no parameter" for code in presets]
     return rows
 
 

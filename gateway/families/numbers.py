@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from decimal import Decimal
 
 from gateway.families.schema import Parameter, Type
 
@@ -48,6 +50,24 @@ def from_words(row: Parameter, words: Sequence[int]) -> int:
         number, width = number & 0xFF, 8
     is_negative = TYPE_LIMITS[row.type][0] < 0 and number >> (width - 1)
     return number - (1 << width) if is_negative else number
+
+
+def to_percent(number: int, full_scale: int) -> float:
+    """Return a raw number in per cent: the shortest figure that `of_percent` makes the same number of.
+
+    8191 of 16383 is 50.0, as the manual's example has it (ssw06-es 5.4.6).
+    """
+    for decimals in range(4):
+        steps = 100 * 10**decimals
+        figure = -(-number * steps // full_scale)  # rounded up: the way back rounds down
+        if figure * full_scale // steps == number:
+            return float(figure / 10**decimals)
+    return number * 100 / full_scale
+
+
+def of_percent(percent: Decimal, full_scale: int) -> int:
+    """Return the raw number for so many per cent; half a step is rounded down (ssw06-es 5.4.6)."""
+    return math.floor(percent * full_scale / 100)
 
 
 def to_number_words(row: Parameter, number: int) -> tuple[int, ...]:

@@ -8,10 +8,12 @@ ignores what it is told without an error.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from decimal import Decimal
 from typing import Any
 
 from gateway.families.arguments import check_names, choice, to_switch
 from gateway.families.gather import reads_for
+from gateway.families.numbers import of_percent
 from gateway.families.procedure import Expect, Preparation, Procedure, WriteStep
 from gateway.families.refusals import refused
 from gateway.families.schema import Output, Profile
@@ -64,7 +66,7 @@ def _number(name: str, output: Output, value: object) -> int:
         raise refused("bad_value", f"{name} is an analog output: 0..100 %")
     if not 0 <= value <= 100:
         raise refused("out_of_range", f"{name} takes 0..100 %")
-    return int(value * (output.full_scale or 0) / 100)
+    return of_percent(Decimal(str(value)), output.full_scale or 0)
 
 
 def _check_function(profile: Profile, output: Output, seen: Seen) -> None:

@@ -5,15 +5,35 @@ from __future__ import annotations
 import re
 from decimal import Decimal, InvalidOperation
 
-from gateway.families.numbers import to_number_words
+from gateway.families.numbers import of_percent, to_number_words, to_percent
 from gateway.families.refusals import refused
-from gateway.families.schema import RESERVED, Access, Confidence, Parameter, Profile, Table, Type, Variant
+from gateway.families.schema import (
+    OFF,
+    RESERVED,
+    Access,
+    Confidence,
+    Parameter,
+    Profile,
+    Table,
+    Type,
+    Variant,
+)
+from gateway.families.texts import SPELT, from_text
+from gateway.modbus.codes import Function
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegister, WriteRegisters
 
 _UNNAMED = "not named in this manual"
 _RAW_CODE = re.compile(r"P([0-9]{1,5})")
+_REGISTER_CODE = re.compile(r"(HR|IR|COIL)([0-9]{1,5})")
+_PREFIXES = {Table.HOLDING: "HR", Table.INPUT: "IR", Table.COIL: "COIL"}
+_FUNCTIONS = {
+    Table.HOLDING: Function.READ_HOLDING_REGISTERS,
+    Table.INPUT: Function.READ_INPUT_REGISTERS,
+    Table.COIL: Function.READ_COILS,
+}
+_LAST_ADDRESS = 0xFFFF
 _LARGEST = Decimal(10) ** 12  # no row carries more; keeps the arithmetic small whatever is asked for
 
 
@@ -21,7 +41,8 @@ def find(profile: Profile, code: str) -> Parameter:
     """Return the row with this code, in any case; CommandError("unknown_parameter") when there is none.
 
     On the SSW-06 and SSW-07 every other P0-P999 is a row too, read as a raw word: the serial manuals name
-    only some of them (ssw07 5.3.2).
+    only some of them (ssw07 5.3.2). HR, IR or COIL and an address name any register or coil; those without a
+    row are read raw, such as the SoftPLC's markers (ssw900 7.2.2).
     """
     wanted = code.strip().upper()
     number = _RAW_CODE.fullmatch(wanted)
@@ -30,6 +51,9 @@ def find(profile: Profile, code: str) -> Parameter:
     row = profile.parameters.get(wanted)
     if row is None and number is not None:
         row = raw_row(profile, int(number[1]))
+    register = _REGISTER_CODE.fullmatch(wanted)
+    if row is None and register is not None:
+        row = _register(profile, register[1], int(register[2]))
     if row is None:
         raise refused("unknown_parameter", code.strip()[:40])
     return row
@@ -39,12 +63,36 @@ def raw_row(profile: Profile, address: int) -> Parameter | None:
     """Return the row of a parameter that the manual does not describe; None where there can be none."""
     if profile.raw_range is None or not profile.raw_range[0] <= address <= profile.raw_range[1]:
         return None
+    return _raw(f"P{address:03d}", Table.HOLDING, address)
+
+
+def unnamed_code(profile: Profile, table: Table, address: int) -> str:
+    """Return the code of a register or coil without a row: HR, IR or COIL and its number."""
+    return f"{_PREFIXES[table]}{address + _first_number(profile, table)}"
+
+
+def _first_number(profile: Profile, table: Table) -> int:
+    """Return the number of a table's address 0: the SST counts its coils from 1."""
+    return int(table is Table.COIL and "COIL1" in profile.parameters)
+
+
+def _register(profile: Profile, prefix: str, number: int) -> Parameter | None:
+    """Return the row of a register or coil, a raw one where none begins; None where there can be none."""
+    table = next(each for each, its in _PREFIXES.items() if its == prefix)
+    address = number - _first_number(profile, table)
+    if not 0 <= address <= _LAST_ADDRESS or _FUNCTIONS[table] not in profile.limits.functions:
+        return None
+    rows = profile.rows_at.get((table, address))
+    return rows[0] if rows else _raw(f"{prefix}{number}", table, address)
+
+
+def _raw(code: str, table: Table, address: int) -> Parameter:
     return Parameter(
-        code=f"P{address:03d}",
+        code=code,
         name=_UNNAMED,
-        table=Table.HOLDING,
+        table=table,
         address=address,
-        type=Type.U16,
+        type=Type.BIT if table is Table.COIL else Type.U16,
         decimals=None,
         access=Access.RO,
         confidence=Confidence.INFERRED,
@@ -104,6 +152,8 @@ def to_words(
 
     CommandError: "not_writable", "bad_value" (not of its kind), "out_of_range".
     """
+    if parameter.is_writable and parameter.is_settable_text:
+        return _text_words(parameter, value)
     limits = raw_limits(parameter, variant)
     if limits is None:
         raise refused("not_writable", f"{profile.title} {parameter.code} ({_why_not(parameter)})")
@@ -114,6 +164,18 @@ def to_words(
     if not limits[0] <= raw <= limits[1] or (members and members.get(raw, RESERVED) == RESERVED):
         raise refused("out_of_range", f"{parameter.code} takes {_accepted(parameter, limits, members)}")
     return to_number_words(parameter, raw)
+
+
+def _text_words(parameter: Parameter, value: object) -> tuple[int, ...]:
+    words = None
+    if isinstance(value, str):
+        words = from_text(
+            parameter.type, value.strip(), words=parameter.words, longest=parameter.longest or 0
+        )
+    if words is None:
+        longest = f" of at most {parameter.longest}" if parameter.longest else ""
+        raise refused("bad_value", f"{parameter.code} takes {SPELT[parameter.type]}{longest}")
+    return words
 
 
 def _may_be(one: str, model: str) -> bool:
@@ -141,6 +203,8 @@ def _member(parameter: Parameter, members: dict[int, str], value: object) -> int
     if not isinstance(value, str):
         return None
     wanted = value.strip().casefold()
+    if wanted == OFF and parameter.off is not None:
+        return parameter.off
     numbers = [number for number, label in members.items() if label.casefold() == wanted]
     if len(numbers) > 1:
         raise refused("bad_value", f"{parameter.code} has {value.strip()!r} more than once: give its number")
@@ -158,6 +222,8 @@ def _raw_number(parameter: Parameter, value: object, members: dict[int, str]) ->
         raise refused("bad_value", f"{parameter.code} takes {accepted}") from None
     if not number.is_finite() or abs(number) >= _LARGEST:
         raise refused("bad_value", f"{parameter.code} takes a number")
+    if parameter.full_scale:
+        return of_percent(number, parameter.full_scale)
     scaled = number.scaleb(decimals)
     if scaled != scaled.to_integral_value():
         raise refused("bad_value", f"{parameter.code} takes at most {decimals} decimals")
@@ -168,6 +234,9 @@ def _accepted(parameter: Parameter, limits: tuple[int, int], members: dict[int, 
     within = {number: label for number, label in members.items() if limits[0] <= number <= limits[1]}
     if within:
         return f"one of {_listed(within)}"
+    if parameter.full_scale:
+        low, high = (f"{to_percent(raw, parameter.full_scale):g}" for raw in limits)
+        return f"{low}..{high} %"
     decimals = parameter.decimals or 0
     low, high = (f"{raw / 10**decimals:.{decimals}f}" for raw in limits)
     return f"{low}..{high} {parameter.unit}".rstrip()

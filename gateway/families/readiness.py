@@ -23,16 +23,19 @@ def readiness(
     rows: Mapping[str, tuple[int, ...]],
     *,
     gap_s: float | None = None,
+    watchdog_s: float | None = None,
 ) -> tuple[Finding, ...]:
     """Return what these rows (raw words by code) mean for remote control, the gravest first.
 
-    `gap_s` is the longest time between two requests to this starter; None when nobody polls it.
+    `gap_s` is the longest time between two requests to this starter; None when nobody polls it. The
+    configuration's `watchdog_s`, and its slot in `variant`, are held against what is set in the starter.
     """
     settings = Settings(profile, variant, rows)
     look = _LOOKS.get(profile.family)
     found = [
         *(look(settings) if look is not None else ()),
         *_of_watchdogs(settings, watchdogs(profile, variant, rows), gap_s),
+        *_stated_watchdog(settings, watchdogs(profile, variant, rows), watchdog_s),
     ]
     order = list(reversed(Weight))
     return tuple(sorted(found, key=lambda finding: order.index(finding.weight)))
@@ -46,7 +49,7 @@ def refuses_start(findings: tuple[Finding, ...]) -> bool:
 _CODES: dict[str, tuple[str, ...]] = {
     "ssw06": ("P220", "P229", "P230", "P277", "P278", "P279", "P630", "VB06"),
     "ssw07": ("P220", "P229", "P230", "P277", "P278", "P630"),
-    "ssw900": ("C3.1", "C3.2", "C3.3"),
+    "ssw900": ("C3.1", "C3.2", "C3.3", "S3.5.1", "S3.5.2"),
     "sst": ("COIL5", "COIL7", "COIL8", "COIL26"),
 }
 
@@ -56,6 +59,8 @@ _WATCHDOG_ROWS = {
     "ssw900": ("C8.2.5.1", "C8.2.5.2", "C8.2.5.3"),
     "sst": ("R41", "R42"),
 }
+_RS485 = 2  # S3.5.1, S3.5.2 [ssw900 table A.2]
+_SAME_S = 0.05  # half of the finest step that a starter has
 _ACTIONS = ("P313", "C8.2.5.2")
 
 _NOT_EXECUTED = "a start is not executed: in remote mode the commands come from elsewhere"
@@ -115,6 +120,7 @@ def _ssw900(settings: Settings) -> Iterator[Finding]:
         what = "no command is sent while it is not known which slot holds the RS-485 accessory"
         yield _start(Weight.ERROR, f"{what} (see S3.5.1 and S3.5.2, or configure `slot`)")
         return
+    yield from _stated_slot(settings, slot)
     mode, local, remote = (settings.number(code) for code in ("C3.1", "C3.2", "C3.3"))
     if remote not in (None, own):
         shown = settings.shown("C3.3")
@@ -152,6 +158,32 @@ def _sst(settings: Settings) -> Iterator[Finding]:
         what = "it would restart before it stops the motor, which the manual does not describe"
         shown = f"{settings.shown('R42')} is not above {settings.shown('R41')}"
         yield Finding(Topic.WATCHDOG, Weight.WARNING, f"{what}: {shown}")
+
+
+def _stated_slot(settings: Settings, slot: int) -> Iterator[Finding]:
+    """Say that the accessory sits in the other slot: its command word would never be written (ssw900 3)."""
+    contents = (settings.number("S3.5.1"), settings.number("S3.5.2"))
+    if contents[slot - 1] is not None and contents[slot - 1] != _RS485 and _RS485 in contents:
+        other = contents.index(_RS485) + 1
+        shown = f"{settings.shown('S3.5.1')}, {settings.shown('S3.5.2')}"
+        what = f"slot = {slot} is configured, but the RS-485 accessory sits in slot {other}"
+        yield _start(Weight.ERROR, f"{what}: {shown} (set slot = {other}, or leave it out)")
+
+
+def _stated_watchdog(
+    settings: Settings, found: tuple[Watchdog, ...], watchdog_s: float | None
+) -> Iterator[Finding]:
+    """Say that the configuration's `watchdog_s` is not what is set in the starter."""
+    codes = _WATCHDOG_ROWS.get(settings.profile.family, ())
+    if watchdog_s is None or any(settings.number(code) is None for code in codes):
+        return
+    set_s = min((each.after_s for each in found), default=0.0)
+    if abs(set_s - watchdog_s) < _SAME_S:
+        return
+    shown = ", ".join(settings.shown(code) for code in codes if code not in _ACTIONS)
+    is_set = f"is set to {set_s:g} s" if set_s else "is off"
+    what = f"watchdog_s = {watchdog_s:g} is configured, but the starter's own {is_set}: {shown}"
+    yield Finding(Topic.WATCHDOG, Weight.WARNING, f"{what} (correct one of them)")
 
 
 def _of_watchdogs(settings: Settings, found: tuple[Watchdog, ...], gap_s: float | None) -> Iterator[Finding]:

@@ -15,6 +15,9 @@ from pydantic import BaseModel, ConfigDict, Field
 RESERVED = "Reserved"  # the label of members and bits that the manuals give no meaning
 
 
+OFF = "off"  # the label of a number that switches something off, and a value that sets it
+
+
 class Model(BaseModel):
     """What all profile models share: nothing unknown, nothing changes after loading."""
 
@@ -72,6 +75,15 @@ class Confidence(enum.StrEnum):
     EXTRA = "extra"  # from other public documents: readable, never writable
 
 
+class Preset(Model):
+    """What the manuals print of a row beside its range."""
+
+    factory: int | None = None  # the raw number as delivered; None = not printed
+    off: int | None = None  # the raw number that switches it off
+    full_scale: int | None = Field(default=None, ge=1)  # the raw number of 100 %: read and set in per cent
+    longest: int | None = Field(default=None, ge=1)  # characters of a text
+
+
 class ModelRange(Model):
     """The raw limits of a row on one model (SST register table); none at all: not used there."""
 
@@ -80,7 +92,7 @@ class ModelRange(Model):
     raw_max: int | None = None
 
 
-class Parameter(Model):
+class Parameter(Preset):
     """One row of a manual's table."""
 
     code: str  # as printed: P003, VB01, S1.1.4, R41, COIL26
@@ -113,7 +125,13 @@ class Parameter(Model):
     def is_writable(self) -> bool:
         """Return whether a `set` may name this row: allowed, surely read, its range known."""
         is_allowed = self.access is Access.RW and self.is_sure
-        return is_allowed and self.raw_min is not None and self.raw_max is not None
+        is_number = self.raw_min is not None and self.raw_max is not None
+        return is_allowed and (is_number or self.is_settable_text)
+
+    @property
+    def is_settable_text(self) -> bool:
+        """Return whether it is set by a text: a date, an address, or characters whose number is printed."""
+        return self.type in (Type.DATE, Type.IP_ADDRESS) or bool(self.longest)
 
 
 class Point(Model):
@@ -147,6 +165,7 @@ class Limits(Model):
     write_registers: int
     read_bits: int
     frame_bytes: int
+    segment_devices: int | None = None  # on a line without repeaters; None = not stated
     max_gap: int = 0  # unknown registers that a block read may span (SSW900 7.3: they read 0)
 
 
@@ -201,6 +220,13 @@ class Alarm(Model):
     code: str  # lower case, as in the topic, digits as the manual prints them: e28, f005, a128, coil13
     severity: Literal["fault", "alarm"]
     text: str
+
+
+class Join(Model):
+    """A text that lies over several rows."""
+
+    codes: tuple[str, ...]  # in the order of their registers
+    how: Literal["text", "version", "serial"]  # families/joined.py
 
 
 class Protected(Model):
@@ -261,6 +287,7 @@ class Profile(Model):
     points: dict[str, Point]
     commands: dict[str, Command]
     fast_words: FastWords | None = None  # None: the family has none
+    joins: dict[str, Join] = {}  # by what they are: name, firmware, serial
     protected: Protected = Protected()
     outputs: dict[str, Output] = {}  # by the name of their terminals: RL1, AO1, DO1
     parameters: dict[str, Parameter]  # by code

@@ -10,9 +10,17 @@ from gateway.families.parameters import find, read_request, to_words
 from gateway.families.procedure import Expect, Read
 from gateway.families.refusals import refused
 from gateway.families.schema import Access, Parameter, Profile, Table, Type, Variant
+from gateway.families.texts import shown_within
 from gateway.families.words import Seen
 
 SET_WITHIN_S = 2.0  # until a written row reads back as written
+_CLOCK_GOES_ON_S = 5  # until the last reading of a clock that was set
+
+# What shows that a bit has acted, where the manual does not say whether the bit itself stays: the row, its
+# bits and what they become. S5.6.2 bit 0 aborts the oriented start-up, S5.6.1 bit 2 shows it (table A.2).
+_SHOWN_BY: dict[tuple[str, tuple[int, ...]], tuple[str, int, tuple[int, ...]]] = {
+    ("S5.6.2", (1,)): ("S5.6.1", 0x04, (0,))
+}
 
 # What is written there lands in another row: in a command word too, if it is mapped so (ssw900 7.2.3).
 MAPPED_WRITES = range(1600, 1620)
@@ -50,11 +58,17 @@ def read_of(profile: Profile, code: str) -> Read:
 
 def read_back(profile: Profile, wanted: Iterable[tuple[Parameter, tuple[int, ...]]]) -> Expect:
     """Return the expectation that all of these rows (at least one) read back as written."""
-    pairs = tuple(wanted)
-    reads = reads_for(profile, (row.code for row, _ in pairs))
+    shown = [(row, *_SHOWN_BY.get((row.code, words), (row.code, _mask(row), words))) for row, words in wanted]
+    reads = reads_for(profile, (code for _, code, _, _ in shown))
     first, *others = (
-        Expect(reads, row.code, is_one_of=(words,), within_s=SET_WITHIN_S, mask=_mask(row))
-        for row, words in pairs
+        Expect(
+            reads,
+            code,
+            is_one_of=shown_within(row.type, words, _CLOCK_GOES_ON_S),
+            within_s=SET_WITHIN_S,
+            mask=mask,
+        )
+        for row, code, mask, words in shown
     )
     return replace(first, also=tuple(others))
 

@@ -21,6 +21,7 @@ from gateway.families.settable import (
     read_of,
     settable_words,
 )
+from gateway.families.texts import in_order_of
 from gateway.families.words import Seen
 from gateway.modbus.writes import WriteRegisters
 
@@ -74,6 +75,7 @@ def prepare_set(profile: Profile, variant: Variant, args: Mapping[str, Any]) -> 
 def build_set(profile: Profile, variant: Variant, args: Mapping[str, Any], *, seen: Seen) -> Procedure:
     """Return the writes that are needed and their read-back; for the SST its whole procedure."""
     wanted, is_single = _wanted(profile, variant, args)
+    wanted = [(row, _in_order(row, words, seen)) for row, words in wanted]
     _check_timeout(wanted, seen)
     codes = tuple(row.code for row, _ in wanted)
     subject, subjects = (codes[0], ()) if is_single else ("", codes)
@@ -111,6 +113,13 @@ def _wanted(profile: Profile, variant: Variant, args: Mapping[str, Any]) -> tupl
         wanted.append((row, settable_words(profile, variant, row, value)))
     _check_once(wanted)
     return wanted, is_single
+
+
+def _in_order(row: Parameter, words: tuple[int, ...], seen: Seen) -> tuple[int, ...]:
+    """Return a text's words in the byte order that the row was seen in; it is not stated."""
+    if not row.is_settable_text or row.code not in seen:
+        return words
+    return in_order_of(row.type, words, seen[row.code])
 
 
 def _check_once(wanted: Wanted) -> None:

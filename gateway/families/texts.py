@@ -7,7 +7,8 @@ order next; what is plausible in neither is None, and the raw words stand beside
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from datetime import datetime
+from datetime import datetime, timedelta
+from ipaddress import IPv4Address
 
 from gateway.families.schema import Type
 
@@ -19,6 +20,63 @@ def to_text(kind: Type, words: Sequence[int]) -> str | None:
     read = _READERS[kind]
     text = read(words)
     return text if text is not None else read([_swapped(word) for word in words])
+
+
+SPELT: dict[Type, str] = {
+    Type.DATE: "a date and time such as 2026-11-22T05:30:00",
+    Type.IP_ADDRESS: "an address such as 192.168.0.10",
+    Type.STRING: "plain characters",
+}
+
+
+def from_text(kind: Type, text: str, *, words: int, longest: int) -> tuple[int, ...] | None:
+    """Return the words of a text in the natural byte order; None when it is no such text.
+
+    `longest` is how many characters a string may have; one has at least one.
+    """
+    if kind is Type.DATE:
+        return _date_words(text)
+    if kind is Type.IP_ADDRESS:
+        return _ip_words(text)
+    if not (1 <= len(text) <= longest and text.isascii() and text.isprintable()):
+        return None
+    octets = text.encode("ascii").ljust(2 * words, b"\0")
+    return tuple(octets[at] << 8 | octets[at + 1] for at in range(0, 2 * words, 2))
+
+
+def in_order_of(kind: Type, words: tuple[int, ...], seen: Sequence[int]) -> tuple[int, ...]:
+    """Return words with their bytes as the starter has them: swapped if only that makes sense of `seen`."""
+    read = _READERS[kind]
+    is_swapped = read(seen) is None and read([_swapped(word) for word in seen]) is not None
+    return tuple(_swapped(word) for word in words) if is_swapped else words
+
+
+def shown_within(kind: Type, words: tuple[int, ...], seconds: int) -> tuple[tuple[int, ...], ...]:
+    """Return what may be read back so many seconds after this was written: a clock goes on."""
+    text = to_text(kind, words) if kind is Type.DATE else None
+    if text is None:
+        return (words,)
+    start = datetime.fromisoformat(text)
+    later = (_date_words((start + timedelta(seconds=past)).isoformat()) for past in range(seconds + 1))
+    return tuple(in_order_of(kind, each, words) for each in later if each is not None)
+
+
+def _date_words(text: str) -> tuple[int, ...] | None:
+    try:
+        when = datetime.fromisoformat(text)
+    except ValueError:
+        return None
+    if when.tzinfo is not None or not _FIRST_YEAR <= when.year <= _LAST_YEAR:
+        return None
+    return when.minute << 8 | when.second, when.day << 8 | when.hour, when.month, when.year
+
+
+def _ip_words(text: str) -> tuple[int, ...] | None:
+    try:
+        number = int(IPv4Address(text))
+    except ValueError:
+        return None
+    return number & 0xFFFF, number >> 16
 
 
 def _swapped(word: int) -> int:
@@ -51,11 +109,10 @@ def _mac_address(words: Sequence[int]) -> str | None:
 
 
 def _string(words: Sequence[int]) -> str | None:
-    """Characters, high byte first, up to the first 0."""
+    """Characters, high byte first, filled up with 0."""
     octets = bytes(octet for word in words for octet in (word >> 8, word & 0xFF))
-    text = octets.split(b"\0", 1)[0].decode("latin-1")
-    is_plausible = text.isascii() and text.isprintable() and (text or not any(words))
-    return text if is_plausible else None
+    text = octets.rstrip(b"\0").decode("latin-1")
+    return text if text.isascii() and text.isprintable() else None
 
 
 def _version_low(words: Sequence[int]) -> str:

@@ -7,7 +7,7 @@ from typing import Self
 
 from gateway.line.budget import reply_within_s, request_wire_s
 from gateway.line.outcome import Outcome
-from gateway.line.port import Port, PortOpener
+from gateway.line.port import ClosesLate, Port, PortOpener
 from gateway.line.trace import Trace
 from gateway.line.transaction import Transactor
 from gateway.modbus.pdu import Request
@@ -17,7 +17,10 @@ ALLOWANCE_S = 0.02  # for adapters, drivers and this machine
 
 
 class Survey:
-    """An open port; as a context, so that it is closed in any case. Entering raises PortError."""
+    """An open port; as a context, so that it is closed in any case. Entering raises PortError.
+
+    Leaving it waits until the port is closed, so that the next survey can open it with another setting.
+    """
 
     def __init__(self, opener: PortOpener, timing: LineTiming, *, allowance_s: float = ALLOWANCE_S) -> None:
         self.timing = timing
@@ -35,8 +38,11 @@ class Survey:
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
     ) -> None:
-        if self._port is not None:
-            self._port.close()
+        if self._port is None:
+            return
+        self._port.close()
+        if isinstance(self._opener, ClosesLate):
+            await self._opener.wait_closed()
 
     async def ask(self, unit: int, request: Request, *, response_time_s: float) -> Outcome:
         """Send a read and return what became of it; ValueError for a write, PortLostError."""

@@ -86,9 +86,16 @@ def _encode_object(object_id: int, text: str) -> bytes:
 def _walk(pdu: bytes, number: int) -> tuple[dict[int, str], int]:
     """Return the objects and where they end.
 
-    A length that runs past the frame's end is taken for wrong (ssw06-es 5.4.7 prints 20 for a text of 12):
-    the object is the printable characters that are there, and the next one begins after them.
+    The lengths are believed where they divide the reply into as many objects as it announces. Otherwise
+    (ssw06-es 5.4.7 prints 20 for a text of 12) an object ends with its printable characters.
     """
+    objects, end = _cut(pdu, number, by_length=True)
+    return (
+        (objects, end) if len(objects) == number and end == len(pdu) else _cut(pdu, number, by_length=False)
+    )
+
+
+def _cut(pdu: bytes, number: int, *, by_length: bool) -> tuple[dict[int, str], int]:
     objects: dict[int, str] = {}
     at = _HEAD_SIZE
     for _ in range(number):
@@ -96,8 +103,8 @@ def _walk(pdu: bytes, number: int) -> tuple[dict[int, str], int]:
             return objects, len(pdu)
         object_id, size = pdu[at : at + 2]
         at += 2
-        if at + size > len(pdu):
-            size = _printable_size(pdu, at)
+        if not by_length:
+            size = min(size, _printable_size(pdu, at))
         objects[object_id] = pdu[at : at + size].decode("latin-1")
         at += size
     return objects, at

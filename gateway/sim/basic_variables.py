@@ -46,7 +46,6 @@ class BasicVariables(Supervised):
         self.product = product or self.product_name
         self.fixed: dict[int, int] = {}  # registers that a test nails down
         self.relays = 0  # VB08 as far as the relays follow it
-        self._joined: LineTiming | None = None
         super().__init__(address, **options)
 
     def listens_to(self, timing: LineTiming) -> bool:
@@ -58,7 +57,7 @@ class BasicVariables(Supervised):
 
     def join(self, timing: LineTiming) -> None:
         """Set P312 to the line's speed and framing."""
-        self._joined = timing
+        super().join(timing)
         code = _SERIAL_SETTINGS.get((timing.baud, str(timing.framing)))
         self.settings[P_SERIAL] = code or self.settings[P_SERIAL]
 
@@ -74,6 +73,7 @@ class BasicVariables(Supervised):
             5: motor.is_at_full_voltage,
             7: motor.state is MotorState.RAMP_DOWN,
             8: self.is_remote,
+            9: motor.state is MotorState.BRAKING,
             10: self.is_reversing,
             11: self.is_reverse,
             12: motor.state is MotorState.BYPASS,
@@ -188,10 +188,12 @@ class BasicVariables(Supervised):
         return {0: "WEG", 1: f"{self.product} {self.rated_current_a:.1f}A", 2: f"V{self.firmware}"}
 
     def _response_range_s(self, pdu: bytes) -> tuple[float, float]:
-        """Return the times of 5.3.1; FC16 takes so long for each register."""
-        count = int.from_bytes(pdu[3:5], "big") if pdu[:1] == b"\x10" else 1
+        """Return the times of 5.3.1: those of FC16 are no range, but so long for each register."""
         shortest_s, longest_s = self.response_s
-        return shortest_s, longest_s * max(count, 1)
+        if pdu[:1] == b"\x10":
+            written_s = longest_s * max(int.from_bytes(pdu[3:5], "big"), 1)
+            return written_s, written_s
+        return shortest_s, longest_s
 
     def _clear_outputs(self) -> None:
         self.relays = 0

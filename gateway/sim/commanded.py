@@ -44,6 +44,7 @@ class Commanded(Unit):
         self.is_remote = False
         self.command = 0  # the bits that stand
         self.is_enable_input_on = True  # a digital input set to general enable
+        self.is_disabled = False  # by a general disable whose source has lost the control since
         self.is_reverse = False
         self.is_reversing = False
 
@@ -52,8 +53,10 @@ class Commanded(Unit):
     def keypad_start(self) -> None:
         """Press start; it counts only while the keypad is the command source."""
         self._catch_up()
-        if self.is_keypad_in_control and self._can_start():
-            self._start_motor()
+        if self.is_keypad_in_control:
+            self.is_disabled = False
+            if self._can_start():
+                self._start_motor()
 
     def keypad_stop(self) -> None:
         """Press stop; it counts only while the keypad is the command source."""
@@ -104,8 +107,13 @@ class Commanded(Unit):
 
     @property
     def is_enabled(self) -> bool:
-        """Whether general enable holds by all means."""
-        return self.is_enable_input_on and (not self.is_in_control or bool(self.command & ENABLE))
+        """Whether general enable holds by all means.
+
+        A general disable that takes the control away from the line holds until the line or the keypad enables
+        again (not stated: ours).
+        """
+        is_commanded = not self.is_in_control or bool(self.command & ENABLE)
+        return self.is_enable_input_on and is_commanded and not self.is_disabled
 
     @property
     def is_running(self) -> bool:
@@ -188,6 +196,7 @@ class Commanded(Unit):
     def _stop_as_commanded(self, values: int, mask: int) -> None:
         """Stop for a word that takes the control away from the line and stops in one."""
         if mask & ~values & ENABLE:
+            self.is_disabled = True
             self._disable()
         elif mask & ~values & RUN:
             self._stop_motor()
@@ -202,6 +211,7 @@ class Commanded(Unit):
     def _obey_enable(self, *, is_on: bool) -> None:
         if is_on:
             self.command |= ENABLE
+            self.is_disabled = False
             self._run_if_commanded()
         else:
             self.command &= ~ENABLE

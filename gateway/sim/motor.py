@@ -20,6 +20,7 @@ AMBIENT_C = 25.0
 _NO_LOAD = 0.3  # of the rated current, magnetising
 _JOG_SPEED = 0.1
 _JOG_CURRENT_PCT = 200.0
+_BRAKING_CURRENT_PCT = 150.0
 _IMAGE_LIMIT = 1.15  # times the rated current that the thermal image bears for ever
 _FINE_STEP_S = 0.1  # while the current changes
 _COARSE_STEP_S = 1.0  # while the thermal image heads for a trip
@@ -47,6 +48,7 @@ class Motor:
         self.full_voltage_max_a = 0.0
         self._overcurrent_s = 0.0
         self._full_voltage_left_s = 0.0
+        self._braking_left_s = 0.0
 
     def start(self) -> None:
         """Accelerate by ramp; without mains nothing happens."""
@@ -58,8 +60,9 @@ class Motor:
         self.start_max_a = 0.0
 
     def stop(self) -> None:
-        """Decelerate by ramp."""
-        self._enter(MotorEvent.STOP)
+        """Decelerate by ramp, or by DC braking where that is set."""
+        is_braked = self.data.braking_s > 0 and self.state in TURNED_ON
+        self._enter(MotorEvent.BRAKE if is_braked else MotorEvent.STOP)
 
     def cut(self) -> None:
         """Take the voltage away; the motor coasts."""
@@ -127,6 +130,8 @@ class Motor:
                 return 1.3 * load_pct * (0.4 + 0.6 * self.speed)
             case MotorState.JOG:
                 return _JOG_CURRENT_PCT
+            case MotorState.BRAKING:
+                return _BRAKING_CURRENT_PCT
             case MotorState.STOPPED | MotorState.COASTING:
                 return 0.0
 
@@ -146,7 +151,8 @@ class Motor:
             return 0.0
         if self.state in AT_SPEED:
             return 100.0
-        return 30.0 if self.state is MotorState.JOG else 30.0 + 70.0 * self.speed
+        is_low = self.state in (MotorState.JOG, MotorState.BRAKING)
+        return 30.0 if is_low else 30.0 + 70.0 * self.speed
 
     @property
     def current_a(self) -> float:
@@ -165,6 +171,8 @@ class Motor:
             self.standstill_s = 0.0
         elif following is MotorState.JOG:
             self.speed = _JOG_SPEED
+        elif following is MotorState.BRAKING:
+            self._braking_left_s = self.data.braking_s
         elif following is MotorState.FULL_VOLTAGE:
             self.speed = 1.0
             self.full_voltage_max_a = 0.0
@@ -192,6 +200,8 @@ class Motor:
                 return self.speed * self.data.ramp_down_s
             case MotorState.COASTING:
                 return self.speed * self.data.coast_s
+            case MotorState.BRAKING:
+                return self._braking_left_s
             case MotorState.STOPPED | MotorState.BYPASS | MotorState.JOG:
                 return math.inf
 
@@ -213,6 +223,9 @@ class Motor:
                 self.speed = max(0.0, self.speed - piece_s / max(self.data.ramp_down_s, 1e-9))
             case MotorState.COASTING:
                 self.speed = max(0.0, self.speed - piece_s / max(self.data.coast_s, 1e-9))
+            case MotorState.BRAKING:
+                self.speed *= max(0.0, 1 - piece_s / max(self._braking_left_s, 1e-9))
+                self._braking_left_s -= piece_s
             case MotorState.FULL_VOLTAGE:
                 self._full_voltage_left_s -= piece_s
             case MotorState.STOPPED:

@@ -16,6 +16,7 @@ class MotorState(enum.Enum):
     RAMP_DOWN = "ramp_down"
     COASTING = "coasting"  # no voltage, still turning
     JOG = "jog"
+    BRAKING = "braking"  # direct current, from a stop until standstill
 
 
 class MotorEvent(enum.Enum):
@@ -23,6 +24,7 @@ class MotorEvent(enum.Enum):
 
     START = "start"
     STOP = "stop"  # by ramp
+    BRAKE = "brake"  # by direct current
     CUT = "cut"  # general disable, trip, mains lost: the motor coasts
     JOG = "jog"
     ELAPSED = "elapsed"  # the time of the present state is over
@@ -60,13 +62,20 @@ TRANSITIONS: dict[tuple[MotorState, MotorEvent], MotorState] = {
     (_S.COASTING, _E.STOP): _S.COASTING,
     (_S.COASTING, _E.CUT): _S.COASTING,
     (_S.COASTING, _E.ELAPSED): _S.STOPPED,
+    (_S.RAMP_UP, _E.BRAKE): _S.BRAKING,
+    (_S.FULL_VOLTAGE, _E.BRAKE): _S.BRAKING,
+    (_S.BYPASS, _E.BRAKE): _S.BRAKING,
+    (_S.BRAKING, _E.START): _S.RAMP_UP,
+    (_S.BRAKING, _E.STOP): _S.BRAKING,
+    (_S.BRAKING, _E.CUT): _S.COASTING,
+    (_S.BRAKING, _E.ELAPSED): _S.STOPPED,
     (_S.JOG, _E.STOP): _S.COASTING,
     (_S.JOG, _E.CUT): _S.COASTING,
 }
 
 TURNED_ON = frozenset({_S.RAMP_UP, _S.FULL_VOLTAGE, _S.BYPASS})
 AT_SPEED = frozenset({_S.FULL_VOLTAGE, _S.BYPASS})
-FED = frozenset({_S.RAMP_UP, _S.FULL_VOLTAGE, _S.BYPASS, _S.RAMP_DOWN, _S.JOG})
+FED = frozenset({_S.RAMP_UP, _S.FULL_VOLTAGE, _S.BYPASS, _S.RAMP_DOWN, _S.JOG, _S.BRAKING})
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +90,7 @@ class MotorData:
     ramp_up_s: float = 8.0
     full_voltage_s: float = 0.3  # from the end of the ramp until the bypass closes
     ramp_down_s: float = 4.0
+    braking_s: float = 0.0  # above 0 a stop brakes for so long instead of following the ramp
     coast_s: float = 6.0
     heating_s: float = 600.0  # time constant of the thermal image
     cooling_s: float = 1800.0  # the same at standstill

@@ -8,16 +8,32 @@ import os
 import termios
 import tty
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 from gateway.errors import PortError
+from gateway.modbus.timing import LineTiming
 from gateway.sim.bus import Bus
 
 _READ_SIZE = 4096
+_RATES = {  # bit/s -> what termios calls it
+    1200: termios.B1200,
+    2400: termios.B2400,
+    4800: termios.B4800,
+    9600: termios.B9600,
+    19200: termios.B19200,
+    38400: termios.B38400,
+    57600: termios.B57600,
+    115200: termios.B115200,
+}
+_BAUDS = {rate: baud for baud, rate in _RATES.items()}
 
 
 class PtyLine:
     """Serves a line on a pty of the running loop; `link` is a path that shall lead to it.
+
+    The master speaks at the rate and with the stop bits that it has set on its end; who sets nothing has the
+    line's own. A pty has no parity (the kernel takes the flag away), so that is always the line's.
 
     A pty carries bytes at once: the line reckons when they would have left the wire, and replies are written
     at the time of their last byte (or of each, as the line's `chunk_bytes` says). Give the line a tolerance
@@ -35,7 +51,7 @@ class PtyLine:
     async def start(self) -> None:
         """Open the pty and serve it; PortError when the link cannot be made."""
         self._ours, self._theirs = os.openpty()
-        tty.setraw(self._theirs)
+        self._set_up()
         os.set_blocking(self._ours, False)
         self.path = os.ttyname(self._theirs)
         try:
@@ -60,7 +76,27 @@ class PtyLine:
         with suppress(OSError):  # whoever opened it exclusively may be killed, and wants it back then
             fcntl.ioctl(self._theirs, termios.TIOCNXCL)
         with suppress(BlockingIOError):
-            self.line.send(os.read(self._ours, _READ_SIZE))
+            self.line.send(os.read(self._ours, _READ_SIZE), self._timing())
+
+    def _set_up(self) -> None:
+        """Give the master's end the line's rate and stop bits."""
+        tty.setraw(self._theirs)
+        attributes = termios.tcgetattr(self._theirs)
+        timing = self.line.timing
+        rate = _RATES.get(timing.baud, attributes[5])
+        attributes[2] &= ~termios.CSTOPB
+        if timing.framing.stop_bits == 2:
+            attributes[2] |= termios.CSTOPB
+        attributes[4] = attributes[5] = rate
+        termios.tcsetattr(self._theirs, termios.TCSANOW, attributes)
+
+    def _timing(self) -> LineTiming:
+        """Return how the master speaks now."""
+        attributes = termios.tcgetattr(self._theirs)
+        own = self.line.timing
+        baud = _BAUDS.get(attributes[5], own.baud)
+        framing = replace(own.framing, stop_bits=2 if attributes[2] & termios.CSTOPB else 1)
+        return LineTiming(baud, framing)
 
     def _write(self, chunk: bytes, _arrival_s: float) -> None:
         """Hand bytes to the master; what does not fit its buffer is lost, as in a UART's."""

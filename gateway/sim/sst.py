@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
+from gateway.errors import BadRequestError
 from gateway.modbus.codes import ExceptionCode, Function
 from gateway.modbus.pdu import encode_exception
 from gateway.sim import sst_registers as registers
@@ -48,6 +49,8 @@ class Sst(SstMotion):
     def _check_function(self, function: int) -> None:
         if function in _WRITES and self.control != "modbus":
             raise refuse_function(f"{self.control} is in control")
+        if function in _WRITES and self.is_writing_flash:
+            raise BadRequestError("the flash is being written", ExceptionCode.SERVER_DEVICE_BUSY)
 
     def _read_coils(self, address: int, count: int) -> Sequence[bool]:
         if not (address in COILS and address + count - 1 in COILS):

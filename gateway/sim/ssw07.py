@@ -48,7 +48,7 @@ class Ssw07(BasicVariables):
         """Return VB01 (4.2.1)."""
         bits = self._common_status()
         if not self.has_many_functions:
-            bits &= ~(1 << 2 | 1 << 10 | 1 << 11)
+            bits &= ~(1 << 2 | 1 << 9 | 1 << 10 | 1 << 11)
         return bits
 
     def _write_command_word(self, value: int) -> None:

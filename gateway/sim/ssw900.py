@@ -6,6 +6,7 @@ Sections are those of ssw900. Which registers exist, and their limits, stand in 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import ClassVar
 
 from gateway.families.load import load_profile
@@ -27,6 +28,7 @@ from gateway.sim.ssw900_sources import (
 COMMAND_WORDS = {685: 1, 686: 2}  # S5.2.5, S5.2.6 -> slot
 READ_WORDS, READ_MAP = range(1500, 1550), 1300  # 7.2.3; C8.1.1.5 ff.
 WRITE_WORDS, WRITE_MAP = range(1600, 1620), 1400  # C8.1.2.6 ff.
+C7_BRAKING, C7_BRAKING_TIME = 500, 501  # C7.4.1, C7.4.2
 C8_UPDATE_DELAY, C8_ADDRESS, C8_BAUD, C8_BYTES = 899, 731, 732, 733
 
 _BAUDS = (9600, 19200, 38400, 57600)  # C8.2.3
@@ -69,7 +71,6 @@ class Ssw900(Faults):
         sources = {C3_MODE: SLOT_1_DECIDES[1] + 2 * (slot - 1), C3_REMOTE_SOURCE: SOURCE_SLOT_1 + slot - 1}
         self._words = {**self._factory(), **sources, C8_ADDRESS: address, **(settings or {})}
         self._kept: dict[int, int] = {}  # what a word of 1600-1619 has overwritten, until power is off
-        self._joined: LineTiming | None = None
         super().__init__(
             address,
             slot=slot,
@@ -79,6 +80,7 @@ class Ssw900(Faults):
             restart_s=restart_s,
             keeps_run_command=keeps_run_command,
         )
+        self._take_up_braking()
         self._forget()
 
     def setting(self, net_id: int) -> int:
@@ -96,7 +98,7 @@ class Ssw900(Faults):
 
     def join(self, timing: LineTiming) -> None:
         """Set C8.2.3 and C8.2.4 to the line's speed and framing."""
-        self._joined = timing
+        super().join(timing)
         if timing.baud in _BAUDS:
             self._words[C8_BAUD] = _BAUDS.index(timing.baud)
             self._words[C8_BYTES] = _FRAMINGS.index(str(timing.framing))
@@ -114,6 +116,7 @@ class Ssw900(Faults):
             6: motor.state is MotorState.BYPASS,
             7: motor.state is MotorState.RAMP_DOWN,
             8: self.is_remote,
+            9: motor.state is MotorState.BRAKING,
             10: self.is_reversing,
             11: self.is_reverse,
             12: self.phase == "delay",
@@ -173,10 +176,18 @@ class Ssw900(Faults):
         self._words.update(zip(owner.registers, words, strict=True))
         if owner.start == C8_ADDRESS:
             self.address = words[0]
+        elif owner.start in (C7_BRAKING, C7_BRAKING_TIME):
+            self._take_up_braking()
         elif owner.start in (C8_TIMEOUT, C8_TIMEOUT_MODE):
             self._watch()
         elif owner.start in (C3_MODE, C3_LOCAL_SOURCE, C3_REMOTE_SOURCE):
             self.sources_changed()
+
+    def _take_up_braking(self) -> None:
+        """Let stops brake for C7.4.2 where C7.4.1 has a method, whichever."""
+        is_braked = self.setting(C7_BRAKING) != 0
+        braking_s = float(self.setting(C7_BRAKING_TIME)) if is_braked else 0.0
+        self.motor.data = replace(self.motor.data, braking_s=braking_s)
 
     def _write_mapped(self, register: int, value: int) -> None:
         """Take a word of 1600-1619; its parameter changes with its last word (7.2.3, 7.2.5)."""
@@ -208,6 +219,7 @@ class Ssw900(Faults):
         self._kept = {}
         self.phase = ""
         self.command_words = {1: ENABLE, 2: ENABLE}
+        self.is_disabled = False
         self._set_remote(is_remote=self.setting(C3_MODE) in REMOTE_AT_POWER_UP)
 
     def _factory(self) -> dict[int, int]:

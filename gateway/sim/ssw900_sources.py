@@ -189,6 +189,7 @@ class Sources(Commanded):
             MotorState.FULL_VOLTAGE: 4,
             MotorState.BYPASS: 5,
             MotorState.RAMP_DOWN: 7,
+            MotorState.BRAKING: 8,
             MotorState.JOG: 10,
         }
         return numbers.get(self.motor.state, 12 if self.is_after_stop else 0)

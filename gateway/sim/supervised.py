@@ -111,6 +111,7 @@ class Supervised(Commanded):
     def _hear(self) -> None:
         if self.is_silence_shown and self.fault != FAULT_SILENCE:
             self.is_silence_shown = False  # it goes when communication returns (2.4)
+            self.is_disabled = False
         self._watch()
 
     def _switched_on(self) -> None:
@@ -134,6 +135,7 @@ class Supervised(Commanded):
             self.motor.stop()
         elif action == ACTION_DISABLE:
             self.command &= ~(RUN | ENABLE)
+            self.is_disabled = not self.is_in_control  # until communication returns
             self.motor.cut()
         elif action == ACTION_TO_LOCAL and self.settings[P_LOCAL_REMOTE] in MODE_BY_SERIAL:
             self._set_remote(is_remote=False)
@@ -161,6 +163,7 @@ class Supervised(Commanded):
         self.is_silence_shown = False
         self._clear_outputs()
         self.command = ENABLE
+        self.is_disabled = False
         self._set_remote(is_remote=self.settings[P_LOCAL_REMOTE] in REMOTE_AT_POWER_UP)
 
     def _set_up(self, address: int) -> dict[int, int]:

@@ -69,6 +69,7 @@ class Unit(Answers, ABC):
         self.writes: deque[Write] = deque(maxlen=_WRITES_KEPT)
         self.trips: list[Trip] = []
         self.handled = 0  # requests that this unit acted on
+        self._joined: LineTiming | None = None
         self._now_s: float | None = None
         self._silent_until_s = 0.0
         self._timers: dict[str, tuple[float, Callable[[], None]]] = {}
@@ -104,12 +105,13 @@ class Unit(Answers, ABC):
         """Return the longest time that this request's reply may take to begin."""
         return self._response_range_s(pdu)[1]
 
-    def listens_to(self, timing: LineTiming) -> bool:  # noqa: ARG002 (families with such a parameter look)
+    def listens_to(self, timing: LineTiming) -> bool:
         """Return whether speed and framing are the ones this unit is set to."""
-        return True
+        return self._joined in (None, timing)
 
     def join(self, timing: LineTiming) -> None:
         """Set speed and framing to those of the line it is put on, as whoever installs it does."""
+        self._joined = timing
 
     def note_reception_error(self, *, is_crc: bool, byte_count: int) -> None:
         """Count a frame that was on the line, but could not be understood."""

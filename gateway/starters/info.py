@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from gateway.families.command import verbs
+from gateway.families.identify import Identity
 from gateway.families.schema import Profile, Variant
 from gateway.starters.admission import OWN_VERBS
 from gateway.starters.decoding import type_of, unit_of
@@ -12,7 +13,7 @@ from gateway.starters.records import InfoRecord
 from gateway.starters.setup import StarterSetup
 
 
-def info_of(setup: StarterSetup, variant: Variant, *, serial: str | None) -> InfoRecord:
+def info_of(setup: StarterSetup, variant: Variant, identity: Identity) -> InfoRecord:
     """Return the description of a starter as far as it is known."""
     profile = setup.profile
     return InfoRecord(
@@ -20,11 +21,16 @@ def info_of(setup: StarterSetup, variant: Variant, *, serial: str | None) -> Inf
         family=profile.family,
         model=variant.model,
         firmware=variant.firmware,
-        serial=serial,
+        serial=identity.serial,
         line=setup.line,
         address=setup.address,
         points={name: _describe(profile, name) for name in profile.points},
         commands=(*verbs(profile), *OWN_VERBS),
+        hardware=identity.hardware,
+        rated_current_a=variant.rated_current_a,
+        rating=identity.rating,
+        slot=variant.slot,
+        accessories=identity.accessories,
     )
 
 

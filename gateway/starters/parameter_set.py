@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from gateway.families.bulk import is_setting
 from gateway.families.decode import Value, decode_row
+from gateway.families.factory_settings import factory_settings
 from gateway.families.parameters import find
 from gateway.families.schema import Profile, Variant
 
@@ -69,6 +70,16 @@ def entries_of(profile: Profile, variant: Variant, rows: Mapping[str, tuple[int,
         told = decode_row(profile, variant, row, rows[code])
         found[code] = Entry(row.name, told.value, told.label, told.unit, told.raw)
     return found
+
+
+def of_factory(profile: Profile, like: ParameterSet) -> tuple[ParameterSet, ParameterSet]:
+    """Return the factory settings that the manual prints, and those rows of a set."""
+    entries = entries_of(
+        profile, Variant(model=like.model, firmware=like.firmware), factory_settings(profile)
+    )
+    held = {code: entry for code, entry in like.parameters.items() if code in entries}
+    factory = {code: entry for code, entry in entries.items() if code in held}
+    return replace(like, parameters=factory), replace(like, parameters=held)
 
 
 def differences(

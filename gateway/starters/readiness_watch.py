@@ -104,7 +104,13 @@ class ReadinessWatch:
 
     def _tell(self, rows: dict[str, tuple[int, ...]]) -> None:
         starter = self._starter
-        findings = readiness(starter.profile, starter.variant, rows, gap_s=starter.status_period_s or None)
+        findings = readiness(
+            starter.profile,
+            starter.variant,
+            rows,
+            gap_s=starter.status_period_s or None,
+            watchdog_s=starter.setup.watchdog_s,
+        )
         said = (tuple(sorted(rows.items())), tuple(finding.weight for finding in findings))
         if said == self._said or not findings:
             return

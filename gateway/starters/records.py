@@ -119,6 +119,11 @@ class InfoRecord:
     address: int
     points: Mapping[str, Mapping[str, Any]]  # name -> unit, type, enum, deadband
     commands: tuple[str, ...]
+    hardware: str | None = None  # version
+    rated_current_a: float | None = None
+    rating: str | None = None  # SSW900: the currents of its size
+    slot: int | None = None  # SSW900: of the RS-485 accessory
+    accessories: tuple[str, ...] = ()  # SSW900: the kinds in slots 1 and 2
 
 
 @dataclass(frozen=True, slots=True)

@@ -379,7 +379,7 @@ class StarterTelemetry:
             self.publisher.event("identity_unknown", Severity.WARNING, text)
 
     def _publish_info(self) -> None:
-        info = info_of(self.setup, self.variant, serial=self._identity.serial)
+        info = info_of(self.setup, self.variant, self._identity)
         if info != self._info:
             self._info = info
             self.publisher.sink.put(info)

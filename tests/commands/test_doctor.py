@@ -197,3 +197,14 @@ def test_a_wrong_configuration_is_told_as_everywhere(
 
     assert main(["doctor", str(tmp_path / "site.toml")]) == 78
     assert "name: is missing" in capsys.readouterr().err
+
+
+def test_settings_that_stand_as_delivered_are_named() -> None:
+    said = examine(site("ssw07"), make_unit("ssw07", 1, settings={220: 3, 229: 0, 230: 2, 314: 0, 313: 0}))
+
+    (delivered,) = [remark.text for remark in said if remark.text.startswith("as delivered")]
+    assert "P220 = 3 (" in delivered
+    assert "P229 = 0 (" in delivered
+    assert "P314 = 0 (off)" in delivered
+    assert "P230" not in delivered
+    assert "P313" not in delivered

@@ -189,7 +189,7 @@ def test_a_dry_run_writes_nothing(capsys: pytest.CaptureFixture[str]) -> None:
 
     assert place.written == []
     out = capsys.readouterr().out
-    assert "would write: P314 timeout for message reception: 0.0 s -> 30.0 s" in out
+    assert "would write: P314 timeout for message reception: 0.0 s (off) -> 30.0 s" in out
     assert "left as it is: P308" in out
 
 

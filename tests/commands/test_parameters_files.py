@@ -112,3 +112,34 @@ def test_without_a_port_nothing_is_made(
     assert main(["parameters", *arguments]) == 1
     assert "port /nowhere/tty: no such port" in capsys.readouterr().err
     assert not (folder / "x.toml").exists()
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_set_is_compared_with_what_the_manual_says_of_a_new_starter(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    head = '[starter]\nname = "p"\nfamily = "{}"\n[parameters]\n'
+    text = head + "P220 = {{ raw = [{}] }}\nP314 = {{ raw = [{}] }}\n"
+    (folder / "new.toml").write_text(text.format("ssw07", 3, 0), "utf-8")
+    (folder / "used.toml").write_text(text.format("ssw06", 6, 0), "utf-8")
+
+    assert main(["parameters", "diff", "new.toml", "--factory"]) == 0
+    assert capsys.readouterr().out == "as delivered: P220, P314\n"
+    assert main(["parameters", "diff", "used.toml", "--factory"]) == 1
+    first, last = capsys.readouterr().out.splitlines()
+    assert first.startswith("P220 ")
+    assert ": 2 (" in first
+    assert "-> " in first
+    assert last == "as delivered: P314"
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [(["a.toml"], "name a second set"), (["a.toml", "b.toml", "--factory"], "takes the place of b.toml")],
+)
+@pytest.mark.usefixtures("folder")
+def test_a_set_is_compared_with_one_other(
+    options: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["parameters", "diff", *options]) == 2
+    assert told in capsys.readouterr().err

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
 import tomllib
 from collections.abc import Sequence
@@ -15,9 +16,9 @@ from gateway.cli import main
 from gateway.commands.progress import Progress
 from gateway.commands.scan import addresses_in, scan, show, stable_name
 from gateway.commands.scan_config import clean, config_text
-from gateway.commands.scan_search import Find, Wish, timings_in_order
+from gateway.commands.scan_search import BAUDS, FRAMINGS, Find, Wish, timings_in_order
 from gateway.config.load import parse
-from gateway.errors import UsageError
+from gateway.errors import PortError, UsageError
 from gateway.families.identify import Identity
 from gateway.families.load import FAMILIES, load_profile
 from gateway.modbus.adu import decode
@@ -25,6 +26,7 @@ from gateway.modbus.timing import Framing, LineTiming
 from gateway.sim.factory import make_unit
 from gateway.sim.impair import Impairment, Reply
 from gateway.sim.line import SimulatedLine
+from gateway.sim.port import SimulatedPort
 from gateway.sim.unit import Unit
 from tests.virtual_time import run_virtually
 
@@ -290,3 +292,99 @@ def test_the_stable_name_of_an_adapter_is_preferred(tmp_path: Path) -> None:
     assert stable_name(str(tmp_path / "ttyS0"), by_id) == str(tmp_path / "ttyS0")
     assert stable_name(str(device), tmp_path / "none") == str(device)
     assert stable_name("socket://box:4001", by_id) == "socket://box:4001"
+
+
+class SlowlyClosed:
+    """An adapter that is closed some time after it was given up; until then it is busy."""
+
+    def __init__(self, bus: SimulatedLine) -> None:
+        self.bus = bus
+        self.timings: list[LineTiming] = []
+        self.loses_at: list[int] = []  # counts of openings that fail
+        self._is_closed = asyncio.Event()
+        self._is_closed.set()
+
+    def opener(self, timing: LineTiming) -> SlowlyClosedOpener:
+        return SlowlyClosedOpener(self, timing)
+
+    async def open(self, timing: LineTiming) -> SimulatedPort:
+        if not self._is_closed.is_set():
+            raise PortError("adapter", "busy")
+        self.timings.append(timing)
+        if len(self.timings) in self.loses_at:
+            raise PortError("adapter", "no such port")
+        self._is_closed.clear()
+        return self.bus.open(timing)
+
+    async def wait_closed(self) -> None:
+        await asyncio.sleep(0.05)
+        self._is_closed.set()
+
+
+class SlowlyClosedOpener:
+    """One setting of it; each setting has an opener of its own."""
+
+    name = "adapter"
+
+    def __init__(self, adapter: SlowlyClosed, timing: LineTiming) -> None:
+        self._adapter = adapter
+        self._timing = timing
+
+    async def __call__(self) -> SimulatedPort:
+        return await self._adapter.open(self._timing)
+
+    async def wait_closed(self) -> None:
+        await self._adapter.wait_closed()
+
+
+def test_all_rates_framings_and_addresses_of_a_silent_line_are_tried_on_a_port_that_closes_late() -> None:
+    adapter = SlowlyClosed(SimulatedLine(TIMING, []))
+    timings = timings_in_order(BAUDS, FRAMINGS)
+
+    async def search_all() -> list[Find]:
+        quiet = Progress(io.StringIO())
+        return await scan(Wish(timings, addresses_in("1-247")), adapter.opener, quiet)
+
+    assert run_virtually(search_all()) == []
+    assert adapter.timings == [*timings, *timings]
+    requests = [decode(frame.data).unit for frame in adapter.bus.transcript]
+    assert requests[-231:] == list(range(17, 248))
+
+
+def test_a_port_that_cannot_be_opened_again_for_a_moment_is_tried_again() -> None:
+    adapter = SlowlyClosed(SimulatedLine(TIMING, [make_unit("ssw07", 3)]))
+    adapter.loses_at = [2, 3]
+    timings = [*timings_in_order((9600,), ("8N2",)), TIMING]
+
+    async def search_all() -> list[Find]:
+        wish = Wish(tuple(timings), addresses_in("1-4"))
+        return await scan(wish, adapter.opener, Progress(io.StringIO()))
+
+    assert families(run_virtually(search_all())) == {3: "ssw07"}
+    assert adapter.timings == [timings[0], TIMING, TIMING, TIMING]
+
+
+def test_a_port_that_never_opened_is_an_error_at_once() -> None:
+    adapter = SlowlyClosed(SimulatedLine(TIMING, []))
+    adapter.loses_at = [1]
+
+    async def search_all() -> None:
+        wish = Wish((TIMING,), addresses_in("1-4"))
+        with pytest.raises(PortError):
+            await scan(wish, adapter.opener, Progress(io.StringIO()))
+
+    run_virtually(search_all())
+    assert adapter.timings == [TIMING]
+
+
+def test_a_port_that_stays_away_ends_the_search() -> None:
+    adapter = SlowlyClosed(SimulatedLine(TIMING, []))
+    adapter.loses_at = list(range(2, 100))
+
+    async def search_all() -> None:
+        wish = Wish(timings_in_order(BAUDS, ("8N2",)), addresses_in("1-4"))
+        with pytest.raises(PortError, match="no such port"):
+            await scan(wish, adapter.opener, Progress(io.StringIO()))
+
+    run_virtually(search_all())
+    assert len(adapter.timings) == 7

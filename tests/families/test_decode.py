@@ -132,7 +132,7 @@ def test_a_listed_number_has_a_label_and_an_unlisted_one_is_still_shown() -> Non
         ("S5.9.1", (0x0101, 0, 0), None),
         ("C8.6.2", (0x3132, 0x3334, 0x3536, 0), "123456"),
         ("C8.6.3", (0x5075, 0x6D70, 0, 0, 0, 0, 0, 0), "Pump"),
-        ("C8.6.3", (0x7550, 0x006D, 0, 0, 0, 0, 0, 0), "uP"),  # printable as it stands
+        ("C8.6.3", (0x7550, 0x006D, 0, 0, 0, 0, 0, 0), "Pum"),  # only the end is filled up with 0
         ("C8.6.3", (0x0050, 0, 0, 0, 0, 0, 0, 0), "P"),
         ("C8.6.3", (0, 0, 0, 0, 0, 0, 0, 0), ""),
         ("C8.6.3", (0x0101, 0xFFFF, 0, 0, 0, 0, 0, 0), None),

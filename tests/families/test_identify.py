@@ -6,7 +6,10 @@ import pytest
 
 from gateway.families.identify import Identity, identify, identify_requests, matches, why_not
 from gateway.families.load import load_profile
+from gateway.families.schema import Variant
 from gateway.modbus.identify import Identification
+from gateway.starters.info import info_of
+from gateway.starters.setup import StarterSetup, merged
 
 SST_NAME = b"SST130i-140-M-ES"
 
@@ -191,3 +194,30 @@ def test_the_serial_number_of_an_sst_takes_four_registers_only_when_they_are_use
     assert identity("sst", model=sst_registers(serial=(0, 0, 0, 5))).serial == "5"
     assert identity("sst", model=sst_registers(serial=(0, 7, 0, 0))).serial == "7"
     assert identity("sst", model=sst_registers(serial=(0, 0, 0, 0))).serial is None
+
+
+def test_what_info_says_of_hardware_rating_and_accessories_is_the_devices_own() -> None:
+    sst = identity("sst", model=sst_registers())
+    ssw900 = identity("ssw900", slots=(7, 2), model=(3, 0, 1, 2, 0x5678, 0x1234))
+
+    assert sst.hardware == "6.1"
+    assert ssw900.accessories == ("Ethernet", "RS-485")
+    assert (ssw900.slot, ssw900.rating) == (2, load_profile("ssw900").enums["S3.3.1"][3])
+
+
+def test_info_gives_them_and_the_rated_current() -> None:
+    ssw07 = Identity(family_seen="ssw07", rated_current_a=85.0, hardware="6.1", accessories=("RS-485", "CAN"))
+    setup = StarterSetup("p", "l", 1, load_profile("ssw07"), Variant())
+
+    info = info_of(setup, merged(setup.variant, ssw07), ssw07)
+
+    assert (info.rated_current_a, info.hardware, info.accessories) == (85.0, "6.1", ("RS-485", "CAN"))
+
+
+@pytest.mark.parametrize("filling", ["\0\0", "\n", "\x1b[2J", "\x02\x05V1.60", "\xff"])
+def test_model_and_firmware_are_printable_characters_only(filling: str) -> None:
+    objects = {0: "WEG", 1: f"SSW-07 85.0A{filling}", 2: f"V1.60{filling}"}
+
+    seen = identity("ssw07", fc43=Identification(objects))
+
+    assert (seen.model, seen.firmware) == ("SSW-07 85.0A", "1.60")

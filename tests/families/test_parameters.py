@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from gateway.errors import CommandError
 from gateway.families.decode import decode_row
 from gateway.families.load import FAMILIES, load_profile
+from gateway.families.numbers import to_percent
 from gateway.families.parameters import find, raw_limits, read_request, to_words, write_request
 from gateway.families.schema import RESERVED, Access, Confidence, Parameter, Profile, Variant
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
@@ -18,7 +19,7 @@ WRITABLE = [
     (family, row)
     for family in FAMILIES
     for row in load_profile(family).parameters.values()
-    if row.is_writable
+    if row.is_writable and not row.is_settable_text
 ]
 
 
@@ -142,7 +143,10 @@ def test_no_request_writes_a_row_that_is_read_only(family: str, code: str) -> No
         ("ssw07", "P230", "serial", (2,)),
         ("ssw07", "VB08", 3, (3,)),
         ("ssw06", "P313", "Fatal error", (5,)),
-        ("ssw06", "VB09", 8191, (8191,)),
+        ("ssw06", "VB09", 50, (8191,)),  # 5.4.6
+        ("ssw06", "VB09", 25.0, (4095,)),
+        ("ssw06", "P314", "off", (0,)),
+        ("sst", "R40", "off", (97,)),
         ("ssw900", "C1.2", 50, (50,)),
         ("ssw900", "C2.2", 12.3, (123,)),
         ("ssw900", "C8.2.5.3", "0.5", (5,)),
@@ -253,6 +257,8 @@ def test_what_is_set_is_what_is_read_back(data: st.DataObject) -> None:
     profile = load_profile(family)
     raw = data.draw(accepted(profile, row), label="raw")
     value = raw / 10**row.decimals if row.decimals else raw
+    if row.full_scale:
+        value = to_percent(raw, row.full_scale)
 
     sent = to_words(profile, row, value)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gateway.errors import CommandError
+from gateway.families.factory_settings import factory_settings
 from gateway.families.interlock import RULES
 from gateway.families.load import FAMILIES, load_profile
 from gateway.families.parameters import to_words
@@ -79,7 +80,7 @@ def test_only_rows_that_are_legible_allowed_and_bounded_are_writable(family: str
         if row.is_writable:
             assert row.access is Access.RW
             assert row.confidence in (Confidence.MANUAL, Confidence.REPAIRED)
-            assert row.raw_min is not None
+            assert row.raw_min is not None or row.is_settable_text
         else:
             with pytest.raises(CommandError) as refusal:
                 to_words(profile, row, row.raw_min or 0)
@@ -94,7 +95,7 @@ def test_the_six_inferred_rows_of_the_ssw900_are_never_writable(code: str) -> No
     assert not row.is_writable
 
 
-@pytest.mark.parametrize("code", ["S5.6.2", "A1.1", "S5.2.5", "S5.2.6", "C6.3.1", "C8.3.5", "C8.6.3"])
+@pytest.mark.parametrize("code", ["A1.1", "S5.2.5", "S5.2.6", "S5.9.1", "C8.6.2"])
 def test_rows_of_the_ssw900_that_a_set_may_not_name(code: str) -> None:
     assert not load_profile("ssw900").parameters[code].is_writable
 
@@ -175,3 +176,24 @@ def test_the_sst_takes_frames_of_54_bytes() -> None:
     limits = load_profile("sst").limits
 
     assert (limits.frame_bytes, limits.read_registers, limits.write_registers) == (54, 24, 22)
+
+
+@pytest.mark.parametrize(
+    ("family", "codes"),
+    [
+        ("ssw06", {"P220": 2, "P229": 0, "P230": 0, "P308": 1, "P312": 1, "P313": 0, "P314": 0}),  # 2.1-2.7
+        ("ssw07", {"P220": 3, "P229": 0, "P230": 1, "P308": 1, "P312": 1, "P313": 1, "P314": 0}),
+        ("ssw900", {"C8.2.1": 2, "C8.2.4": 1, "C8.2.5.2": 3, "C8.1.1.3": 26, "C8.1.2.3": 11, "C8.1.2.25": 0}),
+        ("sst", {}),
+    ],
+)
+def test_factory_settings_are_those_that_the_manual_prints(family: str, codes: dict[str, int]) -> None:
+    profile = load_profile(family)
+    factory = {code: words[0] for code, words in factory_settings(profile).items()}
+
+    assert codes.items() <= factory.items()
+    for code, raw in factory.items():
+        row = profile.parameters[code]
+        assert row.raw_min is not None
+        assert row.raw_max is not None
+        assert row.raw_min <= raw <= row.raw_max

@@ -12,7 +12,16 @@ from gateway.families.watchdog import watchdogs
 
 SSW07 = {"P220": 6, "P229": 0, "P230": 2, "P277": 0, "P278": 0, "P313": 1, "P314": 0, "P630": 0}
 SSW06 = {**SSW07, "P279": 0, "P313": 0, "VB06": 0}
-SSW900 = {"C3.1": 10, "C3.2": 0, "C3.3": 4, "C8.2.5.1": 0, "C8.2.5.2": 1, "C8.2.5.3": 0}
+SSW900 = {
+    "C3.1": 10,
+    "C3.2": 0,
+    "C3.3": 4,
+    "C8.2.5.1": 0,
+    "C8.2.5.2": 1,
+    "C8.2.5.3": 0,
+    "S3.5.1": 2,
+    "S3.5.2": 0,
+}
 SST = {"COIL5": 1, "COIL7": 0, "COIL8": 0, "COIL26": 1, "R41": 0, "R42": 0}
 GOOD = {"ssw06": SSW06, "ssw07": SSW07, "ssw900": SSW900, "sst": SST}
 
@@ -23,12 +32,13 @@ def look(
     *,
     gap_s: float | None = None,
     slot: int | None = 1,
+    watchdog_s: float | None = None,
 ) -> tuple[Finding, ...]:
     """Return the findings for good settings with some changes; None takes a reading away."""
     numbers = {**GOOD[family], **(changes or {})}
     rows = {code: (number,) for code, number in numbers.items() if number is not None}
     variant = Variant.model_validate({"slot": slot if family == "ssw900" else None})
-    return readiness(load_profile(family), variant, rows, gap_s=gap_s)
+    return readiness(load_profile(family), variant, rows, gap_s=gap_s, watchdog_s=watchdog_s)
 
 
 def biting(findings: tuple[Finding, ...]) -> list[str]:
@@ -89,7 +99,7 @@ def test_a_setting_that_would_refuse_a_start_is_an_error_that_names_it(
 
 
 def test_an_accessory_in_slot_2_is_its_own_source() -> None:
-    assert biting(look("ssw900", {"C3.1": 12, "C3.3": 5}, slot=2)) == []
+    assert biting(look("ssw900", {"C3.1": 12, "C3.3": 5, "S3.5.1": 0, "S3.5.2": 2}, slot=2)) == []
     assert refuses_start(look("ssw900", slot=2))
 
 
@@ -198,3 +208,51 @@ def test_a_watchdog_that_the_motor_does_not_feel_is_never_an_error() -> None:
     findings = look("ssw06", {"P314": 3}, gap_s=9.0)
 
     assert [f.weight for f in findings if f.topic is Topic.WATCHDOG] == [Weight.WARNING]
+
+
+def test_a_configured_slot_that_the_accessory_does_not_sit_in_is_an_error() -> None:
+    found = biting(look("ssw900", {"S3.5.1": 2, "S3.5.2": 0, "C3.1": 12, "C3.3": 5}, slot=2))
+
+    (text,) = [each for each in found if "slot = 2" in each]
+    assert text.startswith(
+        "slot = 2 is configured, but the RS-485 accessory sits in slot 1: S3.5.1 = 2 (RS-485)"
+    )
+    assert refuses_start(look("ssw900", {"S3.5.1": 2, "S3.5.2": 0, "C3.1": 12, "C3.3": 5}, slot=2))
+
+
+@pytest.mark.parametrize("contents", [(2, 0), (2, 2), (None, None), (0, 0)])
+def test_a_slot_that_is_not_contradicted_is_left_alone(contents: tuple[int | None, int | None]) -> None:
+    assert biting(look("ssw900", {"S3.5.1": contents[0], "S3.5.2": contents[1]})) == []
+
+
+@pytest.mark.parametrize(
+    ("family", "changes", "watchdog_s", "text"),
+    [
+        (
+            "ssw07",
+            {"P314": 30},
+            10.0,
+            "watchdog_s = 10 is configured, but the starter's own is set to 30 s: P314",
+        ),
+        ("ssw07", {"P314": 0}, 10.0, "watchdog_s = 10 is configured, but the starter's own is off: P314"),
+        ("ssw06", {"P314": 30}, 0.0, "watchdog_s = 0 is configured, but the starter's own is set to 30 s"),
+        (
+            "sst",
+            {"R41": 8, "R42": 20},
+            20.0,
+            "watchdog_s = 20 is configured, but the starter's own is set to 8 s",
+        ),
+        ("ssw900", {"C8.2.5.1": 1, "C8.2.5.3": 34}, 3.0, "is set to 3.4 s: C8.2.5.1"),
+        ("ssw07", {"P314": 30}, 30.0, ""),
+        ("ssw07", {"P314": 0}, 0.0, ""),
+        ("ssw07", {"P314": 30}, None, ""),
+        ("ssw07", {"P314": None}, 30.0, ""),
+    ],
+)
+def test_a_configured_watchdog_that_the_starter_does_not_have_is_said(
+    family: str, changes: dict[str, int | None], watchdog_s: float | None, text: str
+) -> None:
+    said = [each for each in biting(look(family, changes, watchdog_s=watchdog_s)) if "watchdog_s" in each]
+
+    assert len(said) == bool(text)
+    assert all(text in each for each in said)

@@ -92,7 +92,9 @@ def test_without_a_reading_the_value_is_written() -> None:
 
 def test_a_row_of_32_bits_is_written_in_one_request_low_word_first() -> None:
     profile = load_profile("ssw900")
-    wide = next(row for row in profile.parameters.values() if row.is_writable and row.words == 2)
+    wide = next(
+        row for row in profile.parameters.values() if row.raw_max and row.is_writable and row.words == 2
+    )
     limit = wide.raw_max or 0
     value = limit / 10 ** (wide.decimals or 0)
 

@@ -129,3 +129,12 @@ def test_the_simulated_unit_may_claim_any_conformity() -> None:
     pdu = BASIC.encode_reply(Identification(objects={}), conformity=0x51)
 
     assert pdu == reply("51 00 00 00")
+
+
+def test_a_wrong_length_that_happens_to_fit_the_reply_swallows_no_other_object() -> None:
+    text = b"SSW-06 100.0A"  # 13 characters, and the manual's length of 14h (ssw06-es 5.4.7)
+    tail = bytes((0, 3)) + b"WEG" + bytes((1, 0x14)) + text + bytes((2, 5)) + b"V1.60"
+
+    said = BASIC.decode_reply(reply("81 00 00 03") + tail)
+
+    assert said.objects == {0: "WEG", 1: "SSW-06 100.0A", 2: "V1.60"}

@@ -111,7 +111,8 @@ FIGURES = {"qos": 0, "retain": True, "is_kept": False}
             ),
             "b/starter/pump-1/info",
             LATEST,
-            '{"family":"ssw07","model":null,"firmware":"1.3","serial":null,"line":"pumps","address":1,'
+            '{"family":"ssw07","model":null,"firmware":"1.3","serial":null,"hardware":null,"rated_current_a":null,'
+            '"rating":null,"slot":null,"accessories":null,"line":"pumps","address":1,'
             '"points":{"p_002":{"unit":"A","deadband":0.5}},"commands":["start","stop"]}',
         ),
         (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import termios
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from gateway.errors import PortError
 from gateway.modbus.adu import encode
 from gateway.modbus.reads import ReadHoldingRegisters
+from gateway.modbus.timing import Framing, LineTiming
 from gateway.sim.factory import make_unit
 from gateway.sim.line import SimulatedLine
 from gateway.sim.pty import PtyLine
@@ -44,6 +46,21 @@ async def ask(path: str, frame: bytes, size: int) -> bytes:
         loop.remove_reader(end)
         os.close(end)
     return bytes(received)
+
+
+async def taken(line: SimulatedLine) -> None:
+    """Return once a frame of the master has ended."""
+    loop = asyncio.get_running_loop()
+    is_taken = loop.create_future()
+
+    def look() -> None:
+        if line.transcript:
+            is_taken.set_result(None)
+        else:
+            loop.call_later(0.001, look)
+
+    look()
+    await is_taken
 
 
 async def test_a_master_gets_its_answer_through_the_terminal() -> None:
@@ -89,6 +106,44 @@ async def test_a_link_never_replaces_a_link_to_something_else(tmp_path: Path) ->
         await make_pty(link).start()
 
     assert link.readlink() == tmp_path
+
+
+@pytest.mark.parametrize(
+    ("rate", "stop_bits", "answers"),
+    [
+        (termios.B9600, termios.CSTOPB, True),
+        (termios.B19200, termios.CSTOPB, False),
+        (termios.B9600, 0, False),
+    ],
+)
+async def test_a_master_is_understood_at_the_rate_and_stop_bits_that_it_sets(
+    rate: int, stop_bits: int, *, answers: bool
+) -> None:
+    served = make_pty()
+    await served.start()
+    end = os.open(served.path, os.O_RDWR | os.O_NOCTTY)
+    attributes = termios.tcgetattr(end)
+    attributes[2] = attributes[2] & ~termios.CSTOPB | stop_bits
+    attributes[4] = attributes[5] = rate
+    termios.tcsetattr(end, termios.TCSANOW, attributes)
+
+    os.write(end, encode(1, READ.encode()))
+    async with asyncio.timeout(10.0):
+        await taken(served.line)
+    os.close(end)
+
+    assert bool(served.line.units[0].handled) is answers
+    await served.stop()
+
+
+async def test_a_line_with_parity_answers_who_cannot_set_it_on_a_terminal() -> None:
+    timing = LineTiming(57600, Framing.parse("8E1"))
+    line = SimulatedLine(timing, [make_unit("ssw900", 1)], chunk_bytes=None, tolerance_s=0.0002)
+    served = PtyLine(line)
+    await served.start()
+
+    assert served._timing() == timing
+    await served.stop()
 
 
 async def test_bytes_that_nobody_reads_are_lost_without_harm() -> None:

@@ -67,14 +67,16 @@ def test_st_12_coil_5_becomes_1_after_the_flash_write() -> None:
     assert 5 in ones(talk)
 
 
-def test_entering_configuration_again_before_the_flash_write_postpones_it() -> None:
+def test_while_the_flash_is_written_every_write_gets_exception_6_and_reads_are_answered() -> None:
     talk, _ = make(flash_s=0.5)
     talk.ask(coil(2))
     talk.ask(coil(2, is_on=False))
-    talk.ask(coil(2))
-    talk.wait(5.0)
 
+    assert [talk.code(each) for each in (START, coil(2), WriteRegister(30, 20))] == [6, 6, 6]
     assert 5 not in ones(talk)
+    talk.wait(0.5)
+    assert 5 in ones(talk)
+    assert talk.code(START) is None
 
 
 @pytest.mark.parametrize(("control", "number"), [("usb", 7), ("parallel", 8)])
@@ -150,6 +152,20 @@ def test_st_17_register_42_restarts_the_starter_when_no_command_comes() -> None:
     talk.wait(3.0)
     assert ones(talk) == {6}
     assert unit.motor.state is MotorState.COASTING or not unit.motor.is_turning
+
+
+@pytest.mark.parametrize("after_s", [1, 2])
+def test_st_17_a_starter_with_a_short_register_42_starts_up_once_and_waits_for_a_command(
+    after_s: int,
+) -> None:
+    talk, unit = make(settings={42: after_s})
+    register(talk, 42)
+    talk.wait(1000.0)
+
+    assert [trip.code for trip in unit.trips] == ["R42"]
+    initialise(talk, {42: 0})
+    talk.wait(10.0)
+    assert (register(talk, 42), len(unit.trips)) == (0, 1)
 
 
 def test_st_17_at_0_nothing_is_supervised() -> None:

@@ -232,3 +232,34 @@ def test_s7_07_a_run_command_during_p630_is_ignored_without_error() -> None:
     assert unit.motor.is_turned_on
     assert len(unit.starts) == 2
     assert len(unit.start_frames) == 3
+
+
+def test_a_general_disable_shows_in_bit_1_though_its_word_gives_the_control_away() -> None:
+    talk, unit = running(settings={229: 0})
+
+    talk.ask(WriteRegister(5003, 0x0000))
+    assert status(talk) & 0x0102 == 0
+    talk.ask(WriteCoil(104, is_on=True))
+    talk.ask(WriteCoil(101, is_on=True))
+    assert status(talk) & 0x0102 == 0x0102
+    assert not unit.motor.is_turned_on
+
+
+def test_the_keypad_enables_again_what_the_line_has_disabled() -> None:
+    talk, unit = make(settings={229: 0})
+    talk.ask(WriteRegister(5003, 0x0000))
+
+    unit.keypad_start()
+
+    assert unit.motor.is_turned_on
+    assert status(talk) & 0x0002
+
+
+def test_a_general_disable_by_p313_shows_until_telegrams_come_again() -> None:
+    talk, unit = make(settings={313: 2, 314: 5, 230: 0})
+    unit.keypad_start()
+    talk.wait(6.0)
+
+    assert not unit.motor.is_turned_on
+    assert not unit.is_enabled
+    assert status(talk) & 0x0002

@@ -10,6 +10,7 @@ from gateway.modbus.identify import ReadDeviceIdentification
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil, WriteRegister, WriteRegisters
+from gateway.sim.factory import make_unit
 from gateway.sim.power import MotorState
 from gateway.sim.supervised import OUTPUT_BY_SERIAL
 from gateway.sim.unit import Trip
@@ -205,3 +206,13 @@ def test_readings_are_those_of_the_motor() -> None:
     assert percent == pytest.approx(unit.motor.current_pct * 10, rel=0.02)
     assert talk.ask(ReadHoldingRegisters(6, 1)) == (5,)
     assert talk.ask(ReadHoldingRegisters(295, 1)) == (85,)
+
+
+@pytest.mark.parametrize(("family", "each_s"), [("ssw06", 0.010), ("ssw07", 0.020)])
+def test_fc16_takes_its_time_for_each_register_and_no_less(family: str, each_s: float) -> None:
+    unit = make_unit(family, 1)
+
+    for count in (1, 2, 5):
+        pdu = WriteRegisters(313, (0,) * count).encode()
+        assert unit.response_delay_s(pdu) == pytest.approx(count * each_s)
+        assert unit.longest_response_s(pdu) == pytest.approx(count * each_s)

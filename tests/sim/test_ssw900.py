@@ -227,3 +227,20 @@ def test_a_word_that_goes_local_and_stops_stops_the_motor() -> None:
     talk.ask(WriteRegister(WORD, 0x0002))
 
     assert unit.motor.state is MotorState.RAMP_DOWN
+
+
+def test_with_a_braking_method_a_stop_brakes_for_its_time() -> None:
+    talk, unit = running(settings={500: 3, 501: 5})
+    talk.wait(20.0)
+
+    talk.ask(WriteRegister(WORD, 0x0012))
+    assert (status(talk) & 0x0281, read(talk, 679)) == (0x0200, 8)
+    talk.wait(5.1)
+    assert status(talk) & 0x0281 == 0
+    assert not unit.motor.is_turning
+    talk.ask(WriteRegister(500, 0))
+    talk.wait(10.0)
+    talk.ask(START)
+    talk.wait(20.0)
+    talk.ask(WriteRegister(WORD, 0x0012))
+    assert status(talk) & 0x0281 == 0x0080

@@ -30,7 +30,7 @@ def test_only_what_differs_is_written() -> None:
     found = plan("ssw07", {"P314": Entry(raw=(30,)), "P313": Entry(raw=(1,))}, {"P314": (0,), "P313": (1,)})
 
     assert codes(found) == ["P314"]
-    assert found.changes[0].text == "P314 timeout for message reception: 0.0 s -> 30.0 s"
+    assert found.changes[0].text == "P314 timeout for message reception: 0.0 s (off) -> 30.0 s"
     assert found.left == {}
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import asyncio
 import sys
-import tempfile
 import time
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ from tests.torture.of_malformed import malformed_in_process, malformed_through_b
 from tests.torture.of_stale import stale, stale_to_old, stalled
 from tests.torture.of_stops import second_stops, stops_in_a_large_flood
 from tests.torture.scenario import Row
+from tests.torture.scratch import scratch
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,8 @@ class Proof:
 
     def row(self, count: int, seed: int) -> Row:
         """Try it and return what came of it."""
-        folder = Path(tempfile.mkdtemp(prefix="torture-commands-"))
-        return asyncio.run(self.on_site(folder, count, seed))
+        with scratch("torture-commands-") as folder:
+            return asyncio.run(self.on_site(folder, count, seed))
 
     async def on_site(self, folder: Path, count: int, seed: int) -> Row:
         """Try it in a folder."""

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import os
-import tempfile
 import time
 from collections.abc import Callable, Iterable
 from contextlib import AsyncExitStack
-from pathlib import Path
 from typing import Any
 
 from gateway.line.gaps import Restart
 from tests.torture import of_broker, of_broker_rules, of_disk, of_port, of_process, of_reload, of_soak
 from tests.torture.scenario import Much, Place, Row, Scenario
+from tests.torture.scratch import scratch
 from tests.torture.supervisor import restart_of_unit
 from tests.torture.verdict import judge
 from tests.torture.world import World, world
@@ -40,10 +39,10 @@ async def run_place(
     tell: Callable[[Row], None],
 ) -> None:
     """Run the scenarios of one place in one world, with their own counts unless one is given."""
-    folder = Path(tempfile.mkdtemp(prefix=f"torture-{place.value}-"))
     restart = restart_of_unit() if much is Much.WHOLE else SHORT_RESTART
     options: dict[str, Any] = {"seed": seed, "outlasts_hang": place is Place.HANG}
     async with AsyncExitStack() as stack:
+        folder = stack.enter_context(scratch(f"torture-{place.value}-"))
         if place is Place.HANG:
             options["module"] = "tests.torture.blockable"
         if place is Place.PORT:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import tempfile
 import time
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
@@ -17,6 +16,7 @@ from tests.torture.peers.measure import CURRENT, Books, longest_old_s, longest_s
 from tests.torture.peers.recorder import Recorder
 from tests.torture.peers.service import Service
 from tests.torture.process import Starters
+from tests.torture.scratch import scratch
 from tests.torture.supervisor import restart_of_unit
 from tests.torture.waiting import until
 
@@ -123,7 +123,13 @@ class Bout:
 @asynccontextmanager
 async def bout(contender: Contender, *, every_s: float = EVERY_S) -> AsyncIterator[Bout]:
     """Set everything up, wait until all four currents are told, and judge from then on."""
-    folder = Path(tempfile.mkdtemp(prefix=f"peers-{contender.name.split()[0].strip(',')}-"))
+    with scratch(f"peers-{contender.name.split()[0].strip(',')}-") as folder:
+        async with _bout(folder, contender, every_s) as here:
+            yield here
+
+
+@asynccontextmanager
+async def _bout(folder: Path, contender: Contender, every_s: float) -> AsyncIterator[Bout]:
     broker = MosquittoBroker(folder / "broker", is_persistent=True)
     site = Site(folder, broker.port)
     starters = Starters(site.configure(every_s), WATCHDOG_S, module="tests.torture.peers.plant")

@@ -1,0 +1,92 @@
+"""What `simulate` makes of a starter's tables in the configuration."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from gateway.commands.simulate import simulated_unit
+from gateway.config.load import parse
+from gateway.errors import ConfigError
+from gateway.modbus.reads import ReadHoldingRegisters, ReadInputRegisters
+from gateway.modbus.writes import WriteCoil, WriteRegister
+from tests.config.sites import changed
+from tests.sim.wire import Talk
+
+
+def talk_to(family: str, more: str) -> Talk:
+    text = changed(
+        ('family = "ssw07"', f'family = "{family}"\n{more}'), ('framing = "8E1"', 'framing = "8N2"')
+    )
+    return Talk(simulated_unit(parse(text, "site.toml").lines[0].starters[0]))
+
+
+def word(talk: Talk, register: int) -> int:
+    return int(talk.ask(ReadHoldingRegisters(register, 1))[0])
+
+
+def test_the_slot_of_the_configuration_is_the_accessorys() -> None:
+    talk: Any = talk_to("ssw900", "slot = 2")
+
+    talk.ask(WriteRegister(686, 0x0013))
+    talk.wait(20.0)
+
+    assert talk.unit.motor.is_turned_on
+    assert word(talk, 680) & 1
+
+
+def test_firmware_and_parameters_are_the_configurations() -> None:
+    talk = talk_to(
+        "ssw07", '[line.starter.simulated]\nfirmware = "1.30"\nparameters = { P630 = 30, P314 = 9 }'
+    )
+
+    assert (word(talk, 23), word(talk, 314)) == (130, 9)
+    talk.ask(WriteCoil(100, is_on=True))
+    talk.wait(10.0)
+    talk.ask(WriteCoil(100, is_on=False))
+    talk.wait(12.0)
+    talk.ask(WriteCoil(100, is_on=True))
+    assert word(talk, 6) == 11
+    assert not talk.unit.motor.is_turned_on
+
+
+def test_an_sst_has_the_firmware_and_registers_of_the_configuration() -> None:
+    talk = talk_to("sst", '[line.starter.simulated]\nfirmware = "4.21"\nparameters = { R41 = 8 }')
+
+    assert talk.ask(ReadInputRegisters(2, 2)) == (0x0204, 0x0001)
+    assert talk.ask(ReadInputRegisters(41, 1)) == (8,)
+
+
+def test_a_braked_motor_shows_it_until_standstill() -> None:
+    talk = talk_to("ssw06", "[line.starter.simulated]\nbraking_s = 3.0")
+    talk.ask(WriteCoil(100, is_on=True))
+    talk.wait(10.0)
+
+    talk.ask(WriteCoil(100, is_on=False))
+    talk.wait(1.0)
+    assert word(talk, 5001) & 0x0201 == 0x0200
+    talk.wait(2.1)
+    assert word(talk, 5001) & 0x0201 == 0
+    assert not talk.unit.motor.is_turning
+
+
+@pytest.mark.parametrize(
+    ("family", "more", "text"),
+    [
+        ("ssw07", "parameters = { P999 = 1 }", "simulated.parameters.P999: ssw07 has no such parameter"),
+        ("sst", "parameters = { COIL1 = 1 }", "simulated.parameters.COIL1: sst has no such parameter"),
+        (
+            "ssw07",
+            "parameters = { P314 = 70000 }",
+            "simulated.parameters.P314: is 70000 (must be at most 65535",
+        ),
+        ("ssw07", 'firmware = "new"', "simulated.firmware: is 'new' (two numbers with a point"),
+        ("ssw900", "braking_s = 3.0", "simulated.braking_s: is for ssw06 and ssw07 (set C7.4.1"),
+    ],
+)
+def test_what_a_simulated_starter_cannot_be_is_a_mistake(family: str, more: str, text: str) -> None:
+    with pytest.raises(ConfigError) as error:
+        talk_to(family, f"[line.starter.simulated]\n{more}")
+
+    assert text in str(error.value)

@@ -1,0 +1,147 @@
+"""`scan` as a process on ports that nobody, a simulator or another program serves."""
+
+from __future__ import annotations
+
+import asyncio
+import fcntl
+import os
+import re
+import sys
+import tty
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, contextmanager, suppress
+from pathlib import Path
+
+import pytest
+
+from gateway.config.load import parse
+from gateway.modbus.timing import Framing, LineTiming
+from gateway.sim.factory import make_unit
+from gateway.sim.line import SimulatedLine
+from gateway.sim.pty import PtyLine
+
+pytestmark = pytest.mark.end_to_end
+
+ALL_SETTINGS = 24
+
+
+async def scanned(port: str, *options: str) -> tuple[int, str, str]:
+    """Run `scan` to its end and return its exit code, its output and its messages."""
+    process = await asyncio.create_subprocess_exec(
+        sys.executable,
+        "-m",
+        "gateway",
+        "scan",
+        port,
+        "--reply-within",
+        "0.005",
+        *options,
+        stdin=asyncio.subprocess.DEVNULL,
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.PIPE,
+    )
+    async with asyncio.timeout(60.0):
+        out, errors = await process.communicate()
+    return process.returncode or 0, out.decode(), errors.decode()
+
+
+@contextmanager
+def silent_tty() -> Iterator[tuple[str, int]]:
+    """Give the path of a port where nobody answers, and its other end."""
+    ours, theirs = os.openpty()
+    tty.setraw(theirs)
+    os.set_blocking(ours, False)
+    try:
+        yield os.ttyname(theirs), ours
+    finally:
+        os.close(ours)
+        os.close(theirs)
+
+
+@asynccontextmanager
+async def serial_server() -> AsyncIterator[tuple[str, list[int]]]:
+    """Give the URL of a serial server for one client at a time, and the bytes of each of its connections."""
+    received: list[int] = []
+    open_now = 0
+
+    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        nonlocal open_now
+        if open_now:
+            writer.close()
+            return
+        open_now += 1
+        received.append(0)
+        mine = len(received) - 1
+        with suppress(ConnectionError):
+            while data := await reader.read(100):
+                received[mine] += len(data)
+        await asyncio.sleep(0.05)  # it takes its time to notice
+        open_now -= 1
+        writer.close()
+
+    server = await asyncio.start_server(serve, "127.0.0.1", 0)
+    try:
+        yield f"socket://127.0.0.1:{server.sockets[0].getsockname()[1]}", received
+    finally:
+        server.close()
+
+
+async def test_every_setting_of_a_silent_port_is_tried() -> None:
+    with silent_tty() as (port, ours):
+        code, out, errors = await scanned(port, "--address", "1,200")
+
+        assert (code, out) == (1, "")
+        assert "no starter was found" in errors
+        sent = len(os.read(ours, 4096)) // 8
+    assert sent == 2 * ALL_SETTINGS
+
+
+async def test_every_setting_behind_a_serial_server_for_one_client_is_tried() -> None:
+    async with serial_server() as (url, received):
+        code, _, errors = await scanned(url, "--address", "7")
+
+    assert (code, "no starter was found" in errors) == (1, True)
+    assert sum(received) == 8 * ALL_SETTINGS
+
+
+async def test_a_port_that_another_program_holds_is_named_as_busy_in_one_line() -> None:
+    with silent_tty() as (port, _):
+        held = os.open(port, os.O_RDWR | os.O_NOCTTY)
+        fcntl.flock(held, fcntl.LOCK_EX)
+        code, _, errors = await scanned(port, "--address", "1")
+        os.close(held)
+
+    assert code == 1
+    assert re.fullmatch(rf"starter-gateway: port {port}: busy \(.*\)\n", errors)
+
+
+async def test_a_line_full_of_other_bytes_is_searched_to_its_end() -> None:
+    with silent_tty() as (port, ours):
+        scanning = asyncio.ensure_future(scanned(port, "--address", "1-2", "--baud", "19200"))
+        while not scanning.done():
+            with suppress(BlockingIOError):  # between two settings nobody reads
+                os.write(ours, b"\x55\xaa\x00")
+            await asyncio.sleep(0.003)
+        code, out, errors = await scanning
+
+    assert code == 1
+    assert out == ""
+    assert "nothing that was found can be configured" in errors or "no starter was found" in errors
+
+
+@pytest.mark.parametrize(("baud", "framing"), [(9600, "8N2"), (38400, "8E1")])
+async def test_simulated_starters_are_found_at_the_setting_of_their_line_and_at_no_other(
+    baud: int, framing: str, tmp_path: Path
+) -> None:
+    timing = LineTiming(baud, Framing.parse(framing))
+    line = SimulatedLine(timing, [make_unit("ssw07", 3)], chunk_bytes=None, tolerance_s=0.0002)
+    served = PtyLine(line, link=tmp_path / "line")
+    await served.start()
+    try:
+        code, out, errors = await scanned(str(tmp_path / "line"), "--address", "1-4", "--reply-within", "0.1")
+    finally:
+        await served.stop()
+
+    assert code == 0, errors
+    (found,) = parse(out, "scan").lines
+    assert (found.baud, [each.address for each in found.starters]) == (baud, [3])

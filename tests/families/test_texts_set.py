@@ -1,0 +1,115 @@
+"""Dates, addresses and names that are set: their words, in the byte order that the starter has."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from gateway.errors import CommandError
+from gateway.families.command import prepare
+from gateway.families.load import load_profile
+from gateway.families.parameters import to_words
+from gateway.families.schema import Variant
+from gateway.families.settings import build_set
+from gateway.families.texts import from_text, shown_within, to_text
+from gateway.modbus.writes import WriteRegister, WriteRegisters
+
+SSW900 = load_profile("ssw900")
+CLOCK = (0x1E00, 0x1605, 11, 2026)  # 2026-11-22T05:30:00
+
+
+def swapped(words: tuple[int, ...]) -> tuple[int, ...]:
+    return tuple((word & 0xFF) << 8 | word >> 8 for word in words)
+
+
+def built(code: str, value: Any, seen: tuple[int, ...]) -> Any:
+    args = {"parameter": code, "value": value}
+    return build_set(SSW900, Variant(slot=1), args, seen={code: seen})
+
+
+@pytest.mark.parametrize(
+    ("code", "value", "words"),
+    [
+        ("C6.3.1", "2026-11-22T05:30:00", CLOCK),
+        ("C8.3.5", "192.168.1.10", (0x010A, 0xC0A8)),
+        ("C8.3.7", "255.255.255.255", (0xFFFF, 0xFFFF)),
+        ("C8.6.3", "Pump 1", (0x5075, 0x6D70, 0x2031, 0, 0, 0, 0, 0)),
+        ("S5.6.2", 1, (1,)),
+    ],
+)
+def test_what_the_manual_prints_can_be_set(code: str, value: Any, words: tuple[int, ...]) -> None:
+    row = SSW900.parameters[code]
+
+    assert to_words(SSW900, row, value) == words
+    if isinstance(value, str):
+        assert to_text(row.type, words) == value
+
+
+@pytest.mark.parametrize(
+    ("code", "value"),
+    [
+        ("C6.3.1", "2026-02-30T00:00:00"),
+        ("C6.3.1", "1999-01-01T00:00:00"),
+        ("C6.3.1", "2026-11-22T05:30:00Z"),
+        ("C6.3.1", 5),
+        ("C8.3.5", "192.168.1.256"),
+        ("C8.3.5", "pump"),
+        ("C8.6.3", ""),
+        ("C8.6.3", "sixteen letters!"),
+        ("C8.6.3", "Pümp"),
+        ("C8.6.3", "a\nb"),
+    ],
+)
+def test_what_it_does_not_print_is_refused(code: str, value: Any) -> None:
+    with pytest.raises(CommandError) as error:
+        to_words(SSW900, SSW900.parameters[code], value)
+
+    assert error.value.code == "bad_value"
+
+
+@pytest.mark.parametrize("code", ["C8.6.2", "S5.9.1", "S5.6.1"])
+def test_a_pin_and_what_can_only_be_read_are_not_set(code: str) -> None:
+    with pytest.raises(CommandError) as error:
+        to_words(SSW900, SSW900.parameters[code], "1")
+
+    assert error.value.code == "not_writable"
+
+
+@pytest.mark.parametrize("is_swapped", [False, True])
+def test_the_bytes_lie_as_they_were_read(*, is_swapped: bool) -> None:
+    old = from_text(SSW900.parameters["C8.6.3"].type, "Fan", words=8, longest=15) or ()
+    new = (0x5075, 0x6D70, 0, 0, 0, 0, 0, 0)
+    seen = swapped(old) if is_swapped else old
+
+    procedure = built("C8.6.3", "Pump", seen)
+
+    (step,) = procedure.steps
+    assert step.request == WriteRegisters(808, swapped(new) if is_swapped else new)
+
+
+@pytest.mark.parametrize("is_swapped", [False, True])
+def test_a_clock_that_was_set_is_read_back_as_it_goes_on(*, is_swapped: bool) -> None:
+    seen = swapped(CLOCK) if is_swapped else CLOCK
+    procedure = built("C6.3.1", "2026-12-31T23:59:58", seen)
+    (step,) = procedure.steps
+    later = (0x0000, 0x0100, 1, 2027)
+
+    assert procedure.verify.is_met({"C6.3.1": step.request.words})
+    assert procedure.verify.is_met({"C6.3.1": swapped(later) if is_swapped else later})
+    assert not procedure.verify.is_met({"C6.3.1": seen})
+
+
+def test_a_number_that_is_set_must_be_read_back_as_it_is() -> None:
+    assert shown_within(SSW900.parameters["C1.1"].type, (1,), 5) == ((1,),)
+
+
+def test_an_aborted_start_up_is_seen_by_the_status_and_wants_standstill() -> None:
+    prepared = prepare(SSW900, Variant(slot=1), "set", {"parameter": "S5.6.2", "value": 1})
+    procedure = built("S5.6.2", 1, (0,))
+
+    assert prepared.requires == ("is_stopped",)
+    assert [step.request for step in procedure.steps] == [WriteRegister(693, 1)]
+    assert procedure.verify.is_met({"S5.6.1": (0x0001,)})
+    assert not procedure.verify.is_met({"S5.6.1": (0x0004,)})
+    assert procedure.wears == 0
