@@ -29,7 +29,11 @@ def run_gateway(
     spec: Spec, *, warm_s: float = 4.0, seconds: float = 5.0, stops: int = 0, log: Path | None = None
 ) -> Run:
     """Run the gateway on the judge's lines, publishing to a Mosquitto; stops are sent over MQTT."""
-    with tempfile.TemporaryDirectory() as folder, bench_broker(Path(folder)) as broker, Watched(spec) as judge:
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        bench_broker(Path(folder)) as broker,
+        Watched(spec) as judge,
+    ):
         config = Path(folder) / "site.toml"
         config.write_text(site(spec, judge.ports, broker.url), "utf-8")
         with gateway(config) as process:

@@ -87,21 +87,25 @@ def stubborn() -> Row:
                 goals.append(Goal(f"unconfirmed: {what}", float(tried.final == Phase.UNCONFIRMED), 1))
             else:
                 limit_s = STANDS_S + CONFIRMED_WITHIN_S
-                goals.append(
-                    Goal(f"confirmed after: {what}", confirmed_s, limit_s, is_most=True, unit=" s")
-                )
+                goals.append(Goal(f"confirmed after: {what}", confirmed_s, limit_s, is_most=True, unit=" s"))
     note = (
-        "247 SSW-07. Sent: after the line's first request. First frame: after the stop was sent, milliseconds."
+        "247 SSW-07. Sent: after the line's first request. First frame: after the stop was sent, ms."
         f"\nFrames: of {MEASURED_S:g} s. Longest: between two frames, seconds. Confirmed: seconds after"
         f"\nthe frame that the motor obeys; it stands {STANDS_S:g} s after that."
     )
     head = ["motor ignores stops", "sent s", "first frame", "frames", "longest", "end", "confirmed"]
-    return Row(table("Stop of a motor that ignores it, in the first second, 19200", head, rows, note=note), goals)
+    return Row(
+        table("Stop of a motor that ignores it, in the first second, 19200", head, rows, note=note), goals
+    )
 
 
 def _try(ignores_s: float, every_s: float) -> Tried:
     spec = Spec(units=MANY, family="ssw07", is_calm=True, stubborn=UNIT, ignores_s=ignores_s)
-    with tempfile.TemporaryDirectory() as folder, bench_broker(Path(folder)) as broker, Watched(spec) as judge:
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        bench_broker(Path(folder)) as broker,
+        Watched(spec) as judge,
+    ):
         config = Path(folder) / "site.toml"
         text = site(spec, judge.ports, broker.url).replace('"/tmp"', f'"{folder}"')
         config.write_text(text.replace("every_s = 0.0", f"every_s = {every_s}"), "utf-8")

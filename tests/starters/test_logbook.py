@@ -25,7 +25,7 @@ def seen(*states: tuple[float, str]) -> Logbook:
 
 
 def restored(logbook: Logbook, *, saved_s: float, now_s: float, reading: Reading) -> Logbook:
-    """Return the logbook of the next run, whose steady clock shows `now_s` at that reading of the machine's."""
+    """Return the logbook of the next run, whose steady clock shows `now_s` at that reading."""
     document = json.loads(json.dumps(logbook.to_document(now_s=saved_s, reading=SAVED)))
     new = Logbook(["a"])
     new.restore(document, now_s=now_s, reading=reading)
@@ -157,9 +157,7 @@ def test_a_file_of_an_earlier_version_is_dated_by_the_wall_clock() -> None:
 def test_what_was_kept_of_a_starter_that_is_configured_no_more_is_dropped() -> None:
     new = Logbook(["b"])
 
-    new.restore(
-        seen((1.0, "ready")).to_document(now_s=1.0, reading=SAVED), now_s=0.0, reading=later(0.0)
-    )
+    new.restore(seen((1.0, "ready")).to_document(now_s=1.0, reading=SAVED), now_s=0.0, reading=later(0.0))
 
     assert new.standing_since("b") is None
 
