@@ -37,7 +37,7 @@ class Reading:
 def certain_s(before: Reading, now: Reading) -> float:
     """Return how long ago `before` was at least, whatever has been done to the wall clock since.
 
-    Over a restart of the machine that is the time since its boot: how long it was off, only the wall clock says.
+    Over a restart of the machine that is the time since its boot; how long it was off, no other clock says.
     """
     is_same_boot = before.boot_id == now.boot_id
     if is_same_boot and now.up_s >= before.up_s:
