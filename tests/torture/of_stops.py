@@ -60,7 +60,7 @@ async def stops_in_a_large_flood(site: CommandSite, seconds: int, seed: int) -> 
             flooded.append(await _flooded_stop(site, f"stop-{number}"))
             await asyncio.sleep(dice.uniform(0.5, 1.0))
     await asyncio.sleep(SETTLED_S)
-    _judge_flooded(site, flooded)
+    judge_flooded(site, flooded)
     refused = sum(each.get("count", 1) for each in site.listener.results if each["code"] == "too_many")
     site.figures["refused"] = refused
     site.check(refused > 0, "nothing was refused as too many")
@@ -86,7 +86,7 @@ async def _flooded_stop(site: CommandSite, id_: str) -> FloodedStop:
     return stop
 
 
-def _judge_flooded(site: CommandSite, flooded: list[FloodedStop]) -> None:
+def judge_flooded(site: CommandSite, flooded: list[FloodedStop]) -> None:
     """Check each stop by its frame, and its messages by what the gateway itself says of them."""
     bound_s = STOP_WITHIN_S + computed_s(site)
     messages = [id_ for stop in flooded for id_ in stop.ids]
