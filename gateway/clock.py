@@ -37,6 +37,10 @@ class Clock(Protocol):
         """Return the wall time (seconds since 1970, UTC) of now, or of `at_s` on the steady clock."""
         ...
 
+    def reading(self) -> Reading:
+        """Return the machine's clocks at this moment, by which the next run knows how long ago it was."""
+        ...
+
 
 class SystemClock:
     """The machine's own clocks; the steady one is also asyncio's (`loop.time()`)."""
@@ -49,6 +53,10 @@ class SystemClock:
         """Return the wall time; a stamp of the past is carried over by its distance from now."""
         age_s = 0.0 if at_s is None else time.monotonic() - at_s
         return time.time() - age_s
+
+    def reading(self) -> Reading:
+        """Return `read_clocks()`."""
+        return read_clocks()
 
 
 class _Timex(ctypes.Structure):

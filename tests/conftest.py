@@ -7,9 +7,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from tests.mosquitto import MosquittoBroker, missing_programs
 from tests.store_keeping import PATIENCE_S, Keeping
+
+# The same examples at each run; `make torture` has more, by a seed ("histories of commands", the fuzz rows).
+settings.register_profile("recorded", derandomize=True, database=None, deadline=None)
+settings.load_profile("recorded")
 
 StartMosquitto = Callable[..., MosquittoBroker]
 

@@ -14,6 +14,7 @@ import pytest
 from gateway import capture_socket
 from gateway.capture_socket import CaptureSocket
 from gateway.line.voice import OnFrame
+from gateway.system.clock_steps import Reading
 from tests.virtual_time import EPOCH_S
 
 LONG_S = 10.0
@@ -25,6 +26,9 @@ class Clock:
 
     def utc_s(self, at_s: float | None = None) -> float:
         return EPOCH_S + (at_s or 0.0)
+
+    def reading(self) -> Reading:
+        return Reading(0.0, EPOCH_S)
 
 
 class Lines:

@@ -7,6 +7,8 @@ import selectors
 from collections.abc import Coroutine
 from typing import Any, TypeVar
 
+from gateway.system.clock_steps import Reading
+
 T = TypeVar("T")
 
 EPOCH_S = 1_760_000_000.0  # the wall time at virtual second 0
@@ -57,6 +59,9 @@ class VirtualClock:
 
     def utc_s(self, at_s: float | None = None) -> float:
         return self.epoch_s + (self._loop.time() if at_s is None else at_s)
+
+    def reading(self) -> Reading:
+        return Reading(self.now_s(), self.utc_s(), "boot-1")
 
 
 def run_virtually(main: Coroutine[Any, Any, T]) -> T:

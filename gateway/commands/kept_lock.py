@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from gateway.clock import read_clocks
 from gateway.errors import CommandError, DamagedError
 from gateway.starters.logbook import PRECAUTIONS_FILE, Logbook
 from gateway.starters.maintenance import refusal
@@ -14,12 +15,11 @@ def lock_trouble(state_dir: Path, starter: str) -> CommandError | None:
     """Return why nothing may be set in this starter; None when it is not locked."""
     logbook = Logbook([starter])
     try:
-        logbook.restore(FileMemory(state_dir / PRECAUTIONS_FILE).load() or _EMPTY, now_s=0.0, utc_s=0.0)
+        document = FileMemory(state_dir / PRECAUTIONS_FILE).load()
+        if document is not None:
+            logbook.restore(document, now_s=0.0, reading=read_clocks())
     except DamagedError as error:
         text = f"whether {starter} is locked cannot be read: {error}; run the gateway, look, then unlock"
         return CommandError("locked", text)
     lock = logbook.lock_of(starter)
     return None if lock is None else refusal(lock)
-
-
-_EMPTY = Logbook([]).to_document(float)

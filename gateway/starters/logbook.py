@@ -1,6 +1,7 @@
 """What must be remembered of each starter beyond one run: its starts, its standstill, its maintenance lock.
 
-Inside, times are on the steady clock, so that a step of the wall's changes nothing; kept, they are UTC.
+Inside, times are on the steady clock. Stored, they are UTC beside a reading of all clocks: the next run takes
+their ages by that, and adds what has certainly passed since. No step of the wall clock makes them older.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gateway.errors import DamagedError
 from gateway.starters.records import LockRecord
+from gateway.system.clock_steps import Reading, certain_s
 
 PRECAUTIONS_FILE = "precautions.json"  # in state_dir
 VERSION = 1
@@ -53,8 +55,15 @@ class _KeptPage(_Strict):
     lock: _KeptLock | None
 
 
+class _StoredReading(_Strict):
+    up_s: float
+    utc_s: float
+    boot_id: str
+
+
 class _Kept(_Strict):
     version: int = Field(ge=VERSION, le=VERSION)
+    at: _StoredReading | None = None  # None: a file of before 0.2.0, whose times only the wall clock dates
     starters: dict[str, _KeptPage]
 
 
@@ -110,22 +119,35 @@ class Logbook:
         page.standing_since_s = page.written_s = None
         return True
 
-    def to_document(self, utc_of: Callable[[float], float]) -> dict[str, Any]:
-        """Return what is to be kept; `utc_of` turns a time of the steady clock into UTC."""
+    def to_document(self, *, now_s: float, reading: Reading) -> dict[str, Any]:
+        """Return what is to be stored now: `now_s` on the steady clock, `reading` of the machine's."""
+
+        def utc_of(at_s: float) -> float:
+            return reading.utc_s - (now_s - at_s)
+
         return {
             "version": VERSION,
+            "at": {"up_s": reading.up_s, "utc_s": reading.utc_s, "boot_id": reading.boot_id},
             "starters": {name: _to_kept(page, utc_of) for name, page in self._pages.items()},
         }
 
-    def restore(self, document: Mapping[str, Any], *, now_s: float, utc_s: float) -> None:
+    def restore(self, document: Mapping[str, Any], *, now_s: float, reading: Reading) -> None:
         """Take over what was kept of the starters that are configured; DamagedError when it is not ours."""
         try:
             kept = _Kept.model_validate(document)
         except ValidationError as error:
             raise DamagedError(f"not what was kept: {error.error_count()} mistakes") from error
+        stored_utc_s, passed_s = reading.utc_s, 0.0
+        if kept.at is not None:
+            before = Reading(kept.at.up_s, kept.at.utc_s, kept.at.boot_id)
+            stored_utc_s, passed_s = before.utc_s, certain_s(before, reading)
+
+        def steady_of(utc_s: float) -> float:
+            return now_s - passed_s - max(stored_utc_s - utc_s, 0.0)
+
         for name, page in kept.starters.items():
             if name in self._pages:
-                self._pages[name] = _from_kept(page, steady_of=lambda at: now_s - max(utc_s - at, 0.0))
+                self._pages[name] = _from_kept(page, steady_of=steady_of)
 
     def _count(self, page: _Page, now_s: float) -> None:
         recent = [start_s for start_s in page.starts if start_s > now_s - KEPT_S]
@@ -145,7 +167,7 @@ def _to_kept(page: _Page, utc_of: Callable[[float], float]) -> dict[str, Any]:
 
 
 def _from_kept(kept: _KeptPage, *, steady_of: Callable[[float], float]) -> _Page:
-    """Return a page; a time that lies in the future by a clock that was set back counts as now."""
+    """Return a page; `steady_of` turns a stored time into one of the steady clock."""
     lock, since = kept.lock, kept.standing_since
     return _Page(
         starts=[steady_of(start) for start in kept.starts],

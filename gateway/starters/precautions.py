@@ -87,15 +87,15 @@ class Precautions:
         )
 
     def _document(self) -> dict[str, object]:
-        return self.logbook.to_document(self._clock.utc_s)
+        return self.logbook.to_document(now_s=self._clock.now_s(), reading=self._clock.reading())
 
     def _restore(self, memory: Memory, starters: Collection[str], rights: Rights) -> None:
         """Take over what was kept; where that is lost, nobody knows what was locked: all that can be is."""
-        now_s, utc_s = self._clock.now_s(), self._clock.utc_s()
+        now_s, reading = self._clock.now_s(), self._clock.reading()
         try:
             document = memory.load()
             if document is not None:
-                self.logbook.restore(document, now_s=now_s, utc_s=utc_s)
+                self.logbook.restore(document, now_s=now_s, reading=reading)
         except DamagedError as error:
             memory.set_aside()
             self._unsure = set(starters)

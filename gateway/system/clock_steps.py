@@ -34,6 +34,17 @@ class Reading:
         return self.utc_s - self.up_s
 
 
+def certain_s(before: Reading, now: Reading) -> float:
+    """Return how long ago `before` was at least, whatever has been done to the wall clock since.
+
+    Over a restart of the machine that is the time since its boot; how long it was off, no other clock says.
+    """
+    is_same_boot = before.boot_id == now.boot_id
+    if is_same_boot and now.up_s >= before.up_s:
+        return now.up_s - before.up_s
+    return now.up_s
+
+
 class ClockSteps:
     """Compares readings; `doubt` says in words what has happened, None while nothing has."""
 

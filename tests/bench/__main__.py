@@ -12,9 +12,10 @@ from tests.bench.costs import cpu, start, stop, sweep
 from tests.bench.pictures import efficiency_picture, line_time_picture
 from tests.bench.report import Goal, table
 from tests.bench.rows import MASTERS, Row, dead, efficiencies, efficiency, judge, measured, spec_of, strict
+from tests.bench.stubborn import stubborn
 from tests.mosquitto import missing_programs
 
-ROWS = {each.__name__: each for each in (judge, efficiency, strict, dead, cpu, start, stop, sweep)}
+ROWS = {each.__name__: each for each in (judge, efficiency, strict, dead, cpu, start, stop, stubborn, sweep)}
 
 QUIET = 0.3
 BUSY = " (others use this machine: efficiency, stops and the start come out worse than they are)"

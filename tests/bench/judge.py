@@ -18,7 +18,7 @@ import select
 import sys
 import time
 import tty
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 
 from gateway.modbus import adu
@@ -27,6 +27,7 @@ from gateway.modbus.pdu import encode_exception
 from gateway.modbus.reads import ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.server import decode_request
 from gateway.modbus.timing import Framing, LineTiming
+from gateway.modbus.writes import WriteCoil
 from gateway.sim.factory import make_unit
 from gateway.sim.unit import Unit
 from tests.bench.account import Law, Seen
@@ -36,6 +37,8 @@ BEFORE_S = 0.0001  # so long before a silence is over, and so long after it, no 
 WATCHED_S = 0.0015
 WATCHED_SHARED_S = 0.0004  # where several lines share the judge
 IDLE_S = 0.2
+STANDS_S = 0.2  # from the stop frame that a stubborn unit obeys until its motor stands
+STOP_PDU = WriteCoil(100, False).encode()  # of an SSW-07
 _PR_SET_TIMERSLACK = 29
 
 
@@ -52,6 +55,8 @@ class Spec:
     is_bytewise: bool = False
     is_strict: bool = False  # a request that breaks the silence is not understood
     is_calm: bool = False  # sleeps instead of waiting in a busy loop, which costs whoever shares its core
+    stubborn: int = 0  # a unit that acknowledges stops and lets its motor turn; 0: none does
+    ignores_s: float = 0.0  # so long after its first stop frame; then it stands after STANDS_S
     delay_s: float = 0.005
 
     @property
@@ -71,6 +76,7 @@ class _Tap:
     began_s: float = -inf  # first byte of the request under way
     quiet_s: float = -inf  # last byte of whatever was on the wire
     is_replying: bool = False
+    stopped_s: float = inf  # when its stubborn unit had its first stop frame
 
 
 class Judge:
@@ -119,6 +125,9 @@ class Judge:
             units = {n: make_unit(spec.family, n, seed=n) for n in range(1, spec.units + 1)}
             for unit in units.values():
                 unit.motor.start()  # a running motor's current is never the same twice
+            if spec.stubborn:
+                motor = units[spec.stubborn].motor
+                motor.data = replace(motor.data, ramp_down_s=STANDS_S, coast_s=STANDS_S)
         return _Tap(number, ours, theirs, units)
 
     def _sleep_s(self, now_s: float) -> float:
@@ -181,6 +190,10 @@ class Judge:
         """Return the reply's ADU; b"" of a dead unit, one that is not there, and to a broadcast."""
         if unit in self._spec.dead or not 1 <= unit <= self._spec.units:
             return b""
+        if pdu == STOP_PDU and unit == self._spec.stubborn:
+            tap.stopped_s = min(tap.stopped_s, now_s)
+            if now_s - tap.stopped_s < self._spec.ignores_s:
+                return adu.encode(unit, pdu)
         starter = tap.units.get(unit)
         answer = _plain_answer(pdu) if starter is None else starter.handle(pdu, now_s)
         return b"" if answer is None else adu.encode(unit, answer)

@@ -29,7 +29,11 @@ def run_gateway(
     spec: Spec, *, warm_s: float = 4.0, seconds: float = 5.0, stops: int = 0, log: Path | None = None
 ) -> Run:
     """Run the gateway on the judge's lines, publishing to a Mosquitto; stops are sent over MQTT."""
-    with tempfile.TemporaryDirectory() as folder, _broker(Path(folder)) as broker, Watched(spec) as judge:
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        bench_broker(Path(folder)) as broker,
+        Watched(spec) as judge,
+    ):
         config = Path(folder) / "site.toml"
         config.write_text(site(spec, judge.ports, broker.url), "utf-8")
         with gateway(config) as process:
@@ -101,7 +105,7 @@ def _operate(port: int, spec: Spec, *, seconds: float, stops: int) -> list[Submi
 
 
 @contextmanager
-def _broker(folder: Path) -> Iterator[MosquittoBroker]:
+def bench_broker(folder: Path) -> Iterator[MosquittoBroker]:
     broker = MosquittoBroker(folder / "mosquitto", options=["log_type none"])
     broker.start()
     try:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from gateway.clock import read_clocks
 from gateway.commands.kept_lock import lock_trouble
 from gateway.errors import CommandError
 from gateway.sim.factory import make_unit
@@ -18,7 +19,9 @@ from tests.commands.parameters_place import Place
 def kept(folder: Path, starter: str = "pump") -> Path:
     logbook = Logbook([starter])
     logbook.set_lock(starter, LockRecord("alice", 5.0, "belt is off", "Alice A."))
-    (folder / PRECAUTIONS_FILE).write_text(json.dumps(logbook.to_document(float)), "utf-8")
+    (folder / PRECAUTIONS_FILE).write_text(
+        json.dumps(logbook.to_document(now_s=0.0, reading=read_clocks())), "utf-8"
+    )
     return folder
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 from gateway.starters.logbook import MOVING, STANDING
@@ -12,6 +12,8 @@ from tests.starters.world import NAMES, PAUSE_S, STAGGER_S, START_PDU, STARTS_PE
 STOP_BOUND_S = 1.0  # two starters at 19200 bit/s, one of which may be silent
 REOPENED_S = 10.0  # after it was plugged in, the port is open for sure
 TTL_S = 5.0
+READINGS = 2  # that confirm a stop
+BURST, BURST_S = 7, 1.0  # so many stop messages of one starter have frames of their own, in such a time
 SLACK_S = 0.3  # what a frame may be later than the decision: a few transactions of the line
 
 
@@ -80,6 +82,9 @@ class History:
     def _check_stops(self, name: str) -> None:
         """Every accepted stop leads to a frame soon, where the line is there; none is confirmed before."""
         frames = self._world.frames(name, STOP_PDU)
+        readings = self._world.readings(name)
+        unused = list(frames)
+        came_s: list[float] = []
         accepted_s: dict[tuple[str, str | None], float] = {}
         for at_s, each in self._world.results([name]):
             if each.verb != "stop":
@@ -88,9 +93,22 @@ class History:
                 accepted_s[each.client, each.id] = at_s
                 if self._is_line_there(at_s):
                     assert any(at_s <= frame_s <= at_s + STOP_BOUND_S for frame_s in frames)
+                    self._take_own_frame(unused, came_s, at_s)
+                came_s.append(at_s)
             elif each.phase is Phase.CONFIRMED:
                 since_s = accepted_s.pop((each.client, each.id))
-                assert any(since_s <= frame_s < at_s for frame_s in frames)
+                first_s = next(frame_s for frame_s in frames if frame_s >= since_s)
+                assert sum(first_s < read_s < at_s for read_s in readings) >= READINGS, (
+                    "read before its frame"
+                )
+
+    def _take_own_frame(self, unused: list[float], came_s: Sequence[float], at_s: float) -> None:
+        """Find the frame of one message among those that no earlier one has; beyond a burst they share."""
+        if sum(at_s - BURST_S <= each for each in came_s) >= BURST:
+            return
+        own_s = next((each for each in unused if at_s <= each <= at_s + STOP_BOUND_S), None)
+        assert own_s is not None, "a stop message without a frame of its own"
+        unused.remove(own_s)
 
     def _is_line_there(self, at_s: float) -> bool:
         """Return whether nothing kept the gateway from its line just then."""
@@ -102,7 +120,10 @@ class History:
         return plugged[-1] and not is_disturbed
 
     def _check_ends(self) -> None:
-        """Every command that was accepted has one end; a group's stands for its members' when cut short."""
+        """Every command that was accepted has one end; a group's stands for its members' when cut short.
+
+        One that was refused at the door leaves no trace: sent again with a good proof it is another command.
+        """
         told = self._world.results([*NAMES, "both"])
         groups = {(each.client, each.id) for _, each in told if each.starter == "both"}
         accepted, ends = set(), []
@@ -111,9 +132,13 @@ class History:
             if each.starter != "both" and key[1:] in groups:
                 continue
             if each.phase is Phase.ACCEPTED:
+                assert key not in accepted, "accepted twice"
                 accepted.add(key)
             elif each.phase.is_final and each.code != "too_many":
-                ends.append(key)
+                if key in accepted:
+                    ends.append(key)
+                else:
+                    assert each.phase is Phase.REJECTED
         assert accepted <= set(ends)
         for key in accepted:
             assert ends.count(key) == 1, [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import pytest
@@ -9,8 +10,11 @@ import pytest
 from gateway.errors import DamagedError
 from gateway.starters.logbook import MOST_STARTS, Logbook
 from gateway.starters.records import LockRecord
+from gateway.system.clock_steps import Reading
 
 UTC_S = 1_760_000_000.0
+SAVED = Reading(5000.0, UTC_S, "boot-1")
+DAY_S = 86400.0
 
 
 def seen(*states: tuple[float, str]) -> Logbook:
@@ -20,12 +24,17 @@ def seen(*states: tuple[float, str]) -> Logbook:
     return logbook
 
 
-def restored(logbook: Logbook, *, saved_s: float, now_s: float, utc_s: float) -> Logbook:
-    """Return the logbook of the next run, whose steady clock shows `now_s` at `utc_s`."""
-    document = logbook.to_document(lambda at_s: UTC_S + at_s - saved_s)
+def restored(logbook: Logbook, *, saved_s: float, now_s: float, reading: Reading) -> Logbook:
+    """Return the logbook of the next run, whose steady clock shows `now_s` at that reading."""
+    document = json.loads(json.dumps(logbook.to_document(now_s=saved_s, reading=SAVED)))
     new = Logbook(["a"])
-    new.restore(document, now_s=now_s, utc_s=utc_s)
+    new.restore(document, now_s=now_s, reading=reading)
     return new
+
+
+def later(seconds: float, *, step_s: float = 0.0) -> Reading:
+    """Return the machine's clocks so long after `SAVED`, the wall's set ahead by a step."""
+    return Reading(SAVED.up_s + seconds, SAVED.utc_s + seconds + step_s, SAVED.boot_id)
 
 
 def test_a_standstill_counts_from_when_it_was_first_seen() -> None:
@@ -95,7 +104,7 @@ def test_a_restart_forgets_nothing() -> None:
     logbook.note_start("a", now_s=150.0)
     logbook.set_lock("a", LockRecord("alice", UTC_S, "belt", "Alice A."))
 
-    new = restored(logbook, saved_s=200.0, now_s=7.0, utc_s=UTC_S + 30.0)
+    new = restored(logbook, saved_s=200.0, now_s=7.0, reading=later(30.0))
 
     assert new.standing_since("a") == pytest.approx(7.0 - 130.0)
     assert new.starts_since("a", -1e9) == [pytest.approx(7.0 - 80.0)]
@@ -103,7 +112,7 @@ def test_a_restart_forgets_nothing() -> None:
 
 
 def test_a_motor_that_moved_before_the_restart_stands_since_it_is_seen_to() -> None:
-    new = restored(seen((1.0, "running")), saved_s=2.0, now_s=7.0, utc_s=UTC_S + 600.0)
+    new = restored(seen((1.0, "running")), saved_s=2.0, now_s=7.0, reading=later(600.0))
     assert new.standing_since("a") is None
 
     new.note_state("a", "ready", now_s=9.0)
@@ -111,16 +120,44 @@ def test_a_motor_that_moved_before_the_restart_stands_since_it_is_seen_to() -> N
     assert new.standing_since("a") == 9.0
 
 
-def test_a_clock_that_was_set_back_lets_nothing_seem_older_than_it_is() -> None:
-    new = restored(seen((100.0, "ready")), saved_s=200.0, now_s=7.0, utc_s=UTC_S - 86400.0)
+@pytest.mark.parametrize("step_s", [-DAY_S, -20.0, 20.0, DAY_S])
+def test_a_clock_that_was_set_between_two_runs_changes_no_age(step_s: float) -> None:
+    logbook = seen((100.0, "ready"))
+    logbook.note_start("a", now_s=150.0)
 
+    new = restored(logbook, saved_s=200.0, now_s=7.0, reading=later(30.0, step_s=step_s))
+
+    assert new.standing_since("a") == pytest.approx(7.0 - 130.0)
+    assert new.starts_since("a", 7.0 - 3600.0) == [pytest.approx(7.0 - 80.0)]
+
+
+@pytest.mark.parametrize("boot_id", ["boot-2", "boot-1"])  # the same: as where it cannot be read
+def test_over_a_restart_of_the_machine_only_the_time_since_its_boot_has_certainly_passed(
+    boot_id: str,
+) -> None:
+    logbook = seen((100.0, "ready"))
+    logbook.note_start("a", now_s=150.0)
+
+    new = restored(logbook, saved_s=200.0, now_s=7.0, reading=Reading(40.0, UTC_S + DAY_S, boot_id))
+
+    assert new.standing_since("a") == pytest.approx(7.0 - 140.0)
+    assert new.starts_since("a", 7.0 - 3600.0) == [pytest.approx(7.0 - 90.0)]
+
+
+def test_a_file_of_an_earlier_version_is_dated_by_the_wall_clock() -> None:
+    page = {"starts": [UTC_S - 50.0], "moving": False, "standing_since": UTC_S + 5.0, "lock": None}
+    new = Logbook(["a"])
+
+    new.restore({"version": 1, "starters": {"a": page}}, now_s=7.0, reading=SAVED)
+
+    assert new.starts_since("a", 7.0 - 3600.0) == [pytest.approx(7.0 - 50.0)]
     assert new.standing_since("a") == 7.0
 
 
 def test_what_was_kept_of_a_starter_that_is_configured_no_more_is_dropped() -> None:
     new = Logbook(["b"])
 
-    new.restore(seen((1.0, "ready")).to_document(lambda at_s: UTC_S), now_s=0.0, utc_s=UTC_S)
+    new.restore(seen((1.0, "ready")).to_document(now_s=1.0, reading=SAVED), now_s=0.0, reading=later(0.0))
 
     assert new.standing_since("b") is None
 
@@ -143,4 +180,4 @@ PAGE: dict[str, Any] = {"starts": [], "moving": None, "standing_since": None, "l
 )
 def test_what_is_not_what_was_kept_is_damaged(document: dict[str, Any]) -> None:
     with pytest.raises(DamagedError):
-        Logbook(["a"]).restore(document, now_s=0.0, utc_s=UTC_S)
+        Logbook(["a"]).restore(document, now_s=0.0, reading=SAVED)

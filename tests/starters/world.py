@@ -6,10 +6,14 @@ import asyncio
 import json
 import random
 from collections.abc import Callable, Iterable
+from contextlib import ExitStack
 from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from gateway.clock import ClockWatch
+from gateway.errors import StartError
 from gateway.families.load import load_profile
 from gateway.families.schema import Variant
 from gateway.line.client import LocalLineClient
@@ -26,6 +30,7 @@ from gateway.sim.factory import make_unit
 from gateway.sim.impair import Reply
 from gateway.sim.line import SimulatedLine
 from gateway.sim.power import MotorData
+from gateway.sim.unit import Unit
 from gateway.standstill import StandstillWatch
 from gateway.starters.commander import Commander
 from gateway.starters.journal import Remembered
@@ -39,6 +44,7 @@ from gateway.starters.sequence import Sequence
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry import StarterTelemetry
 from gateway.system.clock_steps import Reading
+from gateway.system.instance_lock import instance_lock
 from tests.starters.fakes import RUN_COIL
 from tests.starters.plant import FakeMemory
 from tests.starters.test_on_a_line import LostWrites, Router
@@ -49,6 +55,7 @@ NAMES = ("a", "b")
 PAUSE_S, STAGGER_S, STARTS_PER_HOUR = 2.0, 1.5, 5
 RULES = RuleSet(starts_per_hour=STARTS_PER_HOUR, minimum_pause_s=PAUSE_S, feeder="f", stagger_s=STAGGER_S)
 OPERATORS = (Operator("alice", ("*",), ("*",)), Operator("bob", ("start", "stop"), ("a",)))
+READS = (1, 2, 3, 4)  # function codes
 START_PDU, STOP_PDU = WriteCoil(RUN_COIL, True).encode(), WriteCoil(RUN_COIL, False).encode()
 
 
@@ -101,6 +108,19 @@ class LostReplies:
         return ()
 
 
+def _note_requests(unit: Unit, clock: VirtualClock) -> list[tuple[float, bytes]]:
+    """Have a unit's requests noted, with their times."""
+    asked: list[tuple[float, bytes]] = []
+    handle = unit.handle
+
+    def noting(pdu: bytes, now_s: float) -> bytes | None:
+        asked.append((clock.now_s(), pdu))
+        return handle(pdu, now_s)
+
+    unit.handle = noting  # type: ignore[method-assign]  # that is the point of it
+    return asked
+
+
 class World:
     """The starters on their line, the gateway of the moment, and the broker's connection to it."""
 
@@ -111,6 +131,8 @@ class World:
         self.units = dict(zip(NAMES, units, strict=True))
         self.clock = VirtualClock(asyncio.get_running_loop())
         self.sink, self.memory, self.journal = TimedSink(), FakeMemory(), FakeJournal()
+        self._asked = {name: _note_requests(unit, self.clock) for name, unit in self.units.items()}
+        self._folder = TemporaryDirectory(prefix="model-")
         self.is_plugged = True
         self.plugs: list[tuple[float, bool]] = [(0.0, True)]
         self.disturbances_s: list[float] = []  # crashes, and the port going away
@@ -122,6 +144,8 @@ class World:
 
     def _boot(self) -> None:
         self._runs += 1
+        self._instance = ExitStack()
+        self._instance.enter_context(instance_lock(Path(self._folder.name)))
         sequence, rights, router = Sequence(), Rights(OPERATORS), Router()
         self.boot = Boot(f"run{self._runs}")
         self._tokens = Tokens(self.boot)
@@ -226,6 +250,7 @@ class World:
         await asyncio.gather(*tasks, return_exceptions=True)
         for telemetry in self.telemetries.values():
             await telemetry.close()
+        self._instance.close()  # as the kernel does for a process that has ended
         self._boot()
 
     async def close(self) -> None:
@@ -236,6 +261,16 @@ class World:
         self._looking.cancel()
         self._issuing.cancel()
         await asyncio.wait((self._serving, self._looking, self._issuing))
+        self._instance.close()
+        self._folder.cleanup()
+
+    def second_instance_error(self) -> str:
+        """Return how a second run of the same configuration ends; empty when it does not."""
+        try:
+            with instance_lock(Path(self._folder.name)):
+                return ""
+        except StartError as error:
+            return str(error)
 
     def publish(
         self, starter: str, client: str, verb: str, *, is_retained: bool = False, **body: Any
@@ -275,6 +310,10 @@ class World:
     def frames(self, starter: str, pdu: bytes) -> list[float]:
         """Return when such a write reached a starter."""
         return [write.at_s for write in self.units[starter].writes if write.pdu == pdu]
+
+    def readings(self, starter: str) -> list[float]:
+        """Return when a read reached a starter."""
+        return [at_s for at_s, pdu in self._asked[starter] if pdu[0] in READS]
 
     def results(self, starters: Iterable[str]) -> list[tuple[float, ResultRecord]]:
         """Return what was told first-hand, without what was only sent again."""

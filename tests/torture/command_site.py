@@ -22,6 +22,7 @@ from tests.torture.recorder import BASE, Recorder, is_final
 from tests.torture.supervisor import Supervisor
 from tests.torture.waiting import until
 
+KIT = Path(__file__).parents[2] / "deploy" / "mosquitto" / "mosquitto.conf"
 STARTERS = ("pump", "fan", "mill", "belt")
 USERS = ("alice", "bob", "victor")
 AT_ONCE = Restart(restart_s=0.1, watchdog_s=10.0, abort_s=2.0, start_up_s=2.0)
@@ -167,7 +168,7 @@ async def command_site(
     folder: Path, *, every_s: float = 0.2, is_old: bool = False
 ) -> AsyncIterator[CommandSite]:
     """Set it up and wait until all is well; the gateway of an old site has to speak MQTT 3.1.1."""
-    broker = MosquittoBroker(folder / "broker")
+    broker = MosquittoBroker(folder / "broker", options=[_queue_of_kit()])
     old_broker = OldBroker(broker.port) if is_old else None
     config = folder / "site.toml"
     others = "".join(
@@ -202,6 +203,13 @@ async def command_site(
         await gateway.stop()
         listener.stop()
         broker.kill()
+
+
+def _queue_of_kit() -> str:
+    """Return how much the shipped broker keeps for a client that reads slowly."""
+    lines = KIT.read_text("utf-8").splitlines()
+    (line,) = (each for each in lines if each.startswith("max_queued_messages "))
+    return line
 
 
 class Pipe:

@@ -17,6 +17,7 @@ from tests.torture.command_site import CommandSite, command_site
 from tests.torture.of_flood import flood
 from tests.torture.of_kills import kills, stops_at_start_up
 from tests.torture.of_malformed import malformed_in_process, malformed_through_broker
+from tests.torture.of_model import histories
 from tests.torture.of_stale import stale, stale_to_old, stalled
 from tests.torture.of_stops import second_stops, stops_in_a_large_flood
 from tests.torture.scenario import Row
@@ -79,6 +80,7 @@ STALE_OLD = Proof("stale, gateway on 3.1.1", stale_to_old, 100, 5, "each", is_ol
 STALLED = Proof("stalled ways", stalled, 60, 6, "s at most")
 STALLED_OLD = Proof("stalled, gateway on 3.1.1", stalled, 60, 6, "s at most", is_old=True)
 MALFORMED = Proof("malformed, by broker", malformed_through_broker, 200, 40, "payloads")
+HISTORIES = PureProof("histories of commands", histories, 2_000, 50, "histories")
 MALFORMED_PURE = PureProof("malformed, in process", malformed_in_process, 100_000, 5_000, "payloads")
 SCENARIOS: tuple[Proof | PureProof, ...] = (
     KILLS,
@@ -92,6 +94,7 @@ SCENARIOS: tuple[Proof | PureProof, ...] = (
     STALLED_OLD,
     MALFORMED,
     MALFORMED_PURE,
+    HISTORIES,
 )
 
 
