@@ -31,7 +31,7 @@ BY_TOKEN, BY_ISSUED_AT, BY_BOOT = "token", "issued_at", "boot"  # `freshness` of
 READ = "read"
 
 _TOKEN_BYTES = 12
-_AGAIN = "read B/gateway/fresh and send it again"
+_AGAIN = "read B/gateway/fresh and send it again with a new id"
 
 
 def _draw() -> str:
@@ -139,7 +139,7 @@ def _unproven(proof: Proof, made_s: float | None, tokens: Tokens, moment: Moment
     if made_s is not None:
         return CommandError("not_fresh", f"this operator's commands need issued_at{_with(moment)}")
     if proof.boot not in (None, tokens.boot.token):
-        text = f"boot is not the one in gateway/status; {_AGAIN} with its token"
+        text = f"boot is not the one in gateway/status; {_AGAIN} and its token"
         return CommandError("wrong_boot", text)
     if proof.token is not None:
         text = (

@@ -2,7 +2,8 @@
 
 1. What a message is for is told by its topic alone: a stop is taken at once, whatever waits.
 2. The others are parsed in the order of their arrival, in at most half of the time.
-3. Beyond `MOST` that wait, or `MOST_OF_CLIENT` of one client, a message is refused unparsed.
+3. Beyond `MOST` that wait, or `MOST_OF_CLIENT` of one client, a message is refused unparsed; those on
+   topics that name no client count as one client's, and are dropped.
 4. Of more stops than `PARSED_STOPS` only the topic is read: they are carried out, but their id is not known.
 
 So a flood delays a stop by what is being read of the socket at most, not by what came before it.
@@ -17,7 +18,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from gateway.mqtt.intake import Incoming
-from gateway.mqtt.topics import Malformed, Topics
+from gateway.mqtt.topics import CommandAddress, Malformed, Topics
 from gateway.starters.errand import STOP
 from gateway.starters.flood import Bucket, Rate
 
@@ -58,19 +59,21 @@ class Inbox:
         """Take in a message as it arrives."""
         now_s = self._now_s()
         address = self._topics.parse_command(incoming.topic)
-        if address is None or isinstance(address, Malformed):
-            self._wait("", incoming, now_s)
-        elif address.verb == STOP:
+        if address is None or (isinstance(address, Malformed) and not address.client):
+            if self._has_room(""):
+                self._wait("", incoming, now_s)  # there is no client to answer
+        elif isinstance(address, CommandAddress) and address.verb == STOP:
             is_parsed = self._parsed_stops.take(now_s)
             self._take(incoming if is_parsed else replace(incoming, payload=b""), now_s)
-        elif len(self._waiting) >= MOST or self._of_client[address.client] >= MOST_OF_CLIENT:
+        elif not self._has_room(address.client):
             self._refuse(address.starter, address.client, address.verb)
         else:
             self._wait(address.client, incoming, now_s)
 
+    def _has_room(self, client: str) -> bool:
+        return len(self._waiting) < MOST and self._of_client[client] < MOST_OF_CLIENT
+
     def _wait(self, client: str, incoming: Incoming, now_s: float) -> None:
-        if len(self._waiting) >= MOST:
-            return  # not a command's topic: there is no client to answer
         self._waiting.append((client, incoming, now_s))
         self._of_client[client] += 1
         if self._work is None:

@@ -37,6 +37,19 @@ logger = logging.getLogger(__name__)
 
 SAVED_WITHIN_S = 1.0  # at the end
 NOT_TAKEN = (UNAVAILABLE, LEDGER_FULL, TOO_MANY)  # without the ledger, what it has may say something else
+UNFIT = frozenset(  # codes of what is refused however often it comes: its id is free for a fit command
+    {
+        "bad_json",
+        "bad_payload",
+        "before_connection",
+        "expired",
+        "malformed_topic",
+        "no_id",
+        "retained",
+        "too_big",
+        "unknown_verb",
+    }
+)
 READ = "read"  # it writes nothing, and needs no turn
 
 
@@ -150,8 +163,9 @@ class Commander:
         """Take over the commands of earlier runs, the oldest first; say once what was cut short."""
         for remembered in commands:
             result = remembered.result
-            if self._ledger.find(result.client, result.id) is not None:
-                continue  # a stop that came before the ledger could be read
+            known = self._ledger.find(result.client, result.id)
+            if known is not None and known.phase is not Phase.REJECTED:
+                continue  # a stop that came before the ledger could be read; all else was refused
             if not result.phase.is_final:
                 starter = self._starters.get(result.starter)
                 aftermath = Aftermath(remembered, starter, self._desk)
@@ -221,7 +235,11 @@ class Commander:
         """Refuse a command; under an id that has a result, as a duplicate: that result stays."""
         is_known = self._ledger.find(request.client, request.id) is not None
         errand = Errand(request, self._desk, is_repeat=is_known)
-        errand.finish(End(Phase.REJECTED, error.code, error.text), is_kept=is_kept and not is_known)
+        end = End(Phase.REJECTED, error.code, error.text)
+        if is_known or is_kept or error.code in UNFIT:
+            errand.finish(end, is_kept=is_kept and not is_known)
+        else:
+            errand.refuse(end)
 
     def _take(self, request: CommandRequest) -> None:
         """Carry out a command other than a stop; CommandError when it cannot even begin."""
@@ -282,6 +300,7 @@ class Commander:
     def _begin_stop(self, name: str, came_s: float) -> Stopping:
         """Cut what this starter is doing, then stop it, unless that is under way."""
         self._stopped_s[name] = max(came_s, self._stopped_s.get(name, -inf))
+        self._precautions.selections.end(name)  # what was decided upon before the stop is decided anew
         conduct = self._conducts.get(name)
         if conduct is not None:
             conduct.halt("stopped_first")

@@ -94,6 +94,14 @@ class Errand:
         self._report(end, is_kept=is_kept)
         self._audit(end)
 
+    def refuse(self, end: End) -> None:
+        """Refuse a command that is not kept on the disk; its id stays refused as long as the gateway runs.
+
+        Else one of its copies could be carried out after its client has read that it was not.
+        """
+        self.finish(end, is_kept=False)
+        self._desk.ledger.store(self.result(end), now_s=self.now_s())
+
     def inform(self, client: str, end: End) -> None:
         """Publish to another client what this command did to what is his; a result without an id."""
         result = self.result(end)
@@ -126,13 +134,14 @@ class Errand:
                 desk.sink.put(result)
             return
         self._latest = result
-        desk.ledger.store(result, now_s=desk.clock.now_s(), boot=request.boot)
+        if not desk.ledger.store(result, now_s=desk.clock.now_s(), boot=request.boot):
+            self._latest = replace(result, id=None)  # the id stands for what was acted on under it
         if end.phase is not Phase.WRITTEN and request.verb != STOP:
             # Kept before it is told: what was accepted is answered for, and two finals would be a lie. That
             # something may be written is on the disk already, before it is.
             desk.journal.note(result, then=partial(desk.sink.put, result))
         else:
-            desk.journal.note(result)
+            desk.journal.note(self._latest)
             desk.sink.put(result)
 
     def _audit(self, end: End) -> None:

@@ -15,11 +15,7 @@ TOO_MANY = "too_many"
 
 
 class Excess:
-    """Refuses for each client at most ten times a second, and never under an id that has a result.
-
-    An id that was refused stays refused as long as this gateway runs: one of its copies must not be carried
-    out after its client was told that it was not.
-    """
+    """Refuses for each client at most ten times a second, and never under an id that has a result."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
@@ -40,6 +36,4 @@ class Excess:
             request = replace(request, id=None, correlation=None, response_topic=None)
             text = f"{count} more refused: too many commands at once"
         end = End(Phase.REJECTED, TOO_MANY, text, values={"count": count} if count else {})
-        errand = Errand(request, self._desk)
-        errand.finish(end, is_kept=False)  # not on the disk
-        self._desk.ledger.store(errand.result(end), now_s=self._desk.clock.now_s())
+        Errand(request, self._desk).refuse(end)

@@ -2,6 +2,7 @@
 
 1. A command under way is never forgotten.
 2. Refused commands, reads and stops go first, the oldest before the others: they may act again without harm.
+   A stop that is sent under the id of a command that was acted on takes nothing of that command's place.
 3. A command that was acted on stays as long as a copy of it could still prove itself fresh. When the ledger
    is full of these, `has_room` is false and new commands are refused; nothing is forgotten for them.
 4. Ages are differences of the steady clock of this run. The wall clock decides nothing.
@@ -77,12 +78,14 @@ class Ledger:
         """Return whether one more command can be remembered for as long as it must be."""
         return len(self._acted) < self._most_entries or any(True for _ in self._unprovable(now_s))
 
-    def store(self, result: ResultRecord, *, now_s: float, boot: str = "") -> None:
-        """Keep a result as its command's latest; one without an id is not kept."""
+    def store(self, result: ResultRecord, *, now_s: float, boot: str = "") -> bool:
+        """Keep a result as the latest under its id; return whether it is kept, which needs an id."""
         if not result.id:
-            return
+            return False
         key = (result.client, result.id)
         entry = self._entry(key)
+        if key in self._acted and result.verb in _REPEATABLE:
+            return False  # a stop under a used id is carried out all the same, and may be again
         if entry is None:
             entry = _Entry(result, now_s, boot)
             self._count_boot(result, boot)
@@ -93,6 +96,7 @@ class Ledger:
         other.pop(key, None)
         home.setdefault(key, entry)
         self._forget(now_s)
+        return True
 
     def _entry(self, key: Key) -> _Entry | None:
         return self._acted.get(key) or self._harmless.get(key)

@@ -48,8 +48,8 @@ class Selections:
             raise CommandError("not_selected", f"{client} has not selected this starter")
 
     def end(self, starter: str) -> None:
-        """Let a selection count no more."""
-        del self._selections[starter]
+        """Let a selection, if there is one, count no more."""
+        self._selections.pop(starter, None)
 
     def take(
         self, starter: str, client: str, token: str, *, verb: str, args: Mapping[str, Any], now_s: float

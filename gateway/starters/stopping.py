@@ -81,6 +81,7 @@ class Stopping:
         self._is_answered = False  # the starter answered anything at all since
         self._spoken: list[str] = []  # the families in whose words frames were sent
         self._is_over_babble = False  # a frame was sent although the line was not quiet
+        self._is_garbled = False  # something came instead of an answer to a frame
 
     def ask(self) -> None:
         """Have a frame sent for one more message, and see it through; it may then join with its command."""
@@ -167,6 +168,7 @@ class Stopping:
         await asyncio.wait(asked)
         outcomes = [each.result() for each in asked if not each.cancelled()]
         self._is_over_babble |= any(outcome.is_over_babble for outcome in outcomes)
+        self._is_garbled |= any(isinstance(outcome, Garbled) and outcome.is_sent for outcome in outcomes)
         self._is_answered |= any(isinstance(outcome, (Answered, Refused)) for outcome in outcomes)
         refusals = [outcome for outcome in outcomes if isinstance(outcome, Refused)]
         if refusals:
@@ -277,6 +279,8 @@ class Stopping:
         """Return the end of a stop whose time is up."""
         if order.is_written and not self._is_answered and not self._is_over_babble:
             text = f"the starter did not answer for {DEADLINE_S:g} s, neither the stop nor a reading"
+            noise = "; what came instead cannot be read: noise, or something else that sends"
+            text += noise if self._is_garbled else ""
             return End(Phase.UNCONFIRMED, "no_answer", f"{text}: {MAY_BE_TURNING}")
         if order.is_written:
             text = f"the motor was not seen to stop within {DEADLINE_S:g} s{self._over_babble()}"

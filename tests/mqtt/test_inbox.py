@@ -121,3 +121,18 @@ async def test_a_bug_that_one_message_shows_does_not_keep_the_next_from_being_pa
     desk.put("start")
 
     assert len(desk.of("start")) == 1
+
+
+@virtually
+async def test_malformed_topics_leave_room_for_the_commands_of_others() -> None:
+    desk = Desk()
+    for _ in range(MOST):
+        desk.inbox.put(Incoming("b/command/mistyped", b"{}"))
+        desk.put("start/again", client="bob")
+
+    desk.put("start")
+    await asyncio.sleep(2.0)
+
+    assert len(desk.of("start")) == 1
+    assert len(desk.of("again")) <= MOST_OF_CLIENT + 20
+    assert {client for _, client, _ in desk.refused} == {"bob"}

@@ -38,7 +38,7 @@ def test_the_sender_chooses_the_time_to_live(ttl_s: float | None, code: str | No
     assert getattr(judged, "code", None) == code
 
 
-AGAIN = "read B/gateway/fresh and send it again"
+AGAIN = "read B/gateway/fresh and send it again with a new id"
 HELD_UP = "it was held up on its way; decide again, then send again"
 
 
@@ -67,13 +67,13 @@ HELD_UP = "it was held up on its way; decide again, then send again"
             {"boot": "boot-0"},
             True,
             "wrong_boot",
-            f"boot is not the one in gateway/status; {AGAIN} with its token",
+            f"boot is not the one in gateway/status; {AGAIN} and its token",
         ),
         (
             {"boot": "boot-0", "issued_at": NOW},
             False,
             "wrong_boot",
-            f"boot is not the one in gateway/status; {AGAIN} with its token",
+            f"boot is not the one in gateway/status; {AGAIN} and its token",
         ),
         (
             {"token": "another"},

@@ -69,7 +69,7 @@ async def test_without_the_ledger_everything_but_stop_is_refused(verb: str) -> N
 
 
 @virtually
-async def test_a_command_refused_for_lack_of_the_ledger_may_be_sent_again() -> None:
+async def test_a_command_refused_for_lack_of_the_ledger_stays_refused_and_a_new_id_is_taken() -> None:
     rig = await rig_online()
     rig.journal.trouble = "it has not been read yet"
     rig.submit("start", "1")
@@ -77,8 +77,31 @@ async def test_a_command_refused_for_lack_of_the_ledger_may_be_sent_again() -> N
 
     rig.submit("start", "1")
     await asyncio.sleep(5.0)
+    assert rig.sink.phases("1") == [("rejected", UNAVAILABLE), ("rejected", UNAVAILABLE)]
+    assert rig.starts() == 0
 
-    assert rig.sink.phases("1")[-1] == ("confirmed", "ok")
+    rig.submit("start", "2")
+    await asyncio.sleep(5.0)
+    assert rig.sink.phases("2")[-1] == ("confirmed", "ok")
+
+
+@virtually
+async def test_what_the_ledger_remembers_counts_more_than_a_refusal_of_before_it_was_read() -> None:
+    rig = await rig_online()
+    rig.submit("start", "1")
+    await asyncio.sleep(5.0)
+    rig.crash()
+    rig.sink.clear()
+    rig.begin_run()
+    rig.journal.trouble = "it has not been read yet"
+    rig.submit("start", "1")
+    rig.journal.trouble = ""
+
+    rig.commander.recall(rig.disk.remembered())
+    rig.submit("start", "1")
+    await asyncio.sleep(5.0)
+
+    assert rig.sink.phases("1") == [("rejected", UNAVAILABLE), ("confirmed", "ok")]
     assert rig.starts() == 1
 
 

@@ -273,3 +273,22 @@ async def test_a_stop_without_an_id_that_has_ended_is_not_reported_after_a_crash
     await asyncio.sleep(15.0)
 
     assert rig.sink.of(ResultRecord) == []
+
+
+@virtually
+async def test_a_start_is_still_known_after_a_crash_when_a_stop_came_with_its_id() -> None:
+    rig = await rig_online()
+    rig.submit("start", "1")
+    await asyncio.sleep(5.0)
+    rig.submit("stop", "1")
+    await asyncio.sleep(5.0)
+    rig.crash()
+
+    rig.restart()
+    rig.poll()
+    rig.submit("start", "1")
+    await asyncio.sleep(5.0)
+
+    (told,) = rig.sink.of(ResultRecord)
+    assert (told.verb, told.phase, told.is_duplicate) == ("start", Phase.CONFIRMED, True)
+    assert rig.starts() == 1

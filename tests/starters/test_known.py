@@ -45,7 +45,7 @@ async def test_the_end_of_a_command_that_was_carried_out_is_told_again_word_by_w
 
 
 @virtually
-async def test_what_was_too_much_was_never_taken_and_may_be_sent_again_with_the_same_id() -> None:
+async def test_what_was_too_much_stays_refused_and_is_taken_with_a_new_id() -> None:
     policy = Policy(limits=Limits(under_way_on_line=1))
     plant = await Plant(None, "a@x", "b@x", policy=policy).online()
     plant.submit("start", "1", starter="a")
@@ -54,4 +54,6 @@ async def test_what_was_too_much_was_never_taken_and_may_be_sent_again_with_the_
     assert plant.sink.final("2").code == "too_many"
     plant.sink.clear()
 
-    assert await plant.do("start", "2", starter="b") == "ok"
+    assert await plant.do("start", "2", starter="b") == "too_many"
+    assert await plant.do("start", "3", starter="b") == "ok"
+    assert plant.starts("b") == 1

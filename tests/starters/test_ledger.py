@@ -203,3 +203,16 @@ def test_who_keeps_it_on_the_disk_learns_what_is_forgotten() -> None:
         ledger.store(result(id_, Phase.REJECTED), now_s=0.0)
 
     assert gone == [("alice", "1"), ("alice", "2")]
+
+
+def test_a_stop_under_the_id_of_a_start_does_not_push_the_start_out() -> None:
+    ledger = Ledger(most_entries=2)
+    ledger.store(result("1"), now_s=0.0)
+    ledger.store(result("1", verb="stop"), now_s=1.0)
+
+    for id_ in ("2", "3", "4"):
+        ledger.store(result(id_, verb="read"), now_s=2.0)
+
+    found = ledger.find("alice", "1")
+    assert found is not None
+    assert found.verb == "start"

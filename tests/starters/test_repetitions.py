@@ -116,12 +116,28 @@ async def test_a_rejected_form_with_a_known_id_of_another_command_keeps_its_own_
 async def test_a_command_rejected_for_its_form_may_be_sent_again_in_good_form() -> None:
     rig = CommandRig()
     await rig.online()
-    rig.commander.reject(CommandRequest("pump-1", "alice", "start", "1"), "not_fresh", "no clock")
+    rig.commander.reject(CommandRequest("pump-1", "alice", "start", "1"), "bad_payload", "no args")
 
     rig.submit("start", "1")
     await asyncio.sleep(5.0)
 
     assert rig.sink.of(ResultRecord)[-1].phase is Phase.CONFIRMED
+
+
+@virtually
+async def test_a_command_whose_proof_was_refused_is_not_carried_out_when_a_copy_of_it_proves_itself() -> None:
+    rig = CommandRig()
+    await rig.online()
+    text = "issued_at is 9.0 s in the future"
+    rig.commander.reject(CommandRequest("pump-1", "alice", "start", "1"), "not_fresh", text)
+    await asyncio.sleep(9.0)
+
+    rig.submit("start", "1")
+    await asyncio.sleep(5.0)
+
+    assert rig.starts() == 0
+    assert rig.sink.phases() == [("rejected", "not_fresh"), ("rejected", "not_fresh")]
+    assert rig.sink.of(ResultRecord)[-1].is_duplicate
 
 
 @virtually
@@ -247,3 +263,21 @@ async def test_a_full_ledger_refuses_all_but_stops_until_its_first_proof_is_over
         await asyncio.sleep(60.0 if id_ == "down" else 3.0)
         codes.append(rig.sink.final(id_).code)
     assert codes == ["ledger_full", "ok", "ok"]
+
+
+@virtually
+async def test_a_copy_of_a_start_is_answered_with_the_starts_end_also_after_a_stop_with_the_same_id() -> None:
+    rig = CommandRig()
+    await rig.online()
+    rig.submit("start", "1")
+    await asyncio.sleep(5.0)
+    rig.submit("stop", "1")
+    await asyncio.sleep(5.0)
+    rig.sink.clear()
+
+    rig.submit("start", "1")
+    await asyncio.sleep(5.0)
+
+    (result,) = rig.sink.of(ResultRecord)
+    assert (result.verb, result.phase, result.is_duplicate) == ("start", Phase.CONFIRMED, True)
+    assert rig.starts() == 1

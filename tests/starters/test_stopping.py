@@ -165,6 +165,18 @@ async def test_the_result_of_a_stop_that_was_written_over_a_babbling_line_says_s
 
 
 @virtually
+async def test_the_result_of_a_stop_of_which_only_noise_came_back_says_so() -> None:
+    rig = await running()
+    rig.line.rules.append(lambda _: Garbled("bad CRC", b"\x55"))
+
+    rig.submit("stop", "1")
+    await asyncio.sleep(12.0)
+
+    assert rig.sink.phases("1") == [ACCEPTED, WRITTEN, ("unconfirmed", "no_answer")]
+    assert "what came instead cannot be read" in rig.sink.final("1").text
+
+
+@virtually
 async def test_a_stop_goes_out_when_the_line_comes_back() -> None:
     rig = await running()
     rig.line.rules.append(lambda r: Silent("port closed", is_sent=False))

@@ -166,3 +166,13 @@ async def test_a_repeated_selection_gets_the_same_token_and_a_repeated_start_sta
     await asyncio.sleep(3.0)
 
     assert plant.starts() == 1
+
+
+@virtually
+@pytest.mark.parametrize("client", ["alice", "bob"])
+async def test_a_stop_ends_a_selection_whoever_sends_it(client: str) -> None:
+    plant, token = await plant_with()
+    await plant.do("stop", "1", client=client)
+
+    assert await plant.do("start", "2", select=token) == "not_selected"
+    assert plant.starts() == 0
