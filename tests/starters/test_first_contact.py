@@ -1,0 +1,35 @@
+"""A starter's watchdog is read as soon as it answers, so that it is kept from the first lap of the line on."""
+
+from __future__ import annotations
+
+import asyncio
+from itertools import pairwise
+
+import pytest
+
+from tests.starters.large_line import LargeLine, large_line
+from tests.starters.rig import virtually
+
+P314 = 314
+LIMIT_S = 3
+SHORT = 18  # starters with that watchdog, on a line of 60 at 9600: as many as it can keep
+
+
+def longest_left_s(line: LargeLine, count: int) -> dict[int, float]:
+    """Return by starter the longest time between two requests that reached it."""
+    times = {each: [at_s for at_s, _ in line.asked[each]] for each in range(1, count + 1)}
+    return {each: max(b - a for a, b in pairwise(found)) for each, found in times.items()}
+
+
+@pytest.mark.parametrize("first", [1, 43])
+@virtually
+async def test_watchdogs_that_nobody_knew_are_kept_from_the_first_lap_on(first: int) -> None:
+    async with large_line(60, baud=9600) as line:
+        short = range(first, first + SHORT)
+        for each in short:
+            line.unit(each).settings[P314] = LIMIT_S
+        await asyncio.sleep(60.0)
+
+        left_s = longest_left_s(line, 60)
+
+    assert max(left_s[each] for each in short) <= LIMIT_S, left_s
