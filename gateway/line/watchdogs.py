@@ -50,7 +50,7 @@ class Watchdogs:
         self._worst_since_s = -inf
 
     def set(self, unit: int, limit_s: float | None) -> None:
-        """Take over a unit's watchdog, which has counted since the unit was reached last; None or 0: it has none."""
+        """Take over a unit's watchdog, None or 0 for none; it has counted since the unit was reached last."""
         old = self._watchdogs.pop(unit, None)
         if old is not None:
             old.place = NOWHERE

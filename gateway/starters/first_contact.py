@@ -1,7 +1,7 @@
 """Reads the watchdog of a starter as soon as it answers, before anything else is asked of it at leisure.
 
-A watchdog counts from the first telegram that reaches the starter (ssw900 C8.2.5; ssw06-es and ssw07 2.4), so it
-must be known before the line has come round once; whatever else can be asked of the starter follows later.
+A watchdog counts from the first telegram that reaches the starter (ssw900 C8.2.5; ssw06-es and ssw07 2.4), so
+it must be known before the line has come round once; what else can be asked of the starter follows later.
 """
 
 from __future__ import annotations

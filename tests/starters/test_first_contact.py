@@ -1,4 +1,4 @@
-"""A starter's watchdog is read as soon as it answers, so that it is kept from the first lap of the line on."""
+"""A starter's watchdog is read as soon as it answers: it is kept from the first lap of the line on."""
 
 from __future__ import annotations
 
