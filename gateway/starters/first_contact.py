@@ -36,11 +36,13 @@ class FirstContact:
         self._line = line
         self._on_rows = on_rows
         self._reads = bulk_reads(setup.profile, time_codes(setup.profile))
+        self._lane = Lane.COMMAND
         self._task: asyncio.Task[None] | None = None
 
-    def begin(self) -> None:
-        """Read, in a task of its own."""
+    def begin(self, *, is_known: bool) -> None:
+        """Read, in a task of its own; what is known already waits until all starters have been asked once."""
         self.cancel()
+        self._lane = Lane.READ_BACK if is_known else Lane.COMMAND
         name = f"first contact {self._setup.name}"
         self._task = asyncio.get_running_loop().create_task(self._run(), name=name)
 
@@ -72,5 +74,5 @@ class FirstContact:
             self._setup.address,
             request,
             response_time_s=self._setup.response_time_of(request),
-            lane=Lane.COMMAND,
+            lane=self._lane,
         )

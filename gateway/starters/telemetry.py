@@ -328,7 +328,7 @@ class StarterTelemetry:
         if self._was_lost:
             self.publisher.event("answers_again", Severity.INFO, "the starter answers again")
             self._polling.restore()
-        self._first_contact.begin()
+        self._first_contact.begin(is_known=self._watchdogs.is_known(self.setup))
         self._identification.begin()
 
     def _publish_availability(self) -> None:

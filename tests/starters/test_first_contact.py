@@ -7,10 +7,13 @@ from itertools import pairwise
 
 import pytest
 
+from gateway.line.job import Lane
+from gateway.modbus.reads import ReadHoldingRegisters
 from tests.starters.large_line import LargeLine, large_line
-from tests.starters.rig import virtually
+from tests.starters.rig import Rig, virtually
 
 P314 = 314
+WATCHDOG = ReadHoldingRegisters(313, 2)
 LIMIT_S = 3
 SHORT = 18  # starters with that watchdog, on a line of 60 at 9600: as many as it can keep
 
@@ -33,3 +36,28 @@ async def test_watchdogs_that_nobody_knew_are_kept_from_the_first_lap_on(first: 
         left_s = longest_left_s(line, 60)
 
     assert max(left_s[each] for each in short) <= LIMIT_S, left_s
+
+
+@virtually
+async def test_it_goes_before_all_else_while_it_is_not_known_and_behind_the_first_lap_when_it_is() -> None:
+    rig = Rig()
+    rig.unit.holding |= {313: 1, P314: 30}
+    await rig.online()
+    rig.line.sent.clear()
+
+    for _ in range(2):
+        rig.lose()
+        rig.poll()
+        await asyncio.sleep(1.0)
+    known = [sent.lane for sent in rig.line.sent if sent.request == WATCHDOG]
+
+    unknown = Rig()
+    unknown.unit.holding |= {313: 1, P314: 30}
+    unknown.telemetry.start()
+    unknown.poll()
+    await asyncio.sleep(1.0)
+    first = unknown.line.sent[0]
+
+    assert known == [Lane.READ_BACK, Lane.READ_BACK]
+    assert (first.request, first.lane) == (WATCHDOG, Lane.COMMAND)
+    assert unknown.line.deadlines_s[7] == 30.0
