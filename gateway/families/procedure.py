@@ -81,4 +81,5 @@ class Procedure:
     subjects: tuple[str, ...] = ()  # codes of the rows, where several were asked for at once
     note: str = ""  # what the operator must know with the result
     is_run_cleared: bool = False  # it begins with run = 0, see families/run_command.py
+    is_source: bool = False  # it chooses who commands the motor: no write of it may come long after a reading
     wears: int = 0  # how many writes go to the starter's non-volatile memory

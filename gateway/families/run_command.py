@@ -89,6 +89,7 @@ def with_run_cleared(
         abandon=(*procedure.abandon, *(step.request for step in off)),
         note="; ".join(filter(None, (CLEARED, procedure.note))),
         is_run_cleared=True,
+        is_source=is_source,
     )
 
 

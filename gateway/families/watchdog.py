@@ -32,6 +32,12 @@ def watchdog_codes(profile: Profile) -> tuple[str, ...]:
     return tuple(code for code in codes if code in profile.parameters)
 
 
+def time_codes(profile: Profile) -> tuple[str, ...]:
+    """Return those of `watchdog_codes` that say whether a watchdog is on, and after how long it acts."""
+    rows = ("P313", "P314", "C8.2.5.1", "C8.2.5.2", "C8.2.5.3", "R41", "R42")  # neighbours: one request
+    return tuple(code for code in rows if code in profile.parameters)
+
+
 def watchdogs(
     profile: Profile, variant: Variant, rows: Mapping[str, tuple[int, ...]]
 ) -> tuple[Watchdog, ...]:

@@ -106,6 +106,7 @@ class Polled:
         if unit is not None and not unit.entries:
             del self._units[number]
             self.watchdogs.set(number, None)
+            self.watchdogs.rest(number)
 
     def state_of(self, number: int) -> UnitState:
         """Return what is known of a unit."""

@@ -43,11 +43,14 @@ class Watchdogs:
     def __init__(self, places: Iterator[int]) -> None:
         self._agenda: Agenda[_Watchdog] = Agenda(places)
         self._watchdogs: dict[int, _Watchdog] = {}
+        self._heard_s: dict[
+            int, float
+        ] = {}  # of every unit that answers, also without a watchdog that is known
         self._worst = self._worst_before = (0.0, 0)  # share of its time that a unit was left, and the unit
         self._worst_since_s = -inf
 
     def set(self, unit: int, limit_s: float | None) -> None:
-        """Take over a unit's watchdog; None or 0 when it has none."""
+        """Take over a unit's watchdog, None or 0 for none; it has counted since the unit was reached last."""
         old = self._watchdogs.pop(unit, None)
         if old is not None:
             old.place = NOWHERE
@@ -58,9 +61,13 @@ class Watchdogs:
             new.heard_s, new.tried_s, new.barred_until_s = old.heard_s, old.tried_s, old.barred_until_s
             new.is_resting = False
             self._put(new)
+        elif unit in self._heard_s:
+            new.heard_s, new.is_resting = self._heard_s[unit], False
+            self._put(new)
 
     def heard(self, unit: int, at_s: float) -> None:
         """Take over that a unit was reached by a request sent after `at_s`."""
+        self._heard_s[unit] = at_s
         watchdog = self._watchdogs.get(unit)
         if watchdog is None:
             return
@@ -85,6 +92,7 @@ class Watchdogs:
 
     def rest(self, unit: int) -> None:
         """Keep nothing for a unit that does not answer, until it is heard again."""
+        self._heard_s.pop(unit, None)
         watchdog = self._watchdogs.get(unit)
         if watchdog is not None:
             watchdog.is_resting, watchdog.place = True, NOWHERE

@@ -32,6 +32,7 @@ RECENT_PERIODS = 2  # a poll of this age still counts as one of the two readings
 SLOW_DISK_S = 0.25  # what was read before a disk took this long is read again
 RECENT_AT_MOST_S = 10.0  # however rarely the starter is polled
 DECIDES_FOR_S = 2.0  # after that a reading decides about no motor any more: much can have happened since
+CLEARS_FOR_S = 5.0  # after run = 0: then who commands the motor is changed no more by the same procedure
 WAITS_FOR_S = 10.0  # the same of what moves no motor, and may wait for its turn
 MOST_DECISIONS = 5  # each on new readings, when the line was not free while the ones before counted
 MAY_BE_TURNING = "the motor may be turning"
@@ -79,6 +80,7 @@ class Conduct:
         self._wire = Wire(starter, read_back_lane=Lane.PARAMETERS if self.can_wait else Lane.READ_BACK)
         self._procedure: Procedure | None = None  # once it is being written
         self._handed_s = 0.0  # when the latest write was handed to the line
+        self._cleared_s = inf  # when run = 0 was taken, as its request was asked
 
     @property
     def line(self) -> str:
@@ -226,6 +228,7 @@ class Conduct:
             return End(Phase.FAILED, "run_not_cleared", f"{text}; {_NOTHING_ELSE}")
         if end is not None:
             return end
+        self._cleared_s = min(self._cleared_s, self._wire.seen_s)
         if not is_excused and not isinstance(outcome, (Answered, Refused)):
             text = f"run = 0 was not answered ({outcome.reason}): a run command may stand in the starter"
             return End(Phase.UNCONFIRMED, "no_answer", f"{text}; {_NOTHING_ELSE}")
@@ -274,15 +277,18 @@ class Conduct:
         """Give a write to the line, which sends it only while what was read last still decides.
 
         _OutdatedError when it does not any more and nothing has been written yet. What moves no motor is not
-        left half done: its later writes go out whenever the line is free.
+        left half done: its later writes go out whenever the line is free, unless they choose who commands the
+        motor: a run command may have been given since run = 0 was written.
         """
         is_begun = self.errand.life.is_written
-        if is_begun and self.can_wait:
+        may_wait = self.can_wait and not (self._procedure is not None and self._procedure.is_source)
+        if is_begun and may_wait:
             return await self._wire.write(step.request, lane=self._lane)
         expires_s = inf if is_begun else self._expires_s
-        until_s = self._wire.seen_s + (WAITS_FOR_S if self.can_wait else DECIDES_FOR_S)
+        until_s = self._wire.seen_s + (WAITS_FOR_S if may_wait else DECIDES_FOR_S)
+        until_s = min(until_s, self._cleared_s + CLEARS_FOR_S)
         outcome: Outcome = Silent(TOO_LATE, is_sent=False)
-        if not self.errand.is_outdated(self._wire.seen_s):
+        if not self.errand.is_outdated(min(self._wire.seen_s, self._cleared_s)):
             outcome = await self._wire.write(step.request, lane=self._lane, until_s=min(until_s, expires_s))
         is_unsent = isinstance(outcome, Silent) and outcome.reason == TOO_LATE and not outcome.is_sent
         if is_unsent and not is_begun and self.errand.now_s() <= expires_s:

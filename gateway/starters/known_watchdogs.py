@@ -83,6 +83,10 @@ class KnownWatchdogs:
         known = self._known.get(name, _Known())
         return {code: words for code, words in known.rows.items() if code not in known.written}
 
+    def is_known(self, setup: StarterSetup) -> bool:
+        """Return whether something is known of a starter's watchdog, if only that it is off."""
+        return setup.watchdog_s is not None or setup.name in self._known
+
     def limit_s(self, setup: StarterSetup) -> float | None:
         """Return the time of the watchdog that a starter must be kept from; None when none is known."""
         known = self._known.get(setup.name)

@@ -21,6 +21,7 @@ from gateway.starters.addressed import stop_profile
 from gateway.starters.answers import Answers, Told
 from gateway.starters.changes import UNKNOWN
 from gateway.starters.decoding import Sources, unit_of
+from gateway.starters.first_contact import FirstContact
 from gateway.starters.identification import Identification, Standing, standing_of
 from gateway.starters.identities import Identities
 from gateway.starters.info import info_of
@@ -75,6 +76,7 @@ class StarterTelemetry:
         self._status = Status(profile, self.publisher, told_faults)
         self._report = Report({name: point.deadband for name, point in profile.points.items()})
         self._identification = Identification(setup, line, self._take_identity)
+        self._first_contact = FirstContact(setup, line, self.note_settings)
         self._watchdogs = watchdogs or KnownWatchdogs()
         self._watchdogs.add(setup, line)
         self._identities = identities or Identities(sink=sink, clock=clock, sequence=sequence)
@@ -184,6 +186,7 @@ class StarterTelemetry:
         """Make room for another: ask for nothing and tell nothing any more; `close` must follow."""
         self._on_identified.clear()
         self._identification.cancel()
+        self._first_contact.cancel()
         self._waker.cancel()
         self._polling.withdraw()
         self._on_trouble("")
@@ -196,6 +199,7 @@ class StarterTelemetry:
         """
         self._has_ended = True
         self._identification.cancel()
+        self._first_contact.cancel()
         self._waker.cancel()
         if self._is_answering:
             self.publisher.availability("offline", reason=reason)
@@ -212,6 +216,7 @@ class StarterTelemetry:
     async def close(self) -> None:
         """Do nothing more on its own; call once nothing is handed to it any more."""
         await self._identification.close()
+        await self._first_contact.close()
         self._waker.cancel()
 
     def on_poll(self, key: str, outcome: Outcome) -> None:
@@ -323,6 +328,7 @@ class StarterTelemetry:
         if self._was_lost:
             self.publisher.event("answers_again", Severity.INFO, "the starter answers again")
             self._polling.restore()
+        self._first_contact.begin(is_known=self._watchdogs.is_known(self.setup))
         self._identification.begin()
 
     def _publish_availability(self) -> None:
@@ -332,6 +338,7 @@ class StarterTelemetry:
     def _go_offline(self, reason: str, frames: tuple[str, ...]) -> None:
         self._is_answering, self._was_lost = False, True
         self._identification.cancel()
+        self._first_contact.cancel()
         self._identity = Identity(reason="it has not been asked since it went silent")
         self._identities.forget(self.setup.name)
         self._refused = ()

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from gateway.line.budget import ALLOWANCE_S, longest_s
 from gateway.line.forecast import forecast, longest_gap_s
+from gateway.line.health import UnitState
 from gateway.line.job import Job, Lane, Poll
 from gateway.line.outcome import Answered, Outcome, Silent
 from gateway.line.plan import WATCHDOGS_IN_ROW, Plan, Turn
@@ -255,3 +256,26 @@ def test_a_flood_of_jobs_keeps_neither_a_stop_nor_a_poll_waiting(lane: Lane) -> 
     assert len(waits_s) > 100
     assert max(waits_s) == pytest.approx(0.03)  # what was under way
     assert all(max(line.gaps_s[f"{unit}"]) < 2.0 for unit in range(1, 6))
+
+
+def test_a_watchdog_that_becomes_known_has_counted_since_the_unit_was_reached_last() -> None:
+    plan = begun(poll("a", every_s=60.0))
+    take(plan, 0.0)
+
+    plan.set_deadline(1, 10.0)
+
+    assert plan.next_due_s() == 5.0
+    assert key_of(take(plan, 5.0)) == "a"
+
+
+def test_a_watchdog_of_a_unit_that_went_silent_waits_until_it_is_reached_again() -> None:
+    plan = begun(poll("a", every_s=60.0))
+    take(plan, 0.0)
+    for now_s in (60.0, 61.0, 62.0, 63.0, 64.0, 65.0):
+        plan.hasten("a", now_s)
+        take(plan, now_s, Silent("no reply"))
+    assert plan.state_of(1) is UnitState.SILENT
+
+    plan.set_deadline(1, 10.0)
+
+    assert plan.next_due_s() > 65.0

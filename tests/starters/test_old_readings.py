@@ -10,10 +10,10 @@ import pytest
 from gateway.line.outcome import Outcome
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
-from gateway.modbus.writes import WriteCoil
-from gateway.starters.conduct import DECIDES_FOR_S, MOST_DECISIONS
+from gateway.modbus.writes import WriteCoil, WriteRegister
+from gateway.starters.conduct import CLEARS_FOR_S, DECIDES_FOR_S, MOST_DECISIONS
 from gateway.starters.records import Phase
-from tests.starters.fakes import READY, REMOTE, TRANSACTION_S, VB01
+from tests.starters.fakes import READY, REMOTE, RUN_COIL, TRANSACTION_S, VB01
 from tests.starters.rig import CommandRig, virtually
 from tests.starters.rules import ready
 
@@ -173,3 +173,23 @@ async def test_a_stop_goes_out_however_late() -> None:
 
     assert rig.sink.final().phase is Phase.CONFIRMED
     assert rig.stops()
+
+
+@pytest.mark.parametrize("held_s", [1.0, STANDSTILL_S])
+@virtually
+async def test_who_commands_the_motor_is_changed_soon_after_run_0_or_not_at_all(held_s: float) -> None:
+    rig = await ready()
+    rig.unit.holding |= {230: 1}
+
+    def hold_after_run_off(request: Request) -> Outcome | None:
+        if request == WriteCoil(RUN_COIL, False):
+            asyncio.get_running_loop().call_soon(lambda: hold_line(rig, held_s))
+        return None
+
+    rig.line.rules.append(hold_after_run_off)
+    rig.submit("set", args={"parameter": "P230", "value": 2})
+    await asyncio.sleep(30.0)
+
+    is_in_time = held_s < CLEARS_FOR_S
+    assert rig.sink.final().phase is (Phase.CONFIRMED if is_in_time else Phase.UNCONFIRMED)
+    assert (WriteRegister(230, 2) in rig.line.writes) is is_in_time
