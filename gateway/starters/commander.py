@@ -12,7 +12,7 @@ from typing import Any
 from gateway.clock import Clock
 from gateway.errors import CommandError
 from gateway.starters.administration import Administration
-from gateway.starters.admission import LEDGER_FULL, LOCK, OWN_VERBS, Admission, Load
+from gateway.starters.admission import LEDGER_FULL, LOCK, OWN_VERBS, READ, Admission, Load
 from gateway.starters.aftermath import Aftermath
 from gateway.starters.command_queue import CommandQueue
 from gateway.starters.conduct import CAN_WAIT, HALTED, Conduct
@@ -37,7 +37,6 @@ logger = logging.getLogger(__name__)
 
 SAVED_WITHIN_S = 1.0  # at the end
 NOT_TAKEN = (UNAVAILABLE, LEDGER_FULL, TOO_MANY)  # without the ledger, what it has may say something else
-READ = "read"  # it writes nothing, and needs no turn
 
 
 class Commander:

@@ -55,6 +55,7 @@ class ValueRecord:
     time_s: float | None
     seq: int
     label: str | None = None  # of an enum
+    reason: str = ""  # why it is bad, where the starter as a whole is the cause
 
 
 @dataclass(frozen=True, slots=True)
