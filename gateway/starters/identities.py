@@ -78,7 +78,6 @@ class Identities:
         self._strangers[name] = stranger
         if is_settled and self._told.get(name) != stranger:
             self._told[name] = stranger
-            logger.warning("starter=%s %s", name, stranger.text)
             self._tell(name, CHANGED_EVENT, Severity.ERROR, stranger.text, _as_data(stranger))
 
     def forget(self, starter: str) -> None:
@@ -129,7 +128,8 @@ class Identities:
     def _keep(self, name: str, known: Known | None, seen: Fingerprint) -> None:
         now = Known(seen) if known is None else Known(completed(seen, known.fingerprint), known.despite_model)
         if known is None:
-            logger.info("starter=%s is taken as it is: %s", name, seen.as_data())
+            said = ", ".join(f"{field} {value}" for field, value in seen.as_data().items() if value)
+            logger.info("%s seen for the first time: %s", name, said)
         if now != known:
             self._known[name] = now
             self._saver.touch()

@@ -41,7 +41,7 @@ from gateway.starters.waker import Waker
 logger = logging.getLogger(__name__)
 
 BUSY_STATES = frozenset({"starting", "stopping", "fault"})  # read faster while in one of these
-REFUSED_TOPIC, LOSS_TOPIC, IDENTITY_TOPIC = "refused", "loss", "identity"  # of what keeps it from being read whole
+REFUSED_TOPIC, LOSS_TOPIC, IDENTITY_TOPIC = "refused", "loss", "identity"  # why it cannot be read whole
 IDLE_STATES = frozenset({"ready", "not_ready"})  # the motor stands: values read more slowly
 
 
@@ -163,7 +163,6 @@ class StarterTelemetry:
         if self._is_answering:
             self._publish_availability()
         if reason:
-            logger.warning("%s degraded: %s", self._where, reason)
             self.publisher.event("degraded", Severity.WARNING, reason, {"topic": topic})
         elif was_degraded and not text:
             self.publisher.event("recovered", Severity.INFO, "the starter can be read whole again")
@@ -390,7 +389,6 @@ class StarterTelemetry:
     def _tell_held(self) -> None:
         """Say that commands are held, because someone else answers or because it is not known who does."""
         text = f"commands are held: {self.identity_reason}"
-        logger.warning("%s %s", self._where, text)
         if self.identity_standing is Standing.MISMATCHED:
             seen = self._identity
             stop_profile(self.profile, seen)  # loaded now, so that a stop need not wait for it

@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 
 from gateway.cli import main
+from gateway.errors import ConfigError
+from gateway.site import Site
 from tests.config.sites import SITE, changed
 
 PASSWORD = (
@@ -130,21 +132,50 @@ def test_a_watchdog_that_is_off_and_a_disabled_line_are_shown(
         ("", 0o600, "is empty (write the password as its first line)"),
     ],
 )
-def test_a_password_file_that_run_would_refuse_is_warned_of(
+def test_a_password_file_that_run_refuses_is_refused_by_check(
     content: str, mode: int, said: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     password = folder / "mqtt.password"
     password.write_text(content, "utf-8")
     password.chmod(mode)
+    path = folder / "site.toml"
+    path.write_text(changed(PASSWORD), "utf-8")
+
+    checked = main(["check", str(path), "--json"])
+
+    told = json.loads(capsys.readouterr().out)
+    assert (checked, told["is_valid"]) == ((78, False) if said else (0, True))
+    try:
+        Site.read(path, {})
+        refused = ""
+    except ConfigError as error:
+        refused = str(error)
+        assert [problem["what"] for problem in told["problems"]] == [each.what for each in error.problems]
+    assert said in refused
+    assert bool(refused) == bool(said)
+
+
+def test_a_password_file_that_is_missing_is_refused_by_check_as_by_run(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (folder / "site.toml").write_text(changed(PASSWORD), "utf-8")
 
-    assert main(["check", str(folder / "site.toml"), "--json"]) == 0
+    assert main(["check", str(folder / "site.toml")]) == 78
+    checked = capsys.readouterr().err
+    assert main(["run", str(folder / "site.toml")]) == 78
 
-    warnings = json.loads(capsys.readouterr().out)["warnings"]
-    assert [each for each in warnings if "password_file" in each] == [
-        each for each in warnings if said and f"mqtt.password_file: {password}: {said}" in each
-    ]
-    assert bool(said) == any("password_file" in each for each in warnings)
+    assert capsys.readouterr().err == checked
+    assert "mqtt.password: password_file: No such file or directory" in checked
+
+
+def test_a_line_that_is_asked_for_more_than_it_has_is_the_first_line(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "site.toml").write_text(changed(("address = 1\n", "address = 1\nevery_s = 0.02\n")), "utf-8")
+
+    assert main(["check", str(folder / "site.toml")]) == 0
+
+    assert capsys.readouterr().out.splitlines()[0].startswith("warning: line pumps: asked for ")
 
 
 @pytest.mark.parametrize(
