@@ -1,4 +1,4 @@
-"""What a value from outside must be, in the project's own words: of the configuration and of commands alike."""
+"""What a value from outside must be, in our own words: in the configuration and in commands alike."""
 
 from __future__ import annotations
 

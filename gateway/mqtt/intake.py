@@ -295,7 +295,7 @@ def _valid(adapter: TypeAdapter[str], value: object) -> str | None:
 
 def _explained(error: ValidationError) -> str:
     return "; ".join(
-        f"{'.'.join(str(part) for part in mistake['loc'])} {demand_of(mistake['type'], mistake.get('ctx', {}))}"
+        f"{'.'.join(map(str, mistake['loc']))} {demand_of(mistake['type'], mistake.get('ctx', {}))}"
         for mistake in error.errors(include_url=False, include_input=False)
     )
 
