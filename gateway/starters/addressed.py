@@ -7,7 +7,7 @@ and sets it to local (ssw07 4.2.2).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 from gateway.families.identify import Identity
@@ -27,15 +27,21 @@ def stop_profile(configured: Profile, identity: Identity) -> Profile:
     return load_profile(seen) if seen in FAMILIES and seen != configured.family else configured
 
 
-def stop_note(configured: Profile, identity: Identity) -> str:
-    """Return what the result of a stop says of its words; empty where nothing contradicts them."""
+def stop_note(configured: Profile, identity: Identity, spoken: Collection[str]) -> str:
+    """Return what the result of a stop says of its words; empty where nothing contradicts them.
+
+    `spoken` names the families in whose words it was sent, in their order.
+    """
     seen = identity.family_seen
     if seen == configured.family or (seen is None and not identity.model):
         return ""
     if seen in FAMILIES:
-        return (
-            f"the device proved to be {seen}, not {configured.family}: the stop was sent as {seen} takes it"
-        )
+        proved = f"the device proved to be {seen}, not {configured.family}"
+        if configured.family not in spoken:
+            return f"{proved}: the stop was sent as {seen} takes it"
+        then = f", then as {seen} takes it" if seen in spoken else ""
+        early = f"before that the stop was sent as {configured.family} takes it{then}"
+        return f"{proved}; {early}: look at the starter, it may be disabled or in local mode"
     what = f"the device is of no known family ({identity.reason})"
     return f"{what}: the stop was sent as {configured.family} takes it, as configured"
 
@@ -47,10 +53,9 @@ class Addressed:
         self._starter = starter
         self._rows = Snapshot({})  # what was read in another family's words: not for publishing
 
-    @property
-    def note(self) -> str:
-        """What the result says of the words; empty where there is nothing to say."""
-        return stop_note(self._starter.profile, self._starter.identity)
+    def note(self, spoken: Collection[str]) -> str:
+        """Return what the result says of the words of a stop, sent in those of these families."""
+        return stop_note(self._starter.profile, self._starter.identity, spoken)
 
     @property
     def profile(self) -> Profile:

@@ -79,6 +79,7 @@ class Stopping:
         self._good_from: int | None = None  # the first of the latest readings in a row that show a stop
         self._refusal: RefusedError | None = None
         self._is_answered = False  # the starter answered anything at all since
+        self._spoken: list[str] = []  # the families in whose words frames were sent
         self._is_over_babble = False  # a frame was sent although the line was not quiet
 
     def ask(self) -> None:
@@ -135,6 +136,8 @@ class Stopping:
         self._handed += 1
         self._wanted = max(self._wanted, self._handed)
         self._plan(self._time() + REPEAT_S)
+        if self._starter.profile.family not in self._spoken:
+            self._spoken.append(self._starter.profile.family)
         try:
             asked = [self._wire.hand_over(step.request, lane=lane) for step in self._procedure().steps]
         except Exception:  # whatever it is, the read-back meets it again and ends the commands
@@ -252,8 +255,9 @@ class Stopping:
 
     def _end(self, ends: Collection[tuple[_Order, End]]) -> None:
         """Give messages their ends; a person is called once for them."""
-        if self._starter.note:
-            ends = [(order, replace(end, text=f"{end.text}; {self._starter.note}")) for order, end in ends]
+        note = self._starter.note(self._spoken)
+        if note:
+            ends = [(order, replace(end, text=f"{end.text}; {note}")) for order, end in ends]
         for _, end in [each for each in ends if each[1].phase is not Phase.CONFIRMED][:1]:
             self._call_a_person(end)
         for order, end in ends:

@@ -89,7 +89,7 @@ def test_mosquitto_takes_our_options(start_mosquitto: StartMosquitto, tmp_path: 
 
     broker = start_mosquitto(users={"mcc1": "x"}, tls=certificate, options=options)
 
-    assert len(options) == 4
+    assert len(options) == 5
     assert broker.url.startswith("mqtts://")
 
 

@@ -23,7 +23,7 @@ def main(path: str, run: str) -> None:
     while True:
         rows = [_row(f"{run}-{number + offset}") for offset in range(AT_ONCE)]
         number += AT_ONCE
-        futures = [store.submit(partial(table.put, row=row, now_s=row.since_s)) for row in rows]
+        futures = [store.submit(partial(table.put, row=row)) for row in rows]
         for row, future in zip(rows, futures, strict=True):
             future.add_done_callback(partial(_acknowledge, row.id))
         futures[-1].result()

@@ -56,6 +56,18 @@ async def test_the_words_are_those_of_the_proven_family_and_the_result_says_so(
 
 
 @virtually
+async def test_a_stop_that_was_sent_before_the_device_proved_another_family_says_so() -> None:
+    async with one_starter(make_unit("ssw07", 1), family="ssw06") as here:
+        here.submit("stop", "1")
+        await asyncio.sleep(9.0)
+
+        final = here.sink.final("1")
+        assert here.telemetry.identity_standing is Standing.MISMATCHED
+        assert "before that the stop was sent as ssw06 takes it" in final.text
+        assert "the stop was sent as ssw07 takes it" not in final.text
+
+
+@virtually
 async def test_what_is_read_in_other_words_is_not_taken_for_the_configured_familys() -> None:
     async with one_starter(make_unit("ssw07", 1), family="ssw900") as here:
         await asyncio.sleep(30.0)
@@ -109,4 +121,4 @@ def test_while_nothing_is_proved_the_configured_words_are_used_without_a_note() 
     profile, unknown = load_profile("ssw06"), Identity(reason="not yet asked")
 
     assert stop_profile(profile, unknown) is profile
-    assert stop_note(profile, unknown) == ""
+    assert stop_note(profile, unknown, ["ssw06"]) == ""
