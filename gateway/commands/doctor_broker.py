@@ -28,7 +28,7 @@ _VERB = "read"
 class BrokerAccess:
     """The broker of a configuration, as this doctor may use it.
 
-    The gateway's own login is tried; a running gateway is asked by the doctor's, in the name `client`.
+    The gateway's own login is tried, or `username` in its place; a running gateway is asked as `client`.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class BrokerAccess:
         self._settings: BrokerSettings | None = None  # once a login has succeeded
 
     async def remarks(self) -> list[Remark]:
-        """Log in as the gateway does and as the doctor, and tell what came of it."""
+        """Log in, under another client id than the gateway, and tell what came of it."""
         try:
             settings = self._settings_of(None, None)
         except ConfigError as error:
@@ -56,16 +56,17 @@ class BrokerAccess:
         remarks = []
         if self._config.mqtt.password_file is not None:
             remarks.append(Remark("mqtt.password_file", "only its owner may read it"))
+        who = "the gateway's login"
         where = f"broker {settings.address}"
         try:
+            if self._username is not None:  # a broker may let go of the gateway for a second one of its login
+                who = f"the login {self._username}"
+                settings = self._settings_of(self._username, self._password_file)
             version = await _log_in(settings)
-        except BrokerError as error:
-            return [*remarks, Remark(where, str(error), Weight.ERROR)]
+        except (BrokerError, ConfigError) as error:
+            return [*remarks, Remark(where, f"{who}: {error}", Weight.ERROR)]
         self._settings = settings
-        remarks.append(Remark(where, f"takes the gateway's login, MQTT {version}"))
-        if self._username is not None:
-            remarks.append(await self._own_login(where, self._username))
-        return remarks
+        return [*remarks, Remark(where, f"takes {who}, MQTT {version}")]
 
     async def known(self, starter: str) -> str:
         """Return what the running gateway says of a starter that it cannot read whole; empty: nothing.
@@ -109,17 +110,6 @@ class BrokerAccess:
         if refusal and not rows:
             raise BrokerError(refusal)
         return rows
-
-    async def _own_login(self, where: str, username: str) -> Remark:
-        """Log in as the doctor, and use that from now on."""
-        try:
-            settings = self._settings_of(username, self._password_file)
-            await _log_in(settings)
-        except (BrokerError, ConfigError) as error:
-            self._settings = None
-            return Remark(where, f"login {username}: {error}", Weight.ERROR)
-        self._settings = settings
-        return Remark(where, f"takes the login {username}")
 
     def _usable(self) -> BrokerSettings:
         if self._settings is None:

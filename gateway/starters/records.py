@@ -16,7 +16,7 @@ class Quality(enum.StrEnum):
 
     GOOD = "good"  # just read
     STALE = "stale"  # the last good value, with its own old time
-    BAD = "bad"  # never read, refused or impossible
+    BAD = "bad"  # never read, refused, impossible, or of a device that contradicts the configuration
 
 
 class Severity(enum.StrEnum):

@@ -95,9 +95,11 @@ def test_the_doctor_logs_in_as_the_operator_that_is_named(
         access = BrokerAccess(config, tmp_path, client="alice", username="alice", password_file=path)
         return asyncio.run(access.remarks())
 
-    assert remarks("hers")[-1].text == "takes the login alice"
+    told = [remark.text for remark in remarks("hers")]
+    assert any(text.startswith("takes the login alice, MQTT ") for text in told)
+    assert not any("the gateway's login" in text for text in told)  # which may be under way
     (bite,) = biting(remarks("wrong"))
-    assert "login alice: " in bite
+    assert "the login alice: " in bite
     assert "username and password" in bite
 
 
