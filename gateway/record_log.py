@@ -26,7 +26,7 @@ log = logging.getLogger(__name__)
 NUMBER_WITHIN_S = 10.0  # of a fault: it is read after the fault itself
 MOST_UNDER_WAY = 1000  # commands of which is known when they were accepted
 SAID_BY_RESULT = frozenset({"stop_unconfirmed", "locked", "unlocked", "identity_accepted"})
-SAID_BY_CONNECTION = frozenset({"broker_connected", "broker_away"})  # once, however often it is lost
+LOGGED_WHERE_THEY_ARISE = frozenset({"broker_connected", "broker_away", "reload_refused"})  # each mistake
 NOT_YET_READ = "not yet read"  # a starter's reason before anything is known of it
 
 _LEVELS = {
@@ -67,7 +67,7 @@ class RecordLog:
         self._sink.put(record)
 
     def _log_event(self, event: EventRecord) -> None:
-        if event.code in SAID_BY_RESULT | SAID_BY_CONNECTION:
+        if event.code in SAID_BY_RESULT | LOGGED_WHERE_THEY_ARISE:
             return
         is_fault = event.data.get("severity") == "fault"
         if event.code == "alarm" and is_fault:
@@ -139,7 +139,7 @@ def _outcome(result: ResultRecord) -> str:
 def _line(starter: str, text: str) -> str:
     """Return a text as one line of printable characters, after the starter's name."""
     printable = "".join(each if each.isprintable() else " " for each in text)
-    return f"{starter} {printable}" if starter else printable
+    return f"{starter} {printable.removeprefix('the starter ')}" if starter else printable
 
 
 def _frames(data: Mapping[str, Any]) -> str:

@@ -80,7 +80,7 @@ async def test_a_starter_is_named_when_it_answers_first_and_then_by_its_events()
     assert [text for _, text in lines] == [
         "pump-1 does not answer: no reply",
         "pump-1 answers",
-        "pump-1 the starter went silent: no reply; last frames:\n0.0 >> 02\n0.1 << 02",
+        "pump-1 went silent: no reply; last frames:\n0.0 >> 02\n0.1 << 02",
     ]
 
 
@@ -113,7 +113,7 @@ async def test_a_fault_whose_number_is_not_read_is_logged_without_it() -> None:
 
     assert [text for _, text in lines] == [
         "pump-1 fault, was running",
-        "pump-1 the starter takes commands again",
+        "pump-1 takes commands again",
     ]
 
 
