@@ -21,12 +21,13 @@ from gateway.starters.records import (
     Sink,
 )
 
-log = logging.getLogger(__name__)
+log = logging.getLogger("gateway")
 
 NUMBER_WITHIN_S = 10.0  # of a fault: it is read after the fault itself
 MOST_UNDER_WAY = 1000  # commands of which is known when they were accepted
 SAID_BY_RESULT = frozenset({"stop_unconfirmed", "locked", "unlocked", "identity_accepted"})
 LOGGED_WHERE_THEY_ARISE = frozenset({"broker_connected", "broker_away", "reload_refused"})  # each mistake
+FAULT = "fault"  # the event, and the alarm while its number is not known
 NOT_YET_READ = "not yet read"  # a starter's reason before anything is known of it
 
 _LEVELS = {
@@ -48,6 +49,7 @@ class RecordLog:
         self._clock = clock
         self._accepted_s: OrderedDict[tuple[str, str, str | None], float] = OrderedDict()
         self._answered: set[str] = set()  # starters that were online once: events say what follows
+        self._unanswered: dict[str, str | None] = {}  # by starter: why it does not answer, as logged last
         self._numbered: set[str] = set()  # starters whose fault was logged with its number
         self._unnumbered: dict[str, tuple[float, str]] = {}  # by starter: a fault's line, and when it is due
 
@@ -70,16 +72,17 @@ class RecordLog:
         if event.code in SAID_BY_RESULT | LOGGED_WHERE_THEY_ARISE:
             return
         is_fault = event.data.get("severity") == "fault"
+        has_number = event.data.get("alarm") != FAULT
+        if event.code == FAULT or (event.code == "alarm" and is_fault and not has_number):
+            if event.starter not in self._numbered | self._unnumbered.keys():
+                due_s = self._clock.now_s() + NUMBER_WITHIN_S
+                self._unnumbered[event.starter] = (due_s, _line(event.starter, event.text))
+            return
         if event.code == "alarm" and is_fault:
             self._numbered.add(event.starter)
             self._unnumbered.pop(event.starter, None)
         elif event.code == "cleared" and is_fault:
             self._numbered.discard(event.starter)
-        elif event.code == "fault":
-            if event.starter not in self._numbered:
-                due_s = self._clock.now_s() + NUMBER_WITHIN_S
-                self._unnumbered[event.starter] = (due_s, _line(event.starter, event.text))
-            return
         text = _alarm(event) if event.code == "alarm" else event.text
         log.log(_LEVELS[event.severity], "%s%s", _line(event.starter, text), _frames(event.data))
 
@@ -114,7 +117,8 @@ class RecordLog:
         if record.state in ("online", "degraded"):
             self._answered.add(record.starter)
             log.info("%s", _line(record.starter, "answers"))
-        elif record.state == "offline":
+        elif record.state == "offline" and self._unanswered.get(record.starter) != record.reason:
+            self._unanswered[record.starter] = record.reason
             log.warning("%s", _line(record.starter, f"does not answer: {record.reason}"))
 
 

@@ -71,6 +71,7 @@ async def test_a_starter_is_named_when_it_answers_first_and_then_by_its_events()
         [
             availability("offline", "not yet read"),
             availability("offline", "no reply"),
+            availability("offline", "no reply"),
             availability("online", None),
             availability("offline", "no reply"),
             event("went_silent", "the starter went silent: no reply", {"frames": ["0.0 >> 02", "0.1 << 02"]}),
@@ -106,10 +107,25 @@ async def test_a_fault_of_a_starter_is_logged_once_with_its_number() -> None:
 
 
 @virtually
+async def test_a_fault_that_is_an_alarm_before_its_number_is_read_is_logged_once() -> None:
+    lines = await logged(
+        [
+            event("alarm", "fault", {"alarm": "fault", "severity": "fault"}),
+            event("fault", "fault, was running"),
+            0.5,
+            event("alarm", "Fault E05", {"alarm": "e05", "severity": "fault"}),
+        ]
+    )
+
+    assert [text for _, text in lines] == ["pump-1 fault E05"]
+
+
+@virtually
 async def test_a_fault_whose_number_is_not_read_is_logged_without_it() -> None:
     fault = event("fault", "fault, was running")
+    alarm = event("alarm", "fault", {"alarm": "fault", "severity": "fault"})
 
-    lines = await logged([fault, 11.0, event("remote_operation", "the starter takes commands again")])
+    lines = await logged([fault, alarm, 11.0, event("remote_operation", "the starter takes commands again")])
 
     assert [text for _, text in lines] == [
         "pump-1 fault, was running",
@@ -124,7 +140,7 @@ async def logged(records: list[Any]) -> list[tuple[str, str]]:
     record_log = RecordLog(sink, VirtualClock(asyncio.get_running_loop()))
     handler = logging.Handler()
     handler.emit = lambda entry: lines.append((entry.levelname, entry.getMessage()))  # type: ignore[method-assign]
-    logger = logging.getLogger("gateway.record_log")
+    logger = logging.getLogger("gateway")
     logger.addHandler(handler)
     level = logger.level
     logger.setLevel(logging.INFO)
