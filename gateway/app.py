@@ -23,6 +23,7 @@ from gateway.mqtt.freshness import MAX_AHEAD_S, MAX_TTL_S, Tokens
 from gateway.mqtt.inbox import Inbox
 from gateway.plant import Plant
 from gateway.reception import Reception
+from gateway.record_log import RecordLog
 from gateway.site import Site
 from gateway.starters.commander import Commander
 from gateway.starters.companions import Companions
@@ -71,11 +72,12 @@ class App:
             on_link=self._note_link,
             tell=self.tell,
         )
+        self._records = RecordLog(self._uplink.publisher, self._clock)
         self._memories = _memories_of(site)
         self._clock_memory = self._build_clock_memory()
         self._watchdogs = self._build_watchdogs()
         self._precautions = self._build_precautions()
-        self._companions = Companions(self._uplink.publisher)
+        self._companions = Companions(self._records)
         self._plant = Plant(
             self,
             precautions=self._precautions,
@@ -162,7 +164,7 @@ class App:
 
     def tell(self, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None) -> None:
         """Publish an event of the gateway's own."""
-        self._uplink.publisher.put(
+        self._records.put(
             EventRecord("", code, severity, text, self._clock.utc_s(), self._sequence.take(), data or {})
         )
 
@@ -213,7 +215,7 @@ class App:
             policy_of(config),
             [starter.name for line in config.lines for starter in line.starters],
             rights=rights_of(config),
-            sink=self._uplink.publisher,
+            sink=self._records,
             clock=self._clock,
             sequence=self._sequence,
             memory=memory,

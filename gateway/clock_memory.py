@@ -56,7 +56,6 @@ class ClockMemory:
             )
         else:
             text = f"{doubt}: issued_at does not count until the clock was synchronised for {SETTLED_S:g} s"
-            log.warning("%s", text)
             self._tell("clock_stepped", Severity.WARNING, text)
         self._saver.touch()
 

@@ -113,5 +113,4 @@ class Reception:
         self._boot.stood_still(self._stood_still_s)
         self._restate()
         text = f"stood still for {seconds:.1f} s, or the clock was set ahead: what was sent before is refused"
-        log.warning("%s", text)
         self._tell("stood_still", Severity.WARNING, text)

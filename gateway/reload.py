@@ -76,7 +76,6 @@ class Reload:
         is_much = self._remains >= MOST_REMAINS
         spare_what_lives(with_look=is_much)
         self._remains = 0 if is_much else self._remains
-        log.info("reload: the new configuration is in force")
         return "polling; the new configuration is in force"
 
     def _refused(self, mistakes: list[str]) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
@@ -20,26 +20,29 @@ class Site:
     config: Config
     folder: Path  # the configuration's: relative paths begin there
     password: str | None = field(repr=False)
-    computed: Mapping[str, Mapping[str, Any]]  # by line: what its figures should be at the worst
+    prospects: tuple[LineProspect, ...]  # what its lines will be like
 
     @classmethod
     def of(cls, config: Config, *, folder: Path, password: str | None) -> Self:
         """Reckon what follows from a configuration; some tenths of a second for hundreds of starters."""
-        return cls(config, folder, password, _computed(prospects_of(config)))
+        return cls(config, folder, password, prospects_of(config))
 
     @classmethod
     def read(cls, path: Path, environ: Mapping[str, str]) -> Self:
-        """Read a configuration's file and its secret; ConfigError with every problem."""
+        """Read a configuration's file and its secret; ConfigError with every problem.
+
+        This alone decides whether a configuration can be used, for `run`, a reload and `check`.
+        """
         examined = examine(path)
         config, folder = examined.config, path.parent
-        password = mqtt_password(config, folder, environ)
-        return cls(config, folder, password, _computed(examined.prospects))
+        return cls(config, folder, mqtt_password(config, folder, environ), examined.prospects)
+
+    @property
+    def computed(self) -> Mapping[str, Mapping[str, Any]]:
+        """Return by line what its figures should be at the worst."""
+        return {line.table.name: computed_of(line) for line in self.prospects}
 
     @property
     def state_dir(self) -> Path:
         """Return where the gateway keeps what must outlive it."""
         return self.folder / self.config.gateway.state_dir
-
-
-def _computed(prospects: Iterable[LineProspect]) -> dict[str, Mapping[str, Any]]:
-    return {line.table.name: computed_of(line) for line in prospects}

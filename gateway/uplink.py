@@ -185,7 +185,6 @@ class Uplink:
         before, self._version = self._version, version
         self.tell_info(self._config)
         if version is Version.V311:
-            log.warning("broker=%s %s", self._settings.address, OLD_MQTT)
             self._tell("mqtt_3_1_1", Severity.WARNING, OLD_MQTT, {})
         elif before is not None:
             self._tell("mqtt_5", Severity.INFO, "the broker takes MQTT 5 again", {})

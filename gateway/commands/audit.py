@@ -62,8 +62,6 @@ def _verify(folder: Path, wanted: str | None) -> int:
     problems = list(verdict.problems)
     if anchor.head is None:
         problems.append("the anchor of the removed segments cannot be read")
-    if wanted is not None and not seen.has_wanted and wanted != (anchor.head and anchor.head.hash):
-        problems.append(f"no line has the hash {wanted}")
     for problem in problems:
         print(problem)
     told = "broken" if problems else "whole"
@@ -71,7 +69,10 @@ def _verify(folder: Path, wanted: str | None) -> int:
     print(f"{folder}: {verdict.count} entries from {since} on, chain {told}")
     if verdict.head.hash != FIRST_HASH:
         print(f"newest: line {verdict.head.number}, hash {verdict.head.hash}")
-    return 1 if problems else 0
+    is_found = wanted is None or seen.has_wanted or wanted == (anchor.head and anchor.head.hash)
+    if not is_found:
+        print(f"no line has the hash {wanted}: newer lines were cut off, or it was noted elsewhere")
+    return 1 if problems or not is_found else 0
 
 
 class _Seen:

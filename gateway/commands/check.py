@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
@@ -12,13 +13,12 @@ from typing import Any
 from gateway.commands.command import Subparsers
 from gateway.commands.failure_gaps import as_json, print_gaps, tight_watchdogs
 from gateway.config.fast_gain import fast_gains, fast_lines
-from gateway.config.load import examine
 from gateway.config.mending import relief_of
 from gateway.config.prospects import LineProspect, StarterProspect
 from gateway.config.schema import Config, LineTable
-from gateway.config.secrets import password_in
 from gateway.errors import ConfigError
 from gateway.families.load import load_profile
+from gateway.site import Site
 
 _SAFE_FACTOR = 1.5  # a watchdog below this many longest gaps leaves little room for commands and retries
 _GROUPS = ("status", "values", "slow")
@@ -36,12 +36,13 @@ def add_parser(subparsers: Subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print the budget and the warnings; the caller prints the problems of a wrong configuration."""
     try:
-        examined = examine(args.config)
+        site = Site.read(Path(args.config), os.environ)
     except ConfigError as error:
         if args.json:
             _print_json(args.config, is_valid=False, problems=_problems(error))
         raise
-    config, prospects = examined.config, examined.prospects
+    config, prospects = site.config, site.prospects
+    overloads = list(_overloads(prospects))
     warnings = [
         *_line_warnings(prospects),
         *tight_watchdogs(prospects),
@@ -49,8 +50,10 @@ def run(args: argparse.Namespace) -> int:
     ]
     if args.json:
         lines = [_as_json(line) for line in prospects]
-        _print_json(args.config, is_valid=True, lines=lines, warnings=warnings)
+        _print_json(args.config, is_valid=True, lines=lines, warnings=[*overloads, *warnings])
         return 0
+    for overload in overloads:
+        print(f"warning: {overload}")
     print(f"{args.config}: valid, {_site(config)}")
     for line in prospects:
         _print_line(line)
@@ -104,14 +107,19 @@ def _watchdog(starter: StarterProspect) -> str:
     return f"{starter.table.watchdog_s:g} s, {starter.margin_s:.2f} s to spare"
 
 
-def _line_warnings(prospects: tuple[LineProspect, ...]) -> Iterator[str]:
+def _overloads(prospects: tuple[LineProspect, ...]) -> Iterator[str]:
+    """Say which lines are asked for more than their time: before all else, since nothing else then holds."""
     for line in prospects:
-        yield from _segment_warnings(line.table)
         whole = line.forecast
         if whole.is_overloaded:
             factor = max(each.period_s / each.poll.every_s for each in whole.polls if each.poll.every_s)
             what = f"asked for {whole.load:.0%} of its time, periods become {factor:.1f} times as long"
             yield f"line {line.table.name}: {what} ({relief_of(line.table) or 'use more lines'})"
+
+
+def _line_warnings(prospects: tuple[LineProspect, ...]) -> Iterator[str]:
+    for line in prospects:
+        yield from _segment_warnings(line.table)
         for starter in line.starters:
             limit_s, wanted_s = starter.table.watchdog_s, _SAFE_FACTOR * starter.gap_s
             if limit_s and limit_s < wanted_s:
@@ -132,22 +140,11 @@ def _segment_warnings(table: LineTable) -> Iterator[str]:
         yield f"line {table.name}: {what} (put one in, or use more lines)"
 
 
-def _password_warnings(path: Path) -> Iterator[str]:
-    """Say what `run` will refuse; a file that only the gateway's user may read is as it should be."""
-    try:
-        password_in(path)
-    except ConfigError as error:
-        for problem in error.problems:
-            yield f"mqtt.password_file: {path}: {problem.what} ({problem.mend})"
-
-
 def _site_warnings(config: Config, folder: Path) -> Iterator[str]:
-    for name in ("password_file", "ca_file", "cert_file", "key_file"):
+    for name in ("ca_file", "cert_file", "key_file"):
         file = getattr(config.mqtt, name)
         if file is not None and not (folder / file).exists():
             yield f"mqtt.{name}: {folder / file} is not there (put it there before `run`)"
-        elif file is not None and name == "password_file":
-            yield from _password_warnings(folder / file)
     for line in config.lines:
         if line.port.startswith(("/dev/ttyUSB", "/dev/ttyACM")):
             yield f"line {line.name}: {line.port} may be another adapter tomorrow (use /dev/serial/by-id/...)"

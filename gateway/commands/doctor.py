@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import getpass
 from pathlib import Path
 
 from gateway.clock import SystemClock
 from gateway.commands.command import Subparsers
 from gateway.commands.doctor_box import clock_remark, latency_remark, state_dir_remark, wear_remarks
-from gateway.commands.doctor_broker import BrokerAccess
+from gateway.commands.doctor_broker import OWN_NAME, BrokerAccess
 from gateway.commands.doctor_remark import Remark
 from gateway.commands.doctor_starters import LineCheckup
+from gateway.commands.operator_login import add_login, checked_client, user_name
 from gateway.config.load import load
 from gateway.config.prospects import prospects_of
 from gateway.config.schema import Config
@@ -31,14 +31,24 @@ def add_parser(subparsers: Subparsers) -> None:
         " when something bites. Run it as the gateway's user.",
     )
     parser.add_argument("config", metavar="CONFIG", help="the gateway's configuration")
+    who = f"the operator as whom a running gateway is asked, else --username, else {OWN_NAME}"
+    add_login(parser, client=who)
 
 
 def run(args: argparse.Namespace) -> int:
     """Print one remark a line, and how many of them bite."""
     config = load(args.config)
-    print(f"{args.config}, looked at by user {_user()}")
+    folder = Path(args.config).parent
+    broker = BrokerAccess(
+        config,
+        folder,
+        client=checked_client(args.client or args.username or OWN_NAME),
+        username=args.username,
+        password_file=args.password_file,
+    )
+    print(f"{args.config}, looked at by user {user_name() or 'without a name'}")
     with asyncio.Runner(loop_factory=new_precise_loop) as runner:
-        remarks = runner.run(_examine(config, Path(args.config).parent))
+        remarks = runner.run(_examine(config, folder, broker))
     return verdict(remarks)
 
 
@@ -53,7 +63,7 @@ def verdict(remarks: list[Remark]) -> int:
     return 1
 
 
-async def _examine(config: Config, folder: Path) -> list[Remark]:
+async def _examine(config: Config, folder: Path, broker: BrokerAccess) -> list[Remark]:
     remarks: list[Remark] = []
 
     def tell(remark: Remark | None) -> None:
@@ -66,7 +76,6 @@ async def _examine(config: Config, folder: Path) -> list[Remark]:
     tell(state_dir_remark(state_dir))
     for remark in wear_remarks(state_dir):
         tell(remark)
-    broker = BrokerAccess(config, folder)
     for remark in await broker.remarks():
         tell(remark)
     for prospect in prospects_of(config):
@@ -76,13 +85,6 @@ async def _examine(config: Config, folder: Path) -> list[Remark]:
         await checkup.run(tell)
         tell(latency_remark(table.port, f"line {table.name}"))
     return remarks
-
-
-def _user() -> str:
-    try:
-        return getpass.getuser()
-    except (KeyError, OSError):  # a user without a name, as in some containers
-        return "without a name"
 
 
 def _count(number: int, what: str) -> str:

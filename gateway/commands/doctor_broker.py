@@ -2,74 +2,102 @@
 
 from __future__ import annotations
 
-import os
 import time
-import uuid
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from gateway.commands.doctor_remark import Remark
+from gateway.commands.operator_login import settings_of, user_name
 from gateway.config.schema import Config
-from gateway.config.secrets import mqtt_password
-from gateway.config.setups import rights_of, tls_files_of
+from gateway.config.setups import rights_of
 from gateway.errors import BrokerError, ConfigError
 from gateway.families.finding import Weight
 from gateway.mqtt.sender import Order, Sender, connected
-from gateway.mqtt.settings import BrokerSettings, TlsSettings
+from gateway.mqtt.settings import BrokerSettings
 from gateway.mqtt.topics import Topics
 from gateway.starters.records import Phase
 
+OWN_NAME = "doctor"
 READ_WITHIN_S = 10.0
+KNOWN_WITHIN_S = 2.0
 
 _VERB = "read"
 
 
 class BrokerAccess:
-    """The broker of a configuration, as this doctor may use it."""
+    """The broker of a configuration, as this doctor may use it.
 
-    def __init__(self, config: Config, folder: Path) -> None:
+    The gateway's own login is tried, or `username` in its place; a running gateway is asked as `client`.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        folder: Path,
+        *,
+        client: str = OWN_NAME,
+        username: str | None = None,
+        password_file: str | None = None,
+    ) -> None:
         self._config = config
         self._folder = folder
+        self._client = client
+        self._username = username
+        self._password_file = password_file
         self._settings: BrokerSettings | None = None  # once a login has succeeded
 
     async def remarks(self) -> list[Remark]:
-        """Log in as the gateway does, under another client id, and tell what came of it."""
+        """Log in, under another client id than the gateway, and tell what came of it."""
         try:
-            settings = self._made_settings()
+            settings = self._settings_of(None, None)
         except ConfigError as error:
             return [Remark("mqtt.password_file", str(error), Weight.ERROR)]
         remarks = []
         if self._config.mqtt.password_file is not None:
             remarks.append(Remark("mqtt.password_file", "only its owner may read it"))
+        who = "the gateway's login"
         where = f"broker {settings.address}"
         try:
+            if self._username is not None:  # a broker may let go of the gateway for a second one of its login
+                who = f"the login {self._username}"
+                settings = self._settings_of(self._username, self._password_file)
             version = await _log_in(settings)
-        except BrokerError as error:
-            return [*remarks, Remark(where, str(error), Weight.ERROR)]
+        except (BrokerError, ConfigError) as error:
+            return [*remarks, Remark(where, f"{who}: {error}", Weight.ERROR)]
         self._settings = settings
-        return [*remarks, Remark(where, f"takes the gateway's login, MQTT {version}")]
+        return [*remarks, Remark(where, f"takes {who}, MQTT {version}")]
 
-    def client_for(self, starter: str) -> str | None:
-        """Return an operator who may read this starter, None when there is none."""
-        rights = rights_of(self._config)
-        clients = (operator.client for operator in self._config.operators)
-        return next((each for each in clients if rights.is_allowed(each, verb=_VERB, starter=starter)), None)
+    async def known(self, starter: str) -> str:
+        """Return what the running gateway says of a starter that it cannot read whole; empty: nothing.
+
+        BrokerError when the broker, or the right to read it, is missing.
+        """
+        topics = Topics(self._config.base)
+        told = await Sender(self._usable(), topics).retained(
+            topics.availability(starter), within_s=KNOWN_WITHIN_S
+        )
+        if told is None or told.get("state") == "online":
+            return ""
+        since = f" since {told['since']}" if told.get("since") else ""
+        return f"the gateway says: {told.get('state')}{since}: {told.get('reason') or 'no reason told'}"
 
     async def read(self, starter: str, codes: Iterable[str]) -> dict[str, tuple[int, ...]]:
         """Return the raw words of these rows, asked of the running gateway; what it refuses is left out.
 
-        BrokerError when the broker, the gateway or the right to ask is missing.
+        BrokerError when the broker, the gateway or the right to ask is missing, or everything is refused.
         """
-        client = self.client_for(starter)
-        if self._settings is None:
-            raise BrokerError("the broker cannot be used", "see above")
-        if client is None:
-            raise BrokerError("no operator may read it", f'add an [[operator]] who may "{_VERB}"')
+        settings = self._usable()
+        if not rights_of(self._config).is_allowed(self._client, verb=_VERB, starter=starter):
+            raise BrokerError(
+                f"no [[operator]] {self._client} may read it",
+                f'add one with client = "{self._client}", may = ["{_VERB}"], or name yours with --client',
+            )
         rows: dict[str, tuple[int, ...]] = {}
+        refusal = ""
         for code in codes:
-            order = Order(starter, client, _VERB, {"parameter": code}, operator="doctor")
-            sender = Sender(self._settings, Topics(self._config.base))
+            order = Order(starter, self._client, _VERB, {"parameter": code}, operator=user_name())
+            sender = Sender(settings, Topics(self._config.base))
             result = await sender.send(
                 order, now_s=time.time(), within_s=READ_WITHIN_S, on_phase=lambda _: None
             )
@@ -77,18 +105,20 @@ class BrokerAccess:
                 raise BrokerError("the gateway gives no result", "is it allowed to read commands?")
             if result.get("phase") == Phase.CONFIRMED:
                 rows[code] = _words(result)
+            else:
+                refusal = f"the gateway refuses to read it: {result.get('text')} [{result.get('code')}]"
+        if refusal and not rows:
+            raise BrokerError(refusal)
         return rows
 
-    def _made_settings(self) -> BrokerSettings:
-        mqtt = self._config.mqtt
-        return BrokerSettings(
-            host=mqtt.host,
-            port=mqtt.port,
-            client_id=f"{self._config.gateway.name}-doctor-{uuid.uuid4().hex[:8]}",  # never the gateway's own
-            username=mqtt.username,
-            password=mqtt_password(self._config, self._folder, os.environ),
-            tls=TlsSettings(*tls_files_of(self._config, self._folder)) if mqtt.is_tls else None,
-            keepalive_s=mqtt.keepalive_s,
+    def _usable(self) -> BrokerSettings:
+        if self._settings is None:
+            raise BrokerError("the broker cannot be used", "see above")
+        return self._settings
+
+    def _settings_of(self, username: str | None, password_file: str | None) -> BrokerSettings:
+        return settings_of(
+            self._config, self._folder, tool=OWN_NAME, username=username, password_file=password_file
         )
 
 

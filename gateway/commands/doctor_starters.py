@@ -100,6 +100,11 @@ class LineCheckup:
         where = f"starter {setup.name}"
         slots = ("S3.5.1", "S3.5.2") if len(setup.profile.command_word) > 1 else ()
         try:
+            known = await self._broker.known(setup.name)
+            if known:
+                tell(Remark(where, known, Weight.ERROR))
+            if known.startswith("the gateway says: offline"):
+                return  # every question would be refused
             rows = await self._broker.read(setup.name, readiness_codes(setup.profile))
         except BrokerError as error:
             tell(Remark(where, f"cannot be asked: {error}", Weight.WARNING))

@@ -4,25 +4,21 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import getpass
-import os
 import sys
 import time
-import uuid
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from gateway.commands.command import Subparsers
-from gateway.commands.words import arguments
+from gateway.commands.operator_login import add_login, checked_client, settings_of, user_name
+from gateway.commands.words import arguments, expectations
 from gateway.config.load import load
 from gateway.config.schema import Config
-from gateway.config.secrets import VARIABLE, mqtt_password, password_in
-from gateway.config.setups import tls_files_of
 from gateway.errors import UsageError
 from gateway.mqtt.sender import Order, Sender
-from gateway.mqtt.settings import BrokerSettings, TlsSettings
 from gateway.mqtt.topics import Topics, is_level
+from gateway.starters.admission import SELECT
 from gateway.starters.records import Phase
 
 
@@ -35,37 +31,38 @@ def add_parser(subparsers: Subparsers) -> None:
     parser.add_argument(
         "config", metavar="CONFIG", help="the gateway's configuration, or one with its broker"
     )
-    parser.add_argument("starter", metavar="STARTER", help="the starter's name")
+    parser.add_argument("starter", metavar="STARTER", help="the starter's name, or a group's for a stop")
     parser.add_argument("verb", metavar="VERB", help="start, stop, reset, set, read ...")
-    parser.add_argument("args", metavar="KEY=VALUE", nargs="*", help="e.g. parameter=P314 value=30")
     parser.add_argument(
-        "--client", metavar="NAME", help="the operator; may be left out when there is only one"
+        "args",
+        metavar="KEY=VALUE",
+        nargs="*",
+        help="e.g. parameter=P314 value=30; select=TOKEN as `select verb=start` has printed it; "
+        "expect=state:ready,remote:true, without which nothing is done",
     )
+    add_login(parser, client="the operator; may be left out when there is only one")
     parser.add_argument(
-        "--username", metavar="NAME", help="the login at the broker, else the configuration's"
-    )
-    parser.add_argument("--password-file", metavar="FILE", help=f"else ${VARIABLE}, else you are asked")
-    parser.add_argument(
-        "--timeout", metavar="S", type=float, default=30.0, help="seconds to wait for the end"
+        "--timeout", metavar="S", type=float, default=30.0, help="seconds to wait for the end, more than 0"
     )
 
 
 def run(args: argparse.Namespace) -> int:
     """Send, print each phase on a line, and return 0 only for a confirmed command."""
+    if not args.timeout > 0:
+        raise UsageError(f"--timeout {args.timeout:g} leaves no time for a result: nothing was sent")
     config = load(args.config)
     starters = [starter.name for line in config.lines for starter in line.starters]
-    if args.starter not in starters:
-        raise UsageError(f"no starter {args.starter!r} (one of {', '.join(starters)})")
+    targets = [*starters, *(group.name for group in config.groups)]
+    if args.starter not in targets:
+        raise UsageError(f"no starter {args.starter!r} (one of {', '.join(targets)})")
     if not is_level(args.verb):
         raise UsageError(f"no verb {args.verb!r} (start, stop, reset, set, read ...)")
-    order = Order(
-        starter=args.starter,
-        client=_client(config, args.client),
-        verb=args.verb,
-        args=arguments(args.args),
-        operator=_who(),
+    order = _order(args, _client(config, args.client))
+    folder = Path(args.config).parent
+    settings = settings_of(
+        config, folder, tool="send", username=args.username, password_file=args.password_file
     )
-    sender = Sender(_settings(config, args), Topics(config.base))
+    sender = Sender(settings, Topics(config.base))
     sending = sender.send(order, now_s=time.time(), within_s=args.timeout, on_phase=_show)
     result = asyncio.run(sending)
     if result is None:
@@ -73,53 +70,42 @@ def run(args: argparse.Namespace) -> int:
         print(f"starter-gateway: {what} (is {order.client} allowed to write commands?)", file=sys.stderr)
         return 1
     _show(result)
+    if "select" in result and order.verb == SELECT:
+        print(f"select={result['select']} (within {result.get('valid_s')} s)", flush=True)
     return 0 if result["phase"] == Phase.CONFIRMED else 1
 
 
-def _who() -> str | None:
-    try:
-        return getpass.getuser()
-    except (KeyError, OSError):  # a user without a name, as in some containers
-        return None
+def _order(args: argparse.Namespace, client: str) -> Order:
+    """Return what the words of the command line ask for."""
+    selects = [pair for pair in args.args if pair.startswith("select=")]  # a token, not a number
+    expects = [pair for pair in args.args if pair.startswith("expect=")]
+    for pairs in (selects, expects):
+        if len(pairs) > 1:
+            raise UsageError(f"argument {pairs[0].partition('=')[0]} stands twice (give it once)")
+    values: dict[str, Any] = dict(arguments(pair for pair in args.args if pair not in (*selects, *expects)))
+    if args.verb == SELECT and "verb" in values:
+        target = values.pop("verb")
+        values = {"verb": target, "args": values} if values else {"verb": target}
+    return Order(
+        starter=args.starter,
+        client=client,
+        verb=args.verb,
+        args=values,
+        operator=user_name(),
+        expect=expectations(expects[0].partition("=")[2]) if expects else {},
+        select=selects[0].partition("=")[2] if selects else None,
+    )
 
 
 def _client(config: Config, client: str | None) -> str:
     if client is not None:
-        if not is_level(client):
-            raise UsageError(f"--client {client!r} is no name (only a-z, 0-9, _ and -)")
-        return client
+        return checked_client(client)
     clients = sorted({operator.client for operator in config.operators})
     if len(clients) == 1:
         return clients[0]
     if not clients:
         raise UsageError("the configuration has no [[operator]]: the gateway is read-only")
     raise UsageError(f"which operator? (--client with one of {', '.join(clients)})")
-
-
-def _settings(config: Config, args: argparse.Namespace) -> BrokerSettings:
-    folder = Path(args.config).parent
-    username = args.username or config.mqtt.username
-    return BrokerSettings(
-        host=config.mqtt.host,
-        port=config.mqtt.port,
-        client_id=f"{config.gateway.name}-send-{uuid.uuid4().hex[:8]}",  # never the gateway's own
-        username=username,
-        password=_password(config, args, folder),
-        tls=TlsSettings(*tls_files_of(config, folder)) if config.mqtt.is_tls else None,
-        keepalive_s=config.mqtt.keepalive_s,
-    )
-
-
-def _password(config: Config, args: argparse.Namespace, folder: Path) -> str | None:
-    if args.password_file is not None:
-        return password_in(Path(args.password_file))
-    if args.username is None:
-        return mqtt_password(config, folder, os.environ)
-    if VARIABLE in os.environ:
-        return os.environ[VARIABLE]
-    if not sys.stdin.isatty():
-        raise UsageError(f"no password for {args.username} (--password-file, or ${VARIABLE})")
-    return getpass.getpass(f"Password of {args.username} at {config.mqtt.host}: ")
 
 
 def _show(result: Mapping[str, Any]) -> None:
@@ -137,5 +123,7 @@ def _show(result: Mapping[str, Any]) -> None:
 
 
 def _spoken(told: Mapping[str, Any]) -> str:
-    """Return a value with its unit, or what the manual calls it."""
+    """Return a value with its unit, or what the manual calls it; the raw words of one that means nothing."""
+    if told["value"] is None and told.get("raw"):
+        return f"{' '.join(map(str, told['raw']))} raw ({told.get('reason') or 'no value'})"
     return str(told.get("label") or f"{told['value']} {told.get('unit') or ''}".rstrip())

@@ -47,7 +47,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Simulate until SIGTERM or Ctrl-C."""
-    work = _simulate(load(args.config), knobs_at=_broker(args.knobs), is_companion=args.companion)
+    work = simulate(load(args.config), knobs_at=_broker(args.knobs), is_companion=args.companion)
     asyncio.run(work)
     return 0
 
@@ -65,7 +65,10 @@ async def simulated_lines(config: Config) -> AsyncIterator[dict[str, PtyLine]]:
         yield lines
 
 
-async def _simulate(config: Config, *, knobs_at: tuple[str, int] | None, is_companion: bool) -> None:
+async def simulate(
+    config: Config, *, knobs_at: tuple[str, int] | None = None, is_companion: bool = False
+) -> None:
+    """Simulate until SIGTERM or SIGINT, or as a companion until stdin ends."""
     ending = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
@@ -76,6 +79,8 @@ async def _simulate(config: Config, *, knobs_at: tuple[str, int] | None, is_comp
         for table in config.lines:
             units = ", ".join(f"{each.name} ({each.family} at {each.address})" for each in table.starters)
             link = _link(table)
+            if link is None:
+                print(_beside_a_real_port(table, lines[table.name].path), file=sys.stderr, flush=True)
             way = f"{link} -> {lines[table.name].path}" if link is not None else lines[table.name].path
             print(f"line {table.name}: {way}, {table.baud} {table.framing}: {units}", flush=True)
         if knobs_at is not None:
@@ -125,6 +130,14 @@ def simulated_unit(starter: StarterTable) -> Unit:
 def _bus(table: LineTable) -> Bus:
     units = [simulated_unit(starter) for starter in table.starters if starter.enabled]
     return Bus(timing_of(table), units, name=table.name, chunk_bytes=None, tolerance_s=TOLERANCE_S)
+
+
+def _beside_a_real_port(table: LineTable, path: str) -> str:
+    """Return the warning that `run` with the same configuration does not talk to the simulated starters."""
+    return (
+        f"WARNING: line {table.name}: {table.port} IS A REAL PORT and is not simulated: a gateway with this "
+        f'configuration moves REAL MOTORS (for the simulated starters give a copy of it port = "{path}")'
+    )
 
 
 def _link(table: LineTable) -> Path | None:

@@ -35,6 +35,17 @@ def arguments(pairs: Iterable[str]) -> dict[str, bool | int | float | str]:
     return found
 
 
+def expectations(text: str) -> dict[str, bool | int | float | str]:
+    """Return what a command expects, state:ready,remote:true, as values by point; UsageError otherwise."""
+    found: dict[str, bool | int | float | str] = {}
+    for item in text.split(","):
+        name, sign, value = item.partition(":")
+        if not sign or not name or not value or name in found:
+            raise UsageError(f"expect={text!r} is not POINT:VALUE,.. (e.g. expect=state:ready,remote:true)")
+        found[name] = _value(value)
+    return found
+
+
 def _value(text: str) -> bool | int | float | str:
     if text in _CONSTANTS:
         return _CONSTANTS[text]

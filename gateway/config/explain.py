@@ -12,16 +12,8 @@ from pydantic_core import ErrorDetails
 from gateway.config.locate import Key
 from gateway.config.mistake import Mistake, choose, short
 from gateway.config.schema import FIRMWARE_PATTERN, NAME_PATTERN, Config
+from gateway.value_demands import demand_of
 
-_TYPES = {
-    "string_type": "a text in quotes",
-    "path_type": "a path in quotes",
-    "int_type": "a whole number",
-    "int_from_float": "a whole number",
-    "float_type": "a number",
-    "finite_number": "a finite number",
-    "bool_type": "true or false",
-}
 _ARRAYS_OF_TABLES = ("line", "starter", "operator", "rules", "group")
 
 
@@ -39,11 +31,10 @@ def _mistake(detail: ErrorDetails) -> Mistake:
     key: Key = detail["loc"]
     kind = detail["type"]
     ctx = detail.get("ctx", {})
-    if kind in _TYPES:
-        return Mistake(key, f"is {short(detail['input'])}", f"must be {_TYPES[kind]}")
     explanation = _EXPLANATIONS.get(kind)
-    what, mend = explanation(key, detail["input"], ctx) if explanation else (detail["msg"], "")
-    return Mistake(key, what, mend)
+    if explanation is None:
+        return Mistake(key, f"is {short(detail['input'])}", demand_of(kind, ctx))
+    return Mistake(key, *explanation(key, detail["input"], ctx))
 
 
 def _missing(key: Key, _value: Any, _ctx: Mapping[str, Any]) -> tuple[str, str]:
@@ -70,14 +61,6 @@ def _choice(_key: Key, value: Any, ctx: Mapping[str, Any]) -> tuple[str, str]:
     if words and isinstance(value, str):
         return f"is {short(value)}", choose(value, words)
     return f"is {short(value)}", f"must be {ctx['expected']}"
-
-
-def _bound(sign: str) -> Callable[[Key, Any, Mapping[str, Any]], tuple[str, str]]:
-    def explanation(_key: Key, value: Any, ctx: Mapping[str, Any]) -> tuple[str, str]:
-        limit = next(iter(ctx.values()))
-        return f"is {short(value)}", f"must be {sign} {limit:g}"
-
-    return explanation
 
 
 def _empty(key: Key, _value: Any, _ctx: Mapping[str, Any]) -> tuple[str, str]:
@@ -109,9 +92,6 @@ _EXPLANATIONS: dict[str, Callable[[Key, Any, Mapping[str, Any]], tuple[str, str]
     "string_too_short": _length,
     "string_too_long": _length,
     "literal_error": _choice,
-    "greater_than": _bound("more than"),
-    "greater_than_equal": _bound("at least"),
-    "less_than_equal": _bound("at most"),
     "too_short": _empty,
     "tuple_type": _no_list,
     "model_type": _no_table,

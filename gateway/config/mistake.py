@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass
+from datetime import date, time
 
 from gateway.config.locate import Key
 
@@ -29,7 +30,10 @@ def spell(key: Key) -> str:
 def choose(wrong: object, known: Iterable[str]) -> str:
     """Return the mend for a word that is none of the known ones: the nearest of them, or all."""
     words = list(dict.fromkeys(known))
-    near = difflib.get_close_matches(str(wrong), words, n=2)
+    spelt = {word.lower(): word for word in words}
+    near = difflib.get_close_matches(str(wrong).lower(), spelt, n=2)
+    near = near[:1] if near and near[0] == str(wrong).lower() else near
+    near = [spelt[each] for each in near]
     return f"did you mean {' or '.join(near)}?" if near else "one of " + ", ".join(words)
 
 
@@ -37,5 +41,5 @@ def short(value: object) -> str:
     """Return a foreign value for a message: quoted, and cut when it is long."""
     if isinstance(value, bool):
         return str(value).lower()
-    text = repr(value)
+    text = str(value) if isinstance(value, (date, time)) else repr(value)
     return text if len(text) <= 60 else text[:57] + "..."

@@ -127,7 +127,6 @@ class Keeper:
         self._say("ledger_slow", text)
 
     def _say(self, code: str, text: str) -> None:
-        log.log(logging.ERROR if self._severity is Severity.ERROR else logging.WARNING, "%s", text)
         self._tell(code, self._severity, text)
 
 

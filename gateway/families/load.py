@@ -21,6 +21,7 @@ from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError
 from gateway.errors import ProfileError, UsageError
 from gateway.families.consistency import contradictions
 from gateway.families.schema import Alarm, ModelRange, Parameter, Preset, Profile
+from gateway.value_demands import demand_of
 
 FAMILIES = ("ssw06", "ssw07", "ssw900", "sst")
 
@@ -146,6 +147,6 @@ def _read_ranges(directory: Traversable, problems: list[str]) -> dict[str, tuple
 
 def _explain(where: str, error: ValidationError) -> list[str]:
     return [
-        f"{where}: {'.'.join(str(part) for part in detail['loc'])}: {detail['msg']}"
-        for detail in error.errors(include_url=False, include_context=False)
+        f"{where}: {'.'.join(map(str, detail['loc']))}: {demand_of(detail['type'], detail.get('ctx', {}))}"
+        for detail in error.errors(include_url=False)
     ]

@@ -57,13 +57,6 @@ class Voice:
         reason = outcome.reason if isinstance(outcome, Silent | Garbled) else "answers"
 
         def tell() -> None:
-            if is_answering:
-                logger.info("line=%s unit=%s answers", self._name, unit)
-            else:
-                shown = "\n".join(frames)
-                logger.warning(
-                    "line=%s unit=%s went silent: %s; last frames:\n%s", self._name, unit, reason, shown
-                )
             self._listener.on_unit(self._name, unit, is_answering, reason, frames)
 
         self._waiting.append(tell)
@@ -73,8 +66,6 @@ class Voice:
         frames = self._trace.frames()
 
         def tell() -> None:
-            shown = "\n".join(frames)
-            logger.warning("line=%s %s; last frames:\n%s", self._name, trouble.text, shown)
             self._listener.on_trouble(self._name, trouble.code, trouble.unit, trouble.text, frames)
 
         self._waiting.append(tell)
@@ -96,5 +87,4 @@ class Voice:
             return
         self.flush()
         self._told_port = (is_open, reason)
-        logger.log(logging.INFO if is_open else logging.ERROR, "line=%s %s", self._name, reason)
         self._listener.on_port(self._name, is_open, reason)

@@ -202,7 +202,6 @@ class BrokerConnection:
             self._short_ones += 1
             if self._short_ones == SHORT_ONES:
                 notice = perhaps_taken_over(self._settings.client_id)
-                log.warning("broker %s: %s", self._settings.address, notice.text)
         if notice is not None and notice.code not in self._published and not self._closing.is_set():
             self._published.add(notice.code)
             self._on_notice(notice)

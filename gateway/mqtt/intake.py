@@ -25,6 +25,7 @@ from gateway.mqtt.json_in import read_object
 from gateway.mqtt.topics import CommandAddress, Malformed, Topics, shortened
 from gateway.starters.records import AuditRecord, Phase, ResultRecord
 from gateway.starters.request import CommandRequest
+from gateway.value_demands import demand_of
 
 MALFORMED_TOPIC = "malformed_topic"
 MAX_PAYLOAD_BYTES = 4096
@@ -93,7 +94,7 @@ class Rejection:
 
 def _printable(text: str) -> str:
     if not text.isprintable():
-        raise ValueError("only printable characters")
+        raise ValueError("must have printable characters only")
     return text
 
 
@@ -294,12 +295,12 @@ def _valid(adapter: TypeAdapter[str], value: object) -> str | None:
 
 def _explained(error: ValidationError) -> str:
     return "; ".join(
-        f"{'.'.join(str(part) for part in mistake['loc'])}: {mistake['msg']}"
-        for mistake in error.errors(include_url=False, include_context=False, include_input=False)
+        f"{'.'.join(map(str, mistake['loc']))} {demand_of(mistake['type'], mistake.get('ctx', {}))}"
+        for mistake in error.errors(include_url=False, include_input=False)
     )
 
 
 def _utc_s(text: str) -> float:
     if _INSTANT.fullmatch(text) is None:
-        raise ValueError("not an RFC 3339 time with an offset, such as 2026-11-21T01:02:03Z")
+        raise ValueError("must be an RFC 3339 time with an offset, such as 2026-11-21T01:02:03Z")
     return datetime.fromisoformat(text.upper()).timestamp()

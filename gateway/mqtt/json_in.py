@@ -20,18 +20,27 @@ def read_object(payload: bytes) -> dict[str, Any]:
         raise ValueError("empty payload")
     if _depth(text) > MAX_DEPTH:
         raise ValueError(f"nested deeper than {MAX_DEPTH}")
-    value = json.loads(
-        text,
-        object_pairs_hook=_object,
-        parse_constant=_constant,
-        parse_int=_int,
-        parse_float=_float,
-    )
+    try:
+        value = json.loads(
+            text,
+            object_pairs_hook=_object,
+            parse_constant=_constant,
+            parse_int=_int,
+            parse_float=_float,
+        )
+    except json.JSONDecodeError as error:
+        raise ValueError(_place(text, error.pos)) from error
     if not isinstance(value, dict):
         raise ValueError("not a JSON object")  # noqa: TRY004 - one kind of error for the caller
     if "\\u" in text:
         _require_characters(value)
     return value
+
+
+def _place(text: str, position: int) -> str:
+    """Return where a text stops being one JSON value."""
+    rest = text[position : position + 20]
+    return f"not JSON at character {position + 1}: " + (repr(rest) if rest else "it ends too early")
 
 
 def _require_characters(value: object) -> None:

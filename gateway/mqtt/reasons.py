@@ -16,9 +16,13 @@ _MENDS = {  # CONNACK reason codes [MQTT5 3.2.2.2]; paho translates the codes of
     UNSUPPORTED_VERSION: "set the version of MQTT that the broker speaks",
     0x85: "choose another client id",
     0x86: "check username and password",
-    0x87: "let this user connect, in the broker's access list",
+    0x87: "check username and password, which some brokers refuse so; else let this user connect",
     0x8A: "the broker has banned this client",
 }
+
+_OTHER_NAME = "give url the name that stands in the certificate, or have one made for this name"
+_OTHER_TIME = "is this machine's clock right? else renew the certificate"
+_CERTIFICATE_MENDS = {9: _OTHER_TIME, 10: _OTHER_TIME, 62: _OTHER_NAME, 64: _OTHER_NAME}  # X509_V_ERR_...
 
 
 def refused(address: str, reason_code: int, name: str) -> BrokerError:
@@ -30,7 +34,8 @@ def unreachable(address: str, error: OSError | ValueError) -> BrokerError:
     """Return the error for a TCP or TLS connection that could not be made."""
     match error:
         case ssl.SSLCertVerificationError():
-            return BrokerError(f"broker {address}: its certificate: {error.verify_message}", "check ca_file")
+            mend = _CERTIFICATE_MENDS.get(getattr(error, "verify_code", 0), "check ca_file")
+            return BrokerError(f"broker {address}: its certificate: {error.verify_message}", mend)
         case ssl.SSLError():
             return BrokerError(f"broker {address}: TLS: {error.reason}", "is this its TLS port?")
         case socket.gaierror():

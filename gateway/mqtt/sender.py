@@ -85,6 +85,19 @@ class Sender:
         finally:
             await session.disconnect()
 
+    async def retained(self, topic: str, *, within_s: float) -> Mapping[str, Any] | None:
+        """Return the retained message of a topic, None when there is none; BrokerError as `send`."""
+        session, _ = await connected(
+            self._settings,
+            on_incoming=self._news.put_nowait,
+            on_ack=lambda _, code: self._news.put_nowait(code),
+        )
+        session.lost.add_done_callback(lambda _: self._news.put_nowait(None))
+        try:
+            return await self._retained(session, topic, within_s)
+        finally:
+            await session.disconnect()
+
     async def _proof(self, session: Session, order: Order) -> tuple[Mapping[str, str], BrokerError | None]:
         """Return what proves a command fresh; a stop does without, and hears why there is none."""
         is_stop = order.verb == STOP

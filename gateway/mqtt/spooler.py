@@ -161,7 +161,6 @@ class Spooler:
         self._work.set()
 
     def _alarm(self, code: str, text: str) -> None:
-        log.error("%s", text)
         self._tell(code, Severity.ERROR, text, {})
 
     def _wait_no_longer(self) -> None:

@@ -40,7 +40,8 @@ class ValueTexts:
         value = to_json(record.value)
         fate = f'"quality":"{record.quality}","time":{_quoted(record.time_s)},"seq":{record.seq}'
         label = "" if record.label is None else f',"label":{to_json(record.label)}'
-        text = f'{{"value":{value},"unit":{to_json(record.unit)},{fate}{label}}}'
+        reason = f',"reason":{to_json(record.reason)}' if record.reason else ""
+        text = f'{{"value":{value},"unit":{to_json(record.unit)},{fate}{label}{reason}}}'
         item = f'{{"point":"{names.level}","value":{value},{fate}}}'
         return ValueText(names.topic, text, names.history_topic, item)
 

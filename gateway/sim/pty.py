@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import fcntl
+import hashlib
 import os
+import socket
 import termios
 import tty
 from contextlib import suppress
@@ -47,6 +50,7 @@ class PtyLine:
         self._link = Path(link) if link is not None else None
         self._ours = -1
         self._theirs = -1  # kept open: without any opener our end could not be read
+        self._claim: socket.socket | None = None  # of the link, as long as this process lives
 
     async def start(self) -> None:
         """Open the pty and serve it; PortError when the link cannot be made."""
@@ -58,6 +62,9 @@ class PtyLine:
             self._make_link()
         except OSError as error:
             self._close()
+            if error.errno == errno.EADDRINUSE:
+                what = "another simulator serves this link"
+                raise PortError(str(self._link), what, "end that one, or choose another path") from error
             raise PortError(str(self._link), error.strerror or "no link", "choose another path") from error
         self.line.attach(self._write)
         asyncio.get_running_loop().add_reader(self._ours, self._read)
@@ -108,6 +115,7 @@ class PtyLine:
     def _make_link(self) -> None:
         if self._link is None:
             return
+        self._claim = _claimed(self._link)
         if self._link.is_symlink() and _is_stale(self._link):
             self._link.unlink()
         self._link.symlink_to(self.path)
@@ -115,7 +123,22 @@ class PtyLine:
     def _close(self) -> None:
         for end in (self._ours, self._theirs):
             os.close(end)
+        if self._claim is not None:
+            self._claim.close()
+            self._claim = None
         self._ours = self._theirs = -1
+
+
+def _claimed(link: Path) -> socket.socket:
+    """Return what marks a link as ours until this process ends; OSError while it is another's."""
+    name = hashlib.sha256(os.fsencode(link.absolute())).hexdigest()
+    claim = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    try:
+        claim.bind(f"\0starter-gateway-simulated-line-{name}")
+    except OSError:
+        claim.close()
+        raise
+    return claim
 
 
 def _is_stale(link: Path) -> bool:

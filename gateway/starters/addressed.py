@@ -109,6 +109,11 @@ class Addressed:
         return self._starter.identity_reason
 
     @property
+    def contradiction(self) -> str:
+        """In what the device contradicts the configuration."""
+        return self._starter.contradiction
+
+    @property
     def status_period_s(self) -> float:
         """How long two readings of its status are apart at most."""
         return self._starter.status_period_s

@@ -25,6 +25,7 @@ from gateway.starters.request import CommandRequest
 from gateway.starters.rights import Rights
 
 SELECT, CANCEL, LOCK, UNLOCK, ACCEPT = "select", "cancel", "lock", "unlock", "accept"
+READ = "read"  # it writes nothing
 OWN_VERBS = (SELECT, CANCEL, LOCK, UNLOCK, ACCEPT)  # of every family: they concern the gateway alone
 LEDGER_FULL = "ledger_full"
 
@@ -125,6 +126,8 @@ class Admission:
             raise refusal(lock)
         if not starter.is_answering:
             raise CommandError("offline", "the starter does not answer")
+        if request.verb == READ and starter.contradiction:
+            return preparation  # its raw words are all that is said of it
         if starter.identity_standing is not Standing.MATCHING:
             raise CommandError(f"identity_{starter.identity_standing.value}", starter.identity_reason)
         return preparation

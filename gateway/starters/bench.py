@@ -61,6 +61,11 @@ class Bench:
         """Return in words why the identity is not matching; empty when it is."""
         return why_not(self.profile, self.identity) or ""
 
+    @property
+    def contradiction(self) -> str:
+        """Return nothing: a device that is not the configured one is given up when it is identified."""
+        return ""
+
     async def identify(self) -> None:
         """Ask who answers; CommandError when nobody does, or somebody else than configured."""
         outcomes = {q.tag: await self.ask(q.request) for q in identify_requests(self.profile)}

@@ -12,7 +12,7 @@ from typing import Any
 from gateway.clock import Clock
 from gateway.errors import CommandError
 from gateway.starters.administration import Administration
-from gateway.starters.admission import LEDGER_FULL, LOCK, OWN_VERBS, Admission, Load
+from gateway.starters.admission import LEDGER_FULL, LOCK, OWN_VERBS, READ, Admission, Load
 from gateway.starters.aftermath import Aftermath
 from gateway.starters.command_queue import CommandQueue
 from gateway.starters.conduct import CAN_WAIT, HALTED, Conduct
@@ -50,7 +50,6 @@ UNFIT = frozenset(  # codes of what is refused however often it comes: its id is
         "unknown_verb",
     }
 )
-READ = "read"  # it writes nothing, and needs no turn
 
 
 class Commander:

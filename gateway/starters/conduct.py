@@ -350,6 +350,9 @@ class Conduct:
         return {"parameter": procedure.subject, **self._told(procedure.subject, rows[procedure.subject])}
 
     def _told(self, code: str, words: tuple[int, ...]) -> dict[str, Any]:
+        contradiction = self._starter.contradiction
+        if contradiction:
+            return {"value": None, "unit": "", "raw": list(words), "reason": contradiction}
         row = find(self._starter.profile, code)
         decoded = decode_row(self._starter.profile, self._starter.variant, row, words)
         return {

@@ -68,6 +68,11 @@ class StarterControlView(Protocol):
         ...
 
     @property
+    def contradiction(self) -> str:
+        """In what the device contradicts the configuration, so that its values mean nothing."""
+        ...
+
+    @property
     def status_period_s(self) -> float:
         """How long two readings of its status are apart at most."""
         ...

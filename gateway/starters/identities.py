@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -40,6 +40,7 @@ class Stranger:
     seen: Fingerprint
     configured: str | None  # a model that it contradicts
     text: str
+    contradiction: str = ""  # of the configuration, not accepted yet: values would be of the wrong model
 
 
 class Identities:
@@ -55,8 +56,13 @@ class Identities:
         self._known: dict[str, Known] = {}
         self._strangers: dict[str, Stranger] = {}
         self._told: dict[str, Stranger] = {}
+        self._on_accepted: dict[str, Callable[[], None]] = {}
         self._saver = Saver(memory or NoMemory(), self._document, on_trouble=self._tell_trouble)
         self._restore(memory or NoMemory())
+
+    def when_accepted(self, starter: str, call: Callable[[], None]) -> None:
+        """Have something done each time the device of this starter is accepted."""
+        self._on_accepted[starter] = call
 
     def note(self, setup: StarterSetup, identity: Identity, *, is_settled: bool) -> None:
         """Take over who answers; unsettled, a question is still open, and nothing is told or kept yet."""
@@ -72,7 +78,6 @@ class Identities:
         self._strangers[name] = stranger
         if is_settled and self._told.get(name) != stranger:
             self._told[name] = stranger
-            logger.warning("starter=%s %s", name, stranger.text)
             self._tell(name, CHANGED_EVENT, Severity.ERROR, stranger.text, _as_data(stranger))
 
     def forget(self, starter: str) -> None:
@@ -84,6 +89,11 @@ class Identities:
         """Return why commands to a starter are held; empty when they are not."""
         stranger = self._strangers.get(starter)
         return "" if stranger is None else stranger.text
+
+    def contradiction(self, starter: str) -> str:
+        """Return in what the device contradicts the configuration and was not accepted; empty: in nothing."""
+        stranger = self._strangers.get(starter)
+        return "" if stranger is None else stranger.contradiction
 
     def waiting(self, starter: str) -> Stranger:
         """Return who waits to be accepted; CommandError when nobody does."""
@@ -100,6 +110,7 @@ class Identities:
         self._saver.touch()
         text = "the present identity was accepted: commands are carried out again"
         self._tell(starter, "identity_accepted", Severity.INFO, text, _as_data(stranger))
+        self._on_accepted.get(starter, lambda: None)()
         return stranger
 
     def keep(self) -> None:
@@ -117,7 +128,8 @@ class Identities:
     def _keep(self, name: str, known: Known | None, seen: Fingerprint) -> None:
         now = Known(seen) if known is None else Known(completed(seen, known.fingerprint), known.despite_model)
         if known is None:
-            logger.info("starter=%s is taken as it is: %s", name, seen.as_data())
+            said = ", ".join(f"{field} {value}" for field, value in seen.as_data().items() if value)
+            logger.info("%s seen for the first time: %s", name, said)
         if now != known:
             self._known[name] = now
             self._saver.touch()
@@ -170,12 +182,14 @@ def _stranger(known: Known | None, seen: Fingerprint, model: str | None) -> Stra
     accepted_model = None if known is None else known.despite_model
     configured = model if contradicts(model, seen) else None
     reasons = [f"{name} was {getattr(before, name)}, is {getattr(seen, name)}" for name in differing]
+    contradiction = ""
     if configured is not None and configured != accepted_model:
-        reasons.append(f"the configuration says {configured}, it says {_spoken(seen)}")
+        contradiction = f"the configuration says {configured}, it says {_spoken(seen)}"
+        reasons.append(contradiction)
     if not reasons:
         return None
     text = f"another starter than before? {'; '.join(reasons)} (look, then send accept)"
-    return Stranger(before, seen, configured, text)
+    return Stranger(before, seen, configured, text, contradiction)
 
 
 def _spoken(seen: Fingerprint) -> str:

@@ -117,7 +117,6 @@ class KeypadPatrol:
         starter = self._starter
         changes = self._watch.note_reading(starter.variant, rows)
         for change in changes:
-            logger.warning("starter=%s %s", starter.setup.name, change.text)
             starter.publisher.change(change)
         return bool(changes)
 

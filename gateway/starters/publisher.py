@@ -43,6 +43,7 @@ class Publisher:
                 time_s=reading.time_s,
                 seq=self._sequence.take(),
                 label=reading.label,
+                reason=reading.reason,
             )
         )
 

@@ -16,7 +16,7 @@ class Quality(enum.StrEnum):
 
     GOOD = "good"  # just read
     STALE = "stale"  # the last good value, with its own old time
-    BAD = "bad"  # never read, refused or impossible
+    BAD = "bad"  # never read, refused, impossible, or of a device that contradicts the configuration
 
 
 class Severity(enum.StrEnum):
@@ -55,6 +55,7 @@ class ValueRecord:
     time_s: float | None
     seq: int
     label: str | None = None  # of an enum
+    reason: str = ""  # why it is bad, where the starter as a whole is the cause
 
 
 @dataclass(frozen=True, slots=True)

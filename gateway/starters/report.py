@@ -76,7 +76,8 @@ class Report:
 
 def is_news(sent: Reading, now: Reading, deadband: float) -> bool:
     """Return whether a reading differs enough from the one sent last to be published before its time."""
-    if (sent.quality, sent.label) != (now.quality, now.label) or type(sent.value) is not type(now.value):
+    marks = (sent.quality, sent.label, sent.reason), (now.quality, now.label, now.reason)
+    if marks[0] != marks[1] or type(sent.value) is not type(now.value):
         return True
     if isinstance(sent.value, (str, bool)) or sent.value is None or now.value is None:
         return sent.value != now.value

@@ -22,6 +22,7 @@ class Reading:
     label: str | None = None  # of an enum
     at_s: float | None = None  # steady clock; None when never read
     time_s: float | None = None  # the same moment, UTC
+    reason: str = ""  # why a value is bad, where that is not the point's own matter
 
 
 class Snapshot:
@@ -33,6 +34,7 @@ class Snapshot:
         self.standing = 0  # grows whenever anything but a measured quantity says something else
         self._rows: dict[str, tuple[int, ...]] = {}
         self._rows_at_s: dict[str, float] = {}
+        self._distrust = ""
 
     @property
     def readings(self) -> Mapping[str, Reading]:
@@ -51,7 +53,20 @@ class Snapshot:
             if old.at_s is not None and old.at_s > at_s:
                 continue
             quality = Quality.BAD if new.value is None else Quality.GOOD
-            self._put(name, Reading(new.value, new.unit, quality, new.label, at_s, time_s))
+            reading = Reading(new.value, new.unit, quality, new.label, at_s, time_s)
+            self._put(name, self._without_value(reading) if self._distrust else reading)
+
+    def distrust(self, reason: str) -> bool:
+        """Make every value bad for this reason until it is empty; return whether that is new.
+
+        The raw words are kept all the same. Once the reason is empty, each value is good when it is read.
+        """
+        if reason == self._distrust:
+            return False
+        self._distrust = reason
+        for name, reading in list(self._readings.items()):
+            self._put(name, self._without_value(reading))
+        return True
 
     def keep_rows(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
         """Take over raw words that have just been read; older ones than those known are ignored."""
@@ -63,7 +78,7 @@ class Snapshot:
     def refuse(self, points: Iterable[str]) -> None:
         """Mark points that the starter will not give as bad, without a value."""
         for name in points:
-            self._put(name, replace(self._readings[name], value=None, label=None, quality=Quality.BAD))
+            self._put(name, self._without_value(self._readings[name]))
 
     def mark_stale(self, points: Iterable[str] | None = None) -> None:
         """Mark good readings (all, or of these points) as no longer current; value and time stay."""
@@ -93,6 +108,9 @@ class Snapshot:
     def rows_since(self, since_s: float) -> dict[str, tuple[int, ...]]:
         """Return the raw words of all rows that were read at `since_s` or later."""
         return {code: words for code, words in self._rows.items() if self._rows_at_s[code] >= since_s}
+
+    def _without_value(self, reading: Reading) -> Reading:
+        return replace(reading, value=None, label=None, quality=Quality.BAD, reason=self._distrust)
 
     def _put(self, name: str, new: Reading) -> None:
         old = self._readings[name]

@@ -302,7 +302,6 @@ class Stopping:
         return "; something sends on the line without end, and the stop was written over it"
 
     def _call_a_person(self, end: End) -> None:
-        logger.error("starter=%s stop not confirmed: %s", self._starter.setup.name, end.text)
         data = {"phase": end.phase, "code": end.code}
         self._starter.publisher.event("stop_unconfirmed", Severity.ERROR, end.text, data)
 

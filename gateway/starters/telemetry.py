@@ -42,7 +42,7 @@ from gateway.starters.waker import Waker
 logger = logging.getLogger(__name__)
 
 BUSY_STATES = frozenset({"starting", "stopping", "fault"})  # read faster while in one of these
-REFUSED_TOPIC, LOSS_TOPIC = "refused", "loss"  # of what keeps it from being read whole
+REFUSED_TOPIC, LOSS_TOPIC, IDENTITY_TOPIC = "refused", "loss", "identity"  # why it cannot be read whole
 IDLE_STATES = frozenset({"ready", "not_ready"})  # the motor stands: values read more slowly
 
 
@@ -80,6 +80,7 @@ class StarterTelemetry:
         self._watchdogs = watchdogs or KnownWatchdogs()
         self._watchdogs.add(setup, line)
         self._identities = identities or Identities(sink=sink, clock=clock, sequence=sequence)
+        self._identities.when_accepted(setup.name, self._judge_values)
         self._identity = Identity(reason="not yet asked")
         self._info: InfoRecord | None = None
         self._is_answering = False
@@ -124,6 +125,13 @@ class StarterTelemetry:
         return why_not(self.profile, self._identity) or self._identities.trouble(self.setup.name)
 
     @property
+    def contradiction(self) -> str:
+        """Return in what the device contradicts the configuration, so that its values mean nothing."""
+        if standing_of(self.setup, self._identity) is Standing.MISMATCHED:
+            return why_not(self.profile, self._identity) or ""
+        return self._identities.contradiction(self.setup.name)
+
+    @property
     def status_period_s(self) -> float:
         """Return how long two readings of the status are apart at most."""
         return self._polling.status_period_s
@@ -157,7 +165,6 @@ class StarterTelemetry:
         if self._is_answering:
             self._publish_availability()
         if reason:
-            logger.warning("%s degraded: %s", self._where, reason)
             self.publisher.event("degraded", Severity.WARNING, reason, {"topic": topic})
         elif was_degraded and not text:
             self.publisher.event("recovered", Severity.INFO, "the starter can be read whole again")
@@ -264,7 +271,8 @@ class StarterTelemetry:
     ) -> None:
         """Take over rows that were just read, by a poll or for a command, and publish what they say."""
         self.snapshot.keep_rows(rows, at_s=at_s)
-        self.note_settings(rows)
+        if self.identity_standing is not Standing.MISMATCHED:
+            self.note_settings(rows)
         if self._polling.is_withdrawn or self._has_ended:
             return  # only a stop asks such a starter, and needs its rows
         self._come_online()
@@ -366,6 +374,18 @@ class StarterTelemetry:
                 call()
         elif self.identity_reason != why_not(self.profile, before):
             self._tell_held()
+        self._judge_values()
+
+    def _judge_values(self) -> None:
+        """Make values bad while the device contradicts the configuration, good again once it does not."""
+        reason = self.contradiction
+        is_new = self.snapshot.distrust(reason)
+        self.set_trouble(IDENTITY_TOPIC, f"values are not usable: {reason}" if reason else "")
+        if not is_new:
+            return
+        if not reason:
+            self._polling.hasten()
+        self._publish()
 
     def _take_variant(self, variant: Variant) -> None:
         if variant != self.variant:
@@ -376,7 +396,6 @@ class StarterTelemetry:
     def _tell_held(self) -> None:
         """Say that commands are held, because someone else answers or because it is not known who does."""
         text = f"commands are held: {self.identity_reason}"
-        logger.warning("%s %s", self._where, text)
         if self.identity_standing is Standing.MISMATCHED:
             seen = self._identity
             stop_profile(self.profile, seen)  # loaded now, so that a stop need not wait for it

@@ -131,7 +131,10 @@ def test_a_hash_that_was_noted_earlier_must_still_be_there(
     assert main(["audit", "verify", str(state)]) == 0
     assert main(["audit", "verify", str(state), "--contains", noted]) == 1
 
-    assert f"no line has the hash {noted}" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert f"no line has the hash {noted}" in told
+    assert "broken" not in told
+    assert "chain whole" in told
 
 
 def test_an_unreadable_anchor_is_a_problem(state: Path, capsys: pytest.CaptureFixture[str]) -> None:

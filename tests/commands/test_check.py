@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 
 from gateway.cli import main
+from gateway.errors import ConfigError, Problem
+from gateway.site import Site
 from tests.config.sites import SITE, changed
 
 PASSWORD = (
@@ -22,10 +24,17 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.name)
-def test_every_example_site_is_right(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["check", str(path)]) == 0
+def test_every_example_site_is_right_with_its_password_file(
+    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site = tmp_path / path.name
+    site.write_text(path.read_text("utf-8"), "utf-8")
+    (tmp_path / "mqtt.password").write_text("secret\n", "utf-8")
+    (tmp_path / "mqtt.password").chmod(0o600)
 
-    assert f"{path}: valid, " in capsys.readouterr().out
+    assert main(["check", str(site)]) == 0
+
+    assert f"{site}: valid, " in capsys.readouterr().out
 
 
 def test_the_budget_of_every_line_is_printed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -130,21 +139,55 @@ def test_a_watchdog_that_is_off_and_a_disabled_line_are_shown(
         ("", 0o600, "is empty (write the password as its first line)"),
     ],
 )
-def test_a_password_file_that_run_would_refuse_is_warned_of(
+def test_a_password_file_that_run_refuses_is_refused_by_check(
     content: str, mode: int, said: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     password = folder / "mqtt.password"
     password.write_text(content, "utf-8")
     password.chmod(mode)
+    path = folder / "site.toml"
+    path.write_text(changed(PASSWORD), "utf-8")
+
+    checked = main(["check", str(path), "--json"])
+
+    told = json.loads(capsys.readouterr().out)
+    assert (checked, told["is_valid"]) == ((78, False) if said else (0, True))
+    refused = _refused_by_run(path)
+    assert [each["what"] for each in told.get("problems", [])] == [each.what for each in refused]
+    assert bool(refused) == bool(said)
+    assert said.startswith(tuple(each.what for each in refused) or ("",))
+
+
+def _refused_by_run(path: Path) -> list[Problem]:
+    """Return why `run` would end before it begins."""
+    try:
+        Site.read(path, {})
+    except ConfigError as error:
+        return error.problems
+    return []
+
+
+def test_a_password_file_that_is_missing_is_refused_by_check_as_by_run(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (folder / "site.toml").write_text(changed(PASSWORD), "utf-8")
 
-    assert main(["check", str(folder / "site.toml"), "--json"]) == 0
+    assert main(["check", str(folder / "site.toml")]) == 78
+    checked = capsys.readouterr().err
+    assert main(["run", str(folder / "site.toml")]) == 78
 
-    warnings = json.loads(capsys.readouterr().out)["warnings"]
-    assert [each for each in warnings if "password_file" in each] == [
-        each for each in warnings if said and f"mqtt.password_file: {password}: {said}" in each
-    ]
-    assert bool(said) == any("password_file" in each for each in warnings)
+    assert capsys.readouterr().err == checked
+    assert "mqtt.password: password_file: No such file or directory" in checked
+
+
+def test_a_line_that_is_asked_for_more_than_it_has_is_the_first_line(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "site.toml").write_text(changed(("address = 1\n", "address = 1\nevery_s = 0.02\n")), "utf-8")
+
+    assert main(["check", str(folder / "site.toml")]) == 0
+
+    assert capsys.readouterr().out.splitlines()[0].startswith("warning: line pumps: asked for ")
 
 
 @pytest.mark.parametrize(

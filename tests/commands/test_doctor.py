@@ -28,11 +28,16 @@ from tests.virtual_time import VirtualClock, run_virtually
 
 
 class NoBroker(BrokerAccess):
-    """A running gateway as far as `read` goes: it gives these rows, or raises."""
+    """A running gateway as far as `read` goes: it gives these rows, or raises; `trouble` is what it knows."""
+
+    trouble = ""
 
     def __init__(self, config: Config, rows: dict[str, int] | Exception) -> None:
         super().__init__(config, Path("/tmp"))
         self._given = rows
+
+    async def known(self, starter: str) -> str:
+        return self.trouble
 
     async def read(self, starter: str, codes: Iterable[str]) -> dict[str, tuple[int, ...]]:
         if isinstance(self._given, Exception):
@@ -159,6 +164,24 @@ def test_a_gateway_that_reads_nothing_of_a_starter_and_one_that_cannot_be_asked_
 
     assert "reads nothing of it" in nothing
     assert "cannot be asked: no operator may read it" in unasked
+
+
+@pytest.mark.parametrize(
+    ("trouble", "more"),
+    [
+        ("the gateway says: offline since 2026-11-22T01:00:00.000Z: no reply", 0),
+        ("the gateway says: degraded: values are not usable: it is ssw06, not ssw07", 1),
+    ],
+)
+def test_what_the_gateway_knows_of_a_silent_or_wrong_starter_is_said(
+    trouble: str, more: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(NoBroker, "trouble", trouble)
+
+    bites = biting(examine(site(), opener=BUSY, rows=BrokerError("the gateway refuses to read it")))
+
+    assert bites[0] == f"starter pump-1: {trouble}"
+    assert len(bites) == 1 + more  # of one that is offline nothing is asked
 
 
 # The command

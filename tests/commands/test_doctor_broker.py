@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from gateway.commands import doctor_broker
 from gateway.commands.doctor_broker import BrokerAccess
 from gateway.commands.doctor_remark import Remark
 from gateway.config.load import parse
@@ -65,10 +66,58 @@ def test_a_gateway_that_does_not_run_and_a_starter_that_nobody_may_read_cannot_b
     tmp_path: Path, start_mosquitto: StartMosquitto, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sender, "STATUS_WITHIN_S", 0.05)
-    access = BrokerAccess(parse(site(port=start_mosquitto().port), "site.toml"), tmp_path)
+    text = site(port=start_mosquitto().port)
+    access = BrokerAccess(parse(text, "site.toml"), tmp_path)
     assert biting(asyncio.run(access.remarks())) == []
 
-    with pytest.raises(BrokerError, match="no operator may read it"):
-        asyncio.run(access.read("fan", ["P220"]))
-    with pytest.raises(BrokerError, match="no gateway has told its state"):
+    with pytest.raises(BrokerError, match=r"no \[\[operator\]\] doctor may read it .*--client"):
         asyncio.run(access.read("pump-1", ["P220"]))
+    asks_as_alice = BrokerAccess(parse(text, "site.toml"), tmp_path, client="alice")
+    asyncio.run(asks_as_alice.remarks())
+    with pytest.raises(BrokerError, match="no gateway has told its state"):
+        asyncio.run(asks_as_alice.read("pump-1", ["P220"]))
+    with pytest.raises(BrokerError, match=r"no \[\[operator\]\] alice may read it"):
+        asyncio.run(asks_as_alice.read("fan", ["P220"]))
+
+
+@pytest.mark.mosquitto
+def test_the_doctor_logs_in_as_the_operator_that_is_named(
+    tmp_path: Path, start_mosquitto: StartMosquitto
+) -> None:
+    broker = start_mosquitto(users={"g": "right", "alice": "hers"})
+    for name, password in (("password", "right"), ("hers", "hers"), ("wrong", "wrong")):
+        (tmp_path / name).write_text(password, "utf-8")
+        (tmp_path / name).chmod(0o600)
+    config = parse(site(port=broker.port, login='username = "g"\npassword_file = "password"'), "site.toml")
+
+    def remarks(file: str) -> list[Remark]:
+        path = str(tmp_path / file)
+        access = BrokerAccess(config, tmp_path, client="alice", username="alice", password_file=path)
+        return asyncio.run(access.remarks())
+
+    told = [remark.text for remark in remarks("hers")]
+    assert any(text.startswith("takes the login alice, MQTT ") for text in told)
+    assert not any("the gateway's login" in text for text in told)  # which may be under way
+    (bite,) = biting(remarks("wrong"))
+    assert "the login alice: " in bite
+    assert "username and password" in bite
+
+
+@pytest.mark.mosquitto
+def test_what_the_gateway_last_said_of_a_starter_is_known(
+    tmp_path: Path, start_mosquitto: StartMosquitto, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(doctor_broker, "KNOWN_WITHIN_S", 0.2)
+    broker = start_mosquitto()
+    access = BrokerAccess(parse(site(port=broker.port), "site.toml"), tmp_path)
+    asyncio.run(access.remarks())
+    topic = "starters/plant/starter/pump-1/availability"
+
+    assert asyncio.run(access.known("pump-1")) == ""
+    broker.publish(topic, '{"state":"online","since":"2026-11-22T01:00:00.000Z","reason":null}', "-r")
+    assert asyncio.run(access.known("pump-1")) == ""
+    broker.publish(topic, '{"state":"offline","since":"2026-11-22T01:00:00.000Z","reason":"no reply"}', "-r")
+    assert (
+        asyncio.run(access.known("pump-1"))
+        == "the gateway says: offline since 2026-11-22T01:00:00.000Z: no reply"
+    )

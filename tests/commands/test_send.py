@@ -303,3 +303,76 @@ def test_what_cannot_be_asked_is_told_before_anything_is_sent(
 
     assert code == 2
     assert told in error
+
+
+@pytest.mark.mosquitto
+async def test_a_selection_prints_its_token_for_the_command_that_follows(
+    start_mosquitto: StartMosquitto, send: Send
+) -> None:
+    broker = start_mosquitto()
+    be_online(broker)
+    async with broker.watch(TOPICS.command_filter) as gateway:
+        words = ("pump-1", "select", "verb=set", "parameter=P314", "value=30", "--client", "alice")
+        sending = asyncio.create_task(asyncio.to_thread(send, broker.port, *words))
+        command = judged(await gateway.next())
+        selected = {"select": "0123456789012345", "valid_s": 10.0, "state": "ready"}
+        publish(broker, result(command, Phase.CONFIRMED, text="selected while ready", **selected))
+        done = await sending
+
+        words = ("pump-1", "start", "select=0123456789012345", "expect=state:ready,remote:true")
+        sending = asyncio.create_task(asyncio.to_thread(send, broker.port, *words, "--client", "alice"))
+        following = judged(await gateway.next())
+        publish(broker, result(following, Phase.CONFIRMED))
+        await sending
+
+    assert done == (0, "confirmed: selected while ready\nselect=0123456789012345 (within 10.0 s)\n", "")
+    assert command.args == {"verb": "set", "args": {"parameter": "P314", "value": 30}}
+    assert following.select == "0123456789012345"
+    assert following.expect == {"state": "ready", "remote": True}
+    assert following.args == {}
+
+
+@pytest.mark.mosquitto
+async def test_a_group_is_stopped_by_its_name(start_mosquitto: StartMosquitto, send: Send) -> None:
+    broker = start_mosquitto()
+    be_online(broker)
+    group = (
+        '[[operator]]\nclient = "alice"',
+        '[[group]]\nname = "all"\nstarters = ["*"]\n[[operator]]\nclient = "alice"',
+    )
+    async with broker.watch(TOPICS.command_filter) as gateway:
+        sending = asyncio.create_task(
+            asyncio.to_thread(send, broker.port, "all", "stop", "--client", "alice", changes=(group,))
+        )
+        command = judged(await gateway.next())
+        publish(broker, result(command, Phase.CONFIRMED, text="all stand still"))
+        done = await sending
+
+    assert (command.starter, command.verb) == ("all", "stop")
+    assert done == (0, "confirmed: all stand still\n", "")
+
+
+@pytest.mark.mosquitto
+@pytest.mark.parametrize("seconds", ["0", "-1", "nan"])
+async def test_without_time_for_a_result_nothing_is_sent(
+    seconds: str, start_mosquitto: StartMosquitto, send: Send
+) -> None:
+    broker = start_mosquitto()
+    be_online(broker)
+    async with broker.watch(TOPICS.command_filter) as gateway:
+        code, _, said = await asyncio.to_thread(
+            send, broker.port, "pump-1", "start", "--client", "alice", f"--timeout={seconds}"
+        )
+        broker.publish(TOPICS.command("pump-1", "alice", "stop"), "")
+
+        assert (await gateway.next()).topic == TOPICS.command("pump-1", "alice", "stop")
+    assert code == 2
+    assert "nothing was sent" in said
+
+
+@pytest.mark.parametrize("expect", ["ready", "state:", "state:ready,state:running", ":x", ""])
+def test_an_expectation_that_cannot_be_read_is_a_usage_error(expect: str, send: Send) -> None:
+    code, _, said = send(1, "pump-1", "start", f"expect={expect}", "--client", "alice")
+
+    assert code == 2
+    assert "is not POINT:VALUE" in said

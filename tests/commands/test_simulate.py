@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import Any
 
 import pytest
 
-from gateway.commands.simulate import simulated_unit
+from gateway.commands.simulate import simulate, simulated_unit
 from gateway.config.load import parse
 from gateway.errors import ConfigError
 from gateway.modbus.reads import ReadHoldingRegisters, ReadInputRegisters
@@ -90,3 +91,19 @@ def test_what_a_simulated_starter_cannot_be_is_a_mistake(family: str, more: str,
         talk_to(family, f"[line.starter.simulated]\n{more}")
 
     assert text in str(error.value)
+
+
+async def test_a_real_port_is_warned_of_loudly_and_left_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    config = parse(changed(("/dev/rs485-pumps", "/dev/null")), "site.toml")
+
+    simulating = asyncio.create_task(simulate(config))
+    told = ""
+    while "line pumps" not in told:
+        await asyncio.sleep(0.01)
+        captured = capsys.readouterr()
+        told += captured.err
+    simulating.cancel()
+    await asyncio.wait((simulating,))
+
+    assert told.startswith("WARNING: line pumps: /dev/null IS A REAL PORT and is not simulated")
+    assert "moves REAL MOTORS" in told

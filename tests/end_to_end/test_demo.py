@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
+import os
 import re
+import shutil
 import signal
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
@@ -30,12 +33,18 @@ STARTERS: dict[str, tuple[str, str, str, dict[str, Any]]] = {
 
 
 @asynccontextmanager
-async def demo(folder: Path) -> AsyncIterator[Scada]:
-    """Run the demo and wait until all four starters are ready."""
-    async with Program("gateway", "demo") as program:
+async def demo(
+    folder: Path,
+    *,
+    environ: Mapping[str, str] | None = None,
+    on_guide: Callable[[str], None] = lambda _: None,
+) -> AsyncIterator[Scada]:
+    """Run the demo and wait until all four starters are ready; `on_guide` gets what it has printed."""
+    async with Program("gateway", "demo", environ=environ) as program:
         await program.says("others    simulator/")
         port = re.search(r"on 127\.0\.0\.1:(\d+)", program.output)
         assert port is not None
+        on_guide(program.output)
         broker = MosquittoBroker(folder / "nobody")  # only its clients: the demo has a broker of its own
         broker.port = int(port[1])
         async with broker.watch("starters/demo/#", "simulator/+/done") as watcher:
@@ -101,3 +110,46 @@ async def test_a_hand_at_the_starter_takes_control_and_power_away_and_gives_them
 
     assert held["code"] == "in_local"
     assert "no number 'often'" in refused["error"]
+
+
+@pytest.mark.parametrize("has_clients", [True, False])
+async def test_every_command_of_the_guide_works_when_it_is_pasted(
+    tmp_path: Path, *, has_clients: bool
+) -> None:
+    tools = tmp_path / "tools"
+    tools.mkdir()
+    for name in ("cut", "cat", *(("mosquitto_sub", "mosquitto_pub") if has_clients else ())):
+        (tools / name).symlink_to(shutil.which(name) or name)
+    environ = {"PATH": str(tools)}
+    guides: list[str] = []
+
+    async with demo(tmp_path, environ=environ, on_guide=guides.append) as scada:
+        guide = guides[0].split("Paste these into another terminal:")[1]
+        watching, *rest = [part.strip() for part in re.split(r"(?m)^#.*$", guide)[1:]]
+        watcher = await pasted(watching, environ, tmp_path)
+        assert watcher.stdout is not None
+        for part in rest:
+            commands = part.split("\n\n")[0].partition("\nothers")[0]
+            process = await pasted(commands, environ, tmp_path)
+            output, _ = await asyncio.wait_for(process.communicate(), 60.0)
+            assert process.returncode == 0, (commands, output)
+        await scada.until("starter/pump/state", state="fault", quality="good")
+        seen = await watcher.stdout.readline()
+        watcher.send_signal(signal.SIGINT)
+        await watcher.communicate()
+
+    assert seen.startswith(b"starters/demo/")
+    assert ("mosquitto_sub" in guide) is has_clients
+
+
+async def pasted(commands: str, environ: Mapping[str, str], folder: Path) -> asyncio.subprocess.Process:
+    """Run lines as a terminal in another folder would, each of which must succeed."""
+    return await asyncio.create_subprocess_exec(
+        shutil.which("bash") or "bash",
+        "-ec",
+        commands if "\n" in commands else f"exec {commands}",
+        cwd=folder,
+        env={"HOME": os.environ.get("HOME", "/"), **environ},
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.STDOUT,
+    )

@@ -59,8 +59,8 @@ async def test_starters_are_found_saved_restored_and_examined(
         assert "after 30 s without a request it shows E28" in text
 
         async with Program("gateway", "run", str(config)) as gateway:
-            await gateway.says("unit=4 answers")
-            _, text = await told("doctor", str(config))
+            await gateway.says("belt answers")
+            _, text = await told("doctor", str(config), "--client", "alice")
             assert "the gateway is asked over MQTT" in text
             assert text.count("answers the gateway") == 4
             assert "after 30 s without a request it shows E28" in text

@@ -62,12 +62,9 @@ def test_one_dead_unit_of_eight_costs_the_others_less_than_a_tenth(baud: int) ->
     assert rig.port.shortest_silence_s >= timing.silence_s - 1e-9
 
 
-def test_a_dead_unit_is_lost_after_four_misses_and_is_back_with_its_first_answer(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_a_dead_unit_is_lost_after_four_misses_and_is_back_with_its_first_answer() -> None:
     units = Units({1})
     rig = Rig(units, [poll("one", 1), poll("status", 2), poll("current", 2)])
-    caplog.set_level(logging.INFO, "gateway.line")
 
     async def scenario() -> None:
         async with rig:
@@ -83,9 +80,6 @@ def test_a_dead_unit_is_lost_after_four_misses_and_is_back_with_its_first_answer
     assert silent[4][-1].split()[1:4] == [">>", "02", "03"]
     assert back[2:4] == (True, "answers")
     assert len([outcome for outcome in rig.listener.outcomes("current") if isinstance(outcome, Answered)]) > 5
-    messages = [record.getMessage() for record in caplog.records]
-    assert sum("unit=2 went silent: no reply; last frames:" in message for message in messages) == 1
-    assert sum("unit=2 answers" in message for message in messages) == 1
 
 
 def test_a_garbled_poll_is_told_only_when_its_repetition_is_no_better() -> None:

@@ -142,7 +142,7 @@ def test_a_refusal_names_the_command_so_that_its_sender_can_be_told() -> None:
         verb="start",
         id="c1",
         code="bad_payload",
-        text="surprise: Extra inputs are not permitted",
+        text="surprise is no known key",
         operator="Ana",
         args={"value": 3},
         correlation=b"42",
@@ -168,12 +168,14 @@ def test_a_refusal_names_the_command_so_that_its_sender_can_be_told() -> None:
     ("payload", "code", "text"),
     [
         (b"", "bad_json", "empty payload"),
-        (b"start", "bad_json", "Expecting value"),
+        (b"start", "bad_json", "not JSON at character 1: 'start'"),
         (b'{"id":"a","id":"b"}', "bad_json", "a key stands twice"),
         (b'{"ttl_s":NaN}', "bad_json", "NaN is not JSON"),
         (b"x" * 4097, "too_big", "4097 bytes of payload, at most 4096"),
         (b'{"' + b"k" * 300 + b'":1}', "bad_payload", "kkkk"),
-        (b'{"a\\u0007":1}', "bad_payload", "a?: Extra"),
+        (b'{"a\\u0007":1}', "bad_payload", "a? is no known key"),
+        (b'{"id":7}', "bad_payload", "id must be a text in quotes"),
+        (b'{"id":"a","ttl_s":9999}', "bad_payload", "ttl_s must be at most"),
     ],
 )
 def test_a_payload_that_cannot_be_read_is_refused_with_its_reason(

@@ -12,9 +12,9 @@ from gateway.mqtt.settings import BrokerSettings, TlsSettings
 from tests.mosquitto import Certificate
 
 
-def untrusted() -> ssl.SSLCertVerificationError:
+def certificate_error(code: int, message: str) -> ssl.SSLCertVerificationError:
     error = ssl.SSLCertVerificationError()
-    error.verify_message = "certificate has expired"
+    error.verify_code, error.verify_message = code, message
     return error
 
 
@@ -27,7 +27,20 @@ def tls_error() -> ssl.SSLError:
 @pytest.mark.parametrize(
     ("error", "text"),
     [
-        (untrusted(), "broker b:1: its certificate: certificate has expired (check ca_file)"),
+        (
+            certificate_error(19, "self-signed certificate in certificate chain"),
+            "broker b:1: its certificate: self-signed certificate in certificate chain (check ca_file)",
+        ),
+        (
+            certificate_error(10, "certificate has expired"),
+            "broker b:1: its certificate: certificate has expired "
+            "(is this machine's clock right? else renew the certificate)",
+        ),
+        (
+            certificate_error(62, "Hostname mismatch, certificate is not valid for 'b'."),
+            "broker b:1: its certificate: Hostname mismatch, certificate is not valid for 'b'. "
+            "(give url the name that stands in the certificate, or have one made for this name)",
+        ),
         (tls_error(), "broker b:1: TLS: WRONG_VERSION_NUMBER (is this its TLS port?)"),
         (socket.gaierror(-2), "broker b:1: its name is not known (check url and the name server)"),
         (TimeoutError(), "broker b:1 does not answer (check url, network and firewall)"),
@@ -43,6 +56,10 @@ def test_an_unreachable_broker_is_explained(error: OSError | ValueError, text: s
 def test_a_refusal_is_explained_with_its_mend_where_there_is_one() -> None:
     assert str(refused("b:1", 0x86, "Bad user name or password")) == (
         "broker b:1 refuses the connection: Bad user name or password (check username and password)"
+    )
+    assert str(refused("b:1", 0x87, "Not authorized")) == (
+        "broker b:1 refuses the connection: Not authorized "
+        "(check username and password, which some brokers refuse so; else let this user connect)"
     )
     assert str(refused("b:1", 0x97, "Quota exceeded")) == (
         "broker b:1 refuses the connection: Quota exceeded"

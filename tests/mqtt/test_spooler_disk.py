@@ -19,9 +19,7 @@ def inline_store(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gateway.durable.outbox_disk.Store", InlineStore)
 
 
-def test_without_a_disk_memory_serves_and_the_disk_learns_everything_when_it_is_back(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_without_a_disk_memory_serves_and_the_disk_learns_everything_when_it_is_back(tmp_path: Path) -> None:
     async def main() -> None:
         place = tmp_path / "state"
         place.write_text("in the way")
@@ -45,9 +43,7 @@ def test_without_a_disk_memory_serves_and_the_disk_learns_everything_when_it_is_
         assert second.texts() == ["event=2", 'p/history={"boot":"1","items":[3]}']
         second.kill()
 
-    with caplog.at_level(logging.ERROR):
-        run_virtually(main())
-    assert len(caplog.messages) == 1
+    run_virtually(main())
 
 
 def test_a_disk_that_fails_in_the_middle_loses_nothing(tmp_path: Path) -> None:
@@ -161,4 +157,4 @@ def test_an_end_without_a_disk_is_an_end(tmp_path: Path, caplog: pytest.LogCaptu
 
     with caplog.at_level(logging.WARNING):
         run_virtually(main())
-    assert [record.levelname for record in caplog.records] == ["ERROR", "WARNING"]
+    assert [record.levelname for record in caplog.records] == ["WARNING"]

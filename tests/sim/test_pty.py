@@ -155,3 +155,18 @@ async def test_bytes_that_nobody_reads_are_lost_without_harm() -> None:
 
     assert served.lost_bytes > 0
     await served.stop()
+
+
+async def test_a_link_that_another_simulator_serves_is_never_taken_from_it(tmp_path: Path) -> None:
+    link = tmp_path / "ttyPUMPS"
+    first, second = make_pty(link), make_pty(link)
+    await first.start()
+
+    with pytest.raises(PortError, match="another simulator serves this link"):
+        await second.start()
+
+    assert os.readlink(link) == first.path
+    await first.stop()
+    await second.start()
+    assert os.readlink(link) == second.path
+    await second.stop()

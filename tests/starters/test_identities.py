@@ -13,7 +13,15 @@ from gateway.sim.factory import make_unit
 from gateway.sim.impair import Reply
 from gateway.sim.unit import Unit
 from gateway.starters.identification import Standing
-from gateway.starters.records import AuditRecord, Phase, Severity, ValueRecord
+from gateway.starters.records import (
+    AuditRecord,
+    AvailabilityRecord,
+    Phase,
+    Quality,
+    Severity,
+    StateRecord,
+    ValueRecord,
+)
 from tests.starters.one_starter import Here, TestMemory, one_starter
 from tests.starters.rig import virtually
 
@@ -245,3 +253,79 @@ async def test_an_open_question_holds_commands_but_is_no_change_yet() -> None:
 
         assert here.telemetry.identity_standing is Standing.MATCHING
         assert here.events("identity_changed") == []
+
+
+@virtually
+async def test_values_of_a_device_of_another_family_are_bad_with_the_reason() -> None:
+    unit = make_unit("ssw06", 1, rated_current_a=950.0)
+    async with one_starter(unit, family="ssw07") as here:
+        await asyncio.sleep(10.0)
+        here.sink.records.clear()
+        await asyncio.sleep(60.0)
+
+        latest = here.sink.values("current")[-1]
+        assert (latest.value, latest.quality) == (None, Quality.BAD)
+        assert "it is ssw06, not ssw07" in latest.reason
+        assert not [record for record in here.sink.of(ValueRecord) if record.quality is not Quality.BAD]
+        assert {record.state for record in here.sink.of(StateRecord)} == {"unknown"}
+
+
+@virtually
+async def test_a_contradicting_device_is_degraded_and_its_raw_words_can_be_read() -> None:
+    unit = make_unit("ssw06", 1, rated_current_a=950.0)
+    async with one_starter(unit, family="ssw07") as here:
+        await asyncio.sleep(10.0)
+
+        assert await ask(here, "read", "1", parameter="P003") == (Phase.CONFIRMED, "ok")
+        values = here.sink.final("1").values
+        assert values["value"] is None
+        assert values["raw"] == list(here.telemetry.snapshot.rows["P003"])
+        assert "not ssw07" in values["reason"]
+        assert (await ask(here, "start", "2"))[1] == "identity_mismatch"
+        availability = here.sink.of(AvailabilityRecord)[-1]
+        assert availability.state == "degraded"
+        assert "it is ssw06, not ssw07" in (availability.reason or "")
+
+
+@virtually
+async def test_values_of_another_model_than_configured_are_bad_until_it_is_accepted() -> None:
+    async with one_starter(ours("ssw07"), model="SSW-07 130A") as here:
+        await asyncio.sleep(30.0)
+        held = here.telemetry.snapshot.readings["current"]
+        assert (held.value, held.quality) == (None, Quality.BAD)
+        assert "the configuration says SSW-07 130A" in held.reason
+
+        assert await ask(here, "accept", "1") == (Phase.CONFIRMED, "ok")
+
+        assert {each.quality for each in here.telemetry.snapshot.readings.values()} >= {Quality.GOOD}
+        assert here.telemetry.snapshot.readings["current"].quality is Quality.GOOD
+        assert here.telemetry.snapshot.readings["current"].reason == ""
+        assert here.sink.of(AvailabilityRecord)[-1].state == "online"
+
+
+@virtually
+async def test_values_are_bad_again_when_a_contradicting_device_comes_back_from_a_silence() -> None:
+    unit = make_unit("ssw06", 1, rated_current_a=950.0)
+    async with one_starter(unit, family="ssw07") as here:
+        await asyncio.sleep(10.0)
+        here.sink.records.clear()
+        here.bus.remove(unit)
+        await asyncio.sleep(30.0)
+        here.bus.add(unit)
+        await asyncio.sleep(120.0)
+
+        assert not [record for record in here.sink.of(ValueRecord) if record.quality is Quality.GOOD]
+        assert here.sink.of(AvailabilityRecord)[-1].state == "degraded"
+
+
+@virtually
+async def test_values_of_another_device_that_the_configuration_allows_stay_good() -> None:
+    memory = TestMemory()
+    async with one_starter(ours("ssw06"), memory=memory):
+        await asyncio.sleep(10.0)
+
+    async with one_starter(ours("ssw06", rated_current_a=130.0), memory=memory) as here:
+        await asyncio.sleep(10.0)
+
+        assert here.telemetry.identity_standing is Standing.CHANGED
+        assert here.telemetry.snapshot.readings["current"].quality is Quality.GOOD

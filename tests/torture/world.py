@@ -170,8 +170,7 @@ class World:
 
     def _voices(self, starter: str) -> list[str]:
         """Return when the gateway began to hear a starter, and when it no longer did."""
-        unit = list(STARTERS).index(starter) + 1
-        return re.findall(rf"line=hall unit={unit} (answers|went silent)", self.gateway.log)
+        return re.findall(rf" gateway: {starter} (answers|went silent)", self.gateway.log)
 
     async def calm(self) -> None:
         """Wait until no starter is polled faster than usual."""
