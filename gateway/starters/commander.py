@@ -278,8 +278,7 @@ class Commander:
         if is_asked_for:
             return
         if is_full:
-            text = "it is being stopped, for so many commands that this one gets no answer of its own"
-            self._excess.refuse(self._key(request), request, text)
+            self._excess.pass_over(self._key(request), request)
             return
         errand = Errand(request, self._desk, is_repeat=is_repeat)
         errand.accept()

@@ -274,3 +274,19 @@ async def test_an_error_inside_a_stop_is_told_and_calls_a_person(
     assert rig.sink.phases() == [ACCEPTED, WRITTEN, ("unconfirmed", "internal")]
     assert "stop_unconfirmed" in rig.sink.events()
     assert len(rig.stops()) == 1
+
+
+@virtually
+async def test_of_stops_too_many_to_follow_up_none_is_said_to_be_rejected_for_each_is_sent() -> None:
+    rig = await running()
+
+    for number in range(30):
+        rig.submit("stop", f"{number}")
+    await asyncio.sleep(5.0)
+
+    ends = [each for each in rig.sink.of(ResultRecord) if each.phase.is_final]
+    assert {(each.phase, each.code) for each in ends} == {
+        (Phase.CONFIRMED, "ok"),
+        (Phase.UNCONFIRMED, "too_many"),
+    }
+    assert sum(each.values.get("count", 1) for each in ends) == 30
