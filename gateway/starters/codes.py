@@ -153,7 +153,7 @@ CODES: Mapping[str, Mapping[str, Code]] = {
             "Wait for its result, then send yours again, with a new id.",
         ),
         "too_many": Code(
-            "Too many commands at once, or reads and settings on one line. A stop is sent all the same (unconfirmed).",
+            "Too many at once: commands, or reads and settings on one line. A stop is sent all the same.",
             "Send fewer.",
         ),
         "line_full": Code(
