@@ -43,6 +43,11 @@ class Hearing:
         is_echo = self._received.startswith(self._request_adu) and not self._keeps_copy
         return bytes(self._received[len(self._request_adu) :] if is_echo else self._received)
 
+    def skip(self, size: int) -> None:
+        """Leave out the first so many bytes of what was heard after the echo."""
+        start = len(self._received) - len(self.reply())
+        del self._received[start : start + size]
+
     def may_be_echo(self) -> bool:
         """Return whether all of it, if anything, may be (part of) an echo."""
         return not self._keeps_copy and self._request_adu.startswith(self._received)

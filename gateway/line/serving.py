@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from math import inf
 
 from gateway.errors import PortLostError
 from gateway.line.deafness import DEAF, Deafness
 from gateway.line.doorstep import LOOK_EVERY_S, Doorstep
 from gateway.line.figures import Figures
-from gateway.line.job import Job, Lane
-from gateway.line.outcome import TOO_LATE, Garbled, Outcome, Silent
+from gateway.line.job import Alternate, Job, Lane
+from gateway.line.outcome import TOO_LATE, Answered, Garbled, Outcome, Silent
 from gateway.line.plan import Plan, Turn
-from gateway.line.prepared import Preparations
+from gateway.line.prepared import Preparations, Prepared
+from gateway.line.rtu.confirmation import Confirmation, Reading
 from gateway.line.transaction import Transactor
 from gateway.line.voice import Voice
 
@@ -33,6 +35,7 @@ class Serving:
         doorstep: Doorstep,
         preparations: Preparations,
         voice: Voice,
+        confirmation: Confirmation,
         step: Callable[[], None],
     ) -> None:
         self.line = line
@@ -44,6 +47,8 @@ class Serving:
         self._doorstep = doorstep
         self._preparations = preparations
         self._voice = voice
+        self._confirmation = confirmation
+        self._waiting: list[tuple[float, Turn]] = []  # jobs whose unit has to send something else first
         self._step = step  # called whenever the loop gets on
         self._time = asyncio.get_running_loop().time
         self._turn: Turn | None = None  # chosen, not yet sent
@@ -60,6 +65,7 @@ class Serving:
             if self._turn is not None:
                 self._plan.put_back(self._turn, self._turn.since_s)
                 self._turn = None
+            self._requeue(inf)
             self._voice.flush()
 
     def submit(self, job: Job) -> None:
@@ -76,7 +82,9 @@ class Serving:
         if self._turn is not None and self._turn.job is job:
             self._turn = None
             return True
-        return self._plan.withdraw(job)
+        before = len(self._waiting)
+        self._waiting = [(at_s, turn) for at_s, turn in self._waiting if turn.job is not job]
+        return len(self._waiting) < before or self._plan.withdraw(job)
 
     def wake(self) -> None:
         """Look at the plan again."""
@@ -91,6 +99,7 @@ class Serving:
         line = self.line
         while not self.is_stopping:
             free_s = self._time()
+            self._requeue(free_s)
             if self._deafness.is_time_to_ask(free_s):
                 self.ask_all_anew()
             self._choose(max(line.quiet_from_s(), free_s))
@@ -100,15 +109,17 @@ class Serving:
             turn = self._chosen()
             if turn is None:
                 self._voice.flush()
-                await self._wait_for_work(self._plan.next_due_s())
+                due_s = min((at_s for at_s, _ in self._waiting), default=inf)
+                await self._wait_for_work(min(self._plan.next_due_s(), due_s))
                 continue
-            free_from_s = line.free_from_s(turn.unit, turn.request)
-            if noise is None and free_from_s > self._time():
-                await self._put_back(turn, free_from_s)
+            prepared = self._preparations.of(turn.poll.key if turn.poll else None, turn.unit, turn.request)
+            form = self._form_of(turn, prepared)
+            if form is None and noise is None:
+                self._put_back(turn, line.free_from_s(prepared))
                 continue
-            outcome = await self._take(turn, noise)
+            outcome = await self._take(turn, form or prepared, noise)
             self._step()
-            self._record(turn, outcome, took_s=self._time() - free_s)
+            self._record(turn, form or prepared, outcome, took_s=self._time() - free_s)
             if turn.unit and self._deafness.take(outcome, self._time()):
                 raise PortLostError(self._port_name, DEAF)
             if not self._deafness.is_deaf:
@@ -148,7 +159,24 @@ class Serving:
         self._doorstep.waited(began_s, now_s)
         return True
 
-    async def _take(self, turn: Turn, noise: Garbled | None) -> Outcome:
+    def _form_of(self, turn: Turn, prepared: Prepared) -> Prepared | None:
+        """Return what is sent for a turn: its request, an alternate, or first a question for life.
+
+        None while the unit may still send what would pass for the reply.
+        """
+        poll = turn.poll or self._plan.probe_of(turn.unit)
+
+        if poll is None:
+            return self.line.form_of(prepared, tuple)
+        if poll.life is not None and self.line.is_in_question(prepared):
+            return Prepared.of(turn.unit, poll.life)
+
+        def alternates() -> tuple[Alternate, ...]:
+            return poll.alternates if poll is turn.poll else poll.alternates_of(turn.request)
+
+        return self.line.form_of(prepared, alternates)
+
+    async def _take(self, turn: Turn, prepared: Prepared, noise: Garbled | None) -> Outcome:
         """Do one transaction, unless too late or on too noisy a line; a job ends even when this does not."""
         if turn.job is not None and self._time() > turn.job.until_s:
             return Silent(TOO_LATE, is_sent=False)
@@ -159,11 +187,9 @@ class Serving:
         if poll is not None:
             self._gave_way = False
         try:
-            prepared = self._preparations.of(poll.key if poll else None, turn.unit, turn.request)
             outcome = await self.line.exchange(
                 prepared,
                 response_time_s=self._figures.response_time_s(turn),
-                longest_s=turn.response_time_s,
                 meanwhile=self._voice.flush,
             )
             self._figures.note_sent(turn, self.line.written_s)
@@ -172,11 +198,17 @@ class Serving:
                 self._voice.finish(turn.job, Silent("port lost", is_sent=self.line.is_on_wire))
         return outcome
 
-    def _record(self, turn: Turn, outcome: Outcome, *, took_s: float) -> None:
+    def _record(self, turn: Turn, sent: Prepared, outcome: Outcome, *, took_s: float) -> None:
         """Plan on, and have it told to whoever waits for this outcome."""
         now_s = self._time()
         self._figures.note(turn, outcome, took_s=took_s, now_s=now_s)
-        verdict = self._plan.record(turn, outcome, now_s)
+        is_open = False
+        if isinstance(outcome, Answered):
+            reading = self._weigh(turn, sent, outcome, now_s)
+            is_open = reading is Reading.AGAIN
+            if reading is Reading.OPEN:
+                outcome = Garbled("no two readings agree", b"")
+        verdict = self._plan.record(turn, outcome, now_s, is_open=is_open)
         for trouble in self.line.suspicions.take_news():
             self._voice.tell_trouble(trouble)
         if verdict.is_answering is not None:
@@ -188,11 +220,36 @@ class Serving:
         elif turn.poll is not None:
             self._voice.tell_poll(turn.poll, outcome)
 
-    async def _put_back(self, turn: Turn, until_s: float) -> None:
-        """Let the unit's late reply come first; nothing but a new job is worth ending that wait for."""
-        self._plan.put_back(turn, until_s)
-        if turn.job is not None:
-            await self._wait_for_work(until_s)
+    def _weigh(self, turn: Turn, sent: Prepared, answer: Answered, now_s: float) -> Reading:
+        """Return whether an answer counts, or its turn is to be repeated at once."""
+        if sent.asked is not turn.request:
+            return Reading.AGAIN  # the unit is there; now for what was wanted
+        poll = turn.poll
+        if poll is None or poll.decisive is None:
+            return Reading.COUNTS
+        return self._confirmation.take(
+            poll.key,
+            poll.decisive(answer.value),
+            sent.shape,
+            is_disturbed=self.line.late.is_disturbed(now_s),
+            has_alternates=bool(poll.alternates),
+        )
+
+    def _put_back(self, turn: Turn, until_s: float) -> None:
+        """Let others go first until then."""
+        if turn.job is None:
+            self._plan.put_back(turn, until_s)
+        else:
+            self._waiting.append((until_s, turn))
+
+    def _requeue(self, now_s: float) -> None:
+        """Queue the jobs again whose time has come, or whose line ends."""
+        if not self._waiting:
+            return
+        for at_s, turn in reversed(self._waiting):
+            if at_s <= now_s:
+                self._plan.put_back(turn, now_s)
+        self._waiting = [each for each in self._waiting if each[0] > now_s]
 
     async def _wait_for_work(self, until_s: float) -> None:
         """Sleep until then, or until a job comes or it is time to look at the port."""

@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 from gateway.line.outcome import Answered
 from gateway.line.pace import KEPT_ENOUGH
 from gateway.line.trace import Trace
-from gateway.line.transaction import LATE_FACTOR, Transactor
+from gateway.line.transaction import Transactor
 from gateway.modbus import adu
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters, ReadInputRegisters
