@@ -17,9 +17,10 @@ from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
 
 MOST = 8  # alternates of one request
+ENOUGH = 4  # with fewer, reads in two requests are added
 
 Cut = Callable[[Any], Any]
-Alternate = tuple[Request, Cut]
+Alternate = tuple[tuple[Request, ...], Cut]
 
 _TABLES: dict[int, Table] = {
     ReadCoils.function: Table.COIL,
@@ -34,13 +35,16 @@ _LIFE_REGISTERS = 3  # where there are no coils: fewer may be refused (ssw900 7.
 def alternates(profile: Profile, request: Request) -> tuple[Alternate, ...]:
     """Return equivalent reads whose replies differ in length or function from this one's and one another's.
 
-    They come in order of length. The second of each pair takes what was asked for from the value that such a read decodes.
+    One that takes several requests is as good as one read of all that they read. The second of each pair
+    takes what was asked for from the value that such a read decodes.
     """
     table = _TABLES.get(request.function)
     if table is None or not isinstance(request, ReadCoils | ReadHoldingRegisters | ReadInputRegisters):
         return ()
-    found = list(_as_coils(profile, table, request.address, request.count))
+    found = [*_as_coils(profile, table, request.address, request.count)]
     found += _longer(profile, table, request.address, request.count)
+    if len(found) < ENOUGH:
+        found += _halved(profile, table, request.address, request.count)
     return tuple(found[:MOST])
 
 
@@ -69,7 +73,9 @@ def _as_coils(profile: Profile, table: Table, address: int, count: int) -> Itera
             continue
         places = [bit.address for bit in bits if bit is not None and bit.table is Table.COIL]
         if places == list(range(first.address, first.address + _WORD_BITS)):
-            yield ReadCoils(first.address, _WORD_BITS), _to_word
+            yield (ReadCoils(first.address, _WORD_BITS),), _to_word
+            halves = [ReadCoils(first.address + at, _BYTE_BITS) for at in (0, _BYTE_BITS)]
+            yield tuple(halves), _to_word
 
 
 def _longer(profile: Profile, table: Table, address: int, count: int) -> Iterator[Alternate]:
@@ -83,8 +89,21 @@ def _longer(profile: Profile, table: Table, address: int, count: int) -> Iterato
         size = -(-count // _BYTE_BITS) * _BYTE_BITS + 1 if is_bit else count + 1
         while size <= min(longest, run_end - first):
             start = min(address, run_end - size)
-            yield read_run(table, start, size), partial(_cut, start=address - start, count=count)
+            yield (read_run(table, start, size),), partial(_cut, start=address - start, count=count)
             size += _BYTE_BITS if is_bit else 1
+
+
+def _halved(profile: Profile, table: Table, address: int, count: int) -> Iterator[Alternate]:
+    """Return the same read in two: the only other forms of one whose neighbours may not be read.
+
+    No row is cut, since its words belong together.
+    """
+    step = _BYTE_BITS if table is Table.COIL else 1
+    starts = {at for run_table, at in profile.rows_at if run_table is table}
+    for first in range(step, count, step):
+        if address + first in starts and first >= count - first:
+            parts = (read_run(table, address, first), read_run(table, address + first, count - first))
+            yield parts, partial(_cut, start=0, count=count)
 
 
 def _cut(value: Sequence[Any], *, start: int, count: int) -> tuple[Any, ...]:

@@ -39,13 +39,10 @@ def longest_s(
 def worst_stop_latency_s(
     polls: Iterable[Poll], timing: LineTiming, *, allowance_s: float = ALLOWANCE_S
 ) -> float:
-    """Return the longest time from a stop's submission to its first byte while these polls are asked.
-
-    The last of a poll's alternates is its longest.
-    """
+    """Return the longest time from a stop's submission to its first byte while these polls are asked."""
     waits_s = (
         longest_s(request, timing, response_time_s=poll.response_time_s, allowance_s=allowance_s)
         for poll in polls
-        for request in (poll.request, *(request for request, _ in poll.alternates[-1:]))
+        for request in (poll.request, *(request for requests, _ in poll.alternates for request in requests))
     )
     return max(waits_s, default=0.0) + timing.silence_s

@@ -11,8 +11,8 @@ from typing import Any
 from gateway.line.outcome import Outcome
 from gateway.modbus.pdu import Request
 
-# A read whose reply has another length, and what takes from its value that of the request it stands for.
-Alternate = tuple[Request, Callable[[Any], Any]]
+# Reads that together say what another does, by replies of other lengths, and what makes its value of theirs.
+Alternate = tuple[tuple[Request, ...], Callable[[Any], Any]]
 
 
 class Lane(enum.IntEnum):

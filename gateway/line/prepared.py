@@ -29,6 +29,7 @@ class Prepared:
     shape: Shape
     asked: Request  # what is wanted: the request itself, or the one that it is an alternate of
     cut: Callable[[Any], Any] | None = None  # from an alternate's value to that of `asked`
+    parts: tuple[Request, ...] = ()  # all requests of an alternate that takes several
 
     @classmethod
     def of(
@@ -38,6 +39,7 @@ class Prepared:
         *,
         asked: Request | None = None,
         cut: Callable[[Any], Any] | None = None,
+        parts: tuple[Request, ...] = (),
     ) -> Self:
         """Prepare a request, or an alternate of `asked`; ValueError for what no frame can hold."""
         size = request.reply_size()
@@ -50,6 +52,7 @@ class Prepared:
             expected_shape(request),
             asked or request,
             cut,
+            parts,
         )
 
 

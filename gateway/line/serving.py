@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
+from dataclasses import replace
 from math import inf
 
 from gateway.errors import PortLostError
@@ -11,10 +12,11 @@ from gateway.line.deafness import DEAF, Deafness
 from gateway.line.doorstep import LOOK_EVERY_S, Doorstep
 from gateway.line.figures import Figures
 from gateway.line.job import Alternate, Job, Lane
-from gateway.line.outcome import TOO_LATE, Answered, Garbled, Outcome, Silent
+from gateway.line.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.plan import Plan, Turn
 from gateway.line.prepared import Preparations, Prepared
 from gateway.line.rtu.confirmation import Confirmation, Reading
+from gateway.line.rtu.parts import Parts
 from gateway.line.transaction import Transactor
 from gateway.line.voice import Voice
 
@@ -48,6 +50,7 @@ class Serving:
         self._preparations = preparations
         self._voice = voice
         self._confirmation = confirmation
+        self._parts = Parts()
         self._waiting: list[tuple[float, Turn]] = []  # jobs whose unit has to send something else first
         self._step = step  # called whenever the loop gets on
         self._time = asyncio.get_running_loop().time
@@ -174,7 +177,13 @@ class Serving:
         def alternates() -> tuple[Alternate, ...]:
             return poll.alternates if poll is turn.poll else poll.alternates_of(turn.request)
 
-        return self.line.form_of(prepared, alternates)
+        begun = self._parts.begun(_key(turn), self._time())
+        if begun is not None:
+            return self.line.part_of(prepared, begun.next_request)
+        form = self.line.form_of(prepared, alternates)
+        if form is not None and form.parts and form.cut is not None:
+            self._parts.begin(_key(turn), form.parts, form.cut, self._time())
+        return form
 
     async def _take(self, turn: Turn, prepared: Prepared, noise: Garbled | None) -> Outcome:
         """Do one transaction, unless too late or on too noisy a line; a job ends even when this does not."""
@@ -202,12 +211,10 @@ class Serving:
         """Plan on, and have it told to whoever waits for this outcome."""
         now_s = self._time()
         self._figures.note(turn, outcome, took_s=took_s, now_s=now_s)
-        is_open = False
-        if isinstance(outcome, Answered):
-            reading = self._weigh(turn, sent, outcome, now_s)
-            is_open = reading is Reading.AGAIN
-            if reading is Reading.OPEN:
-                outcome = Garbled("no two readings agree", b"")
+        reading, outcome = self._weigh(turn, sent, outcome, now_s)
+        is_open = reading is Reading.AGAIN
+        if reading is Reading.OPEN:
+            outcome = Garbled("no two readings agree", b"")
         verdict = self._plan.record(turn, outcome, now_s, is_open=is_open)
         for trouble in self.line.suspicions.take_news():
             self._voice.tell_trouble(trouble)
@@ -220,20 +227,30 @@ class Serving:
         elif turn.poll is not None:
             self._voice.tell_poll(turn.poll, outcome)
 
-    def _weigh(self, turn: Turn, sent: Prepared, answer: Answered, now_s: float) -> Reading:
-        """Return whether an answer counts, or its turn is to be repeated at once."""
+    def _weigh(self, turn: Turn, sent: Prepared, outcome: Outcome, now_s: float) -> tuple[Reading, Outcome]:
+        """Return whether an outcome counts or its turn is to be repeated at once, and what it then is."""
+        if not isinstance(outcome, Answered):
+            self._parts.drop(_key(turn))
+            is_refused = isinstance(outcome, Refused) and sent.request is not turn.request
+            return Reading.AGAIN if is_refused else Reading.COUNTS, outcome
         if sent.asked is not turn.request:
-            return Reading.AGAIN  # the unit is there; now for what was wanted
+            return Reading.AGAIN, outcome  # the unit is there; now for what was wanted
+        if sent.parts:
+            is_whole, value = self._parts.take(_key(turn), outcome.value)
+            if not is_whole:
+                return Reading.AGAIN, outcome
+            outcome = replace(outcome, value=value)
         poll = turn.poll
         if poll is None or poll.decisive is None:
-            return Reading.COUNTS
-        return self._confirmation.take(
+            return Reading.COUNTS, outcome
+        reading = self._confirmation.take(
             poll.key,
-            poll.decisive(answer.value),
+            poll.decisive(outcome.value),
             sent.shape,
             is_disturbed=self.line.late.is_disturbed(now_s),
             has_alternates=bool(poll.alternates),
         )
+        return reading, outcome
 
     def _put_back(self, turn: Turn, until_s: float) -> None:
         """Let others go first until then."""
@@ -267,3 +284,8 @@ class Serving:
         finally:
             timer.cancel()
             self._waker = None
+
+
+def _key(turn: Turn) -> Hashable:
+    """Return what a turn is for."""
+    return id(turn.job) if turn.poll is None else turn.poll.key

@@ -111,12 +111,23 @@ class Transactor:
         if self.late.may_send(unit, request, prepared.shape, now_s):
             return prepared
         others = self._usable(unit, alternates())
-        shapes = (prepared.shape, *(expected_shape(other) for other, _ in others))
+        shapes = ((prepared.shape,), *(tuple(map(expected_shape, parts)) for parts, _ in others))
         chosen = self.late.choose(unit, request, shapes, now_s)
         if not chosen:
             return None if chosen is None else prepared
-        other, cut = others[chosen - 1]
-        return Prepared.of(unit, other, asked=request, cut=cut)
+        parts, cut = others[chosen - 1]
+        if len(parts) > 1:
+            return Prepared.of(unit, parts[0], asked=request, cut=cut, parts=parts)
+        return Prepared.of(unit, parts[0], asked=request, cut=cut)
+
+    def part_of(self, prepared: Prepared, part: Request) -> Prepared | None:
+        """Return one more part of what is asked in parts; None when it may not be sent now."""
+        if (
+            self.late.choose(prepared.unit, prepared.request, ((expected_shape(part),),), self._time())
+            is None
+        ):
+            return None
+        return Prepared.of(prepared.unit, part, asked=prepared.request, parts=(part,))
 
     def is_in_question(self, prepared: Prepared) -> bool:
         """Return whether a read's reply is owed already by a unit that has sent nothing since."""
@@ -159,7 +170,7 @@ class Transactor:
         wire_s = len(prepared.adu) * self._character_s
         self._earliest_s = self._time() + wire_s
         if prepared.unit != adu.BROADCAST:
-            self._was_owed = self.late.owes(prepared.unit, prepared.shape, now_s=self._time())
+            self._was_owed = self.late.may_pass(prepared.unit, prepared.request, prepared.shape, self._time())
             self.late.note_sent(prepared.unit, prepared.shape, self._time())
         self._port.write(prepared.adu)
         self.written_s = self._time()
@@ -287,7 +298,10 @@ class Transactor:
         if is_exception and (
             self._was_owed or not self.late.is_exception_clear(unit, function, prepared.shape, now_s)
         ):
-            self.late.note_refusal_doubted(unit, prepared.asked)
+            if prepared.asked is prepared.request:
+                self.late.note_refusal_doubted(unit, prepared.asked)
+            else:
+                self._unusable.add(prepared.adu)
             return "it may be the refusal of an earlier request"
         if self._was_owed and prepared.request.is_write and function != Function.READ_WRITE_REGISTERS:
             return "it may be the acknowledgement of an earlier write"
@@ -303,23 +317,24 @@ class Transactor:
         """Take note of the answer."""
         self.suspicions.note_answer(prepared.unit, frame, at_s=at_s)
         seen = prepared.shape if not frame[1] & EXCEPTION_BIT else frame[1:2]
-        self.late.note_answer(
-            prepared.unit, prepared.shape, prepared.asked, at_s=at_s, seen=seen, was_owed=self._was_owed
-        )
+        self.late.note_answer(prepared.unit, prepared.shape, prepared.asked, at_s=at_s, seen=seen)
 
     def _as_asked(self, prepared: Prepared, outcome: Outcome) -> Outcome:
-        """Return the outcome of an alternate as one of the request that it stands for."""
+        """Return the outcome of an alternate as one of the request that it stands for, but for a refusal."""
         if isinstance(outcome, Refused) and outcome.is_lasting:
             self._unusable.add(prepared.adu)
-            return Garbled("another form of the request is refused", b"")
-        if isinstance(outcome, Answered) and prepared.cut is not None:
+        if isinstance(outcome, Answered) and prepared.cut is not None and not prepared.parts:
             return replace(outcome, value=prepared.cut(outcome.value))
         return outcome
 
     def _usable(self, unit: int, alternates: tuple[Alternate, ...]) -> list[Alternate]:
         if not self._unusable:
             return list(alternates)
-        return [each for each in alternates if adu.encode(unit, each[0].encode()) not in self._unusable]
+        return [
+            each
+            for each in alternates
+            if all(adu.encode(unit, part.encode()) not in self._unusable for part in each[0])
+        ]
 
     async def _listen(self, hearing: Hearing, *, first_by_s: float, deadline_s: float) -> None:
         """Read on until the reply is whole or will not come, and note when its first byte began.

@@ -278,7 +278,7 @@ def longer(request: Request) -> tuple[Alternate, ...]:
     assert isinstance(request, ReadHoldingRegisters)
     count = request.count
     return tuple(
-        (ReadHoldingRegisters(request.address, count + more), itemgetter(slice(count)))
+        ((ReadHoldingRegisters(request.address, count + more),), itemgetter(slice(count)))
         for more in range(1, ALTERNATES + 1)
     )
 

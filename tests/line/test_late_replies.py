@@ -9,7 +9,7 @@ import os
 
 import pytest
 
-from tests.line.late_wire import ask_for_long
+from tests.line.late_lines import ask_for_long
 
 TRANSACTIONS = int(os.environ.get("LATE_REPLIES", "100000"))
 SEEDS = 5

@@ -10,9 +10,9 @@ Invariants
     as the answer or late, or `LATE_S` have passed.
  2. A read is only sent while its unit does not owe its shape. Where all alternates are owed the read waits;
     the shape owed longest may be used again after `EXHAUSTED_S`.
- 3. For `COPY_S` after each reply its copy may begin: within that time other reads avoid its shape; on a
-    disturbed line no read has it. For as long no read of a function follows a refusal of that function. On a
-    calm line the same read may follow at once in the same shape: a first copy is its value of a moment before.
+ 3. For `COPY_S` after each reply its copy may begin: within that time no read has its shape, and none of a
+    function follows a refusal of that function. Only on a calm line the same read may follow at once in the
+    same shape: a first copy is its value of a moment before.
  4. An exception reply shows only its function. It is not believed while its unit owes any other reply to that
     function; what was refused so is asked again once nothing of that function is owed.
  5. A write is never held back. While its unit owes an equal reply its acknowledgement is not believed: the
@@ -36,6 +36,7 @@ from gateway.modbus.pdu import Request
 LATE_S = 30.0  # a reply that was not in time may come for so long
 EXHAUSTED_S = 12.0  # where a unit owes every shape of a read: until the one owed longest is used again
 COPY_S = 0.025  # from the end of a reply to the beginning of its copy, at most
+LONGEST_REPLY_S = 0.3  # on the wire at 9600 bit/s
 DISTURBED_S = 60.0
 LOOK_AGAIN_S = 0.5  # what waits for a late reply is looked at so often
 
@@ -80,10 +81,11 @@ class LateReplies:
 
     def __init__(self, *, late_s: float = LATE_S) -> None:
         self._late_s = late_s
-        self._owed: dict[int, dict[Shape, float]] = {}  # by unit: when it was asked
+        self._owed: dict[int, dict[Shape, list[float]]] = {}  # by unit: when it was asked
         self._copies: dict[int, list[_Copy]] = {}  # by unit: of its latest replies
         self._doubted: dict[int, set[Request]] = {}  # by unit: refused, as it seemed
         self._answered_in: dict[tuple[int, Request], Shape] = {}  # on a disturbed line
+        self._seen_s: dict[tuple[int, Shape], float] = {}  # when a frame that was no answer came last
         self._unheard: set[int] = set()
         self._disturbed_until_s = -inf
 
@@ -103,6 +105,11 @@ class LateReplies:
     def is_unheard(self, unit: int) -> bool:
         """Return whether nothing was heard of a unit since a request that it did not answer."""
         return unit in self._unheard
+
+    def may_pass(self, unit: int, request: Request, shape: Shape, now_s: float) -> bool:
+        """Return whether what a unit may still send would pass for the answer to a request sent now."""
+        is_owed = shape in self._current(unit, now_s)
+        return is_owed or (request.is_write and self.may_be_copied(unit, shape, request, now_s))
 
     def may_be_copied(self, unit: int, shape: Shape, request: Request | None, now_s: float) -> bool:
         """Return whether a copy may still begin that would pass for the answer of this shape to a request."""
@@ -126,43 +133,39 @@ class LateReplies:
             self.may_be_copied(unit, shape, request, now_s) or self._is_refusal_near(unit, request, now_s)
         )
 
-    def choose(self, unit: int, request: Request, shapes: tuple[Shape, ...], now_s: float) -> int | None:
-        """Return which of these equivalent reads may be sent, the request itself being the first.
+    def choose(
+        self, unit: int, request: Request, forms: tuple[tuple[Shape, ...], ...], now_s: float
+    ) -> int | None:
+        """Return which of these equivalent forms of a read may be sent, the request itself being the first.
 
-        None while there is none.
+        A form of several requests has several shapes. None while there is none.
         """
         owed = self._current(unit, now_s)
         if self._is_doubted(unit, request, owed) or self._is_refusal_near(unit, request, now_s):
             return None
-        is_disturbed = self.is_disturbed(now_s)
-        latest = self._answered_in.get((unit, request)) if is_disturbed else None
-        free = [at for at, shape in enumerate(shapes) if shape not in owed]
-        calm = [at for at in free if not self.may_be_copied(unit, shapes[at], request, now_s)]
+        latest = self._answered_in.get((unit, request)) if self.is_disturbed(now_s) else None
+        free = [at for at, shapes in enumerate(forms) if owed.keys().isdisjoint(shapes)]
+        calm = [at for at in free if not self.may_be_copied(unit, forms[at][0], request, now_s)]
         for at in calm:
-            if shapes[at] != latest:
+            if forms[at][-1] != latest:
                 return at
         if calm:
             return calm[0]
         if free:
-            return None if is_disturbed else free[0]
-        longest = min(range(len(shapes)), key=lambda at: owed[shapes[at]])
-        return longest if owed[shapes[longest]] + min(EXHAUSTED_S, self._late_s) <= now_s else None
+            return None
+        asked_s = {at: owed[shapes[0]][-1] for at, shapes in enumerate(forms) if len(shapes) == 1}
+        longest = min(asked_s, key=lambda at: asked_s[at])
+        return longest if asked_s[longest] + min(EXHAUSTED_S, self._late_s) <= now_s else None
 
     def note_sent(self, unit: int, shape: Shape, at_s: float) -> None:
         """Record that a request is written."""
         self._unheard.add(unit)
-        self._owed.setdefault(unit, {})[shape] = at_s
+        self._owed.setdefault(unit, {}).setdefault(shape, []).append(at_s)
 
-    def note_answer(
-        self, unit: int, shape: Shape, request: Request, *, at_s: float, seen: Shape, was_owed: bool
-    ) -> None:
-        """Record the believed reply `seen` to the latest request, which expected `shape`.
-
-        Where that `was_owed` by an earlier request too, one more may come.
-        """
+    def note_answer(self, unit: int, shape: Shape, request: Request, *, at_s: float, seen: Shape) -> None:
+        """Record the believed reply `seen` to the latest request, which expected `shape`."""
         self._unheard.discard(unit)
-        if not was_owed:
-            self._owed[unit].pop(shape, None)
+        self._settle(unit, shape, is_latest=True)
         self._add_copy(unit, _Copy(at_s + COPY_S, seen, request))
         if at_s < self._disturbed_until_s:
             self._answered_in[unit, request] = seen
@@ -171,7 +174,7 @@ class LateReplies:
 
     def note_damaged(self, unit: int, shape: Shape) -> None:
         """Record that the reply came, though with a wrong CRC."""
-        self._owed.get(unit, {}).pop(shape, None)
+        self._settle(unit, shape, is_latest=True)
 
     def note_refusal_doubted(self, unit: int, request: Request) -> None:
         """Record that an exception came which may answer an earlier request."""
@@ -183,13 +186,17 @@ class LateReplies:
         self._unheard.discard(unit)
         shape = shape_of(pdu)
         owed = self._owed.get(unit, {})
-        if pdu[0] & EXCEPTION_BIT:
+        seen_s = self._seen_s.get((unit, shape), -inf)
+        self._seen_s[unit, shape] = at_s
+        if at_s - seen_s <= COPY_S + LONGEST_REPLY_S:
+            pass  # it may be a copy of the one before
+        elif pdu[0] & EXCEPTION_BIT:
             function = pdu[0] & ~EXCEPTION_BIT
             possible = [each for each in owed if each[0] == function]
             if len(possible) == 1 and possible[0] != asked:
-                del owed[possible[0]]
+                self._settle(unit, possible[0])
         elif shape != asked:
-            owed.pop(shape, None)
+            self._settle(unit, shape)
         self._add_copy(unit, _Copy(at_s + COPY_S, shape, None))
 
     def is_exception_clear(self, unit: int, function: int, asked: Shape, now_s: float) -> bool:
@@ -211,7 +218,7 @@ class LateReplies:
     def _is_refusal_near(self, unit: int, request: Request, now_s: float) -> bool:
         return self.may_be_copied(unit, bytes((request.function | EXCEPTION_BIT,)), None, now_s)
 
-    def _is_doubted(self, unit: int, request: Request, owed: dict[Shape, float]) -> bool:
+    def _is_doubted(self, unit: int, request: Request, owed: dict[Shape, list[float]]) -> bool:
         doubted = self._doubted.get(unit)
         if doubted is None or request not in doubted:
             return False
@@ -220,13 +227,26 @@ class LateReplies:
         doubted.discard(request)
         return False
 
-    def _current(self, unit: int, now_s: float) -> dict[Shape, float]:
+    def _current(self, unit: int, now_s: float) -> dict[Shape, list[float]]:
+        """Return what a unit still owes."""
         owed = self._owed.get(unit)
         if not owed:
             return {}
-        for shape in [shape for shape, asked_s in owed.items() if asked_s + self._late_s <= now_s]:
-            del owed[shape]
+        from_s = now_s - self._late_s
+        for shape in [shape for shape, asked_s in owed.items() if asked_s[0] <= from_s]:
+            owed[shape] = [at_s for at_s in owed[shape] if at_s > from_s]
+            if not owed[shape]:
+                del owed[shape]
         return owed
+
+    def _settle(self, unit: int, shape: Shape, *, is_latest: bool = False) -> None:
+        """Owe one less of a shape: the latest, or the earliest where the latest may still be to come."""
+        owed = self._owed.get(unit, {})
+        times_s = owed.get(shape)
+        if times_s is not None:
+            del times_s[-1 if is_latest else 0]
+            if not times_s:
+                del owed[shape]
 
     def _add_copy(self, unit: int, copy: _Copy) -> None:
         copies = self._copies.setdefault(unit, [])
