@@ -117,7 +117,7 @@ class Serving:
                 continue
             prepared = self._preparations.of(turn.poll.key if turn.poll else None, turn.unit, turn.request)
             form = self._form_of(turn, prepared)
-            if form is None and noise is None:
+            if form is None and noise is None and not self._is_too_late(turn):
                 self._put_back(turn, line.free_from_s(prepared))
                 continue
             outcome = await self._take(turn, form or prepared, noise)
@@ -185,9 +185,12 @@ class Serving:
             self._parts.begin(_key(turn), form.parts, form.cut, self._time())
         return form
 
+    def _is_too_late(self, turn: Turn) -> bool:
+        return turn.job is not None and self._time() > turn.job.until_s
+
     async def _take(self, turn: Turn, prepared: Prepared, noise: Garbled | None) -> Outcome:
         """Do one transaction, unless too late or on too noisy a line; a job ends even when this does not."""
-        if turn.job is not None and self._time() > turn.job.until_s:
+        if self._is_too_late(turn):
             return Silent(TOO_LATE, is_sent=False)
         if noise is not None:
             return noise

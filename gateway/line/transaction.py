@@ -317,7 +317,9 @@ class Transactor:
         """Take note of the answer."""
         self.suspicions.note_answer(prepared.unit, frame, at_s=at_s)
         seen = prepared.shape if not frame[1] & EXCEPTION_BIT else frame[1:2]
-        self.late.note_answer(prepared.unit, prepared.shape, prepared.asked, at_s=at_s, seen=seen)
+        self.late.note_answer(
+            prepared.unit, prepared.shape, prepared.request, asked=prepared.asked, at_s=at_s, seen=seen
+        )
 
     def _as_asked(self, prepared: Prepared, outcome: Outcome) -> Outcome:
         """Return the outcome of an alternate as one of the request that it stands for, but for a refusal."""

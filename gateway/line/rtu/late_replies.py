@@ -34,7 +34,7 @@ from gateway.modbus.codes import EXCEPTION_BIT, Function
 from gateway.modbus.pdu import Request
 
 LATE_S = 30.0  # a reply that was not in time may come for so long
-EXHAUSTED_S = 12.0  # where a unit owes every shape of a read: until the one owed longest is used again
+EXHAUSTED_S = 16.0  # where a unit owes every shape of a read: until the one owed longest is used again
 COPY_S = 0.025  # from the end of a reply to the beginning of its copy, at most
 LONGEST_REPLY_S = 0.3  # on the wire at 9600 bit/s
 DISTURBED_S = 60.0
@@ -85,7 +85,7 @@ class LateReplies:
         self._copies: dict[int, list[_Copy]] = {}  # by unit: of its latest replies
         self._doubted: dict[int, set[Request]] = {}  # by unit: refused, as it seemed
         self._answered_in: dict[tuple[int, Request], Shape] = {}  # on a disturbed line
-        self._seen_s: dict[tuple[int, Shape], float] = {}  # when a frame that was no answer came last
+        self._seen_s: dict[tuple[int, Shape], float] = {}  # when it came last
         self._unheard: set[int] = set()
         self._disturbed_until_s = -inf
 
@@ -117,8 +117,10 @@ class LateReplies:
         if not copies:
             return False
         copies[:] = [each for each in copies if each.until_s > now_s]
-        is_calm = not self.is_disturbed(now_s)
-        return any(each.shape == shape and not (is_calm and each.request == request) for each in copies)
+        is_same_harmless = request is not None and not self.is_disturbed(now_s)
+        return any(
+            each.shape == shape and not (is_same_harmless and each.request == request) for each in copies
+        )
 
     def may_send(self, unit: int, request: Request, shape: Shape, now_s: float) -> bool:
         """Return whether this may be sent as it is, without looking for an alternate."""
@@ -144,31 +146,42 @@ class LateReplies:
         if self._is_doubted(unit, request, owed) or self._is_refusal_near(unit, request, now_s):
             return None
         latest = self._answered_in.get((unit, request)) if self.is_disturbed(now_s) else None
-        free = [at for at, shapes in enumerate(forms) if owed.keys().isdisjoint(shapes)]
-        calm = [at for at in free if not self.may_be_copied(unit, forms[at][0], request, now_s)]
-        for at in calm:
+        calm = [
+            at
+            for at, shapes in enumerate(forms)
+            if not self.may_be_copied(unit, shapes[0], None if at else request, now_s)
+        ]
+        free = [at for at in calm if owed.keys().isdisjoint(forms[at])]
+        for at in free:
             if forms[at][-1] != latest:
                 return at
-        if calm:
-            return calm[0]
         if free:
-            return None
-        asked_s = {at: owed[shapes[0]][-1] for at, shapes in enumerate(forms) if len(shapes) == 1}
-        longest = min(asked_s, key=lambda at: asked_s[at])
-        return longest if asked_s[longest] + min(EXHAUSTED_S, self._late_s) <= now_s else None
+            return free[0]
+        if any(owed.keys().isdisjoint(shapes) for shapes in forms):
+            return None  # only copies are in the way, not for long
+        from_s = now_s - min(EXHAUSTED_S, self._late_s)
+        asked_s = {at: max(owed[shape][-1] for shape in forms[at] if shape in owed) for at in calm}
+        longest = min(asked_s, key=lambda at: asked_s[at], default=None)
+        return None if longest is None or asked_s[longest] > from_s else longest
 
     def note_sent(self, unit: int, shape: Shape, at_s: float) -> None:
         """Record that a request is written."""
         self._unheard.add(unit)
         self._owed.setdefault(unit, {}).setdefault(shape, []).append(at_s)
 
-    def note_answer(self, unit: int, shape: Shape, request: Request, *, at_s: float, seen: Shape) -> None:
-        """Record the believed reply `seen` to the latest request, which expected `shape`."""
+    def note_answer(
+        self, unit: int, shape: Shape, request: Request, *, asked: Request, at_s: float, seen: Shape
+    ) -> None:
+        """Record the believed reply `seen` to the latest request, which expected `shape`.
+
+        `asked` is the request that it was a form of.
+        """
         self._unheard.discard(unit)
         self._settle(unit, shape, is_latest=True)
+        self._seen_s[unit, seen] = at_s
         self._add_copy(unit, _Copy(at_s + COPY_S, seen, request))
         if at_s < self._disturbed_until_s:
-            self._answered_in[unit, request] = seen
+            self._answered_in[unit, asked] = seen
         elif self._answered_in:
             self._answered_in.clear()
 
