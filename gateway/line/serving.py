@@ -118,7 +118,7 @@ class Serving:
             prepared = self._preparations.of(turn.poll.key if turn.poll else None, turn.unit, turn.request)
             form = self._form_of(turn, prepared)
             if form is None and noise is None and not self._is_too_late(turn):
-                self._put_back(turn, line.free_from_s(prepared))
+                self._put_back(turn, line.forms.free_from_s(prepared))
                 continue
             outcome = await self._take(turn, form or prepared, noise)
             self._step()
@@ -170,8 +170,8 @@ class Serving:
         poll = turn.poll or self._plan.probe_of(turn.unit)
 
         if poll is None:
-            return self.line.form_of(prepared, tuple)
-        if poll.life is not None and self.line.is_in_question(prepared):
+            return self.line.forms.form_of(prepared, tuple)
+        if poll.life is not None and self.line.forms.is_in_question(prepared):
             return Prepared.of(turn.unit, poll.life)
 
         def alternates() -> tuple[Alternate, ...]:
@@ -179,8 +179,8 @@ class Serving:
 
         begun = self._parts.begun(_key(turn), self._time())
         if begun is not None:
-            return self.line.part_of(prepared, begun.next_request)
-        form = self.line.form_of(prepared, alternates)
+            return self.line.forms.part_of(prepared, begun.next_request)
+        form = self.line.forms.form_of(prepared, alternates)
         if form is not None and form.parts and form.cut is not None:
             self._parts.begin(_key(turn), form.parts, form.cut, self._time())
         return form

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from math import inf
 
-from gateway.errors import BadFrameError, BadReplyError
+from gateway.errors import BadReplyError
 from gateway.line.budget import ALLOWANCE_S
-from gateway.line.hearing import Hearing, judge
-from gateway.line.job import Alternate
+from gateway.line.hearing import Hearing, judge, pieces
 from gateway.line.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.pace import Pace
 from gateway.line.port import Port
 from gateway.line.prepared import Prepared
-from gateway.line.rtu.late_replies import LateReplies, expected_shape
+from gateway.line.rtu.forms import Forms
+from gateway.line.rtu.late_replies import LateReplies
 from gateway.line.suspicion import Suspicions, whole_frame
 from gateway.line.trace import Trace
 from gateway.modbus import adu
@@ -56,7 +56,7 @@ class Transactor:
         self._line_until_s = -inf  # nobody is asked before, so that a reply just too late can end
         self._line_unit = adu.BROADCAST  # the unit that is waited for
         self._was_owed = False  # the shape of the reply to the latest request, by an earlier one
-        self._unusable: set[bytes] = set()  # alternates that were refused
+        self.forms = Forms(self.late, self._time)
         self._stray = bytearray()
         self._pace = Pace()
         self._earliest_s = -inf  # the soonest that a reply to the latest request can begin
@@ -105,41 +105,6 @@ class Transactor:
                 self.suspicions.note_never_quiet(tail, now_s=now_s)
                 return Garbled("the line is never quiet", tail, is_sent=False)
 
-    def form_of(self, prepared: Prepared, alternates: Callable[[], tuple[Alternate, ...]]) -> Prepared | None:
-        """Return in which form this may be sent now: as it is, or as an alternate; None when not yet."""
-        unit, request, now_s = prepared.unit, prepared.request, self._time()
-        if self.late.may_send(unit, request, prepared.shape, now_s):
-            return prepared
-        others = self._usable(unit, alternates())
-        shapes = ((prepared.shape,), *(tuple(map(expected_shape, parts)) for parts, _ in others))
-        chosen = self.late.choose(unit, request, shapes, now_s)
-        if not chosen:
-            return None if chosen is None else prepared
-        parts, cut = others[chosen - 1]
-        if len(parts) > 1:
-            return Prepared.of(unit, parts[0], asked=request, cut=cut, parts=parts)
-        return Prepared.of(unit, parts[0], asked=request, cut=cut)
-
-    def part_of(self, prepared: Prepared, part: Request) -> Prepared | None:
-        """Return one more part of what is asked in parts; None when it may not be sent now."""
-        if (
-            self.late.choose(prepared.unit, prepared.request, ((expected_shape(part),),), self._time())
-            is None
-        ):
-            return None
-        return Prepared.of(prepared.unit, part, asked=prepared.request, parts=(part,))
-
-    def is_in_question(self, prepared: Prepared) -> bool:
-        """Return whether a read's reply is owed already by a unit that has sent nothing since."""
-        unit, late = prepared.unit, self.late
-        if prepared.request.is_write or not late.is_unheard(unit):
-            return False
-        return late.owes(unit, prepared.shape, now_s=self._time())
-
-    def free_from_s(self, prepared: Prepared) -> float:
-        """Return from when on it is worth looking again whether this may be sent."""
-        return self.late.free_from_s(prepared.unit, prepared.request, prepared.shape, self._time())
-
     async def transact(self, unit: int, request: Request, *, response_time_s: float) -> Outcome:
         """Send a request as soon as the line allows, and return what became of it by its deadline.
 
@@ -151,9 +116,9 @@ class Transactor:
             noise = await self.settle(until_s)
             if noise is not None:
                 return noise
-            if self.form_of(prepared, tuple) is not None:
+            if self.forms.form_of(prepared, tuple) is not None:
                 return await self.exchange(prepared, response_time_s=response_time_s)
-            until_s = self.free_from_s(prepared)
+            until_s = self.forms.free_from_s(prepared)
 
     async def exchange(
         self,
@@ -301,7 +266,7 @@ class Transactor:
             if prepared.asked is prepared.request:
                 self.late.note_refusal_doubted(unit, prepared.asked)
             else:
-                self._unusable.add(prepared.adu)
+                self.forms.give_up(prepared)
             return "it may be the refusal of an earlier request"
         if self._was_owed and prepared.request.is_write and function != Function.READ_WRITE_REGISTERS:
             return "it may be the acknowledgement of an earlier write"
@@ -324,19 +289,10 @@ class Transactor:
     def _as_asked(self, prepared: Prepared, outcome: Outcome) -> Outcome:
         """Return the outcome of an alternate as one of the request that it stands for, but for a refusal."""
         if isinstance(outcome, Refused) and outcome.is_lasting:
-            self._unusable.add(prepared.adu)
+            self.forms.give_up(prepared)
         if isinstance(outcome, Answered) and prepared.cut is not None and not prepared.parts:
             return replace(outcome, value=prepared.cut(outcome.value))
         return outcome
-
-    def _usable(self, unit: int, alternates: tuple[Alternate, ...]) -> list[Alternate]:
-        if not self._unusable:
-            return list(alternates)
-        return [
-            each
-            for each in alternates
-            if all(adu.encode(unit, part.encode()) not in self._unusable for part in each[0])
-        ]
 
     async def _listen(self, hearing: Hearing, *, first_by_s: float, deadline_s: float) -> None:
         """Read on until the reply is whole or will not come, and note when its first byte began.
@@ -377,7 +333,7 @@ class Transactor:
 
     def _judge_strays(self, stray: bytes) -> None:
         """Find out who said what nobody waited for; several frames may have come at once."""
-        for piece in _pieces(stray):
+        for piece in pieces(stray):
             frame = whole_frame(piece)
             if frame is not None:
                 self._pace.note_stray(frame.unit)
@@ -394,16 +350,3 @@ class Transactor:
             self._trace.strayed(self._port.last_byte_s, stray)
             self._stray += stray
             del self._stray[:-_KEPT_STRAY]
-
-
-def _pieces(stray: bytes) -> Iterator[bytes]:
-    """Return the frames that these bytes begin with, one by one; then the rest as it is."""
-    while stray:
-        try:
-            size = adu.reply_adu_size(stray[: adu.MAX_ADU_SIZE])
-        except BadFrameError:
-            size = None
-        if size is None or whole_frame(stray[:size]) is None:
-            size = len(stray)
-        yield stray[:size]
-        stray = stray[size:]

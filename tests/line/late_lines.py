@@ -147,18 +147,18 @@ class Line:
             if form is not None:
                 await self._read(read, form)
                 return
-            waits_until_s = min(waits_until_s, self._line.free_from_s(read.prepared))
+            waits_until_s = min(waits_until_s, self._line.forms.free_from_s(read.prepared))
         if len(self._asked) > MOST_LOOKS:
             waits_until_s = min(waits_until_s, now_s + 0.001)
         await self._line.settle(waits_until_s)
 
     def _form_of(self, read: _Asked) -> Prepared | None:
-        if read.life is not None and self._line.is_in_question(read.prepared):
+        if read.life is not None and self._line.forms.is_in_question(read.prepared):
             return Prepared.of(read.unit, read.life)
         begun = self._parts.begun(id(read), self.wire.now_s)
         if begun is not None:
-            return self._line.part_of(read.prepared, begun.next_request)
-        form = self._line.form_of(read.prepared, lambda: read.alternates)
+            return self._line.forms.part_of(read.prepared, begun.next_request)
+        form = self._line.forms.form_of(read.prepared, lambda: read.alternates)
         if form is not None and form.parts and form.cut is not None:
             self._parts.begin(id(read), form.parts, form.cut, self.wire.now_s)
         return form
