@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf
+from typing import Any
 
 from gateway.line.outcome import Outcome
 from gateway.modbus.adu import BROADCAST
 from gateway.modbus.pdu import Request
+
+# Reads that together say what another does, by replies of other lengths, and what makes its value of theirs.
+Alternate = tuple[tuple[Request, ...], Callable[[Any], Any]]
 
 
 class Lane(enum.IntEnum):
@@ -39,6 +43,12 @@ class Poll:
     deadline_s: float | None = None  # its unit's watchdog: the longest time unheard; None or 0: none
     group: str = ""  # whose values it reads, for those who read its figures
     is_urgent: bool = False  # an answer that says something else than the one before is told at once
+    alternates: tuple[Alternate, ...] = field(default=(), compare=False)
+    # Those of any other read of this unit; called on the line's loop.
+    alternates_of: Callable[[Request], tuple[Alternate, ...]] = field(default=lambda _: (), compare=False)
+    life: Request | None = None  # a short read that only shows whether the unit answers
+    # Takes from a value what needs two equal readings while the line is disturbed; None: nothing does.
+    decisive: Callable[[Any], Any] | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, slots=True)

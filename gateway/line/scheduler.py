@@ -19,6 +19,8 @@ from gateway.line.outcome import Silent
 from gateway.line.plan import Plan
 from gateway.line.port import Port, PortOpener
 from gateway.line.prepared import Preparations
+from gateway.line.rtu.confirmation import Confirmation
+from gateway.line.rtu.late_replies import LateReplies
 from gateway.line.serving import IDLE_WAKE_S, Serving
 from gateway.line.trace import Trace
 from gateway.line.transaction import Transactor
@@ -59,6 +61,8 @@ class Scheduler:
         self._voice = Voice(name, listener, self._trace, hurry=hurry)
         self._figures = Figures()
         self._preparations = Preparations()
+        self._late = LateReplies()
+        self._confirmation = Confirmation()
         self._deafness = Deafness(deaf_after_s)
         self._doorstep = Doorstep(has_arrived)
         self._time: Callable[[], float] = lambda: -inf
@@ -106,6 +110,7 @@ class Scheduler:
         """Ask no more; KeyError when there is no such poll."""
         self._plan.remove_poll(key)
         self._preparations.forget(key)
+        self._confirmation.forget(key)
         self._figures.forget_poll(key)
 
     def set_every(self, key: str, every_s: float) -> None:
@@ -130,6 +135,7 @@ class Scheduler:
     def forget(self, unit: int) -> None:
         """Know nothing of a unit any more, whose polls are removed."""
         self._plan.forget(unit)
+        self._late.forget(unit)
         self._figures.forget(unit)
 
     def capture(self, on_frame: OnFrame | None) -> None:
@@ -196,7 +202,9 @@ class Scheduler:
         After a reset of ours the jobs wait for the new connection, and nothing is published of it.
         """
         self._is_reopening = False
-        line = Transactor(port, self.timing, allowance_s=self._allowance_s, trace=self._trace)
+        line = Transactor(
+            port, self.timing, allowance_s=self._allowance_s, trace=self._trace, late=self._late
+        )
         serving = self._serving = self._serving_of(line)
         self._plan.begin(self._time())
         self._figures.begin(self._time())
@@ -234,6 +242,7 @@ class Scheduler:
             doorstep=self._doorstep,
             preparations=self._preparations,
             voice=self._voice,
+            confirmation=self._confirmation,
             step=self._step,
         )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import replace
 from math import inf
 
@@ -11,10 +11,12 @@ from gateway.errors import PortLostError, PortResetError
 from gateway.line.deafness import DEAF, Deafness
 from gateway.line.doorstep import LOOK_EVERY_S, Doorstep
 from gateway.line.figures import Figures
-from gateway.line.job import Job, Lane
-from gateway.line.outcome import TOO_LATE, Garbled, Outcome, Silent
+from gateway.line.job import Alternate, Job, Lane
+from gateway.line.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.plan import Plan, Turn
-from gateway.line.prepared import Preparations
+from gateway.line.prepared import Preparations, Prepared
+from gateway.line.rtu.confirmation import Confirmation, Reading
+from gateway.line.rtu.parts import Parts
 from gateway.line.transaction import Transactor
 from gateway.line.voice import Voice
 
@@ -37,6 +39,7 @@ class Serving:
         doorstep: Doorstep,
         preparations: Preparations,
         voice: Voice,
+        confirmation: Confirmation,
         step: Callable[[], None],
     ) -> None:
         self.line = line
@@ -48,6 +51,8 @@ class Serving:
         self._doorstep = doorstep
         self._preparations = preparations
         self._voice = voice
+        self._confirmation = confirmation
+        self._parts = Parts()
         self._step = step  # called whenever the loop gets on
         self._time = asyncio.get_running_loop().time
         self._turn: Turn | None = None  # chosen, not yet sent
@@ -107,13 +112,14 @@ class Serving:
                 self._voice.flush()
                 await self._wait_for_work(self._plan.next_due_s())
                 continue
-            free_from_s = line.free_from_s(turn.unit, turn.request)
-            if noise is None and free_from_s > self._time():
-                await self._put_back(turn, free_from_s)
+            prepared = self._preparations.of(turn.poll.key if turn.poll else None, turn.unit, turn.request)
+            form = self._form_of(turn, prepared)
+            if form is None and noise is None and not self._is_too_late(turn):
+                self._plan.put_back(turn, line.forms.free_from_s(prepared))
                 continue
-            outcome = await self._take(turn, noise)
+            outcome = await self._take(turn, form or prepared, noise)
             self._step()
-            self._record(turn, outcome, took_s=self._time() - free_s)
+            self._record(turn, form or prepared, outcome, took_s=self._time() - free_s)
             if _may_act_late(turn, outcome) and line.reset():
                 raise PortResetError(self._port_name, RESET)
             if turn.unit and self._deafness.take(outcome, self._time()):
@@ -158,13 +164,34 @@ class Serving:
         self._doorstep.waited(began_s, now_s)
         return True
 
-    async def _take(self, turn: Turn, noise: Garbled | None) -> Outcome:
+    def _form_of(self, turn: Turn, prepared: Prepared) -> Prepared | None:
+        """Return what is sent for a turn: its request, an alternate, or first a question for life.
+
+        None while the unit may still send what would pass for the reply.
+        """
+        poll = turn.poll or self._plan.probe_of(turn.unit)
+        if poll is None:
+            return self.line.forms.form_of(prepared, tuple)
+        if poll.life is not None and self.line.forms.is_in_question(prepared):
+            return Prepared.of(turn.unit, poll.life)
+
+        def alternates() -> tuple[Alternate, ...]:
+            return poll.alternates if poll is turn.poll else poll.alternates_of(turn.request)
+
+        begun = self._parts.begun(_key(turn), self._time())
+        if begun is not None:
+            return self.line.forms.part_of(prepared, begun.next_request)
+        form = self.line.forms.form_of(prepared, alternates)
+        if form is not None and form.parts and form.cut is not None:
+            self._parts.begin(_key(turn), form.parts, form.cut, self._time())
+        return form
+
+    async def _take(self, turn: Turn, prepared: Prepared, noise: Garbled | None) -> Outcome:
         """Do one transaction, unless too late or on too noisy a line; a job ends even when this does not.
 
         A stop goes out on any line, between or over what others send.
         """
-        until_s = inf if turn.job is None else turn.job.until_s
-        if self._time() > until_s:
+        if self._is_too_late(turn):
             return Silent(TOO_LATE, is_sent=False)
         if noise is not None and not turn.is_stop:
             return noise
@@ -175,12 +202,10 @@ class Serving:
         try:
             if noise is not None:
                 await self.line.find_gap(GAP_WITHIN_S)
-            prepared = self._preparations.of(poll.key if poll else None, turn.unit, turn.request)
             outcome = await self.line.exchange(
                 prepared,
                 response_time_s=self._figures.response_time_s(turn),
-                longest_s=turn.response_time_s,
-                until_s=until_s,
+                until_s=_until_s(turn),
                 meanwhile=self._voice.flush,
             )
             if outcome != Silent(TOO_LATE, is_sent=False):
@@ -191,11 +216,15 @@ class Serving:
                     self._voice.finish(job, Silent("port lost", is_sent=self.line.is_on_wire))
         return outcome if noise is None else replace(outcome, is_over_babble=True)
 
-    def _record(self, turn: Turn, outcome: Outcome, *, took_s: float) -> None:
+    def _record(self, turn: Turn, sent: Prepared, outcome: Outcome, *, took_s: float) -> None:
         """Plan on, and have it told to whoever waits for this outcome."""
         now_s = self._time()
         self._figures.note(turn, outcome, took_s=took_s, now_s=now_s)
-        verdict = self._plan.record(turn, outcome, now_s)
+        reading, outcome = self._weigh(turn, sent, outcome, now_s)
+        is_open = reading is Reading.AGAIN
+        if reading is Reading.OPEN:
+            outcome = Garbled("no two readings agree", b"")
+        verdict = self._plan.record(turn, outcome, now_s, is_open=is_open)
         for trouble in self.line.suspicions.take_news():
             self._voice.tell_trouble(trouble)
         if verdict.is_answering is not None:
@@ -207,11 +236,34 @@ class Serving:
         if turn.poll is not None:
             self._voice.tell_poll(turn.poll, outcome)
 
-    async def _put_back(self, turn: Turn, until_s: float) -> None:
-        """Let the unit's late reply come first; nothing but a new job is worth ending that wait for."""
-        self._plan.put_back(turn, until_s)
-        if turn.job is not None and turn.lane is not Lane.FOLLOW_UP:
-            await self._wait_for_work(until_s)
+    def _weigh(self, turn: Turn, sent: Prepared, outcome: Outcome, now_s: float) -> tuple[Reading, Outcome]:
+        """Return whether an outcome counts or its turn is to be repeated at once, and what it then is."""
+        if not isinstance(outcome, Answered):
+            self._parts.drop(_key(turn))
+            is_refused = isinstance(outcome, Refused) and outcome.is_lasting
+            is_other = sent.request is not turn.request
+            return Reading.AGAIN if is_refused and is_other else Reading.COUNTS, outcome
+        if sent.asked is not turn.request:
+            return Reading.AGAIN, outcome  # the unit is there; now for what was wanted
+        if sent.parts:
+            is_whole, value = self._parts.take(_key(turn), outcome.value)
+            if not is_whole:
+                return Reading.AGAIN, outcome
+            outcome = replace(outcome, value=value)
+        poll = turn.poll
+        if poll is None or poll.decisive is None:
+            return Reading.COUNTS, outcome
+        reading = self._confirmation.take(
+            poll.key,
+            poll.decisive(outcome.value),
+            sent.shape,
+            is_disturbed=self.line.late.is_disturbed(now_s),
+            has_alternates=bool(poll.alternates),
+        )
+        return reading, outcome
+
+    def _is_too_late(self, turn: Turn) -> bool:
+        return self._time() > _until_s(turn)
 
     async def _wait_for_work(self, until_s: float) -> None:
         """Sleep until then, or until a job comes or it is time to look at the port."""
@@ -231,7 +283,17 @@ class Serving:
             self._waker = None
 
 
+def _until_s(turn: Turn) -> float:
+    """Return after what time a turn is not sent any more."""
+    return inf if turn.job is None else turn.job.until_s
+
+
 def _may_act_late(turn: Turn, outcome: Outcome) -> bool:
     """Return whether a write that must not act late was sent, and it is not known that it arrived."""
     is_unsure = isinstance(outcome, Silent | Garbled) and outcome.is_sent
     return is_unsure and turn.job is not None and turn.job.must_not_act_late
+
+
+def _key(turn: Turn) -> Hashable:
+    """Return what a turn is for."""
+    return id(turn.job) if turn.poll is None else turn.poll.key

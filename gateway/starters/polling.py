@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import partial
 
+from gateway.families.alternates import alternates, life_request
 from gateway.families.blocks import Block, split
+from gateway.families.decisive import decisive_part
 from gateway.families.fast_words import FastBlock, fast_block, plan_with
 from gateway.families.schema import Variant
 from gateway.line.client import LineClient
@@ -312,4 +315,8 @@ def _poll(setup: StarterSetup, block: Block, *, every_s: float | None = None) ->
         deadline_s=setup.watchdog_s,
         group=block.group,
         is_urgent=block.group == "status",
+        alternates=alternates(setup.profile, block.request),
+        alternates_of=partial(alternates, setup.profile),
+        life=life_request(setup.profile),
+        decisive=decisive_part(setup.profile, block),
     )

@@ -7,10 +7,11 @@ import heapq
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from math import inf
+from operator import itemgetter
 
 from gateway.errors import PortError, PortLostError
 from gateway.line.client import LocalLineClient
-from gateway.line.job import Lane, Poll
+from gateway.line.job import Alternate, Lane, Poll
 from gateway.line.outcome import Outcome
 from gateway.line.scheduler import Scheduler
 from gateway.line.trace import Trace
@@ -286,8 +287,32 @@ class Rig:
         return await self.client.transact(unit, request, response_time_s=RESPONSE_TIME_S, lane=lane)
 
 
+LIFE = ReadHoldingRegisters(0, 1)
+ALTERNATES = 8
+
+
+def longer(request: Request) -> tuple[Alternate, ...]:
+    """Return reads of some registers more, as the families' do."""
+    assert isinstance(request, ReadHoldingRegisters)
+    count = request.count
+    return tuple(
+        ((ReadHoldingRegisters(request.address, count + more),), itemgetter(slice(count)))
+        for more in range(1, ALTERNATES + 1)
+    )
+
+
 def poll(key: str, unit: int = 1, every_s: float = 1.0, address: int = 0, count: int = 10) -> Poll:
-    return Poll(key, unit, ReadHoldingRegisters(address, count), every_s, RESPONSE_TIME_S)
+    request = ReadHoldingRegisters(address, count)
+    return Poll(
+        key,
+        unit,
+        request,
+        every_s,
+        RESPONSE_TIME_S,
+        alternates=longer(request),
+        alternates_of=longer,
+        life=LIFE,
+    )
 
 
 async def until(is_true: Callable[[], bool]) -> None:
