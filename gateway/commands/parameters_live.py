@@ -7,6 +7,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Self
 
@@ -16,6 +17,7 @@ from gateway.config.load import load
 from gateway.config.schema import LineTable
 from gateway.config.setups import setups_of, timing_of
 from gateway.errors import PortError, UsageError
+from gateway.families.alternates import alternates
 from gateway.families.bulk import bulk_reads, readable_codes
 from gateway.families.procedure import Read
 from gateway.line.budget import request_wire_s
@@ -71,7 +73,13 @@ class LiveStarter:
         """Open the port and identify the starter; PortError, CommandError."""
         name, allowance_s = self.setup.line, self.allowance_s
         try:
-            async with exclusive_line(name, self.opener, self.timing, allowance_s=allowance_s) as line:
+            async with exclusive_line(
+                name,
+                self.opener,
+                self.timing,
+                allowance_s=allowance_s,
+                alternates_of=partial(alternates, self.setup.profile),
+            ) as line:
                 bench = Bench(
                     self.setup,
                     line=line,

@@ -3,24 +3,32 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 
 from gateway.errors import PortLostError
 from gateway.line.budget import ALLOWANCE_S
 from gateway.line.client import LineClient, LocalLineClient
+from gateway.line.job import Alternate
 from gateway.line.outcome import Outcome
 from gateway.line.port import Port, PortOpener
 from gateway.line.scheduler import Scheduler
+from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
 
 
 @asynccontextmanager
 async def exclusive_line(
-    name: str, opener: PortOpener, timing: LineTiming, *, allowance_s: float = ALLOWANCE_S
+    name: str,
+    opener: PortOpener,
+    timing: LineTiming,
+    *,
+    allowance_s: float = ALLOWANCE_S,
+    alternates_of: Callable[[Request], tuple[Alternate, ...]] = lambda _: (),
 ) -> AsyncIterator[LineClient]:
     """Serve a line as long as the context lasts; PortError when its port cannot be had.
 
+    `alternates_of` returns other reads that say the same as one, of the only starter that is asked.
     A port that is lost later is not opened again: whatever is asked then ends unsent.
     """
     port = await opener()
@@ -32,6 +40,7 @@ async def exclusive_line(
         polls=(),
         listener=listener,
         allowance_s=allowance_s,
+        alternates_of=alternates_of,
     )
     task = asyncio.create_task(scheduler.run(), name=f"exclusive {name}")
     try:

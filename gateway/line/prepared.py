@@ -30,6 +30,7 @@ class Prepared:
     asked: Request  # what is wanted: the request itself, or the one that it is an alternate of
     cut: Callable[[Any], Any] | None = None  # from an alternate's value to that of `asked`
     parts: tuple[Request, ...] = ()  # all requests of an alternate that takes several
+    times: int = 1  # so many equal answers count as one, since earlier replies would pass for them
 
     @classmethod
     def of(

@@ -13,7 +13,7 @@ from gateway.line.budget import ALLOWANCE_S, worst_stop_latency_s
 from gateway.line.deafness import Deafness
 from gateway.line.doorstep import Doorstep
 from gateway.line.figures import Figures
-from gateway.line.job import Job, Poll
+from gateway.line.job import Alternate, Job, Poll
 from gateway.line.listener import LineListener
 from gateway.line.outcome import Silent
 from gateway.line.plan import Plan
@@ -26,6 +26,7 @@ from gateway.line.trace import Trace
 from gateway.line.transaction import Transactor
 from gateway.line.uart import CountsErrors
 from gateway.line.voice import OnFrame, Voice
+from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
 
 logger = logging.getLogger(__name__)
@@ -50,12 +51,15 @@ class Scheduler:
         deaf_after_s: float | None = None,
         hurry: Callable[[], None] | None = None,  # called when what was told before must not wait
         has_arrived: Callable[[], bool] = lambda: False,  # something that may become a stop
+        # Reads that say the same as one of a unit without polls.
+        alternates_of: Callable[[Request], tuple[Alternate, ...]] = lambda _: (),
     ) -> None:
         self.name = name
         self.timing = timing
         self.progress = 0  # grows with each transaction, idle wake-up and attempt to open
         self._opener = opener
         self._allowance_s = allowance_s
+        self._alternates_of = alternates_of
         self._plan = Plan(polls, seed=seed)
         self._trace = Trace(name)
         self._voice = Voice(name, listener, self._trace, hurry=hurry)
@@ -243,6 +247,7 @@ class Scheduler:
             preparations=self._preparations,
             voice=self._voice,
             confirmation=self._confirmation,
+            alternates_of=self._alternates_of,
             step=self._step,
         )
 

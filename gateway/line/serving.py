@@ -15,12 +15,17 @@ from gateway.line.job import Alternate, Job, Lane
 from gateway.line.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.plan import Plan, Turn
 from gateway.line.prepared import Preparations, Prepared
+from gateway.line.rtu.agreement import Agreed, Agreement
 from gateway.line.rtu.confirmation import Confirmation, Reading
+from gateway.line.rtu.late_replies import LOOK_AGAIN_S
 from gateway.line.rtu.parts import Parts
 from gateway.line.transaction import Transactor
 from gateway.line.voice import Voice
+from gateway.modbus.pdu import Request
 
 RESET = "reset: a write was not answered in time, and must not act later"
+_AGREED = {Agreed.YES: Reading.COUNTS, Agreed.NOT_YET: Reading.AGAIN, Agreed.NO: Reading.WAITS}
+
 IDLE_WAKE_S = 1.0  # an idle line looks at its port so often
 GAP_WITHIN_S = 0.1  # so long a stop waits for a gap between two frames of somebody who sends without end
 
@@ -40,6 +45,7 @@ class Serving:
         preparations: Preparations,
         voice: Voice,
         confirmation: Confirmation,
+        alternates_of: Callable[[Request], tuple[Alternate, ...]],  # for units without polls
         step: Callable[[], None],
     ) -> None:
         self.line = line
@@ -52,7 +58,9 @@ class Serving:
         self._preparations = preparations
         self._voice = voice
         self._confirmation = confirmation
+        self._alternates_of = alternates_of
         self._parts = Parts()
+        self._agreement = Agreement()
         self._step = step  # called whenever the loop gets on
         self._time = asyncio.get_running_loop().time
         self._turn: Turn | None = None  # chosen, not yet sent
@@ -170,21 +178,27 @@ class Serving:
         None while the unit may still send what would pass for the reply.
         """
         poll = turn.poll or self._plan.probe_of(turn.unit)
-        if poll is None:
-            return self.line.forms.form_of(prepared, tuple)
-        if poll.life is not None and self.line.forms.is_in_question(prepared):
+        if poll is not None and poll.life is not None and self.line.forms.is_in_question(prepared):
             return Prepared.of(turn.unit, poll.life)
 
         def alternates() -> tuple[Alternate, ...]:
+            if poll is None:
+                return self._alternates_of(turn.request)
             return poll.alternates if poll is turn.poll else poll.alternates_of(turn.request)
 
         begun = self._parts.begun(_key(turn), self._time())
         if begun is not None:
             return self.line.forms.part_of(prepared, begun.next_request)
         form = self.line.forms.form_of(prepared, alternates)
+        if form is not None and form.times > 1 and not self._may_ask_often(turn, form):
+            return None
         if form is not None and form.parts and form.cut is not None:
             self._parts.begin(_key(turn), form.parts, form.cut, self._time())
         return form
+
+    def _may_ask_often(self, turn: Turn, form: Prepared) -> bool:
+        is_decisive = turn.poll is None or turn.poll.decisive is not None
+        return self._agreement.may_ask(form, _key(turn), self._time(), is_decisive=is_decisive)
 
     async def _take(self, turn: Turn, prepared: Prepared, noise: Garbled | None) -> Outcome:
         """Do one transaction, unless too late or on too noisy a line; a job ends even when this does not.
@@ -221,6 +235,9 @@ class Serving:
         now_s = self._time()
         self._figures.note(turn, outcome, took_s=took_s, now_s=now_s)
         reading, outcome = self._weigh(turn, sent, outcome, now_s)
+        if reading is Reading.WAITS:
+            self._plan.put_back(turn, now_s + LOOK_AGAIN_S)
+            return
         is_open = reading is Reading.AGAIN
         if reading is Reading.OPEN:
             outcome = Garbled("no two readings agree", b"")
@@ -250,6 +267,10 @@ class Serving:
             if not is_whole:
                 return Reading.AGAIN, outcome
             outcome = replace(outcome, value=value)
+        if sent.times > 1:
+            number = self.line.late.sent(sent.unit, sent.shape)
+            agreed = self._agreement.take(sent, _key(turn), outcome.value, sent=number, now_s=now_s)
+            return _AGREED[agreed], outcome
         poll = turn.poll
         if poll is None or poll.decisive is None:
             return Reading.COUNTS, outcome

@@ -14,6 +14,7 @@ from gateway.line.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, 
 from gateway.line.pace import Pace
 from gateway.line.port import DeliversLate, HoldsBack, Port
 from gateway.line.prepared import Prepared
+from gateway.line.rtu.agreement import Agreed, Agreement
 from gateway.line.rtu.forms import Forms
 from gateway.line.rtu.late_replies import LateReplies
 from gateway.line.suspicion import Suspicions, whole_frame
@@ -60,6 +61,7 @@ class Transactor:
         self._line_unit = adu.BROADCAST  # the unit that is waited for
         self._was_owed = False  # the shape of the reply to the latest request, by an earlier one
         self.forms = Forms(self.late, self._time)
+        self._agreement = Agreement()
         self._stray = bytearray()
         self._pace = Pace()
         self._earliest_s = -inf  # the soonest that a reply to the latest request can begin
@@ -142,9 +144,18 @@ class Transactor:
             noise = await self.settle(until_s)
             if noise is not None:
                 return noise
-            if self.forms.form_of(prepared, tuple) is not None:
-                return await self.exchange(prepared, response_time_s=response_time_s)
+            form = self.forms.form_of(prepared, tuple)
+            if form is not None:
+                outcome = await self.exchange(form, response_time_s=response_time_s)
+                if form.times == 1 or not isinstance(outcome, Answered) or self._agrees(form, outcome):
+                    return outcome
             until_s = self.forms.free_from_s(prepared)
+
+    def _agrees(self, form: Prepared, outcome: Answered) -> bool:
+        """Return whether this answer counts, as enough before it said the same."""
+        number = self.late.sent(form.unit, form.shape)
+        agreed = self._agreement.take(form, None, outcome.value, sent=number, now_s=self._time())
+        return agreed is Agreed.YES
 
     async def exchange(
         self,

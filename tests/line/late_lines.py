@@ -23,6 +23,8 @@ from gateway.families.schema import Variant
 from gateway.line.job import Alternate
 from gateway.line.outcome import Answered, Outcome, Refused
 from gateway.line.prepared import Prepared
+from gateway.line.rtu.agreement import Agreed, Agreement
+from gateway.line.rtu.late_replies import LOOK_AGAIN_S
 from gateway.line.rtu.parts import Parts
 from gateway.line.trace import Trace
 from gateway.line.transaction import Transactor
@@ -42,6 +44,7 @@ WRITES = 0.01  # of all requests
 REFUSED = 0.03  # of all blocks
 LIMITS_S = (0.010, 0.020, 0.100)
 FULL, LIGHT_S = 0.0, (0.3, 1.0)
+SLOW_CHANGES = (0.003, 0.05)  # shares of the requests before which what the starters say changes
 MOST_LOOKS = 40  # at what is due, before it is waited for something to become due
 
 
@@ -54,6 +57,7 @@ class Tally:
     asked: int = 0
     alternates: int = 0  # sent in place of the request itself
     life: int = 0  # requests that only asked whether a unit is there
+    series: int = 0  # answers that counted since enough before them were equal
     wrong: int = 0  # answers that were another request's
     older: int = 0  # answers to the same request, asked less than `OLDER_S` before
     elapsed_s: float = 0.0
@@ -62,7 +66,17 @@ class Tally:
 
     def add(self, other: Tally) -> None:
         """Count another's beside one's own."""
-        for name in ("counts", "answered", "asked", "alternates", "life", "wrong", "older", "examples"):
+        for name in (
+            "counts",
+            "answered",
+            "asked",
+            "alternates",
+            "life",
+            "series",
+            "wrong",
+            "older",
+            "examples",
+        ):
             setattr(self, name, getattr(self, name) + getattr(other, name))
         self.elapsed_s += other.elapsed_s
         self.ideal_s += other.ideal_s
@@ -86,8 +100,10 @@ class _Asked:
     life: Request | None
     every_s: float
     due_s: float
-    latest: tuple[int, float] = (0, -inf)  # the number of the latest request, and when it was sent
+    latest: tuple[int, float] = (0, -inf)  # the number in the latest reply, and when that was asked for
     latest_request: Request | None = None
+    is_decisive: bool = False  # it says in which state its starter is
+    series_from: int = 0  # the number at the first request of a series; 0: none is under way
 
 
 class Line:
@@ -106,6 +122,7 @@ class Line:
         )
         self._asked = deque(self._reads(units, every_s))
         self._parts = Parts()
+        self._agreement = Agreement()
 
     def ask(self, count: int) -> Tally:
         """Send so many requests."""
@@ -121,10 +138,12 @@ class Line:
         for unit in range(1, units + 1):
             family = chance.choice(FAMILIES)
             blocks = _BLOCKS[family]
-            for request, others in chance.sample(blocks, chance.randint(1, min(len(blocks), 4))):
+            for request, others, is_decisive in chance.sample(blocks, chance.randint(1, min(len(blocks), 4))):
                 due_s = chance.uniform(0.0, every_s)
                 life = _LIFE[family]
-                found.append(_Asked(unit, Prepared.of(unit, request), others, life, every_s, due_s))
+                read = _Asked(unit, Prepared.of(unit, request), others, life, every_s, due_s)
+                read.is_decisive = is_decisive
+                found.append(read)
                 if chance.random() < REFUSED:
                     self.wire.refused.add((unit, request.address))  # type: ignore[attr-defined]
         chance.shuffle(found)
@@ -159,6 +178,10 @@ class Line:
         if begun is not None:
             return self._line.forms.part_of(read.prepared, begun.next_request)
         form = self._line.forms.form_of(read.prepared, lambda: read.alternates)
+        if form is not None and form.times > 1:
+            may_ask = self._agreement.may_ask(form, id(read), self.wire.now_s, is_decisive=read.is_decisive)
+            return form if may_ask else None
+        read.series_from = 0
         if form is not None and form.parts and form.cut is not None:
             self._parts.begin(id(read), form.parts, form.cut, self.wire.now_s)
         return form
@@ -170,7 +193,12 @@ class Line:
         if form.asked is not request:
             self.tally.life += 1
             return
+        if form.times > 1 and isinstance(outcome, Answered) and not self._agrees(read, form, outcome):
+            self._asked.remove(read)
+            self._asked.appendleft(read)  # once more at once, or when it may
+            return
         self._check(read, form, outcome, began_s)
+        read.series_from = 0
         is_whole = not form.parts
         if form.parts:
             if isinstance(outcome, Answered):
@@ -195,9 +223,21 @@ class Line:
         else:
             self.tally.ideal_s += silence_s + self._limit_s + self._timing.wire_s(size) + ALLOWANCE_S
 
+    def _agrees(self, read: _Asked, form: Prepared, outcome: Answered) -> bool:
+        """Return whether a series is complete with this answer."""
+        if read.series_from == 0:
+            read.series_from = self.wire.changed
+        number = self._line.late.sent(form.unit, form.shape)
+        agreed = self._agreement.take(form, id(read), outcome.value, sent=number, now_s=self.wire.now_s)
+        if agreed is Agreed.NO:
+            read.series_from = 0
+            read.due_s = max(read.due_s, self.wire.now_s + LOOK_AGAIN_S)
+        self.tally.series += agreed is Agreed.YES
+        return agreed is Agreed.YES
+
     def _check(self, read: _Asked, form: Prepared, outcome: Outcome, began_s: float) -> None:
         """See whether what is taken for the answer is the answer to the latest request."""
-        number, (latest, read_s) = self.wire.asked, read.latest
+        number, (latest, read_s) = self.wire.changed, read.latest
         part = form.request if form.parts else read.prepared.request
         is_same, read.latest_request = part == read.latest_request, part
         read.latest = (number, began_s)
@@ -205,7 +245,8 @@ class Line:
         if isinstance(outcome, Refused):
             is_wrong = not is_refused
         elif isinstance(outcome, Answered):
-            is_wrong = is_refused or outcome.value != _expected(read.unit, number, part)
+            numbers = range(read.series_from or number, number + 1)  # said while this was being read
+            is_wrong = is_refused or all(outcome.value != _expected(read.unit, at, part) for at in numbers)
             if is_wrong and is_same and began_s - read_s <= OLDER_S:
                 is_older = outcome.value == _expected(read.unit, latest, part)
                 self.tally.older += is_older
@@ -213,7 +254,7 @@ class Line:
         else:
             return
         if is_wrong:
-            self._note_wrong(f"{number}: {read.unit} {form.request} {outcome}")
+            self._note_wrong(f"{self.wire.asked}: {read.unit} {form.request} {outcome}")
 
     async def _write(self, unit: int) -> None:
         """Write one of two words: an acknowledgement may look like that of an earlier write."""
@@ -244,7 +285,8 @@ def ask_for_long(transactions: int, *, seed: int) -> Tally:
     chance = random.Random(seed)
     tally = Tally()
     while tally.asked < transactions:
-        faults = Faults(chance.uniform(0.01, 0.10), stalls=chance.random() < 0.3)
+        changes = 1.0 if chance.random() < 0.5 else chance.uniform(*SLOW_CHANGES)
+        faults = Faults(chance.uniform(0.01, 0.10), stalls=chance.random() < 0.3, changes=changes)
         every_s = FULL if chance.random() < 0.5 else chance.uniform(*LIGHT_S)
         line = Line(chance, faults, units=chance.choice(UNITS), baud=chance.choice(BAUDS), every_s=every_s)
         tally.add(line.ask(min(ON_A_LINE, transactions - tally.asked)))
@@ -265,11 +307,11 @@ def _expected(unit: int, number: int, request: Request) -> Any:
     return words(unit, number, address, count)
 
 
-def _blocks(family: str) -> list[tuple[Request, tuple[Alternate, ...]]]:
+def _blocks(family: str) -> list[tuple[Request, tuple[Alternate, ...], bool]]:
     profile = load_profile(family)
     timing = LineTiming(19200, Framing.parse("8E1"))
-    requests = {block.request for block in plan_with(profile, Variant(), None, timing=timing)}
-    return [(each, alternates(profile, each)) for each in sorted(requests, key=repr)]
+    blocks = plan_with(profile, Variant(), None, timing=timing)
+    return [(each.request, alternates(profile, each.request), each.group == "status") for each in blocks]
 
 
 _BLOCKS = {family: _blocks(family) for family in FAMILIES}
@@ -287,7 +329,7 @@ def main() -> None:
             tally.add(part)
     lines = [
         f"requests {tally.asked}, answered {tally.answered}, replies {dict(tally.counts)}",
-        f"alternates {tally.alternates}, questions for life {tally.life}",
+        f"alternates {tally.alternates}, questions for life {tally.life}, series {tally.series}",
         f"wrong {tally.wrong}, the same read of a moment before {tally.older}",
         *tally.examples[:5],
         "the line's time that was needed, of full lines without faults and with 5 % of the replies late:",

@@ -1,7 +1,8 @@
 """A line whose starters answer late, twice or in the wrong order: an own clock, no event loop, very fast.
 
-Every reply carries the number of the request it answers, so that one taken for another's cannot hide. Late
-bytes arrive whole and clean, whatever else is under way: a true line would corrupt most of them.
+Every reply carries the number of the latest change of what the starters say, so that one taken for another's
+cannot hide; where that changes before each request, it is the number of the request. Late bytes arrive whole
+and clean, whatever else is under way: a true line would corrupt most of them.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ class Faults:
     share: float
     kinds: tuple[str, ...] = ("late", "late", "doubled", "late and doubled", "swapped")
     stalls: bool = False  # it is reached over TCP, by a way that stands still at times
+    changes: float = 1.0  # the share of requests before which all that the starters say changes
 
 
 class LateWire:
@@ -45,7 +47,8 @@ class LateWire:
         self.now_s = 0.0
         self.last_byte_s = -inf
         self.counts: Counter[str] = Counter()
-        self.asked = 0  # requests so far: the number in the next reply
+        self.asked = 0  # requests so far
+        self.changed = 0  # the number in the next reply: of the request before which it changed last
         self.refused: set[tuple[int, int]] = set()  # unit and address
         self._timing = timing
         self._chance = chance
@@ -67,6 +70,8 @@ class LateWire:
         silence_s = self.now_s - max(self._own_end_s, self.last_byte_s)
         assert silence_s > self._timing.silence_s - 1e-9, f"sent after {silence_s} s of silence"
         self.asked += 1
+        if self._faults.changes == 1.0 or self._chance.random() < self._faults.changes:
+            self.changed = self.asked
         self._own_end_s = end_s = self.now_s + self._timing.wire_s(len(frame))
         unit, pdu = adu.decode(frame)
         request = decode_request(pdu)
@@ -95,8 +100,8 @@ class LateWire:
         if (unit, address) in self.refused:
             return encode_exception(request.function, ExceptionCode.ILLEGAL_DATA_ADDRESS)
         if request.function == Function.READ_COILS:
-            return request.encode_reply(bits(unit, self.asked, address, count))  # type: ignore[attr-defined]
-        return request.encode_reply(words(unit, self.asked, address, count))  # type: ignore[attr-defined]
+            return request.encode_reply(bits(unit, self.changed, address, count))  # type: ignore[attr-defined]
+        return request.encode_reply(words(unit, self.changed, address, count))  # type: ignore[attr-defined]
 
     def _answer(self, reply: bytes, end_s: float, reply_s: float, deadline_s: float) -> None:
         chance = self._chance

@@ -20,6 +20,7 @@ class Reading(enum.Enum):
     COUNTS = enum.auto()
     AGAIN = enum.auto()  # it is read once more, at once
     OPEN = enum.auto()  # no two readings agree
+    WAITS = enum.auto()  # it cannot be told from an earlier one now: it is read again later
 
 
 @dataclass(slots=True)

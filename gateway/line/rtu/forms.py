@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from gateway.line.job import Alternate
 from gateway.line.prepared import Prepared
@@ -31,19 +32,21 @@ class Forms:
         others = self._usable(unit, alternates())
         shapes = ((prepared.shape,), *(tuple(map(expected_shape, parts)) for parts, _ in others))
         chosen = self._late.choose(unit, request, shapes, now_s)
-        if not chosen:
-            return None if chosen is None else prepared
-        parts, cut = others[chosen - 1]
+        if chosen is None:
+            return None
+        place, times = chosen
+        if place == 0:
+            return prepared if times == 1 else replace(prepared, times=times)
+        parts, cut = others[place - 1]
         if len(parts) > 1:
             return Prepared.of(unit, parts[0], asked=request, cut=cut, parts=parts)
-        return Prepared.of(unit, parts[0], asked=request, cut=cut)
+        form = Prepared.of(unit, parts[0], asked=request, cut=cut)
+        return form if times == 1 else replace(form, times=times)
 
     def part_of(self, prepared: Prepared, part: Request) -> Prepared | None:
         """Return one more part of what is asked in parts; None when it may not be sent now."""
-        if (
-            self._late.choose(prepared.unit, prepared.request, ((expected_shape(part),),), self._time())
-            is None
-        ):
+        forms = ((expected_shape(part),),)
+        if self._late.choose(prepared.unit, prepared.request, forms, self._time()) != (0, 1):
             return None
         return Prepared.of(prepared.unit, part, asked=prepared.request, parts=(part,))
 
@@ -56,7 +59,7 @@ class Forms:
 
     def free_from_s(self, prepared: Prepared) -> float:
         """Return from when on it is worth looking again whether this may be sent."""
-        return self._late.free_from_s(prepared.unit, prepared.request, prepared.shape, self._time())
+        return self._late.free_from_s(prepared.unit, prepared.request, self._time())
 
     def _usable(self, unit: int, alternates: tuple[Alternate, ...]) -> list[Alternate]:
         if not self._unusable:

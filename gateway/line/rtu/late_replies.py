@@ -8,8 +8,8 @@ function. Late, doubled and swapped replies show by their shape or their unit; n
 Invariants
  1. From the moment a request is written its unit owes the shape of its reply: until that reply comes, whether
     as the answer or late, or `LATE_S` have passed.
- 2. A read is only sent while its unit does not owe its shape. Where all alternates are owed the read waits;
-    the shape owed longest may be used again after `EXHAUSTED_S`.
+ 2. A read is only sent while its unit does not owe its shape. Where all alternates are owed, the one owed
+    least often, n times, is asked until n + 1 answers in a row are equal: n may be late ones, one is fresh.
  3. For `COPY_S` after each reply its copy may begin: within that time no read has its shape, and none of a
     function follows a refusal of that function. Only on a calm line the same read may follow at once in the
     same shape: a first copy is its value of a moment before.
@@ -34,7 +34,7 @@ from gateway.modbus.codes import EXCEPTION_BIT, Function
 from gateway.modbus.pdu import Request
 
 LATE_S = 30.0  # a reply that was not in time may come for so long
-EXHAUSTED_S = 16.0  # where a unit owes every shape of a read: until the one owed longest is used again
+MOST_OWED = 7  # replies of one shape, with which it may still be asked for
 COPY_S = 0.025  # from the end of a reply to the beginning of its copy, at most
 LONGEST_REPLY_S = 0.3  # on the wire at 9600 bit/s
 DISTURBED_S = 60.0
@@ -87,6 +87,7 @@ class LateReplies:
         self._answered_in: dict[tuple[int, Request], Shape] = {}  # on a disturbed line
         self._seen_s: dict[tuple[int, Shape], float] = {}  # when it came last
         self._unheard: set[int] = set()
+        self._sent: dict[tuple[int, Shape], int] = {}  # how many requests
         self._disturbed_until_s = -inf
 
     def is_disturbed(self, now_s: float) -> bool:
@@ -137,10 +138,11 @@ class LateReplies:
 
     def choose(
         self, unit: int, request: Request, forms: tuple[tuple[Shape, ...], ...], now_s: float
-    ) -> int | None:
+    ) -> tuple[int, int] | None:
         """Return which of these equivalent forms of a read may be sent, the request itself being the first.
 
-        A form of several requests has several shapes. None while there is none.
+        The second number says how many equal answers count as one. A form of several requests has several
+        shapes. None while there is none.
         """
         owed = self._current(unit, now_s)
         if self._is_doubted(unit, request, owed) or self._is_refusal_near(unit, request, now_s):
@@ -154,19 +156,21 @@ class LateReplies:
         free = [at for at in calm if owed.keys().isdisjoint(forms[at])]
         for at in free:
             if forms[at][-1] != latest:
-                return at
+                return at, 1
         if free:
-            return free[0]
+            return free[0], 1
         if any(owed.keys().isdisjoint(shapes) for shapes in forms):
             return None  # only copies are in the way, not for long
-        from_s = now_s - min(EXHAUSTED_S, self._late_s)
-        asked_s = {at: max(owed[shape][-1] for shape in forms[at] if shape in owed) for at in calm}
-        longest = min(asked_s, key=lambda at: asked_s[at], default=None)
-        return None if longest is None or asked_s[longest] > from_s else longest
+        return self._least_owed(unit, forms, owed, now_s)
+
+    def sent(self, unit: int, shape: Shape) -> int:
+        """Return how many requests for this shape were sent to a unit."""
+        return self._sent.get((unit, shape), 0)
 
     def note_sent(self, unit: int, shape: Shape, at_s: float) -> None:
         """Record that a request is written."""
         self._unheard.add(unit)
+        self._sent[unit, shape] = self._sent.get((unit, shape), 0) + 1
         self._owed.setdefault(unit, {}).setdefault(shape, []).append(at_s)
 
     def note_answer(
@@ -217,17 +221,29 @@ class LateReplies:
         others = (each for each in self._current(unit, now_s) if each[0] == function and each != asked)
         return next(others, None) is None
 
-    def free_from_s(self, unit: int, request: Request, shape: Shape, now_s: float) -> float:
+    def free_from_s(self, unit: int, request: Request, now_s: float) -> float:
         """Return from when on it is worth looking again whether a read may be sent."""
         owed = self._current(unit, now_s)
         until_s = max((copy.until_s for copy in self._copies.get(unit, ())), default=now_s)
-        if shape in owed or self._is_doubted(unit, request, owed) or until_s <= now_s:
+        if until_s <= now_s or self._is_doubted(unit, request, owed):
             return now_s + LOOK_AGAIN_S
         return until_s
 
     def forget(self, unit: int) -> None:
         """Drop what was noted of a unit's refusals: it is another one now. What it owes may still come."""
         self._doubted.pop(unit, None)
+
+    def _least_owed(
+        self, unit: int, forms: tuple[tuple[Shape, ...], ...], owed: dict[Shape, list[float]], now_s: float
+    ) -> tuple[int, int] | None:
+        """Return the form whose one shape is owed least often, no copy being near, and the answers needed."""
+        counts = {
+            at: len(owed[shape])
+            for at, (shape, *more) in enumerate(forms)
+            if not more and shape in owed and not self.may_be_copied(unit, shape, None, now_s)
+        }
+        least = min(counts, key=lambda at: counts[at], default=None)
+        return None if least is None or counts[least] > MOST_OWED else (least, counts[least] + 1)
 
     def _is_refusal_near(self, unit: int, request: Request, now_s: float) -> bool:
         return self.may_be_copied(unit, bytes((request.function | EXCEPTION_BIT,)), None, now_s)
