@@ -17,7 +17,7 @@ from gateway.line.plan import Plan, Turn
 from gateway.line.prepared import Preparations, Prepared
 from gateway.line.rtu.agreement import Agreed, Agreement
 from gateway.line.rtu.confirmation import Confirmation, Reading
-from gateway.line.rtu.late_replies import LOOK_AGAIN_S
+from gateway.line.rtu.late_replies import COPY_S, LOOK_AGAIN_S
 from gateway.line.rtu.parts import Parts
 from gateway.line.transaction import Transactor
 from gateway.line.voice import Voice
@@ -197,7 +197,9 @@ class Serving:
         return form
 
     def _may_ask_often(self, turn: Turn, form: Prepared) -> bool:
-        is_decisive = turn.poll is None or turn.poll.decisive is not None
+        if turn.poll is None:
+            return True  # somebody waits for it
+        is_decisive = turn.poll.decisive is not None
         return self._agreement.may_ask(form, _key(turn), self._time(), is_decisive=is_decisive)
 
     async def _take(self, turn: Turn, prepared: Prepared, noise: Garbled | None) -> Outcome:
@@ -236,7 +238,7 @@ class Serving:
         self._figures.note(turn, outcome, took_s=took_s, now_s=now_s)
         reading, outcome = self._weigh(turn, sent, outcome, now_s)
         if reading is Reading.WAITS:
-            self._plan.put_back(turn, now_s + LOOK_AGAIN_S)
+            self._plan.put_back(turn, now_s + (COPY_S if turn.poll is None else LOOK_AGAIN_S))
             return
         is_open = reading is Reading.AGAIN
         if reading is Reading.OPEN:
