@@ -116,10 +116,9 @@ class Supervisor:
             await asyncio.sleep(self.restart.restart_s)
 
     async def _live(self) -> None:
-        address = self.folder / "notify"
-        address.unlink(missing_ok=True)
+        address = f"@torture-{os.getpid()}-{self.folder.name}"  # abstract: a folder's path may be too long
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notify, self._open_log() as log:
-            notify.bind(str(address))
+            notify.bind(address.replace("@", "\0", 1))
             notify.setblocking(False)
             life = Life(time.monotonic())
             self.lives.append(life)
@@ -136,9 +135,9 @@ class Supervisor:
             watching.cancel()
             await asyncio.wait((watching,))
 
-    def _environ(self, address: Path) -> dict[str, str]:
+    def _environ(self, address: str) -> dict[str, str]:
         return {
-            "NOTIFY_SOCKET": str(address),
+            "NOTIFY_SOCKET": address,
             "WATCHDOG_USEC": str(int(self.restart.watchdog_s * 1e6)),
             "PYTHONFAULTHANDLER": "1",
             BLOCK_FILE: str(self.folder / "block.json"),
