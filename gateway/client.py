@@ -16,11 +16,11 @@ from typing import Any
 
 from gateway.config.schema import split_url
 from gateway.errors import NoResultError, UsageError
-from gateway.mqtt.sender import Order, Sender
-from gateway.mqtt.settings import BrokerSettings, TlsSettings
-from gateway.mqtt.topics import Topics, is_level
-from gateway.starters.codes import explain
-from gateway.starters.records import Phase
+from gateway.mqtt.connection.command_client import Order, Sender
+from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
+from gateway.mqtt.contract.topics import Topics, is_level
+from gateway.records import Phase
+from gateway.starters.commands.result_codes import explain
 
 WITHIN_S = 30.0
 

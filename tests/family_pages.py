@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from gateway.families.load import FAMILIES, load_profile
-from gateway.families.schema import RESERVED, Parameter, Point, Profile, Write
+from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.profile.schema import RESERVED, Parameter, Point, Profile, Write
 
 FOLDER = Path(__file__).parent.parent / "docs" / "families"
 MARK = "<!-- From here on generated"

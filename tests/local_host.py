@@ -1,4 +1,4 @@
-"""A `gateway.plant.Host` whose lines run on the test's own loop, so that time can be virtual."""
+"""A `gateway.app.plant.Host` whose lines run on the test's own loop, so that time can be virtual."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from collections.abc import Coroutine, Sequence
 from typing import Any
 
 from gateway.line.client import LineClient, LocalLineClient
-from gateway.line.courier import CarriedListener, Courier
-from gateway.line.job import Poll
-from gateway.line.listener import LineListener
-from gateway.line.port import PortOpener
-from gateway.line.scheduler import Scheduler
+from gateway.line.events import LineListener
+from gateway.line.line import Scheduler
+from gateway.line.loop_bridge import CarriedListener, Courier
+from gateway.line.port.base import PortOpener
+from gateway.line.scheduler.requests import Poll
 from gateway.modbus.timing import LineTiming
 
 

@@ -8,17 +8,16 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from gateway.config.changes import changes_of
+from gateway.app.plant import Plant
+from gateway.config.convert import policy_of, rights_of, timing_of
+from gateway.config.diff import changes_of
 from gateway.config.load import parse
 from gateway.config.schema import Config, LineTable
-from gateway.config.setups import policy_of, rights_of, timing_of
-from gateway.plant import Plant
-from gateway.sim.line import SimulatedLine, SimulatedOpener
-from gateway.sim.unit import Unit
-from gateway.starters.companions import Companions
-from gateway.starters.precautions import Precautions
-from gateway.starters.records import AvailabilityRecord, Severity, StateRecord
-from gateway.starters.sequence import Sequence as Numbers
+from gateway.records import AvailabilityRecord, SequenceNumbers, Severity, StateRecord
+from gateway.sim.bus.port import SimulatedLine, SimulatedOpener
+from gateway.sim.core.unit import Unit
+from gateway.starters.policy.policy import Precautions
+from gateway.starters.services.services import Companions
 from tests.local_host import LocalHost
 from tests.starters.fakes import RecordingSink
 from tests.torture.starters import SILENCE_TRIPS, watching_unit
@@ -136,7 +135,7 @@ class Here:
 async def running(settled_s: float = 30.0, *changes: tuple[str, str]) -> AsyncIterator[Here]:
     """Run the plant; all four starters are online, identified and looked through."""
     here = Here(config=site(*changes))
-    clock, sequence = VirtualClock(asyncio.get_running_loop()), Numbers()
+    clock, sequence = VirtualClock(asyncio.get_running_loop()), SequenceNumbers()
     for port, address, family in (
         *(("hall", 1, "ssw07"), ("hall", 2, "ssw06")),
         *(("yard", 1, "ssw900"), ("yard", 2, "sst")),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gateway.starters.codes import CODES
+from gateway.starters.commands.result_codes import CODES
 
 PAGE = Path(__file__).parents[1] / "docs" / "results.md"
 BEGIN, END = "<!-- codes: made by python -m tests.results_page -->\n", "<!-- end of codes -->\n"

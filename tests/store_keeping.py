@@ -7,8 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from gateway.database import Connection
-from gateway.store import News, Store
+from gateway.storage.database import Connection
+from gateway.storage.worker import News, Store
 
 T = TypeVar("T")
 PATIENCE_S = 10.0

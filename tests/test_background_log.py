@@ -10,7 +10,7 @@ from contextlib import suppress
 
 import pytest
 
-from gateway.background_log import BackgroundHandler
+from gateway.system.log_thread import BackgroundHandler
 
 
 @pytest.fixture

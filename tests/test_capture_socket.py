@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from gateway import capture_socket
-from gateway.capture_socket import CaptureSocket
-from gateway.line.voice import OnFrame
+from gateway.app import capture_socket
+from gateway.app.capture_socket import CaptureSocket
+from gateway.line.events import OnFrame
 from gateway.system.clock_steps import Reading
 from tests.virtual_time import EPOCH_S
 

@@ -10,9 +10,9 @@ import pytest
 
 from gateway.client import Client, Result
 from gateway.errors import BrokerError, NoResultError, UsageError
-from gateway.mqtt.json_out import to_json
-from gateway.mqtt.session import Session
-from gateway.mqtt.topics import Topics
+from gateway.mqtt.connection.session import Session
+from gateway.mqtt.contract.strict_json import to_json
+from gateway.mqtt.contract.topics import Topics
 from tests.conftest import StartMosquitto
 from tests.mosquitto import MosquittoBroker, Watcher, free_port
 
@@ -144,7 +144,7 @@ async def test_the_usual_verbs_have_methods_of_their_own(
 async def test_a_stop_goes_out_even_when_no_gateway_seems_to_be_there(
     start_mosquitto: StartMosquitto, state: str | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("gateway.mqtt.sender.TROUBLED_WITHIN_S", 0.1)
+    monkeypatch.setattr("gateway.mqtt.connection.command_client.TROUBLED_WITHIN_S", 0.1)
     broker = start_mosquitto()
     if state is not None:
         PlayedGateway.come_online(broker, state)
@@ -161,7 +161,7 @@ async def test_a_stop_goes_out_even_when_no_gateway_seems_to_be_there(
 async def test_a_gateway_that_publishes_no_token_is_sent_nothing_but_a_stop(
     start_mosquitto: StartMosquitto, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("gateway.mqtt.sender.STATUS_WITHIN_S", 0.2)
+    monkeypatch.setattr("gateway.mqtt.connection.command_client.STATUS_WITHIN_S", 0.2)
     broker = start_mosquitto()
     broker.publish(TOPICS.gateway_status, json.dumps({"state": "online", "boot": "boot-1"}), "-r")
     async with broker.watch(TOPICS.command_filter) as watcher:
@@ -203,7 +203,7 @@ async def test_whoever_may_not_read_results_may_stop_all_the_same_but_nothing_el
         return is_let_in and "/result/" not in topic  # as brokers do that look at the list already here
 
     monkeypatch.setattr(Session, "subscribe", refuse_results)
-    monkeypatch.setattr("gateway.mqtt.sender.TROUBLED_WITHIN_S", 0.1)
+    monkeypatch.setattr("gateway.mqtt.connection.command_client.TROUBLED_WITHIN_S", 0.1)
     broker = start_mosquitto()
     PlayedGateway.come_online(broker)
     async with broker.watch(TOPICS.command_filter) as watcher:

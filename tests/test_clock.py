@@ -10,7 +10,13 @@ from typing import Any
 
 import pytest
 
-from gateway.clock import ClockWatch, Trust, is_kernel_clock_synchronised, is_synchronised_state, read_clocks
+from gateway.system.clock import (
+    ClockWatch,
+    Trust,
+    is_kernel_clock_synchronised,
+    is_synchronised_state,
+    read_clocks,
+)
 from gateway.system.clock_steps import STEP_S, Reading
 
 
@@ -221,7 +227,7 @@ def test_where_the_kernel_may_not_be_asked_timesyncds_fresh_mark_does(
 ) -> None:
     mark = tmp_path / "synchronized"
     monkeypatch.setattr("ctypes.CDLL", lambda name: object())
-    monkeypatch.setattr("gateway.clock.TIMESYNC_MARK", mark)
+    monkeypatch.setattr("gateway.system.clock.TIMESYNC_MARK", mark)
     monkeypatch.setattr("time.time", lambda: 1e9)
     if age_s is not None:
         mark.touch()

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from gateway.clock import ClockWatch
-from gateway.clock_memory import CLOCK_FILE, SAVE_EVERY_S, ClockMemory
-from gateway.starters.memory import FileMemory
-from gateway.starters.records import Severity
+from gateway.app.clock_memory import CLOCK_FILE, SAVE_EVERY_S, ClockMemory
+from gateway.records import Severity
+from gateway.storage.json_file import FileMemory
+from gateway.system.clock import ClockWatch
 from gateway.system.clock_steps import Reading
 from tests.starters.rig import virtually
 

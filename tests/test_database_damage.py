@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from gateway.database import Database
+from gateway.storage.database import Database
 
 
 class Notes:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from gateway.hangs import QUIET_S, HangWatch
+from gateway.system.hang_dump import QUIET_S, HangWatch
 
 
 class Timer:
@@ -83,7 +83,7 @@ def test_closing_disarms() -> None:
 
 def test_the_real_timer_writes_the_stacks_of_all_threads_to_stderr() -> None:
     program = (
-        "import time; from gateway.hangs import HangWatch\n"
+        "import time; from gateway.system.hang_dump import HangWatch\n"
         "def stuck():\n    time.sleep(0.6)\n"
         "watch = HangWatch(0.2)\nwatch.fed()\nstuck()\nwatch.fed()\nwatch.close()"
     )

@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from gateway.lag import TICK_S, LagMeter
+from gateway.system.loop_lag import TICK_S, LagMeter
 from tests.virtual_time import VirtualTimeLoop, run_virtually
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import asyncio
 
-from gateway.line.outcome import Answered, Silent
-from gateway.starters.records import AvailabilityRecord, EventRecord, InfoRecord
+from gateway.line.rtu.outcome import Answered, Silent
+from gateway.records import AvailabilityRecord, EventRecord, InfoRecord
 from tests.plant_rig import HALL, running, starter
 from tests.starters.rig import virtually
 

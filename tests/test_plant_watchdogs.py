@@ -11,22 +11,21 @@ from typing import Any
 
 import pytest
 
+from gateway.app.plant import Plant
+from gateway.config.convert import policy_of, rights_of, setups_of, timing_of
 from gateway.config.load import parse
 from gateway.config.schema import Config, LineTable
-from gateway.config.setups import policy_of, rights_of, setups_of, timing_of
-from gateway.plant import Plant
+from gateway.records import AvailabilityRecord, EventRecord, Phase, Record, ResultRecord, SequenceNumbers
+from gateway.sim.bus.faults import Reply
+from gateway.sim.bus.port import SimulatedLine, SimulatedOpener
 from gateway.sim.factory import make_unit
-from gateway.sim.impair import Reply
-from gateway.sim.line import SimulatedLine, SimulatedOpener
-from gateway.sim.ssw900_faults import C8_TIMEOUT, C8_TIMEOUT_MODE
-from gateway.sim.supervised import ACTION_NONE, P_ACTION, P_TIMEOUT
-from gateway.starters.commander import Commander
-from gateway.starters.companions import Companions
-from gateway.starters.known_watchdogs import KnownWatchdogs
-from gateway.starters.precautions import Precautions
-from gateway.starters.records import AvailabilityRecord, EventRecord, Phase, Record, ResultRecord
-from gateway.starters.request import CommandRequest
-from gateway.starters.sequence import Sequence as Numbers
+from gateway.sim.ssw900.faults import C8_TIMEOUT, C8_TIMEOUT_MODE
+from gateway.sim.weg.command_sources import ACTION_NONE, P_ACTION, P_TIMEOUT
+from gateway.starters.commands.dispatcher import Commander
+from gateway.starters.policy.policy import Precautions
+from gateway.starters.policy.request import CommandRequest
+from gateway.starters.services.services import Companions
+from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from tests.local_host import LocalHost
 from tests.plant_rig import Here
 from tests.starters.fakes import RecordingSink
@@ -146,7 +145,7 @@ async def running(
     bus: SimulatedLine, config: Config, memory: FakeMemory | None = None, *, lap_s: float = 60.0
 ) -> AsyncIterator[Run]:
     """Run the plant with its commander from the opening of the port to its closing."""
-    clock, sequence, sink = VirtualClock(asyncio.get_running_loop()), Numbers(), WatchedSink()
+    clock, sequence, sink = VirtualClock(asyncio.get_running_loop()), SequenceNumbers(), WatchedSink()
     watchdogs = KnownWatchdogs(memory=memory)
     precautions = Precautions(
         policy_of(config),

@@ -11,19 +11,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.clock import ClockWatch
-from gateway.mqtt.boot import Boot
-from gateway.mqtt.freshness import Tokens
-from gateway.mqtt.inbox import Inbox
-from gateway.mqtt.intake import Incoming
-from gateway.mqtt.json_out import rfc3339
-from gateway.mqtt.payload import Payloads
-from gateway.mqtt.topics import Topics
-from gateway.reception import Reception
-from gateway.standstill import StandstillWatch
-from gateway.starters.records import AuditRecord, ResultRecord, Severity
-from gateway.starters.rights import Operator
+from gateway.app.incoming import Reception
+from gateway.mqtt.connection.inbox import Inbox
+from gateway.mqtt.contract.commands import Incoming
+from gateway.mqtt.contract.freshness import Tokens
+from gateway.mqtt.contract.payloads import Payloads
+from gateway.mqtt.contract.run_token import Boot
+from gateway.mqtt.contract.strict_json import rfc3339
+from gateway.mqtt.contract.topics import Topics
+from gateway.records import AuditRecord, ResultRecord, Severity
+from gateway.starters.policy.rights import Operator
+from gateway.system.clock import ClockWatch
 from gateway.system.clock_steps import Reading
+from gateway.system.suspend_watch import StandstillWatch
 from tests.starters.plant import OPERATORS, Plant
 from tests.starters.rig import virtually
 from tests.virtual_time import VirtualTimeLoop, run_virtually

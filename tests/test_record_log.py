@@ -6,8 +6,8 @@ import asyncio
 import logging
 from typing import Any
 
-from gateway.record_log import RecordLog
-from gateway.starters.records import AvailabilityRecord, EventRecord, Phase, ResultRecord, Severity
+from gateway.app.record_log import RecordLog
+from gateway.records import AvailabilityRecord, EventRecord, Phase, ResultRecord, Severity
 from tests.starters.fakes import FAULT, P014, READY, VB01, RecordingSink
 from tests.starters.rig import CommandRig, virtually
 from tests.virtual_time import VirtualClock

@@ -13,10 +13,10 @@ from typing import Any
 
 import pytest
 
+from gateway.app.reload import MOST_REMAINS, Reload
+from gateway.app.site import Site
 from gateway.errors import ConfigError, Problem
-from gateway.reload import MOST_REMAINS, Reload
-from gateway.site import Site
-from gateway.starters.records import Severity
+from gateway.records import Severity
 from tests.config.sites import site
 
 MISTAKES = [Problem("line[0].baud", "is 7", "9600"), Problem("operator[0].may", "is empty")]

@@ -7,7 +7,7 @@ import logging
 
 import pytest
 
-from gateway.repetition import MOST_KNOWN, TraceFilter
+from gateway.system.log_once import MOST_KNOWN, TraceFilter
 
 
 class Log:
@@ -17,7 +17,7 @@ class Log:
         self._stream = io.StringIO()
         handler = logging.StreamHandler(self._stream)
         handler.addFilter(TraceFilter())
-        self.logger = logging.Logger("gateway.store")
+        self.logger = logging.Logger("gateway.storage.worker")
         self.logger.addHandler(handler)
 
     def fail(self, message: str = "work failed", *args: object, error: type[Exception] = ValueError) -> None:

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from gateway.saturation import Saturation
+from gateway.app.health import Saturation
 
 
 def told(*seen: tuple[float, float]) -> list[bool | None]:

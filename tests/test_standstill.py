@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from gateway.standstill import LIMIT_S, LOOK_EVERY_S, StandstillWatch, up_s
+from gateway.system.suspend_watch import LIMIT_S, LOOK_EVERY_S, StandstillWatch, up_s
 from tests.virtual_time import run_virtually
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from gateway.database import Connection
 from gateway.errors import StoreError
-from gateway.store import News, Store
+from gateway.storage.database import Connection
+from gateway.storage.worker import News, Store
 from tests.store_keeping import PATIENCE_S, Make, Things, insert, texts
 
 
@@ -87,7 +87,7 @@ def test_work_that_is_no_longer_wanted_is_not_done(keeping: Make) -> None:
 
 
 def test_only_so_much_waits(keeping: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.store.MOST_WAITING", 2)
+    monkeypatch.setattr("gateway.storage.worker.MOST_WAITING", 2)
     one = keeping()
     one.until(News.OPEN)
     gate, busy = threading.Event(), threading.Event()
@@ -107,7 +107,7 @@ def test_only_so_much_waits(keeping: Make, monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_a_disk_that_does_not_answer_counts_as_away(keeping: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.store.HANG_S", 0.0)
+    monkeypatch.setattr("gateway.storage.worker.HANG_S", 0.0)
     one = keeping()
     one.until(News.OPEN)
     gate, busy = threading.Event(), threading.Event()

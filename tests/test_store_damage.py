@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from gateway.database import MOST_ASIDE, Connection
 from gateway.errors import DamagedError, StoreError
-from gateway.store import News
+from gateway.storage.database import MOST_ASIDE, Connection
+from gateway.storage.worker import News
 from tests.store_keeping import Keeping, Make, insert, texts
 
 
@@ -218,7 +218,7 @@ def test_a_read_only_file_system_is_trouble_and_told_once(keeping: Make) -> None
 def test_a_file_that_another_gateway_has_is_waited_for_not_put_aside(
     keeping: Make, path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("gateway.database.LOCKED_WITHIN_S", 0.01)
+    monkeypatch.setattr("gateway.storage.database.LOCKED_WITHIN_S", 0.01)
     first = keeping(path)
     first.do(insert("a"))
 

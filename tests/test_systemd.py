@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.systemd import Notifier, PriorityFormatter, is_journal, watchdog_interval_s
+from gateway.system.systemd import Notifier, PriorityFormatter, is_journal, watchdog_interval_s
 
 
 @pytest.fixture(params=["path", "abstract"])

@@ -11,14 +11,14 @@ from typing import Any
 
 import pytest
 
-from gateway.clock import SystemClock
+from gateway.app.site import Site
+from gateway.app.uplink import Uplink
 from gateway.config.load import parse
-from gateway.mqtt.boot import Boot
-from gateway.mqtt.freshness import Tokens
-from gateway.mqtt.intake import Incoming
-from gateway.site import Site
-from gateway.starters.records import AvailabilityRecord
-from gateway.uplink import Uplink
+from gateway.mqtt.contract.commands import Incoming
+from gateway.mqtt.contract.freshness import Tokens
+from gateway.mqtt.contract.run_token import Boot
+from gateway.records import AvailabilityRecord
+from gateway.system.clock import SystemClock
 from tests.conftest import StartMosquitto
 from tests.mosquitto import MosquittoBroker, Watcher
 from tests.mqtt.fake_broker import ACCEPT_5, ACCEPT_311, LEVEL_5, LEVEL_311, REFUSE_VERSION, FakeBroker

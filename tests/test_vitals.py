@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from gateway.hangs import HangWatch
-from gateway.lag import LagMeter
+from gateway.app.health import Vitals
 from gateway.line.client import LineClient
-from gateway.starters.records import LineRecord, Severity
-from gateway.vitals import Vitals
+from gateway.records import LineRecord, Severity
+from gateway.system.hang_dump import HangWatch
+from gateway.system.loop_lag import LagMeter
 from tests.virtual_time import run_virtually
 
 LIMIT_S = 10.0

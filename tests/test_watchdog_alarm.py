@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.watchdog_alarm import QUIET_S, WatchdogAlarm
+from gateway.app.health import QUIET_S, WatchdogAlarm
 
 
 def told(*seen: tuple[float, float, float, int]) -> list[str | None]:

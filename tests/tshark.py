@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from gateway.commands.capture_file import READ_WITH
+from gateway.cli.capture import READ_WITH
 
 
 def need_tshark() -> str:

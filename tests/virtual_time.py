@@ -48,7 +48,7 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
 
 
 class VirtualClock:
-    """A gateway.clock.Clock that follows a loop's virtual time."""
+    """A gateway.system.clock.Clock that follows a loop's virtual time."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, epoch_s: float = EPOCH_S) -> None:
         self._loop = loop

@@ -4,63 +4,52 @@ from __future__ import annotations
 
 import re
 import tomllib
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from gateway.config.explain import explain
-from gateway.config.locate import line_of, locate
-from gateway.config.mistake import Mistake, spell
-from gateway.config.prospects import LineProspect, missed_deadlines, prospects_of
-from gateway.config.rules import broken_rules
+from gateway.config.cross_checks import broken_rules
+from gateway.config.mistakes import Mistake, explain, spell
 from gateway.config.schema import Config
+from gateway.config.toml_lines import line_of, locate
 from gateway.errors import ConfigError, Problem
 
 _SYNTAX_PLACE = re.compile(r" \(at (?:line (\d+), column \d+|end of document)\)$")
 _MAX_BYTES = 1_000_000
 
-
-@dataclass(frozen=True, slots=True)
-class Examined:
-    """A configuration that can be used, and what its lines will be like."""
-
-    config: Config
-    prospects: tuple[LineProspect, ...]
+Check = Callable[[Config], list[Mistake]]
 
 
-def load(path: str | Path) -> Config:
-    """Return the configuration in a file; ConfigError with every problem when it cannot be used."""
-    return examine(path).config
+def no_check(_: Config) -> list[Mistake]:
+    """Find nothing."""
+    return []
 
 
-def examine(path: str | Path) -> Examined:
-    """Do as `load`, for those who need what had to be reckoned for it too."""
-    return _examine(_read(path), str(path))
+def load(path: str | Path, *, check: Check = no_check) -> Config:
+    """Return the configuration in a file; ConfigError with every problem when it cannot be used.
+
+    `check` looks for mistakes in a configuration that has no others.
+    """
+    return parse(_read(path), str(path), check=check)
 
 
-def parse(text: str, path: str) -> Config:
-    """Return the configuration in a TOML text; `path` is what messages call it."""
-    return _examine(text, path).config
-
-
-def _examine(text: str, path: str) -> Examined:
+def parse(text: str, path: str, *, check: Check = no_check) -> Config:
+    """Do as `load` with a TOML text; `path` is what messages call it."""
     document = _document(text, path)
     mistakes: list[Mistake] = []
     config = None
-    prospects: tuple[LineProspect, ...] = ()
     try:
         config = Config.model_validate(document)
     except ValidationError as error:
         mistakes += explain(error)
     mistakes += broken_rules(document)
     if config is not None and not mistakes:
-        prospects = prospects_of(config)
-        mistakes = missed_deadlines(prospects)
+        mistakes = check(config)
     if config is None or mistakes:
         raise ConfigError(path, _problems(text, mistakes))
-    return Examined(config, prospects)
+    return config
 
 
 def _read(path: str | Path) -> str:

@@ -1,0 +1,6 @@
+"""One RS-485 line: who is asked what and when, and what came of it.
+
+Start at `service`, the loop on an open port. `scheduler` decides, `rtu` does one transaction, `port` the
+bytes,
+`capacity` computes what a line can keep. `thread` runs all lines beside the application.
+"""

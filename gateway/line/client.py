@@ -7,9 +7,9 @@ from collections.abc import Callable
 from math import inf
 from typing import Any, Protocol
 
-from gateway.line.job import Job, Lane, Poll
-from gateway.line.outcome import Outcome
-from gateway.line.scheduler import Scheduler
+from gateway.line.line import Scheduler
+from gateway.line.rtu.outcome import Outcome
+from gateway.line.scheduler.requests import Job, Lane, Poll
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
 

@@ -1,0 +1,1 @@
+"""Modbus PDUs and RTU frames; pure. Start at `pdu` and `adu`."""

@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from gateway.modbus.bits import byte_count, pack_bits, unpack_bits
 from gateway.modbus.codes import Function
+from gateway.modbus.packing import byte_count, decode_words, encode_words, pack_bits, unpack_bits
 from gateway.modbus.pdu import check_run, mismatch
-from gateway.modbus.words import decode_words, encode_words
 
 MAX_READ_BITS = 2000  # [APP 6.1, 6.2]
 MAX_READ_WORDS = 125  # [APP 6.3, 6.4]

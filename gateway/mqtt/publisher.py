@@ -6,10 +6,10 @@ import asyncio
 import logging
 from collections.abc import Callable
 
-from gateway.clock import Clock
-from gateway.mqtt.outbox import Outbox
-from gateway.mqtt.payload import GatewayInfo, Message, Payloads, cleared
-from gateway.starters.records import Record
+from gateway.mqtt.contract.payloads import GatewayInfo, Message, Payloads, cleared
+from gateway.mqtt.outbox.outbox import Outbox
+from gateway.records import Record
+from gateway.system.clock import Clock
 
 log = logging.getLogger(__name__)
 
@@ -18,7 +18,7 @@ LOOK_EVERY_S = 1.0  # whether something was dropped or refused
 
 
 class Publisher:
-    """Implements `gateway.starters.records.Sink`, and speaks for the gateway itself."""
+    """Implements `gateway.records.Sink`, and speaks for the gateway itself."""
 
     def __init__(self, payloads: Payloads, outbox: Outbox, clock: Clock) -> None:
         self._payloads = payloads

@@ -1,0 +1,1 @@
+"""Simulated starters, for the demo, `simulate` and the tests. Start at `factory`."""

@@ -6,13 +6,13 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-from gateway.sim.commanded import Commanded
-from gateway.sim.sst import Sst
-from gateway.sim.sst_motion import SstMotion
-from gateway.sim.ssw06 import Ssw06
-from gateway.sim.ssw07 import Ssw07
-from gateway.sim.ssw900 import Ssw900
-from gateway.sim.unit import Unit
+from gateway.sim.core.unit import Unit
+from gateway.sim.sst.motion import SstMotion
+from gateway.sim.sst.unit import Sst
+from gateway.sim.ssw900.unit import Ssw900
+from gateway.sim.weg.common import Commanded
+from gateway.sim.weg.ssw06 import Ssw06
+from gateway.sim.weg.ssw07 import Ssw07
 
 _CURRENT = re.compile(r"(\d+(?:\.\d+)?)A?")  # a word of "SSW-07 85.0A", "SSW-06 820 A", "85"
 

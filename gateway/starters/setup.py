@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gateway.families.identify import Identity
-from gateway.families.schema import Profile, Variant
-from gateway.line.budget import ALLOWANCE_S
+from gateway.families.profile.identify import Identity
+from gateway.families.profile.schema import Profile, Variant
+from gateway.line.rtu.timeouts import ALLOWANCE_S
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
 from gateway.modbus.writes import WriteRegisters

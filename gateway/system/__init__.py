@@ -1,1 +1,1 @@
-"""What the gateway needs of the machine it runs on, and nothing else knows of: start with `instance_lock`."""
+"""Clock, systemd, logging, rate limits: what any program of this kind needs; knows nothing of starters."""

@@ -28,8 +28,8 @@ from gateway.modbus.reads import ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.server import decode_request
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil
+from gateway.sim.core.unit import Unit
 from gateway.sim.factory import make_unit
-from gateway.sim.unit import Unit
 from tests.bench.account import Law, Seen
 
 BUSY_S = 0.0002  # before something is due, sleeping is over

@@ -19,7 +19,7 @@ from typing import Any
 import paho.mqtt.client as paho
 from paho.mqtt.enums import CallbackAPIVersion
 
-from gateway.starters.records import Phase
+from gateway.records import Phase
 from tests.bench.account import Seen
 from tests.bench.judge import STANDS_S, Spec
 from tests.bench.plant import BASE, OPERATOR, bench_broker, name, site

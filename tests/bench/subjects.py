@@ -69,9 +69,9 @@ class _Clock:
 
 async def line(task: Task) -> Span:
     """Our line floor as the gateway runs it: a thread of its own, outcomes carried over to the app's loop."""
-    from gateway.line.host import LineHost
-    from gateway.line.job import Lane, Poll
-    from gateway.line.serial_port import SerialOpener
+    from gateway.line.port.opener import SerialOpener
+    from gateway.line.scheduler.requests import Lane, Poll
+    from gateway.line.thread import LineHost
     from gateway.modbus.reads import ReadHoldingRegisters
     from gateway.modbus.timing import Framing, LineTiming
     from gateway.modbus.writes import WriteCoil

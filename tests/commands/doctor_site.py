@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from gateway.commands.doctor_remark import Remark
+from gateway.cli.doctor.finding import Remark
 
 SITE = """
 [gateway]

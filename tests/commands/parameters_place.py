@@ -8,16 +8,16 @@ from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Any
 
-from gateway.commands.parameters_live import LiveStarter, save
-from gateway.commands.parameters_restore import restore
-from gateway.commands.progress import Progress
-from gateway.families.load import load_profile
-from gateway.families.schema import Variant
-from gateway.line.budget import ALLOWANCE_S
+from gateway.cli.parameters.live import LiveStarter, save
+from gateway.cli.parameters.restore import restore
+from gateway.cli.progress import Progress
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.schema import Variant
+from gateway.line.rtu.timeouts import ALLOWANCE_S
 from gateway.modbus.timing import Framing, LineTiming
-from gateway.sim.line import SimulatedLine
-from gateway.sim.unit import Unit
-from gateway.starters.parameter_set import Entry, ParameterSet
+from gateway.sim.bus.port import SimulatedLine
+from gateway.sim.core.unit import Unit
+from gateway.starters.parameters.model import Entry, ParameterSet
 from gateway.starters.setup import StarterSetup
 from tests.virtual_time import VirtualClock
 

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from gateway.cli import main
-from gateway.durable.audit_files import ANCHOR, segment_path
-from gateway.durable.audit_log import AuditLog
-from gateway.starters.records import AuditRecord
+from gateway.cli.main import main
+from gateway.records import AuditRecord
+from gateway.storage.audit.log import AuditLog
+from gateway.storage.audit.segments import ANCHOR, segment_path
 
 CONFIG = """
 [gateway]

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from gateway.cli import main
-from gateway.commands.capture_file import CaptureFile
+from gateway.cli.capture import CaptureFile
+from gateway.cli.main import main
 from gateway.errors import CaptureError
 from gateway.modbus import adu
 from gateway.modbus.reads import ReadHoldingRegisters

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from gateway.cli import main
+from gateway.app.site import Site
+from gateway.cli.main import main
 from gateway.errors import ConfigError, Problem
-from gateway.site import Site
 from tests.config.sites import SITE, changed
 
 PASSWORD = (

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from gateway import __version__
-from gateway.cli import COMMANDS, main
+from gateway.cli.main import COMMANDS, main
 from tests.config.sites import changed
 
 
@@ -79,11 +79,11 @@ def test_a_command_that_cannot_be_carried_out_is_1(capsys: pytest.CaptureFixture
 
 def test_only_the_chosen_command_is_imported(monkeypatch: pytest.MonkeyPatch) -> None:
     for command in COMMANDS:
-        monkeypatch.delitem(sys.modules, f"gateway.commands.{command}", raising=False)
+        monkeypatch.delitem(sys.modules, f"gateway.cli.{command}", raising=False)
 
     main(["schema"])
 
-    loaded = [command for command in COMMANDS if f"gateway.commands.{command}" in sys.modules]
+    loaded = [command for command in COMMANDS if f"gateway.cli.{command}" in sys.modules]
     assert loaded == ["schema"]
 
 
@@ -99,7 +99,7 @@ def test_an_interrupted_command_has_failed(monkeypatch: pytest.MonkeyPatch) -> N
     def interrupt(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("gateway.commands.schema.json.dumps", interrupt)
+    monkeypatch.setattr("gateway.cli.schema.json.dumps", interrupt)
 
     assert main(["schema"]) == 1
 

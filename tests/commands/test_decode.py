@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from gateway.cli import main
+from gateway.cli.main import main
 
 
 def decode(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, Any]:

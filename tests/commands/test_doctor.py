@@ -9,20 +9,20 @@ from typing import Any
 
 import pytest
 
-from gateway.cli import main
-from gateway.commands import doctor
-from gateway.commands.doctor_broker import BrokerAccess
-from gateway.commands.doctor_remark import Remark
-from gateway.commands.doctor_starters import LineCheckup
+from gateway.app.capacity import prospects_of
+from gateway.cli.doctor import doctor
+from gateway.cli.doctor.broker import BrokerAccess
+from gateway.cli.doctor.finding import Remark
+from gateway.cli.doctor.starters import LineCheckup
+from gateway.cli.main import main
+from gateway.config.convert import timing_of
 from gateway.config.load import parse
-from gateway.config.prospects import prospects_of
 from gateway.config.schema import Config
-from gateway.config.setups import timing_of
 from gateway.errors import BrokerError, PortError
-from gateway.families.finding import Weight
+from gateway.families.diagnosis.findings import Weight
+from gateway.sim.bus.port import SimulatedLine
+from gateway.sim.core.unit import Unit
 from gateway.sim.factory import make_unit
-from gateway.sim.line import SimulatedLine
-from gateway.sim.unit import Unit
 from tests.commands.doctor_site import biting, site
 from tests.virtual_time import VirtualClock, run_virtually
 

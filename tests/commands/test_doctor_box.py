@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from gateway.commands.doctor_box import (
+from gateway.cli.doctor.machine import (
     clock_remark,
     clock_state,
     latency_remark,
     state_dir_remark,
     wear_remarks,
 )
-from gateway.families.finding import Weight
+from gateway.families.diagnosis.findings import Weight
 
 
 @pytest.mark.parametrize(("milliseconds", "weight"), [("1", None), ("2", None), ("16", Weight.WARNING)])

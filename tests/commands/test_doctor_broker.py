@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from gateway.commands import doctor_broker
-from gateway.commands.doctor_broker import BrokerAccess
-from gateway.commands.doctor_remark import Remark
+from gateway.cli.doctor import broker as doctor_broker
+from gateway.cli.doctor.broker import BrokerAccess
+from gateway.cli.doctor.finding import Remark
 from gateway.config.load import parse
 from gateway.errors import BrokerError
-from gateway.mqtt import sender
+from gateway.mqtt.connection import command_client as sender
 from tests.commands.doctor_site import biting, site
 from tests.conftest import StartMosquitto
 

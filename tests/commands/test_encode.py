@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.cli import main
+from gateway.cli.main import main
 from gateway.modbus import adu
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.cli import main
-from gateway.line.gaps import Restart
+from gateway.cli.main import main
+from gateway.line.capacity.outage import Restart
 from tests.config.sites import changed
 
 SERVICE = Path(__file__).parents[2] / "deploy" / "starter-gateway.service"

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from gateway.commands.kept_identity import identity_trouble
+from gateway.cli.parameters.restore import identity_trouble
 from gateway.errors import CommandError
-from gateway.families.finding import Weight
-from gateway.families.identify import Identity
-from gateway.families.load import load_profile
-from gateway.families.schema import Variant
+from gateway.families.diagnosis.findings import Weight
+from gateway.families.profile.identify import Identity
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.schema import Variant
 from gateway.sim.factory import make_unit
 from gateway.starters.setup import StarterSetup
 from tests.commands.doctor_site import site

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from gateway.clock import read_clocks
-from gateway.commands.kept_lock import lock_trouble
+from gateway.cli.parameters.restore import lock_trouble
 from gateway.errors import CommandError
+from gateway.records import LockRecord
 from gateway.sim.factory import make_unit
-from gateway.starters.logbook import PRECAUTIONS_FILE, Logbook
-from gateway.starters.records import LockRecord
+from gateway.starters.policy.motor_history import PRECAUTIONS_FILE, Logbook
+from gateway.system.clock import read_clocks
 from tests.commands.parameters_place import Place
 
 

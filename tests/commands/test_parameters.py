@@ -11,17 +11,17 @@ from typing import Any
 
 import pytest
 
-from gateway.commands.parameters_live import LiveStarter, save
-from gateway.commands.progress import Progress
+from gateway.cli.parameters.live import LiveStarter, save
+from gateway.cli.progress import Progress
 from gateway.errors import CommandError, PortError, UsageError
-from gateway.families.load import FAMILIES, load_profile
-from gateway.families.schema import Variant
-from gateway.line.budget import ALLOWANCE_S
+from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.profile.schema import Variant
+from gateway.line.rtu.timeouts import ALLOWANCE_S
 from gateway.modbus.adu import decode
 from gateway.sim.factory import make_unit
-from gateway.starters.parameter_file import from_toml, to_toml
+from gateway.starters.parameters.toml_file import from_toml, to_toml
+from gateway.starters.policy.write_budget import WEAR_FILE
 from gateway.starters.setup import StarterSetup
-from gateway.starters.wear import WEAR_FILE
 from tests.commands.parameters_place import TIMING, Place
 from tests.virtual_time import VirtualClock, run_virtually
 

@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from gateway.cli import main
-from gateway.commands import parameters
-from gateway.commands.parameters_live import LiveStarter
-from gateway.commands.progress import Progress
+from gateway.cli.main import main
+from gateway.cli.parameters import parameters
+from gateway.cli.parameters.live import LiveStarter
+from gateway.cli.progress import Progress
 from gateway.sim.factory import make_unit
-from gateway.starters.parameter_set import Entry, ParameterSet
+from gateway.starters.parameters.model import Entry, ParameterSet
 from tests.commands.parameters_place import Place
 
 SAVED = '[starter]\nname = "p"\nfamily = "{family}"\n[parameters]\nP314 = {seconds}\n'

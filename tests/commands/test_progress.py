@@ -6,7 +6,7 @@ import io
 
 import pytest
 
-from gateway.commands.progress import Progress, in_words
+from gateway.cli.progress import Progress, in_words
 
 
 class Terminal(io.StringIO):

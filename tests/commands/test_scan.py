@@ -12,22 +12,21 @@ from typing import Any
 
 import pytest
 
-from gateway.cli import main
-from gateway.commands.progress import Progress
-from gateway.commands.scan import addresses_in, scan, show, stable_name
-from gateway.commands.scan_config import clean, config_text
-from gateway.commands.scan_search import BAUDS, FRAMINGS, Find, Wish, timings_in_order
+from gateway.cli.main import main
+from gateway.cli.progress import Progress
+from gateway.cli.scan.config_text import clean, config_text
+from gateway.cli.scan.scan import addresses_in, scan, show, stable_name
+from gateway.cli.scan.search import BAUDS, FRAMINGS, Find, Wish, timings_in_order
 from gateway.config.load import parse
 from gateway.errors import PortError, UsageError
-from gateway.families.identify import Identity
-from gateway.families.load import FAMILIES, load_profile
+from gateway.families.profile.identify import Identity
+from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.modbus.adu import decode
 from gateway.modbus.timing import Framing, LineTiming
+from gateway.sim.bus.faults import Impairment, Reply
+from gateway.sim.bus.port import SimulatedLine, SimulatedPort
+from gateway.sim.core.unit import Unit
 from gateway.sim.factory import make_unit
-from gateway.sim.impair import Impairment, Reply
-from gateway.sim.line import SimulatedLine
-from gateway.sim.port import SimulatedPort
-from gateway.sim.unit import Unit
 from tests.virtual_time import run_virtually
 
 TIMING = LineTiming(19200, Framing.parse("8N2"))

@@ -5,10 +5,10 @@ import tomllib
 
 import pytest
 
-from gateway.cli import main
+from gateway.cli.main import main
 from gateway.config.schema import Verb
-from gateway.families.command import verbs
-from gateway.families.load import FAMILIES, load_profile
+from gateway.families.command.build import verbs
+from gateway.families.profile.load import FAMILIES, load_profile
 from tests.config.sites import SITE
 
 TABLES = {"gateway", "mqtt", "line", "operator", "rules", "group"}

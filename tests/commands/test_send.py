@@ -10,15 +10,15 @@ from typing import Any
 
 import pytest
 
-from gateway.cli import main
+from gateway.cli.main import main
 from gateway.errors import BrokerError
-from gateway.mqtt.freshness import Moment
-from gateway.mqtt.intake import Incoming
-from gateway.mqtt.payload import Message, Payloads
-from gateway.mqtt.settings import BrokerSettings
-from gateway.mqtt.topics import Topics
-from gateway.starters.records import Phase, ResultRecord
-from gateway.starters.request import CommandRequest
+from gateway.mqtt.connection.settings import BrokerSettings
+from gateway.mqtt.contract.commands import Incoming
+from gateway.mqtt.contract.freshness import Moment
+from gateway.mqtt.contract.payloads import Message, Payloads
+from gateway.mqtt.contract.topics import Topics
+from gateway.records import Phase, ResultRecord
+from gateway.starters.policy.request import CommandRequest
 from tests.config.sites import changed
 from tests.conftest import StartMosquitto
 from tests.mosquitto import MosquittoBroker, Seen, free_port
@@ -185,7 +185,7 @@ def test_nothing_is_sent_to_a_gateway_that_is_offline(start_mosquitto: StartMosq
 def test_a_gateway_that_was_never_there_is_told(
     start_mosquitto: StartMosquitto, send: Send, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("gateway.mqtt.sender.STATUS_WITHIN_S", 0.1)
+    monkeypatch.setattr("gateway.mqtt.connection.command_client.STATUS_WITHIN_S", 0.1)
     broker = start_mosquitto()
 
     code, _, error = send(broker.port, "pump-1", "start")
@@ -223,7 +223,7 @@ def test_the_configurations_own_login_is_taken_when_no_other_is_given(
 ) -> None:
     broker = start_mosquitto(users={"mcc1": "m"})
     monkeypatch.setenv("STARTER_GATEWAY_MQTT_PASSWORD", "m")
-    monkeypatch.setattr("gateway.mqtt.sender.STATUS_WITHIN_S", 0.1)
+    monkeypatch.setattr("gateway.mqtt.connection.command_client.STATUS_WITHIN_S", 0.1)
 
     code, _, error = send(broker.port, "pump-1", "start", changes=(("[mqtt]", '[mqtt]\nusername = "mcc1"'),))
 
@@ -240,7 +240,7 @@ def test_the_password_of_another_login_is_asked_for_or_taken_from_the_environmen
         logins.append((settings.username, settings.password))
         raise BrokerError("enough")
 
-    monkeypatch.setattr("gateway.commands.send.Sender", note)
+    monkeypatch.setattr("gateway.cli.send.Sender", note)
     monkeypatch.setattr("sys.stdin.isatty", lambda: True)
     monkeypatch.setattr("getpass.getpass", lambda prompt: f"typed at {prompt!r}")
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from gateway.commands.simulate import simulate, simulated_unit
+from gateway.cli.simulate.simulate import simulate, simulated_unit
 from gateway.config.load import parse
 from gateway.errors import ConfigError
 from gateway.modbus.reads import ReadHoldingRegisters, ReadInputRegisters

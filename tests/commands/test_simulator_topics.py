@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from gateway.commands.simulator_topics import answer_to, simulator_topics
+from gateway.cli.simulate.topics import answer_to, simulator_topics
 from gateway.errors import UsageError
-from gateway.mqtt.intake import Incoming
+from gateway.mqtt.contract.commands import Incoming
 from gateway.sim.factory import make_unit
 
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.commands.words import arguments, whole_number
+from gateway.cli.arguments import arguments, whole_number
 from gateway.errors import UsageError
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.config.changes import Changes, changes_of, fixed
+from gateway.config.diff import Changes, changes_of, fixed
 from gateway.config.load import parse
 from tests.config.sites import SITE, site
 

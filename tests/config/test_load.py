@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gateway.config.convert import rights_of
 from gateway.config.load import load, parse
-from gateway.config.setups import rights_of
 from gateway.errors import ConfigError
 from tests.config.sites import SITE, changed, site
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.config.locate import Key, line_of, locate
+from gateway.config.toml_lines import Key, line_of, locate
 
 TEXT = '''\
 # a comment with [brackets] and = signs

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.config.mending import mend_of, relief_of
+from gateway.app.advice import mend_of, relief_of
 from gateway.config.schema import LineTable
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from gateway.config.convert import policy_of
 from gateway.config.load import parse
-from gateway.config.setups import policy_of
 from gateway.errors import ConfigError
-from gateway.starters.rules import NO_RULES, RuleSet
+from gateway.starters.policy.start_rules import NO_RULES, RuleSet
 from tests.config.sites import SITE, site
 
 OWN = 'family = "ssw07"\n'

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from gateway.app.capacity import computed_of, prospects_of
+from gateway.config.convert import rights_of, setups_of, timing_of, tls_files_of
 from gateway.config.load import parse
-from gateway.config.prospects import computed_of, prospects_of
-from gateway.config.setups import rights_of, setups_of, timing_of, tls_files_of
 from gateway.errors import ConfigError
 from tests.config.sites import SITE, changed, site
 

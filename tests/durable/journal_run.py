@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from gateway.clock import SystemClock
-from gateway.durable.journal import StoredJournal
-from gateway.durable.ledger_table import LedgerTable
-from gateway.starters.journal import Remembered
-from gateway.starters.records import Phase, ResultRecord
-from gateway.store import News, Store
+from gateway.records import Phase, ResultRecord
+from gateway.storage.journal import Remembered
+from gateway.storage.ledger import StoredJournal
+from gateway.storage.ledger_table import LedgerTable
+from gateway.storage.worker import News, Store
+from gateway.system.clock import SystemClock
 
 PATIENCE_S = 10.0
 

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from gateway.durable import audit_log
-from gateway.durable.audit_files import lines, read_anchor
-from gateway.durable.audit_log import AuditLog
-from gateway.durable.chain import read_line, verify
-from gateway.starters.records import AuditRecord
+from gateway.records import AuditRecord
+from gateway.storage.audit import log as audit_log
+from gateway.storage.audit.chain import read_line, verify
+from gateway.storage.audit.log import AuditLog
+from gateway.storage.audit.segments import lines, read_anchor
 
 PATIENCE_S = 10.0
 

@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from gateway.durable.audit_files import (
+from gateway.storage.audit.chain import Head, Verdict, read_line, verify
+from gateway.storage.audit.segments import (
     ANCHOR,
     Anchor,
     lines,
@@ -18,8 +19,7 @@ from gateway.durable.audit_files import (
     tail,
     write_anchor,
 )
-from gateway.durable.audit_writer import AuditWriter
-from gateway.durable.chain import Head, Verdict, read_line, verify
+from gateway.storage.audit.writer import AuditWriter
 
 
 def note(code: str, text: str) -> dict[str, Any]:
@@ -203,6 +203,6 @@ def test_a_segment_that_vanishes_while_it_is_read_is_passed_over(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write(tmp_path, 1)
-    monkeypatch.setattr("gateway.durable.audit_files.segments", lambda folder: [1, 2])
+    monkeypatch.setattr("gateway.storage.audit.segments.segments", lambda folder: [1, 2])
 
     assert len(list(lines(tmp_path))) == 1

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.durable.chain import FIRST_HASH, MOST_PROBLEMS, Head, canonical, link, read_line, verify
+from gateway.storage.audit.chain import FIRST_HASH, MOST_PROBLEMS, Head, canonical, link, read_line, verify
 
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(),

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from gateway.durable.journal import FORGET_AT_ONCE, MOST_EXTRA
-from gateway.starters.journal import Remembered
-from gateway.starters.records import Phase, ResultRecord
+from gateway.records import Phase, ResultRecord
+from gateway.storage.journal import Remembered
+from gateway.storage.ledger import FORGET_AT_ONCE, MOST_EXTRA
 from tests.durable.journal_run import Run, result
 
 

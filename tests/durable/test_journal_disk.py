@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from gateway.durable.journal import SAVE_AT_ONCE
 from gateway.errors import CommandError
-from gateway.starters.journal import UNAVAILABLE
-from gateway.starters.records import Phase
-from gateway.store import News
+from gateway.records import Phase
+from gateway.storage.journal import UNAVAILABLE
+from gateway.storage.ledger import SAVE_AT_ONCE
+from gateway.storage.worker import News
 from tests.durable.journal_run import PATIENCE_S, Run, result
 
 
@@ -37,7 +37,7 @@ async def test_an_intent_that_the_disk_does_not_take_is_refused(path: Path) -> N
 async def test_an_intent_that_takes_too_long_is_refused_and_that_is_told(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("gateway.durable.journal.INTEND_WITHIN_S", 0.01)
+    monkeypatch.setattr("gateway.storage.ledger.INTEND_WITHIN_S", 0.01)
     run = await Run(path).begin()
     gate = threading.Event()
     run.store.submit(lambda connection: gate.wait(PATIENCE_S))
@@ -54,7 +54,7 @@ async def test_an_intent_that_takes_too_long_is_refused_and_that_is_told(
 async def test_a_result_is_told_without_the_disk_when_that_takes_too_long_and_only_once(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("gateway.durable.journal.TELL_WITHIN_S", 0.01)
+    monkeypatch.setattr("gateway.storage.ledger.TELL_WITHIN_S", 0.01)
     run = await Run(path).begin()
     gate = threading.Event()
     run.store.submit(lambda connection: gate.wait(PATIENCE_S))
@@ -95,7 +95,7 @@ async def test_what_the_disk_missed_while_it_was_away_it_learns_later(path: Path
 
 
 async def test_what_waits_for_an_absent_disk_is_bounded(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.durable.journal.MOST_UNSAVED", 2)
+    monkeypatch.setattr("gateway.storage.ledger.MOST_UNSAVED", 2)
     obstacle = path.parent / "obstacle"
     obstacle.touch()
     run = Run(obstacle / "x.sqlite")

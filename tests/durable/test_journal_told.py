@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from gateway.durable.journal import FORGET_AT_ONCE
-from gateway.durable.ledger_table import LedgerTable
 from gateway.errors import StoreError
-from gateway.starters.records import Phase, ResultRecord
-from gateway.store import News
+from gateway.records import Phase, ResultRecord
+from gateway.storage.ledger import FORGET_AT_ONCE
+from gateway.storage.ledger_table import LedgerTable
+from gateway.storage.worker import News
 from tests.durable.journal_run import Run, result
 
 
@@ -84,7 +84,7 @@ async def test_what_was_told_while_the_disk_failed_is_noted_when_it_is_back(
 
 
 async def test_what_the_disk_never_learns_of_is_bounded(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.durable.journal.MOST_UNSAVED", 3)
+    monkeypatch.setattr("gateway.storage.ledger.MOST_UNSAVED", 3)
     run, _ = await begin(path)
     for number in range(5):
         await run.note(result(str(number), Phase.CONFIRMED))

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from gateway.clock import SystemClock
-from gateway.durable.audit_files import lines
-from gateway.durable.chain import read_line
-from gateway.durable.keeper import FILE, Keeper
-from gateway.starters.journal import Remembered
-from gateway.starters.records import AuditRecord, Phase, Record, ResultRecord, Severity
+from gateway.records import AuditRecord, Phase, Record, ResultRecord, Severity
+from gateway.storage.audit.chain import read_line
+from gateway.storage.audit.segments import lines
+from gateway.storage.journal import Remembered
+from gateway.storage.state_dir import FILE, Keeper
+from gateway.system.clock import SystemClock
 
 PATIENCE_S = 10.0
 AUDIT = AuditRecord("pump-1", "alice", None, "start", {}, "accepted", "ok", 5.0, 1)
@@ -118,7 +118,7 @@ async def test_a_lost_ledger_is_told(tmp_path: Path) -> None:
 
 
 async def test_a_slow_disk_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.durable.journal.INTEND_WITHIN_S", 0.0)
+    monkeypatch.setattr("gateway.storage.ledger.INTEND_WITHIN_S", 0.0)
     gateway = await Gateway(tmp_path).begin()
 
     with pytest.raises(Exception, match="ledger_unavailable"):

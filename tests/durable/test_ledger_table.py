@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from gateway.database import Connection, Database
-from gateway.durable.ledger_table import UNNAMED, LedgerRow, LedgerTable
 from gateway.errors import DamagedError
+from gateway.storage.database import Connection, Database
+from gateway.storage.ledger_table import UNNAMED, LedgerRow, LedgerTable
 
 ROW = LedgerRow(
     client="alice",

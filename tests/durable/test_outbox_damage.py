@@ -18,7 +18,7 @@ WAYS = 60
 
 @pytest.fixture(autouse=True)
 def inline_store(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.durable.outbox_disk.Store", InlineStore)
+    monkeypatch.setattr("gateway.storage.outbox.Store", InlineStore)
 
 
 async def leave_something_behind(folder: Path) -> None:

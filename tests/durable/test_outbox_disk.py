@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from gateway.durable.outbox_disk import FILE, OutboxDisk
 from gateway.errors import StoreError
-from gateway.spool import Changes, Kind, Row
-from gateway.store import News
+from gateway.storage.outbox import FILE, OutboxDisk
+from gateway.storage.spool import Changes, Kind, Row
+from gateway.storage.worker import News
 
 PATIENCE_S = 10.0
 

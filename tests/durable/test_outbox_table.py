@@ -8,10 +8,10 @@ from typing import Any, TypeVar
 
 import pytest
 
-from gateway.database import Connection, Database
-from gateway.durable.outbox_table import DAMAGED, FULL, HIGHEST, MOST_REFUSED, OutboxTable
 from gateway.errors import DamagedError
-from gateway.spool import Changes, Kind, Loss, Page, Refusal, Row, Share
+from gateway.storage.database import Connection, Database
+from gateway.storage.outbox_table import DAMAGED, FULL, HIGHEST, MOST_REFUSED, OutboxTable
+from gateway.storage.spool import Changes, Kind, Loss, Page, Refusal, Row, Share
 
 T = TypeVar("T")
 

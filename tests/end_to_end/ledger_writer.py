@@ -8,8 +8,8 @@ from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
 
-from gateway.durable.ledger_table import LedgerRow, LedgerTable
-from gateway.store import News, Store
+from gateway.storage.ledger_table import LedgerRow, LedgerTable
+from gateway.storage.worker import News, Store
 
 AT_ONCE = 20  # rows that wait for the disk at the same time
 

@@ -7,9 +7,9 @@ import os
 import sys
 from pathlib import Path
 
-from gateway.durable.outbox_disk import OutboxDisk
-from gateway.spool import Changes, Kind, Row
-from gateway.store import News
+from gateway.storage.outbox import OutboxDisk
+from gateway.storage.spool import Changes, Kind, Row
+from gateway.storage.worker import News
 
 AT_ONCE = 20
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.database import Database
-from gateway.durable.ledger_table import LedgerTable
+from gateway.storage.database import Database
+from gateway.storage.ledger_table import LedgerTable
 from tests.conftest import StartMosquitto
 from tests.end_to_end.killed_writer import write_until_killed
 from tests.end_to_end.site import Program, Scada, site_config, write_config

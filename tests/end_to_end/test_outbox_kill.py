@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 
-from gateway.database import Database
-from gateway.durable.outbox_disk import FILE
-from gateway.durable.outbox_table import HIGHEST, OutboxTable
-from gateway.spool import Kind
+from gateway.storage.database import Database
+from gateway.storage.outbox import FILE
+from gateway.storage.outbox_table import HIGHEST, OutboxTable
+from gateway.storage.spool import Kind
 from tests.conftest import StartMosquitto
 from tests.end_to_end.killed_writer import write_until_killed
 from tests.end_to_end.site import Program, Scada, site_config, write_config

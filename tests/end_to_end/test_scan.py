@@ -16,9 +16,9 @@ import pytest
 
 from gateway.config.load import parse
 from gateway.modbus.timing import Framing, LineTiming
+from gateway.sim.bus.port import SimulatedLine
+from gateway.sim.bus.pty import PtyLine
 from gateway.sim.factory import make_unit
-from gateway.sim.line import SimulatedLine
-from gateway.sim.pty import PtyLine
 
 pytestmark = pytest.mark.end_to_end
 

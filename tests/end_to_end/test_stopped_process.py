@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.standstill import LIMIT_S
+from gateway.system.suspend_watch import LIMIT_S
 from tests.conftest import StartMosquitto
 from tests.end_to_end.site import Program, Scada, site_config, write_config
 

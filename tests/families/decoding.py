@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.families.decode import (
-    decode_row,
-)
-from gateway.families.load import load_profile
-from gateway.families.parameters import find
-from gateway.families.schema import Variant
+from gateway.families.profile.decode import decode_row
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.parameters import find
+from gateway.families.profile.schema import Variant
 
 UNKNOWN = Variant()
 

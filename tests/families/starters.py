@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from gateway.families.command import build
-from gateway.families.load import load_profile
-from gateway.families.procedure import Procedure
-from gateway.families.schema import Variant
+from gateway.families.command.build import build
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.procedure import Procedure
+from gateway.families.profile.schema import Variant
 from gateway.modbus.adu import encode
 from gateway.modbus.pdu import Request
 

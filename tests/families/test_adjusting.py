@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from gateway.errors import CommandError
-from gateway.families.command import prepare
-from gateway.families.load import load_profile
+from gateway.families.command.build import prepare
+from gateway.families.profile.load import load_profile
 from tests.families.starters import READY, SLOT_1, built, words
 
 

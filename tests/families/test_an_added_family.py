@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import ProfileError
-from gateway.families.blocks import plan_blocks
-from gateway.families.command import build, prepare, verbs
-from gateway.families.decode import decode_points, decode_words
-from gateway.families.interlock import check
-from gateway.families.load import read_profile
-from gateway.families.schema import Table, Variant
-from gateway.families.state import state_of
+from gateway.families.command.build import build, prepare, verbs
+from gateway.families.command.interlock import check
+from gateway.families.profile.decode import decode_points, decode_words
+from gateway.families.profile.load import read_profile
+from gateway.families.profile.schema import Table, Variant
+from gateway.families.profile.state import state_of
+from gateway.families.reading.poll_blocks import plan_blocks
 from gateway.modbus import adu
 
 ACME = Path(__file__).parent / "acme"

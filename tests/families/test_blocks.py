@@ -7,10 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.families.blocks import GROUPS, Block, plan_blocks, rows_of, split
-from gateway.families.joining import LEAST_DELAY_S
-from gateway.families.load import FAMILIES, load_profile
-from gateway.families.schema import Point, Profile, Table, Variant
+from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.profile.schema import Point, Profile, Table, Variant
+from gateway.families.reading.poll_blocks import GROUPS, LEAST_DELAY_S, Block, plan_blocks, rows_of, split
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.timing import Framing, LineTiming
 

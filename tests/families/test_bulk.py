@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.families.bulk import bulk_reads, halves, is_set_by_people, is_setting, readable_codes
-from gateway.families.load import FAMILIES, load_profile
-from gateway.families.procedure import Read
-from gateway.families.schema import Access
+from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.profile.procedure import Read
+from gateway.families.profile.schema import Access
+from gateway.families.reading.bulk import bulk_reads, halves, is_set_by_people, is_setting, readable_codes
 from gateway.modbus.reads import ReadHoldingRegisters
 
 

@@ -5,11 +5,11 @@ from typing import Any
 import pytest
 
 from gateway.errors import CommandError
-from gateway.families.command import build, prepare, verbs
-from gateway.families.load import FAMILIES, load_profile
-from gateway.families.procedure import Preparation
-from gateway.families.refusals import REFUSALS
-from gateway.families.schema import Variant
+from gateway.families.command.build import build, prepare, verbs
+from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.profile.procedure import Preparation
+from gateway.families.profile.refusals import REFUSALS
+from gateway.families.profile.schema import Variant
 from tests.families.starters import (
     ACCELERATING,
     FAULT,

@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.errors import CommandError
-from gateway.families.command import build, prepare, verbs
-from gateway.families.gather import rows_in
-from gateway.families.interlock import RULES
-from gateway.families.load import FAMILIES, load_profile
-from gateway.families.procedure import Preparation, Procedure
-from gateway.families.refusals import REFUSALS
-from gateway.families.schema import Profile, Variant
+from gateway.families.command.build import build, prepare, verbs
+from gateway.families.command.interlock import RULES
+from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.profile.procedure import Preparation, Procedure
+from gateway.families.profile.refusals import REFUSALS
+from gateway.families.profile.schema import Profile, Variant
+from gateway.families.reading.bulk import rows_in
 
 SEEDED = settings(derandomize=True, deadline=None)
 

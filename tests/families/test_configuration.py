@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from gateway.errors import CommandError
-from gateway.families.command import prepare
-from gateway.families.load import load_profile
-from gateway.families.schema import Variant
+from gateway.families.command.build import prepare
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.schema import Variant
 from tests.families.starters import built, frame, frames
 
 ENTER, LEAVE = "01 05 00 01 FF 00 DD FA", "01 05 00 01 00 00 9C 0A"

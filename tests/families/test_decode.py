@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from gateway.families.decode import (
+from gateway.families.profile.decode import (
     Decoded,
     decode_points,
     decode_row,
@@ -12,9 +12,9 @@ from gateway.families.decode import (
     is_present,
     rated_current_a,
 )
-from gateway.families.load import load_profile
-from gateway.families.parameters import find
-from gateway.families.schema import Point, Table, Variant
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.parameters import find
+from gateway.families.profile.schema import Point, Table, Variant
 from tests.families.decoding import UNKNOWN, value
 
 

@@ -8,11 +8,9 @@ from collections import Counter
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.families.decode import (
-    decode_words,
-)
-from gateway.families.load import FAMILIES, load_profile
-from gateway.families.schema import Table
+from gateway.families.profile.decode import decode_words
+from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.profile.schema import Table
 from tests.families.decoding import UNKNOWN
 
 

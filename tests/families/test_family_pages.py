@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.families.load import FAMILIES
+from gateway.families.profile.load import FAMILIES
 from tests.family_pages import FOLDER, page_of
 
 

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.families.blocks import plan_blocks, rows_of
-from gateway.families.consistency import contradictions
-from gateway.families.decode import decode_points
-from gateway.families.fast_words import (
+from gateway.families.mapped_registers import (
     FastBlock,
     build_map,
     fast_block,
@@ -17,9 +14,12 @@ from gateway.families.fast_words import (
     probes,
     rows_from,
 )
-from gateway.families.gather import rows_in
-from gateway.families.load import FAMILIES, load_profile
-from gateway.families.schema import Confidence, FastWords, Profile, Variant
+from gateway.families.profile.consistency import contradictions
+from gateway.families.profile.decode import decode_points
+from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.profile.schema import Confidence, FastWords, Profile, Variant
+from gateway.families.reading.bulk import rows_in
+from gateway.families.reading.poll_blocks import plan_blocks, rows_of
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteRegister, WriteRegisters

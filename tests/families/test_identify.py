@@ -4,12 +4,12 @@ from typing import Any
 
 import pytest
 
-from gateway.families.identify import Identity, identify, identify_requests, matches, why_not
-from gateway.families.load import load_profile
-from gateway.families.schema import Variant
-from gateway.modbus.identify import Identification
-from gateway.starters.info import info_of
+from gateway.families.profile.identify import Identity, identify, identify_requests, matches, why_not
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.schema import Variant
+from gateway.modbus.device_id import Identification
 from gateway.starters.setup import StarterSetup, merged
+from gateway.starters.telemetry.emitter import info_of
 
 SST_NAME = b"SST130i-140-M-ES"
 

@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from gateway.families.interlock import RULES, check, points_needed
-from gateway.families.load import FAMILIES, load_profile
+from gateway.families.command.interlock import RULES, check, points_needed
+from gateway.families.profile.load import FAMILIES, load_profile
 from tests.families.test_state import SST_AT_REST, WEG_AT_REST
 
 

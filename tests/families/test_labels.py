@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from gateway.families.decode import Decoded, decode_points, decode_row, decode_words
-from gateway.families.load import load_profile
-from gateway.families.parameters import find
-from gateway.families.schema import Table, Variant
+from gateway.families.profile.decode import Decoded, decode_points, decode_row, decode_words
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.parameters import find
+from gateway.families.profile.schema import Table, Variant
 
 UNKNOWN = Variant()
 

@@ -9,7 +9,7 @@ import pytest
 
 import gateway.families
 from gateway.errors import ProfileError, UsageError
-from gateway.families.load import FAMILIES, load_profile, read_profile
+from gateway.families.profile.load import FAMILIES, load_profile, read_profile
 
 PROFILES = Path(gateway.families.__file__).parent / "profiles"
 

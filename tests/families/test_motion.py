@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from gateway.errors import CommandError
-from gateway.families.command import build, prepare
-from gateway.families.load import load_profile
-from gateway.families.schema import Variant
+from gateway.families.command.build import build, prepare
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.schema import Variant
 from tests.families.starters import (
     ENABLED,
     JOG,

@@ -7,11 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.errors import CommandError
-from gateway.families.decode import decode_row
-from gateway.families.load import FAMILIES, load_profile
-from gateway.families.numbers import to_percent
-from gateway.families.parameters import find, raw_limits, read_request, to_words, write_request
-from gateway.families.schema import RESERVED, Access, Confidence, Parameter, Profile, Variant
+from gateway.families.profile.decode import decode_row
+from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.profile.parameters import find, raw_limits, read_request, to_words, write_request
+from gateway.families.profile.schema import RESERVED, Access, Confidence, Parameter, Profile, Variant
+from gateway.families.profile.word_types import to_percent
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegister, WriteRegisters
 

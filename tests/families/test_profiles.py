@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 
 from gateway.errors import CommandError
-from gateway.families.factory_settings import factory_settings
-from gateway.families.interlock import RULES
-from gateway.families.load import FAMILIES, load_profile
-from gateway.families.parameters import to_words
-from gateway.families.schema import Access, Confidence, Table
+from gateway.families.command.interlock import RULES
+from gateway.families.diagnosis.factory_settings import factory_settings
+from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.profile.parameters import to_words
+from gateway.families.profile.schema import Access, Confidence, Table
 
 COMMON_POINTS = """
     running general_enabled fault alarm remote accelerating decelerating full_voltage current_limit

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.families.finding import Finding, Topic, Weight
-from gateway.families.load import FAMILIES, load_profile
-from gateway.families.readiness import readiness, readiness_codes, refuses_start
-from gateway.families.schema import Variant
-from gateway.families.watchdog import watchdogs
+from gateway.families.diagnosis.findings import Finding, Topic, Weight
+from gateway.families.diagnosis.readiness import readiness, readiness_codes, refuses_start
+from gateway.families.diagnosis.watchdogs import watchdogs
+from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.profile.schema import Variant
 
 SSW07 = {"P220": 6, "P229": 0, "P230": 2, "P277": 0, "P278": 0, "P313": 1, "P314": 0, "P630": 0}
 SSW06 = {**SSW07, "P279": 0, "P313": 0, "VB06": 0}

@@ -8,12 +8,12 @@ from typing import Any
 import pytest
 
 from gateway.errors import CommandError
-from gateway.families.command import build, prepare, verbs
-from gateway.families.interlock import check
-from gateway.families.load import FAMILIES, load_profile
-from gateway.families.procedure import Procedure, WriteStep
-from gateway.families.run_command import CLEARED
-from gateway.families.schema import Parameter, Profile, Variant
+from gateway.families.command.build import build, prepare, verbs
+from gateway.families.command.interlock import check
+from gateway.families.command.run_command import CLEARED
+from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.profile.procedure import Procedure, WriteStep
+from gateway.families.profile.schema import Parameter, Profile, Variant
 from gateway.modbus.writes import WriteCoil, WriteRegister
 from tests.families.starters import (
     ENABLED,

@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 
 from gateway.errors import CommandError
-from gateway.families.asked import MOST
-from gateway.families.command import build, prepare
-from gateway.families.load import load_profile
-from gateway.families.procedure import Preparation
+from gateway.families.command.arguments import MOST
+from gateway.families.command.build import build, prepare
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.procedure import Preparation
 from tests.families.starters import READY, SLOT_1, built, frame, frames, own
 
 ENTER, LEAVE = "01 05 00 01 FF 00 DD FA", "01 05 00 01 00 00 9C 0A"

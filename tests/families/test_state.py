@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from gateway.families.load import FAMILIES, load_profile
-from gateway.families.state import STARTING, STATES, alarms_of, hindrance, state_of
+from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.profile.state import STARTING, STATES, alarms_of, hindrance, state_of
 
 WEG_AT_REST: dict[str, Any] = {
     **dict.fromkeys(

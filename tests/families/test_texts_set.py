@@ -7,12 +7,12 @@ from typing import Any
 import pytest
 
 from gateway.errors import CommandError
-from gateway.families.command import prepare
-from gateway.families.load import load_profile
-from gateway.families.parameters import to_words
-from gateway.families.schema import Variant
-from gateway.families.settings import build_set
-from gateway.families.texts import from_text, shown_within, to_text
+from gateway.families.command.build import prepare
+from gateway.families.command.settings import build_set
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.parameters import to_words
+from gateway.families.profile.schema import Variant
+from gateway.families.profile.word_types import from_text, shown_within, to_text
 from gateway.modbus.writes import WriteRegister, WriteRegisters
 
 SSW900 = load_profile("ssw900")

@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 
 from gateway.errors import CommandError
-from gateway.families.command import build, prepare
-from gateway.families.decode import decode_row
-from gateway.families.gather import rows_in
-from gateway.families.load import load_profile
-from gateway.families.parameters import find
-from gateway.families.schema import Table, Variant
+from gateway.families.command.build import build, prepare
+from gateway.families.profile.decode import decode_row
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.parameters import find
+from gateway.families.profile.schema import Table, Variant
+from gateway.families.reading.bulk import rows_in
 from gateway.sim.factory import make_unit
 from tests.families.starters import SLOT_1
 from tests.sim.wire import Talk

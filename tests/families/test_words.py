@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from gateway.errors import CommandError
-from gateway.families.command import prepare
-from gateway.families.load import load_profile
+from gateway.families.command.build import prepare
+from gateway.families.profile.load import load_profile
 from tests.families.starters import (
     ENABLED,
     FAULT,

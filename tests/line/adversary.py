@@ -11,10 +11,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import ceil, inf
 
-from gateway.line.budget import ALLOWANCE_S
-from gateway.line.forecast import Forecast
-from gateway.line.job import Poll
-from gateway.line.plan import Turn
+from gateway.line.capacity.forecast import Forecast
+from gateway.line.rtu.timeouts import ALLOWANCE_S
+from gateway.line.scheduler.requests import Poll
+from gateway.line.scheduler.scheduler import Turn
 from gateway.modbus.timing import LineTiming
 from tests.line.ideal_line import IdealLine, cost_s
 

@@ -10,11 +10,11 @@ from math import inf
 
 from gateway.errors import PortError, PortLostError
 from gateway.line.client import LocalLineClient
-from gateway.line.job import Lane, Poll
-from gateway.line.outcome import Outcome
-from gateway.line.scheduler import Scheduler
-from gateway.line.trace import Trace
-from gateway.line.transaction import Transactor
+from gateway.line.line import Scheduler
+from gateway.line.rtu.outcome import Outcome
+from gateway.line.rtu.trace import Trace
+from gateway.line.rtu.transaction import Transactor
+from gateway.line.scheduler.requests import Lane, Poll
 from gateway.modbus import adu
 from gateway.modbus.codes import Function
 from gateway.modbus.pdu import Request, encode_exception

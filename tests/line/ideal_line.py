@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from math import inf
 
-from gateway.line.budget import reply_within_s, request_wire_s
-from gateway.line.job import Poll
-from gateway.line.outcome import Answered, Outcome, Silent
-from gateway.line.plan import Plan, Turn
+from gateway.line.rtu.outcome import Answered, Outcome, Silent
+from gateway.line.rtu.timeouts import reply_within_s, request_wire_s
+from gateway.line.scheduler.requests import Poll
+from gateway.line.scheduler.scheduler import Plan, Turn
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
 

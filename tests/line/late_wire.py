@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from math import inf
 from typing import Any, TypeVar
 
-from gateway.line.outcome import Answered
-from gateway.line.pace import KEPT_ENOUGH
-from gateway.line.trace import Trace
-from gateway.line.transaction import LATE_FACTOR, Transactor
+from gateway.line.rtu.late_replies import KEPT_ENOUGH
+from gateway.line.rtu.outcome import Answered
+from gateway.line.rtu.trace import Trace
+from gateway.line.rtu.transaction import LATE_FACTOR, Transactor
 from gateway.modbus import adu
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters, ReadInputRegisters

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Generic, TypeVar
 
-from gateway.line.agenda import Listed
+from gateway.line.scheduler.edf_queue import Listed
 
 T = TypeVar("T", bound=Listed)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.line.outcome import Outcome
+from gateway.line.rtu.outcome import Outcome
 from gateway.modbus import adu
 from gateway.modbus.reads import ReadHoldingRegisters
 from tests.line.fakes import FakePort, Said, ask

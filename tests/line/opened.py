@@ -6,8 +6,8 @@ import asyncio
 import os
 from dataclasses import dataclass
 
-from gateway.line.port import Port
-from gateway.line.serial_port import SerialOpener
+from gateway.line.port.base import Port
+from gateway.line.port.opener import SerialOpener
 from gateway.modbus.timing import Framing
 
 FRAMING = Framing.parse("8E1")

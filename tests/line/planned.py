@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import itertools
 
-from gateway.line.job import Job, Lane, Poll
-from gateway.line.outcome import Answered, Garbled, Outcome
-from gateway.line.plan import Plan, Turn
+from gateway.line.rtu.outcome import Answered, Garbled, Outcome
+from gateway.line.scheduler.requests import Job, Lane, Poll
+from gateway.line.scheduler.scheduler import Plan, Turn
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteRegister

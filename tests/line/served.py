@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Iterable
 
-from gateway.line.job import Poll
-from gateway.line.outcome import Silent
+from gateway.line.rtu.outcome import Silent
+from gateway.line.scheduler.requests import Poll
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import LineTiming
 from gateway.modbus.writes import WriteRegister

@@ -6,11 +6,12 @@ from unittest import mock
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.line import rota, watchdogs
-from gateway.line.agenda import NOWHERE, Agenda, Listed
-from gateway.line.job import Job, Lane, Poll
-from gateway.line.outcome import Answered, Garbled, Outcome, Silent
-from gateway.line.plan import Plan, Turn
+from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Silent
+from gateway.line.scheduler import poll_queue as rota
+from gateway.line.scheduler import watchdogs
+from gateway.line.scheduler.edf_queue import NOWHERE, Agenda, Listed
+from gateway.line.scheduler.requests import Job, Lane, Poll
+from gateway.line.scheduler.scheduler import Plan, Turn
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteRegister
 from tests.line.list_agenda import ListAgenda

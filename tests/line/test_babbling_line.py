@@ -7,10 +7,10 @@ import itertools
 
 import pytest
 
-from gateway.line.job import Lane
-from gateway.line.outcome import Answered, Garbled, Outcome, Silent
-from gateway.line.serving import GAP_WITHIN_S
-from gateway.line.transaction import BABBLE_LIMIT_S, STOP_PATIENCE_S
+from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Silent
+from gateway.line.rtu.transaction import BABBLE_LIMIT_S, STOP_PATIENCE_S
+from gateway.line.scheduler.requests import Lane
+from gateway.line.service import GAP_WITHIN_S
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteRegister
 from tests.line.fakes import TIMING, FakePort, Rig, Said, Units, poll

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import gc
 
-from gateway.line.collector import SETTLED_S, THRESHOLDS, SparedCollector
+from gateway.system.gc_tuning import SETTLED_S, THRESHOLDS, SparedCollector
 from tests.virtual_time import run_virtually
 
 

@@ -8,8 +8,8 @@ from collections.abc import Iterable
 
 import pytest
 
-from gateway.line.deafness import ASK_EVERY_S, DEAF, LONGEST_S, Deafness
-from gateway.line.outcome import Answered, Garbled, Outcome, Refused, Silent
+from gateway.line.port_recovery import ASK_EVERY_S, DEAF, LONGEST_S, Deafness
+from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from tests.line.fakes import Rig, Said, Units, poll
 from tests.virtual_time import run_virtually
 

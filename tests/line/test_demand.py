@@ -4,7 +4,7 @@ from math import inf
 
 import pytest
 
-from gateway.line.demand import Demand
+from gateway.line.capacity.demand import Demand
 
 
 def test_a_request_waits_for_all_whose_deadline_is_not_later() -> None:

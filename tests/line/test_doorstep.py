@@ -6,8 +6,8 @@ import asyncio
 
 import pytest
 
-from gateway.line.doorstep import CREDIT_S, GRACE_S, LOOK_EVERY_S, SHARE, Doorstep
-from gateway.line.job import Lane
+from gateway.line.scheduler.requests import Lane
+from gateway.line.stop_hold import CREDIT_S, GRACE_S, LOOK_EVERY_S, SHARE, Doorstep
 from gateway.modbus.writes import WriteRegister
 from tests.line.fakes import DELAY_S, TIMING, Rig, Units, poll
 from tests.virtual_time import run_virtually

@@ -5,15 +5,14 @@ from __future__ import annotations
 import pytest
 
 from gateway.errors import PortError
-from gateway.line.exclusive import exclusive_line
-from gateway.line.job import Lane
-from gateway.line.outcome import Answered, Silent
-from gateway.line.survey import Survey, silent_cost_s
+from gateway.line.direct import Survey, exclusive_line, silent_cost_s
+from gateway.line.rtu.outcome import Answered, Silent
+from gateway.line.scheduler.requests import Lane
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteRegister
+from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.factory import make_unit
-from gateway.sim.line import SimulatedLine
 from tests.starters.rig import virtually
 
 TIMING = LineTiming(19200, Framing.parse("8N2"))

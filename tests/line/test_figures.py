@@ -3,9 +3,9 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Any
 
-from gateway.line.figures import Figures
-from gateway.line.outcome import Answered
-from gateway.line.turn import Turn
+from gateway.line.rtu.outcome import Answered
+from gateway.line.scheduler.requests import Turn
+from gateway.line.statistics import Figures
 from tests.line.fakes import poll
 
 MANY = 247

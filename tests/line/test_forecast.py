@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.line.ages import Asked, ages_s
-from gateway.line.forecast import forecast, longest_gap_s
-from gateway.line.job import Poll
-from gateway.line.stretch import FREE_ROOM, SLACK
+from gateway.line.capacity.forecast import forecast, longest_gap_s
+from gateway.line.capacity.value_age import Asked, ages_s
+from gateway.line.scheduler.load import FREE_ROOM, SLACK
+from gateway.line.scheduler.requests import Poll
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from tests.line.ideal_line import IdealLine, cost_s

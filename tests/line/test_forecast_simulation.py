@@ -12,10 +12,10 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.line.budget import ALLOWANCE_S, longest_s
-from gateway.line.forecast import forecast
-from gateway.line.job import Job, Lane, Poll
-from gateway.line.plan import Turn
+from gateway.line.capacity.forecast import forecast
+from gateway.line.rtu.timeouts import ALLOWANCE_S, longest_s
+from gateway.line.scheduler.requests import Job, Lane, Poll
+from gateway.line.scheduler.scheduler import Turn
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil

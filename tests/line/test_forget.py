@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from gateway.line.figures import Figures
-from gateway.line.health import UnitState
-from gateway.line.learnt import ENOUGH, Learnt
-from gateway.line.outcome import Answered, Silent
-from gateway.line.plan import Plan, Turn
+from gateway.line.rtu.outcome import Answered, Silent
+from gateway.line.rtu.response_time import ENOUGH, Learnt
+from gateway.line.scheduler.scheduler import Plan, Turn
+from gateway.line.scheduler.units import UnitState
+from gateway.line.statistics import Figures
 from tests.line.fakes import poll
 
 SILENT = Silent()

@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import pytest
 
-from gateway.line.outcome import Garbled, Outcome, Silent
-from gateway.line.plan import Plan
+from gateway.line.rtu.outcome import Garbled, Outcome, Silent
+from gateway.line.scheduler.scheduler import Plan
 from tests.line.fakes import poll
 
 COST_S = 0.05

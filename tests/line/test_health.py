@@ -4,8 +4,8 @@ import itertools
 
 import pytest
 
-from gateway.line.health import TRANSITIONS, Sign, UnitHealth, UnitState
-from gateway.line.outcome import Answered, Garbled, Outcome, Refused, Silent
+from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
+from gateway.line.scheduler.units import TRANSITIONS, Sign, UnitHealth, UnitState
 
 ANSWERED = Answered((1,), at_s=0.0, response_time_s=0.005)
 GARBLED = Garbled("bad CRC", b"\x01")

@@ -12,13 +12,13 @@ from typing import Any
 
 import pytest
 
-from gateway.line import host as host_module
+from gateway.line import thread as host_module
 from gateway.line.client import LineClient
-from gateway.line.courier import Courier
-from gateway.line.host import SWITCH_INTERVAL_S, LineHost
-from gateway.line.job import Lane
-from gateway.line.outcome import Answered, Outcome, Silent
-from gateway.line.scheduler import Scheduler
+from gateway.line.line import Scheduler
+from gateway.line.loop_bridge import Courier
+from gateway.line.rtu.outcome import Answered, Outcome, Silent
+from gateway.line.scheduler.requests import Lane
+from gateway.line.thread import SWITCH_INTERVAL_S, LineHost
 from gateway.modbus.reads import ReadHoldingRegisters
 from tests.line.fakes import RESPONSE_TIME_S, TIMING, FakeOpener, FakePort, Listener, Units, poll, until
 

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from gateway.line.host import LineHost
-from gateway.line.outcome import Answered
-from gateway.line.port import Port
+from gateway.line.port.base import Port
+from gateway.line.rtu.outcome import Answered
+from gateway.line.thread import LineHost
 from tests.line.fakes import FakeOpener, FakePort, Units, until
 from tests.line.test_host import NO_PORT, WaitingListener, add, ask, fake_opener
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 import pytest
 
-from gateway.line.outcome import Answered, Garbled, Outcome, Silent
+from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Silent
 from gateway.modbus import adu
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters

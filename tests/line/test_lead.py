@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from gateway.line.lead import FIRST_S, LEAST_S, MOST_S, Lead
+from gateway.line.port.buffered import FIRST_S, LEAST_S, MOST_S, Lead
 
 
 def test_a_wait_that_was_woken_too_late_is_woken_earlier_the_next_time_up_to_a_limit() -> None:

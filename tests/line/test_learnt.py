@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from gateway.line.learnt import ENOUGH, FACTOR, MARGIN_S, Learnt, ResponseTimes, quantile_s
+from gateway.line.rtu.response_time import ENOUGH, FACTOR, MARGIN_S, Learnt, ResponseTimes, quantile_s
 
 READ, WRITE = 3, 6
 LIMIT_S = 0.1

@@ -9,7 +9,7 @@ import struct
 import termios
 import tty
 
-from gateway.line.serial_port import SerialOpener
+from gateway.line.port.opener import SerialOpener
 from gateway.modbus.timing import Framing
 
 TIOCGEXCL = 0x80045440  # [linux/asm-generic/ioctls.h]

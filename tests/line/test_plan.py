@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.line.job import Lane
-from gateway.line.outcome import Outcome, Silent
-from gateway.line.plan import JOBS_IN_ROW, Verdict
-from gateway.line.stretch import FREE_ROOM
+from gateway.line.rtu.outcome import Outcome, Silent
+from gateway.line.scheduler.load import FREE_ROOM
+from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.scheduler import JOBS_IN_ROW, Verdict
 from tests.line.fakes import poll
 from tests.line.planned import ANSWERED, GARBLED, ask_times, begun, gaps, job, key_of, take
 

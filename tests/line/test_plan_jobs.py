@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from math import inf
 
-from gateway.line.health import UnitState
-from gateway.line.job import Lane
-from gateway.line.outcome import Garbled
-from gateway.line.plan import JOBS_IN_ROW, Verdict
+from gateway.line.rtu.outcome import Garbled
+from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.scheduler import JOBS_IN_ROW, Verdict
+from gateway.line.scheduler.units import UnitState
 from tests.line.fakes import poll
 from tests.line.planned import GARBLED, READ, WRITE, begun, job, key_of, take
 

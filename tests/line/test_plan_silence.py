@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.line.job import Poll
-from gateway.line.outcome import Answered, Garbled, Outcome, Silent
-from gateway.line.plan import Plan, Turn
-from gateway.line.polled import NEIGHBOUR_S
-from gateway.line.silence import SAVED_S, SILENT_SHARE, SilenceBudget
+from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Silent
+from gateway.line.scheduler.backoff import SAVED_S, SILENT_SHARE, SilenceBudget
+from gateway.line.scheduler.polls import NEIGHBOUR_S
+from gateway.line.scheduler.requests import Poll
+from gateway.line.scheduler.scheduler import Plan, Turn
 from tests.line.fakes import poll
 from tests.line.ideal_line import IdealLine
 

@@ -7,10 +7,10 @@ from math import inf
 
 import pytest
 
-from gateway.line.health import UnitState
-from gateway.line.job import Lane
-from gateway.line.outcome import Silent
-from gateway.line.plan import Verdict
+from gateway.line.rtu.outcome import Silent
+from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.scheduler import Verdict
+from gateway.line.scheduler.units import UnitState
 from tests.line.fakes import poll
 from tests.line.planned import ANSWERED, ask_times, begun, gaps, job, key_of, take
 

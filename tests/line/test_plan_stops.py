@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from math import inf
 
-from gateway.line.job import Lane
-from gateway.line.lanes import SHARED_AFTER_S
-from gateway.line.plan import FOLLOW_UPS_IN_ROW_S, WATCHDOGS_IN_ROW
+from gateway.line.scheduler.job_queue import SHARED_AFTER_S
+from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.scheduler import FOLLOW_UPS_IN_ROW_S, WATCHDOGS_IN_ROW
 from tests.line.fakes import poll
 from tests.line.planned import ANSWERED, READ, begun, job, key_of, take
 

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.line.budget import ALLOWANCE_S, longest_s
-from gateway.line.forecast import forecast, longest_gap_s
-from gateway.line.health import UnitState
-from gateway.line.job import Job, Lane, Poll
-from gateway.line.outcome import Answered, Outcome, Silent
-from gateway.line.plan import WATCHDOGS_IN_ROW, Plan, Turn
+from gateway.line.capacity.forecast import forecast, longest_gap_s
+from gateway.line.rtu.outcome import Answered, Outcome, Silent
+from gateway.line.rtu.timeouts import ALLOWANCE_S, longest_s
+from gateway.line.scheduler.requests import Job, Lane, Poll
+from gateway.line.scheduler.scheduler import WATCHDOGS_IN_ROW, Plan, Turn
+from gateway.line.scheduler.units import UnitState
 from gateway.modbus.timing import Framing, LineTiming
 from tests.line.fakes import poll
 from tests.line.ideal_line import READ, IdealLine, cost_s

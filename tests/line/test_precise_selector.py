@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from gateway.line import precise_selector
-from gateway.line.precise_selector import (
+from gateway.line.port import event_loop as precise_selector
+from gateway.line.port.event_loop import (
     DESCRIPTOR_LIMIT,
     LOOK_EVERY_S,
     PreciseLoop,

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 import pytest
 
-from gateway.line.outcome import Answered, Garbled, Outcome, Refused
+from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused
 from gateway.modbus import adu
 from gateway.modbus.timing import Framing, LineTiming
 from tests.line.fakes import RESPONSE_TIME_S, TIMING, Rig, Said, Units, poll

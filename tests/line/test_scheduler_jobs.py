@@ -8,8 +8,8 @@ from collections.abc import Iterable
 
 import pytest
 
-from gateway.line.job import Lane
-from gateway.line.outcome import Garbled, Outcome, Silent
+from gateway.line.rtu.outcome import Garbled, Outcome, Silent
+from gateway.line.scheduler.requests import Lane
 from gateway.modbus.writes import WriteRegister
 from tests.line.fakes import TIMING, Rig, Said, Units, nobody, poll
 from tests.line.served import NO_PORT, READ, WRITE, run_for

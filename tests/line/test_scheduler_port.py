@@ -8,9 +8,9 @@ from collections.abc import Iterable
 
 import pytest
 
-from gateway.line.job import Lane
-from gateway.line.outcome import Answered, Outcome, Silent
-from gateway.line.scheduler import REOPEN_CEILING_S, REOPEN_FLOOR_S
+from gateway.line.line import REOPEN_CEILING_S, REOPEN_FLOOR_S
+from gateway.line.rtu.outcome import Answered, Outcome, Silent
+from gateway.line.scheduler.requests import Lane
 from gateway.modbus.writes import WriteRegister
 from tests.line.fakes import TIMING, Answer, FakeConnection, Rig, Said, Units, nobody, poll
 from tests.line.served import NO_PORT, READ, WRITE

@@ -9,8 +9,9 @@ from collections.abc import Awaitable, Callable
 import pytest
 
 from gateway.errors import PortLostError
-from gateway.line import lead, open_port
-from gateway.line.precise_selector import new_precise_loop
+from gateway.line.port import buffered as lead
+from gateway.line.port import buffered as open_port
+from gateway.line.port.event_loop import new_precise_loop
 from tests.line.fakes import until
 from tests.line.opened import LONG_S, Pty, opener, read, read_pty, settled, write_often
 

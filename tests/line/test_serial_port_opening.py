@@ -14,8 +14,8 @@ import pytest
 import serial
 
 from gateway.errors import PortError
-from gateway.line import serial_port
-from gateway.line.serial_port import port_error
+from gateway.line.port import opener as serial_port
+from gateway.line.port.opener import port_error
 from gateway.modbus.timing import Framing
 from tests.line.fakes import until
 from tests.line.opened import LONG_S, Pty, opener, read_pty, settled

@@ -6,11 +6,11 @@ import asyncio
 
 import pytest
 
-from gateway.line.job import Job, Lane, Poll
-from gateway.line.learnt import ENOUGH
-from gateway.line.outcome import TOO_LATE, Answered, Outcome, Silent
-from gateway.line.plan import JOBS_IN_ROW
-from gateway.line.prepared import Preparations
+from gateway.line.rtu.outcome import TOO_LATE, Answered, Outcome, Silent
+from gateway.line.rtu.request import Preparations
+from gateway.line.rtu.response_time import ENOUGH
+from gateway.line.scheduler.requests import Job, Lane, Poll
+from gateway.line.scheduler.scheduler import JOBS_IN_ROW
 from gateway.modbus import adu
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteRegister

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 import pytest
 
-from gateway.line.suspicion import ADDRESS_CONFLICT, BABBLING
+from gateway.line.rtu.bus_faults import ADDRESS_CONFLICT, BABBLING
 from gateway.modbus import adu
 from gateway.modbus.reads import ReadHoldingRegisters
 from tests.line.fakes import DELAY_S, TIMING, Rig, Said, Units, poll, reply_pdu

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.line.job import Job, Lane, Poll
-from gateway.line.plan import JOBS_IN_ROW, Plan, Turn
-from gateway.line.share import JOBS_SHARE, PARAMETERS_SHARE, Share
+from gateway.line.scheduler.job_queue import JOBS_SHARE, PARAMETERS_SHARE, Share
+from gateway.line.scheduler.requests import Job, Lane, Poll
+from gateway.line.scheduler.scheduler import JOBS_IN_ROW, Plan, Turn
 from gateway.modbus.reads import ReadHoldingRegisters
 from tests.line.fakes import poll
 from tests.line.ideal_line import IdealLine

@@ -11,8 +11,8 @@ from contextlib import asynccontextmanager, suppress
 import pytest
 
 from gateway.errors import PortError, PortLostError
-from gateway.line import serial_port
-from gateway.line.open_port import SocketPort
+from gateway.line.port import opener as serial_port
+from gateway.line.port.tcp import SocketPort
 from tests.line.opened import LONG_S, opener, read, settled, write_often
 
 

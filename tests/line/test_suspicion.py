@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from gateway.line.suspicion import (
+from gateway.line.rtu.bus_faults import (
     ADDRESS_CONFLICT,
     BABBLING,
     LINE_NOISE,

@@ -6,12 +6,12 @@ import random
 import pytest
 
 from gateway.errors import PortLostError
-from gateway.line.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.prepared import Prepared
-from gateway.line.trace import Trace
-from gateway.line.transaction import BABBLE_LIMIT_S, Transactor
+from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
+from gateway.line.rtu.request import Prepared
+from gateway.line.rtu.trace import Trace
+from gateway.line.rtu.transaction import BABBLE_LIMIT_S, Transactor
 from gateway.modbus import adu
-from gateway.modbus.identify import Identification, ReadDeviceIdentification
+from gateway.modbus.device_id import Identification, ReadDeviceIdentification
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import BROADCAST_TURNAROUND_S, Framing, LineTiming
 from gateway.modbus.writes import WriteRegister

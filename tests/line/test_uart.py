@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import struct
 
-from gateway.line.serial_port import SerialOpener
-from gateway.line.uart import CountsErrors, uart_errors
+from gateway.line.port.opener import SerialOpener
+from gateway.line.port.tty import CountsErrors, uart_errors
 from gateway.modbus.timing import Framing
 
 

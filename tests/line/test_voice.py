@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.line.outcome import Answered, Outcome, Silent
-from gateway.line.trace import Trace
-from gateway.line.voice import Voice
+from gateway.line.events import Voice
+from gateway.line.rtu.outcome import Answered, Outcome, Silent
+from gateway.line.rtu.trace import Trace
 from tests.line.fakes import Listener, poll
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from gateway.line.wakeup import Wakeup
+from gateway.line.port.buffered import Wakeup
 
 
 async def begun(wakeup: Wakeup, then: Callable[[], object]) -> asyncio.Task[None]:

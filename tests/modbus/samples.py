@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Callable
 
-from gateway.modbus.identify import ONE_OBJECT_CODE, Identification, ReadDeviceIdentification
+from gateway.modbus.device_id import ONE_OBJECT_CODE, Identification, ReadDeviceIdentification
 from gateway.modbus.pdu import encode_exception
 from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.server import KnownRequest

@@ -20,7 +20,7 @@ from gateway.errors import BadFrameError, BadReplyError
 from gateway.modbus import adu
 from gateway.modbus.codes import EXCEPTION_BIT, Function
 from gateway.modbus.crc import crc16
-from gateway.modbus.identify import ONE_OBJECT_CODE, Identification, ReadDeviceIdentification
+from gateway.modbus.device_id import ONE_OBJECT_CODE, Identification, ReadDeviceIdentification
 from gateway.modbus.pdu import exception_code
 from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.server import KnownRequest, decode_request

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from gateway.errors import BadReplyError
-from gateway.modbus.identify import Identification, ReadDeviceIdentification
+from gateway.modbus.device_id import Identification, ReadDeviceIdentification
 
 BASIC = ReadDeviceIdentification()
 

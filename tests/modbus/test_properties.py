@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gateway.errors import BadFrameError, BadReplyError, BadRequestError
 from gateway.modbus import adu
-from gateway.modbus.identify import Identification, ReadDeviceIdentification
+from gateway.modbus.device_id import Identification, ReadDeviceIdentification
 from gateway.modbus.pdu import exception_code
 from gateway.modbus.server import KnownRequest, decode_request
 from gateway.modbus.writes import WriteCoils

@@ -10,7 +10,7 @@ import pytest
 
 from gateway.errors import BadFrameError
 from gateway.modbus import adu
-from gateway.modbus.identify import Identification, ReadDeviceIdentification
+from gateway.modbus.device_id import Identification, ReadDeviceIdentification
 from gateway.modbus.pdu import encode_exception, exception_code
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters
 from gateway.modbus.server import KnownRequest, decode_request

@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from gateway.mqtt.boot import Boot
-from gateway.mqtt.freshness import Moment, Tokens
-from gateway.mqtt.intake import Incoming, Intake, Rejection
-from gateway.mqtt.topics import Topics
-from gateway.starters.request import CommandRequest
+from gateway.mqtt.contract.commands import Incoming, Intake, Rejection
+from gateway.mqtt.contract.freshness import Moment, Tokens
+from gateway.mqtt.contract.run_token import Boot
+from gateway.mqtt.contract.topics import Topics
+from gateway.starters.policy.request import CommandRequest
 
 NOW_S = 1_795_222_923.0
 NOW = "2026-11-21T01:02:03Z"

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gateway.mqtt.outbox import Outbox, Outgoing
-from gateway.mqtt.payload import HistoryItem, Message
+from gateway.mqtt.contract.payloads import HistoryItem, Message
+from gateway.mqtt.outbox.outbox import Outbox, Outgoing
 
 STATUS = "b/gateway/status"
 WIDE = 1000  # a window that never fills

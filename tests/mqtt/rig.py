@@ -5,19 +5,18 @@ from __future__ import annotations
 import asyncio
 from types import TracebackType
 
-from gateway.clock import SystemClock
-from gateway.mqtt.boot import Boot
-from gateway.mqtt.broker import BrokerConnection
-from gateway.mqtt.freshness import Moment, Tokens
-from gateway.mqtt.intake import Incoming, Intake, Rejection
-from gateway.mqtt.outbox import Outbox
-from gateway.mqtt.payload import Message, Payloads
+from gateway.mqtt.connection.broker import BrokerConnection
+from gateway.mqtt.connection.reconnect import Notice, Version
+from gateway.mqtt.connection.settings import BrokerSettings
+from gateway.mqtt.contract.commands import Incoming, Intake, Rejection
+from gateway.mqtt.contract.freshness import Moment, Tokens
+from gateway.mqtt.contract.payloads import Message, Payloads
+from gateway.mqtt.contract.run_token import Boot
+from gateway.mqtt.contract.topics import Topics
+from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher
-from gateway.mqtt.reasons import Notice
-from gateway.mqtt.retry import Version
-from gateway.mqtt.settings import BrokerSettings
-from gateway.mqtt.topics import Topics
-from gateway.starters.records import EventRecord, Quality, Severity, ValueRecord
+from gateway.records import EventRecord, Quality, Severity, ValueRecord
+from gateway.system.clock import SystemClock
 
 PATIENCE_S = 10.0
 

@@ -11,14 +11,14 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from gateway.database import Connection
-from gateway.durable.outbox_disk import FILE, OutboxDisk
 from gateway.errors import StoreError
-from gateway.mqtt.outbox import Outbox, Outgoing
-from gateway.mqtt.payload import HistoryItem, Message
-from gateway.mqtt.spooler import Spooler
-from gateway.starters.records import Severity
-from gateway.store import Store, _Piece
+from gateway.mqtt.contract.payloads import HistoryItem, Message
+from gateway.mqtt.outbox.disk_sync import Spooler
+from gateway.mqtt.outbox.outbox import Outbox, Outgoing
+from gateway.records import Severity
+from gateway.storage.database import Connection
+from gateway.storage.outbox import FILE, OutboxDisk
+from gateway.storage.worker import Store, _Piece
 from tests.virtual_time import VirtualClock
 
 STATUS = "b/gateway/status"

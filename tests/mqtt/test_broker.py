@@ -7,10 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from gateway.mqtt.reasons import taken_over
-from gateway.mqtt.retry import Version
-from gateway.mqtt.settings import TlsSettings
-from gateway.starters.records import LineRecord, Phase, ResultRecord
+from gateway.mqtt.connection.reconnect import Version, taken_over
+from gateway.mqtt.connection.settings import TlsSettings
+from gateway.records import LineRecord, Phase, ResultRecord
 from tests.mosquitto import Certificate
 from tests.mqtt.fake_broker import (
     ACCEPT_5,

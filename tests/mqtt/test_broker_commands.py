@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.mqtt.retry import Version
+from gateway.mqtt.connection.reconnect import Version
 from tests.conftest import StartMosquitto
 from tests.mqtt.rig import Rig, settings
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from gateway.mqtt.retry import Version
-from gateway.mqtt.session import MAX_INCOMING_BYTES
-from gateway.mqtt.settings import BrokerSettings, TlsSettings
+from gateway.mqtt.connection.reconnect import Version
+from gateway.mqtt.connection.session import MAX_INCOMING_BYTES
+from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
 from tests.mqtt.fake_broker import (
     DISCONNECT,
     HANG_UP,

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from paho.mqtt import client as paho
 
-from gateway.mqtt.retry import Version
-from gateway.mqtt.session import Session
-from gateway.mqtt.settings import TlsSettings
+from gateway.mqtt.connection.reconnect import Version
+from gateway.mqtt.connection.session import Session
+from gateway.mqtt.connection.settings import TlsSettings
 from tests.conftest import StartMosquitto
 from tests.mosquitto import Certificate, Seen
 from tests.mqtt.rig import Rig, event, settings, value

@@ -7,7 +7,7 @@ import shutil
 import socket
 from pathlib import Path
 
-from gateway.mqtt.settings import TlsSettings
+from gateway.mqtt.connection.settings import TlsSettings
 from tests.conftest import StartMosquitto
 from tests.mosquitto import Certificate, Seen
 from tests.mqtt.rig import Rig, event, settings

@@ -7,14 +7,14 @@ from typing import Any
 
 import pytest
 
-from gateway.mqtt.boot import Boot
-from gateway.mqtt.freshness import MAX_TTL_S, Moment, Tokens
-from gateway.mqtt.intake import Incoming, Intake, Rejection
-from gateway.mqtt.json_out import rfc3339
-from gateway.mqtt.payload import Payloads
-from gateway.mqtt.topics import Topics
-from gateway.starters.records import EventRecord, LockRecord, Quality, Severity, StateRecord
-from gateway.starters.request import CommandRequest
+from gateway.mqtt.contract.commands import Incoming, Intake, Rejection
+from gateway.mqtt.contract.freshness import MAX_TTL_S, Moment, Tokens
+from gateway.mqtt.contract.payloads import Payloads
+from gateway.mqtt.contract.run_token import Boot
+from gateway.mqtt.contract.strict_json import rfc3339
+from gateway.mqtt.contract.topics import Topics
+from gateway.records import EventRecord, LockRecord, Quality, Severity, StateRecord
+from gateway.starters.policy.request import CommandRequest
 
 NOW_S = 1_795_222_923.0
 TOPICS = Topics("b")

@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.mqtt.intake import Incoming, Rejection
-from gateway.starters.records import Phase
-from gateway.starters.request import CommandRequest
+from gateway.mqtt.contract.commands import Incoming, Rejection
+from gateway.records import Phase
+from gateway.starters.policy.request import CommandRequest
 from tests.mqtt.commands import NOW, NOW_S, START, command, fresh, judge, refusal
 
 STOP = "b/command/pump-1/alice/stop"

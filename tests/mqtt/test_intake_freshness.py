@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.mqtt.intake import Rejection
-from gateway.mqtt.json_out import rfc3339
-from gateway.starters.request import CommandRequest
+from gateway.mqtt.contract.commands import Rejection
+from gateway.mqtt.contract.strict_json import rfc3339
+from gateway.starters.policy.request import CommandRequest
 from tests.mqtt.commands import NOW, NOW_S, TOKEN, command, fresh, judge, refusal
 
 

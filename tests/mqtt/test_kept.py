@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from gateway.mqtt.kept import Kept
-from gateway.mqtt.lane import LOWEST, Entry, Lane, State, row_of
-from gateway.spool import Changes, Kind, Page, Recalled, Row, Share
+from gateway.mqtt.outbox.backlog import Kept
+from gateway.mqtt.outbox.segment import LOWEST, Entry, Lane, State, row_of
+from gateway.storage.spool import Changes, Kind, Page, Recalled, Row, Share
 from tests.mqtt.outboxes import event, result, value
 
 NEVER = 0  # late up to here: nothing

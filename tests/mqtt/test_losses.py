@@ -1,7 +1,7 @@
 from __future__ import annotations
 
-from gateway.mqtt.losses import TOLD_EVERY_S, Losses
-from gateway.spool import Changes, Kind, Loss, merged
+from gateway.mqtt.outbox.losses import TOLD_EVERY_S, Losses
+from gateway.storage.spool import Changes, Kind, Loss, merged
 
 VALUES = Loss("memory_full", Kind.VALUE, 3, 1_760_000_000.0, 1_760_000_005.0)
 EVENTS = Loss("disk_full", Kind.EVENT, 2, None, None)

@@ -3,8 +3,8 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.mqtt.outbox import Outgoing
-from gateway.mqtt.payload import Message
+from gateway.mqtt.contract.payloads import Message
+from gateway.mqtt.outbox.outbox import Outgoing
 from tests.mqtt.outboxes import (
     STATUS,
     WIDE,

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from gateway.mqtt.outbox import Outbox
+from gateway.mqtt.outbox.outbox import Outbox
 from tests.mqtt.outboxes import (
     STATUS,
     WIDE,

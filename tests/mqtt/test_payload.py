@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from gateway.mqtt.payload import GatewayInfo, Message, Operator, Payloads, cleared
-from gateway.mqtt.topics import Topics
-from gateway.starters.records import (
+from gateway.mqtt.contract.payloads import GatewayInfo, Message, Operator, Payloads, cleared
+from gateway.mqtt.contract.topics import Topics
+from gateway.records import (
     AlarmRecord,
     AuditRecord,
     AvailabilityRecord,

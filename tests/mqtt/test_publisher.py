@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from gateway.mqtt.outbox import Outbox
-from gateway.mqtt.payload import GatewayInfo, Payloads
+from gateway.mqtt.contract.payloads import GatewayInfo, Payloads
+from gateway.mqtt.contract.topics import Topics
+from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher
-from gateway.mqtt.topics import Topics
-from gateway.starters.records import LineRecord, Sink
+from gateway.records import LineRecord, Sink
 from tests.mqtt.rig import event, value
 from tests.virtual_time import EPOCH_S, VirtualClock, run_virtually
 

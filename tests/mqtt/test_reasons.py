@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import BrokerError
-from gateway.mqtt.reasons import refused, unreachable
-from gateway.mqtt.settings import BrokerSettings, TlsSettings
+from gateway.mqtt.connection.reconnect import refused, unreachable
+from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
 from tests.mosquitto import Certificate
 
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.mqtt.retry import Backoff, Version, VersionChoice
+from gateway.mqtt.connection.reconnect import Backoff, Version, VersionChoice
 
 
 def test_the_pauses_double_to_their_ceiling() -> None:

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from gateway.errors import BrokerError, NoResultError
-from gateway.mqtt.sender import Order, Sender
-from gateway.mqtt.topics import Topics
+from gateway.mqtt.connection.command_client import Order, Sender
+from gateway.mqtt.contract.topics import Topics
 from tests.mqtt.fake_broker import ACCEPT_311, LEVEL_5, LEVEL_311, REFUSE_VERSION, FakeBroker, Packet
 from tests.mqtt.rig import settings
 

@@ -8,15 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from gateway.mqtt.payload import MAX_HISTORY_ITEMS
-from gateway.mqtt.spooler import BATCH_S
+from gateway.mqtt.contract.payloads import MAX_HISTORY_ITEMS
+from gateway.mqtt.outbox.disk_sync import BATCH_S
 from tests.mqtt.spooling import InlineStore, Run, event, on_disk, result, value
 from tests.virtual_time import run_virtually
 
 
 @pytest.fixture(autouse=True)
 def inline_store(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.durable.outbox_disk.Store", InlineStore)
+    monkeypatch.setattr("gateway.storage.outbox.Store", InlineStore)
 
 
 def test_what_is_acknowledged_at_once_never_goes_to_the_disk(tmp_path: Path) -> None:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.mqtt.spooler import BATCH_S
-from gateway.spool import Kind
+from gateway.mqtt.outbox.disk_sync import BATCH_S
+from gateway.storage.spool import Kind
 from tests.mqtt.spooling import InlineStore, Run, event, on_disk, result, value
 from tests.virtual_time import run_virtually
 
@@ -20,10 +20,10 @@ STEPS = 60
 
 @pytest.fixture(autouse=True)
 def small_windows(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.durable.outbox_disk.Store", InlineStore)
-    monkeypatch.setattr("gateway.mqtt.kept.WINDOWS", dict.fromkeys(Kind, 8))
-    monkeypatch.setattr("gateway.mqtt.kept.MOST_AT_ONCE", 50)
-    monkeypatch.setattr("gateway.mqtt.spooler.PAGE_ROWS", 7)
+    monkeypatch.setattr("gateway.storage.outbox.Store", InlineStore)
+    monkeypatch.setattr("gateway.mqtt.outbox.backlog.WINDOWS", dict.fromkeys(Kind, 8))
+    monkeypatch.setattr("gateway.mqtt.outbox.backlog.MOST_AT_ONCE", 50)
+    monkeypatch.setattr("gateway.mqtt.outbox.disk_sync.PAGE_ROWS", 7)
 
 
 class Life:

@@ -8,15 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from gateway.mqtt.kept import WINDOWS
-from gateway.spool import Kind
+from gateway.mqtt.outbox.backlog import WINDOWS
+from gateway.storage.spool import Kind
 from tests.mqtt.spooling import InlineStore, Run, event, value
 from tests.virtual_time import run_virtually
 
 
 @pytest.fixture(autouse=True)
 def inline_store(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.durable.outbox_disk.Store", InlineStore)
+    monkeypatch.setattr("gateway.storage.outbox.Store", InlineStore)
 
 
 def test_without_a_disk_memory_serves_and_the_disk_learns_everything_when_it_is_back(tmp_path: Path) -> None:

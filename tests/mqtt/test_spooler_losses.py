@@ -7,16 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from gateway.mqtt.kept import WINDOWS
-from gateway.mqtt.lane import Lane
-from gateway.mqtt.spooler import BATCH_S
+from gateway.mqtt.outbox.backlog import WINDOWS
+from gateway.mqtt.outbox.disk_sync import BATCH_S
+from gateway.mqtt.outbox.segment import Lane
 from tests.mqtt.spooling import InlineStore, Run, event, on_disk, result, value
 from tests.virtual_time import run_virtually
 
 
 @pytest.fixture(autouse=True)
 def inline_store(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.durable.outbox_disk.Store", InlineStore)
+    monkeypatch.setattr("gateway.storage.outbox.Store", InlineStore)
 
 
 def test_a_day_without_a_broker_costs_no_memory_and_what_does_not_fit_is_declared(tmp_path: Path) -> None:

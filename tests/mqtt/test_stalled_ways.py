@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from gateway.mqtt.retry import Version
+from gateway.mqtt.connection.reconnect import Version
 from tests.clients_page import example
 from tests.conftest import StartMosquitto
 from tests.mosquitto import MosquittoBroker, Watcher

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.mqtt.topics import CommandAddress, Malformed, Topics, is_level, to_level
+from gateway.mqtt.contract.topics import CommandAddress, Malformed, Topics, is_level, to_level
 
 
 def all_payload_topics(topics: Topics) -> list[str]:

@@ -7,9 +7,9 @@ import socket
 
 import pytest
 
-from gateway.mqtt.broker import BrokerConnection
-from gateway.mqtt.intake import Incoming
-from gateway.mqtt.unread import Unread
+from gateway.mqtt.connection.broker import BrokerConnection
+from gateway.mqtt.connection.unread import Unread
+from gateway.mqtt.contract.commands import Incoming
 from tests.conftest import StartMosquitto
 from tests.mqtt.rig import Rig, settings
 

@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
-from gateway.mqtt.json_out import to_json
-from gateway.mqtt.topics import Topics
-from gateway.mqtt.values import ValueTexts
-from gateway.starters.records import Quality, ValueRecord
+from gateway.mqtt.contract.payloads import ValueTexts
+from gateway.mqtt.contract.strict_json import to_json
+from gateway.mqtt.contract.topics import Topics
+from gateway.records import Quality, ValueRecord
 
 
 def record(value: Any, *, label: str | None = None, time_s: float | None = 1_763_687_045.5) -> ValueRecord:

@@ -7,17 +7,17 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from gateway.errors import CommandError
-from gateway.families.command import build, prepare
-from gateway.families.decode import decode_points
-from gateway.families.gather import rows_in
-from gateway.families.interlock import check
-from gateway.families.load import load_profile
-from gateway.families.procedure import Expect, Read
-from gateway.families.schema import Variant
+from gateway.families.command.build import build, prepare
+from gateway.families.command.interlock import check
+from gateway.families.profile.decode import decode_points
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.procedure import Expect, Read
+from gateway.families.profile.schema import Variant
+from gateway.families.reading.bulk import rows_in
 from gateway.modbus.pdu import Request, exception_code
 from gateway.modbus.writes import WriteCoil, WriteRegister
+from gateway.sim.core.unit import Unit
 from gateway.sim.factory import make_unit
-from gateway.sim.unit import Unit
 from tests.sim.wire import Talk
 
 PAUSE_S = 0.1

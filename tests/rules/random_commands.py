@@ -9,10 +9,10 @@ import random
 from collections.abc import Callable
 from typing import Any
 
-from gateway.families.command import verbs
-from gateway.sim.commanded import Commanded
-from gateway.sim.power import MotorState
-from gateway.sim.sst import Sst
+from gateway.families.command.build import verbs
+from gateway.sim.core.power import MotorState
+from gateway.sim.sst.unit import Sst
+from gateway.sim.weg.common import Commanded
 from tests.rules.acting import RAW_START, Actor
 
 LIFE = 100  # commands that a starter gets before a new one takes its place

@@ -8,15 +8,15 @@ from typing import Any
 import pytest
 
 from gateway.errors import CommandError
-from gateway.families.command import build
-from gateway.families.load import load_profile
-from gateway.families.schema import Variant
+from gateway.families.command.build import build
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.schema import Variant
 from gateway.modbus.writes import WriteRegister
-from gateway.sim.power import MotorState
-from gateway.sim.sst import Sst
-from gateway.sim.ssw06 import Ssw06
-from gateway.sim.ssw900 import Ssw900
-from gateway.sim.supervised import OUTPUT_BY_SERIAL
+from gateway.sim.core.power import MotorState
+from gateway.sim.sst.unit import Sst
+from gateway.sim.ssw900.unit import Ssw900
+from gateway.sim.weg.command_sources import OUTPUT_BY_SERIAL
+from gateway.sim.weg.ssw06 import Ssw06
 from tests.rules.acting import Actor
 
 WEG = ("ssw06", "ssw07", "ssw900")

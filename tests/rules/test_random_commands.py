@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.families.load import FAMILIES
+from gateway.families.profile.load import FAMILIES
 from tests.rules.random_commands import send_at_random
 
 COMMANDS = 2_000

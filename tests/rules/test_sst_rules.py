@@ -11,8 +11,8 @@ from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadInputRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil, WriteRegister
+from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.factory import make_unit
-from gateway.sim.line import SimulatedLine
 from tests.sim.wire import Talk, receive
 from tests.virtual_time import run_virtually
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.families.load import load_profile
+from gateway.families.profile.load import load_profile
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.sim.factory import make_unit

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from gateway.modbus.writes import WriteCoil, WriteRegister
-from gateway.sim.sst import Sst
-from gateway.sim.ssw07 import Ssw07
-from gateway.sim.supervised import P_REMOTE_SOURCE
+from gateway.sim.sst.unit import Sst
+from gateway.sim.weg.command_sources import P_REMOTE_SOURCE
+from gateway.sim.weg.ssw07 import Ssw07
 from tests.rules.acting import RAW_START, Actor
 
 WEG = ("ssw06", "ssw07", "ssw900")

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from gateway.errors import BadFrameError
-from gateway.families.decode import decode_row
-from gateway.families.load import load_profile
-from gateway.families.parameters import to_words
-from gateway.families.schema import Table, Variant
+from gateway.families.profile.decode import decode_row
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.parameters import to_words
+from gateway.families.profile.schema import Table, Variant
 from gateway.modbus.adu import decode, encode
 from gateway.modbus.crc import crc16
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters

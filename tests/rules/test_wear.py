@@ -8,12 +8,11 @@ import math
 import pytest
 
 from gateway.errors import DamagedError
-from gateway.starters.policy import Policy
-from gateway.starters.precautions import Precautions
-from gateway.starters.records import EventRecord, Phase
-from gateway.starters.rights import Rights
-from gateway.starters.sequence import Sequence
-from gateway.starters.wear import HOUR_S, MOST_PER_HOUR, Wear
+from gateway.records import EventRecord, Phase, SequenceNumbers
+from gateway.starters.policy.policy import Precautions
+from gateway.starters.policy.rights import Rights
+from gateway.starters.policy.start_rules import Policy
+from gateway.starters.policy.write_budget import HOUR_S, MOST_PER_HOUR, Wear
 from tests.starters.fakes import RecordingSink
 from tests.starters.plant import FakeMemory
 from tests.starters.rig import CommandRig, virtually
@@ -96,7 +95,7 @@ def precautions(memory: FakeMemory, sink: RecordingSink) -> Precautions:
         rights=Rights(()),
         sink=sink,
         clock=VirtualClock(asyncio.get_running_loop()),
-        sequence=Sequence(),
+        sequence=SequenceNumbers(),
         wear_memory=memory,
     )
 

@@ -6,16 +6,16 @@ from typing import Any
 
 import pytest
 
-from gateway.families.blocks import plan_blocks
-from gateway.families.command import build, prepare, verbs
-from gateway.families.load import FAMILIES, load_profile
-from gateway.families.schema import Variant
+from gateway.families.command.build import build, prepare, verbs
+from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.profile.schema import Variant
+from gateway.families.reading.poll_blocks import plan_blocks
 from gateway.modbus.pdu import Request
 from gateway.modbus.server import decode_request
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteRegister, WriteRegisters
+from gateway.sim.core.power import MotorState
 from gateway.sim.factory import make_unit
-from gateway.sim.power import MotorState
 from gateway.starters.setup import StarterSetup
 from tests.rules.acting import Actor
 from tests.sim.wire import Talk

@@ -7,7 +7,7 @@ from typing import Any
 from gateway.modbus.reads import ReadCoils, ReadInputRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegister
 from gateway.sim.factory import make_unit
-from gateway.sim.sst import Sst
+from gateway.sim.sst.unit import Sst
 from tests.sim.wire import Talk
 
 

@@ -7,7 +7,7 @@ from typing import Any
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteRegister
 from gateway.sim.factory import make_unit
-from gateway.sim.ssw06 import Ssw06
+from gateway.sim.weg.ssw06 import Ssw06
 from tests.sim.wire import Talk
 
 VB03 = 5003

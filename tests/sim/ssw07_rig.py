@@ -7,7 +7,7 @@ from typing import Any
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteCoil
 from gateway.sim.factory import make_unit
-from gateway.sim.ssw07 import Ssw07
+from gateway.sim.weg.ssw07 import Ssw07
 from tests.sim.wire import Talk
 
 START = WriteCoil(100, is_on=True)

@@ -9,7 +9,7 @@ from gateway.modbus.writes import (
     WriteRegister,
 )
 from gateway.sim.factory import make_unit
-from gateway.sim.ssw900 import Ssw900
+from gateway.sim.ssw900.unit import Ssw900
 from tests.sim.wire import Talk
 
 WORD = 685

@@ -10,8 +10,7 @@ import pytest
 from gateway.errors import BadFrameError
 from gateway.modbus.adu import decode, encode
 from gateway.modbus.reads import ReadHoldingRegisters
-from gateway.sim.factory import make_unit
-from gateway.sim.impair import (
+from gateway.sim.bus.faults import (
     Babbling,
     CutShort,
     Doubled,
@@ -22,8 +21,8 @@ from gateway.sim.impair import (
     Silent,
     WrongUnit,
 )
-from gateway.sim.line import SimulatedLine
-from gateway.sim.port import SimulatedPort
+from gateway.sim.bus.port import SimulatedLine, SimulatedPort
+from gateway.sim.factory import make_unit
 from tests.sim.wire import TIMING, receive
 from tests.virtual_time import run_virtually
 

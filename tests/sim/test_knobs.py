@@ -7,14 +7,14 @@ from typing import Any
 import pytest
 
 from gateway.errors import UsageError
-from gateway.families.load import FAMILIES
-from gateway.sim.commanded import Commanded
+from gateway.families.profile.load import FAMILIES
+from gateway.sim.controls import KNOBS, turn
+from gateway.sim.core.unit import Unit
 from gateway.sim.factory import make_unit
-from gateway.sim.knobs import KNOBS, turn
-from gateway.sim.sst import Sst
-from gateway.sim.ssw06 import Ssw06
-from gateway.sim.ssw900 import Ssw900
-from gateway.sim.unit import Unit
+from gateway.sim.sst.unit import Sst
+from gateway.sim.ssw900.unit import Ssw900
+from gateway.sim.weg.common import Commanded
+from gateway.sim.weg.ssw06 import Ssw06
 from tests.rules.acting import RAW_START
 from tests.sim.wire import Talk
 

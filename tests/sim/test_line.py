@@ -8,13 +8,13 @@ from itertools import pairwise
 import pytest
 
 from gateway.errors import PortError, PortLostError
-from gateway.line.port import Port, PortOpener
+from gateway.line.port.base import Port, PortOpener
 from gateway.modbus.adu import encode
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil
+from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.factory import make_unit
-from gateway.sim.line import SimulatedLine
 from tests.sim.wire import TIMING, receive
 from tests.virtual_time import run_virtually
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from gateway.sim.core.unit import Unit
 from gateway.sim.factory import make_unit
-from gateway.sim.unit import Unit
 from tests.sim.wire import Talk
 
 

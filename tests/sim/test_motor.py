@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from gateway.sim.meter import Meter
-from gateway.sim.motor import AMBIENT_C, Motor
-from gateway.sim.power import TRANSITIONS, MotorData, MotorEvent, MotorState, MotorTrip
+from gateway.sim.core.meter import Meter
+from gateway.sim.core.motor import AMBIENT_C, Motor
+from gateway.sim.core.power import TRANSITIONS, MotorData, MotorEvent, MotorState, MotorTrip
 
 DATA = MotorData(rated_current_a=100.0, load_pct=70.0, ramp_up_s=8.0, ramp_down_s=4.0, coast_s=6.0)
 

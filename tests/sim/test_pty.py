@@ -13,9 +13,9 @@ from gateway.errors import PortError
 from gateway.modbus.adu import encode
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
+from gateway.sim.bus.port import SimulatedLine
+from gateway.sim.bus.pty import PtyLine
 from gateway.sim.factory import make_unit
-from gateway.sim.line import SimulatedLine
-from gateway.sim.pty import PtyLine
 from tests.sim.wire import TIMING
 
 READ = ReadHoldingRegisters(220, 1)

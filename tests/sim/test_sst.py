@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from gateway.modbus.writes import WriteRegister, WriteRegisters
-from gateway.sim.power import MotorState
-from gateway.sim.unit import Trip
+from gateway.sim.core.power import MotorState
+from gateway.sim.core.unit import Trip
 from tests.sim.sst_rig import START, STOP, coil, initialise, make, ones, register, running
 
 

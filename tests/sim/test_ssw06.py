@@ -6,7 +6,7 @@ import pytest
 
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegister
-from gateway.sim.power import MotorState
+from gateway.sim.core.power import MotorState
 from tests.sim.ssw06_rig import START, STATUS, VB03, make, running, status
 
 

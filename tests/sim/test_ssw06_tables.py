@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 
-from gateway.modbus.identify import ReadDeviceIdentification
+from gateway.modbus.device_id import ReadDeviceIdentification
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters
 from gateway.modbus.writes import MaskWriteRegister, WriteRegister, WriteRegisters
-from gateway.sim.power import MotorState
-from gateway.sim.supervised import OUTPUT_BY_SERIAL
-from gateway.sim.unit import Trip
+from gateway.sim.core.power import MotorState
+from gateway.sim.core.unit import Trip
+from gateway.sim.weg.command_sources import OUTPUT_BY_SERIAL
 from tests.sim.ssw06_rig import STATUS, VB03, make, running, status
 
 

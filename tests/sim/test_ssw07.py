@@ -6,8 +6,8 @@ import pytest
 
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters
 from gateway.modbus.writes import WriteCoil, WriteCoils, WriteRegister
-from gateway.sim.power import MotorState
-from gateway.sim.unit import Trip
+from gateway.sim.core.power import MotorState
+from gateway.sim.core.unit import Trip
 from tests.sim.ssw07_rig import RESET, START, STOP, make, running, status
 
 

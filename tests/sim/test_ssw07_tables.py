@@ -6,14 +6,14 @@ from typing import Any
 
 import pytest
 
-from gateway.modbus.identify import ReadDeviceIdentification
+from gateway.modbus.device_id import ReadDeviceIdentification
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil, WriteRegister, WriteRegisters
+from gateway.sim.core.power import MotorState
+from gateway.sim.core.unit import Trip
 from gateway.sim.factory import make_unit
-from gateway.sim.power import MotorState
-from gateway.sim.supervised import OUTPUT_BY_SERIAL
-from gateway.sim.unit import Trip
+from gateway.sim.weg.command_sources import OUTPUT_BY_SERIAL
 from tests.sim.ssw07_rig import STATUS, make, running, status
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import MaskWriteRegister, WriteRegister
-from gateway.sim.power import MotorState
+from gateway.sim.core.power import MotorState
 from tests.sim.ssw900_rig import START, WORD, make, read, running, status
 
 STOP = WriteRegister(WORD, 0x0012)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.modbus.identify import ReadDeviceIdentification
+from gateway.modbus.device_id import ReadDeviceIdentification
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteRegister
-from gateway.sim.power import MotorState
-from gateway.sim.unit import Trip
+from gateway.sim.core.power import MotorState
+from gateway.sim.core.unit import Trip
 from tests.sim.ssw900_rig import WORD, make, read, running, status
 
 TO_RAMP_S = 0.7  # time before start, initial test

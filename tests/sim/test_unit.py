@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from gateway.modbus.identify import ReadDeviceIdentification
+from gateway.modbus.device_id import ReadDeviceIdentification
 from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil, WriteRegister
-from gateway.sim.power import MotorTrip
-from gateway.sim.unit import Trip, Unit
+from gateway.sim.core.power import MotorTrip
+from gateway.sim.core.unit import Trip, Unit
 from tests.sim.wire import Talk
 
 

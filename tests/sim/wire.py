@@ -8,8 +8,8 @@ from typing import Any
 from gateway.modbus.adu import decode, encode
 from gateway.modbus.pdu import Request, exception_code
 from gateway.modbus.timing import Framing, LineTiming
-from gateway.sim.port import SimulatedPort
-from gateway.sim.unit import Unit
+from gateway.sim.bus.port import SimulatedPort
+from gateway.sim.core.unit import Unit
 
 TIMING = LineTiming(9600, Framing.parse("8N2"))
 

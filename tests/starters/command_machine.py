@@ -15,9 +15,9 @@ from typing import Any
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
 
-from gateway.mqtt.json_out import rfc3339
-from gateway.standstill import LIMIT_S
-from gateway.starters.records import Phase
+from gateway.mqtt.contract.strict_json import rfc3339
+from gateway.records import Phase
+from gateway.system.suspend_watch import LIMIT_S
 from tests.starters.history import TTL_S, History
 from tests.starters.world import NAMES, PAUSE_S, World
 from tests.virtual_time import VirtualTimeLoop

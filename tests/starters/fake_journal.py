@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from gateway.errors import CommandError
-from gateway.starters.journal import UNAVAILABLE, Remembered
-from gateway.starters.records import Phase, ResultRecord
+from gateway.records import Phase, ResultRecord
+from gateway.storage.journal import UNAVAILABLE, Remembered
 
 
 @dataclass

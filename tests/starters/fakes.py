@@ -9,15 +9,15 @@ from dataclasses import dataclass
 from math import inf
 from typing import Any, TypeVar
 
-from gateway.families.load import load_profile
-from gateway.line.job import Lane, Poll
-from gateway.line.outcome import TOO_LATE, Answered, Outcome, Refused, Silent
-from gateway.modbus.identify import Identification, ReadDeviceIdentification
+from gateway.families.profile.load import load_profile
+from gateway.line.rtu.outcome import TOO_LATE, Answered, Outcome, Refused, Silent
+from gateway.line.scheduler.requests import Lane, Poll
+from gateway.modbus.device_id import Identification, ReadDeviceIdentification
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil, WriteCoils, WriteRegister, WriteRegisters
-from gateway.starters.records import EventRecord, Record, ResultRecord, StateRecord, ValueRecord
+from gateway.records import EventRecord, Record, ResultRecord, StateRecord, ValueRecord
 
 R = TypeVar("R")
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
-from gateway.starters.logbook import MOVING, STANDING
-from gateway.starters.records import Phase, StateRecord
+from gateway.records import Phase, StateRecord
+from gateway.starters.policy.motor_history import MOVING, STANDING
 from tests.starters.world import NAMES, PAUSE_S, STAGGER_S, START_PDU, STARTS_PER_HOUR, STOP_PDU, World
 
 STOP_BOUND_S = 1.0  # two starters at 19200 bit/s, one of which may be silent

@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 from dataclasses import dataclass, field
 
-from gateway.starters.commander import Commander
-from gateway.starters.rights import Operator, Rights
+from gateway.starters.commands.dispatcher import Commander
+from gateway.starters.policy.rights import Operator, Rights
 from tests.starters.fake_journal import FakeDisk, FakeJournal
 from tests.starters.fakes import TRANSACTION_S
 from tests.starters.rig import CommandRig

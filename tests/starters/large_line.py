@@ -10,26 +10,25 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
-from gateway.families.load import load_profile
-from gateway.families.schema import Variant
-from gateway.line.budget import worst_stop_latency_s
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.schema import Variant
 from gateway.line.client import LocalLineClient
-from gateway.line.scheduler import Scheduler
+from gateway.line.line import Scheduler
+from gateway.line.scheduler.stop_latency import worst_stop_latency_s
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil
-from gateway.sim.line import SimulatedLine
-from gateway.sim.power import MotorData
-from gateway.sim.ssw07 import Ssw07
-from gateway.starters.commander import Commander
-from gateway.starters.policy import Policy
-from gateway.starters.polling import polls_of
-from gateway.starters.precautions import Precautions
-from gateway.starters.records import Phase, ResultRecord
-from gateway.starters.request import CommandRequest
-from gateway.starters.rights import Operator, Rights
-from gateway.starters.sequence import Sequence
+from gateway.records import Phase, ResultRecord, SequenceNumbers
+from gateway.sim.bus.port import SimulatedLine
+from gateway.sim.core.power import MotorData
+from gateway.sim.weg.ssw07 import Ssw07
+from gateway.starters.commands.dispatcher import Commander
+from gateway.starters.policy.policy import Precautions
+from gateway.starters.policy.request import CommandRequest
+from gateway.starters.policy.rights import Operator, Rights
+from gateway.starters.policy.start_rules import Policy
 from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry import StarterTelemetry
+from gateway.starters.telemetry.polling import polls_of
+from gateway.starters.telemetry.telemetry import StarterTelemetry
 from tests.starters.fakes import RUN_COIL
 from tests.starters.test_on_a_line import Router
 from tests.virtual_time import VirtualClock
@@ -123,7 +122,7 @@ async def large_line(
     policy: Policy | None = None,
 ) -> AsyncIterator[LargeLine]:
     """Run them; nothing has been asked yet."""
-    clock, sink, sequence = VirtualClock(asyncio.get_running_loop()), TimedSink(), Sequence()
+    clock, sink, sequence = VirtualClock(asyncio.get_running_loop()), TimedSink(), SequenceNumbers()
     timing = LineTiming(baud, Framing.parse("8N2"))
     addresses = range(1, count + 1)
     units = [_Starter(address, seed=address, motor=MOTOR) for address in addresses]

@@ -9,25 +9,24 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from gateway.errors import DamagedError, StoreError
-from gateway.families.load import load_profile
-from gateway.families.schema import Variant
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.schema import Variant
 from gateway.line.client import LocalLineClient
-from gateway.line.outcome import Outcome
-from gateway.line.scheduler import Scheduler
+from gateway.line.line import Scheduler
+from gateway.line.rtu.outcome import Outcome
 from gateway.modbus.timing import Framing, LineTiming
-from gateway.sim.line import SimulatedLine
-from gateway.sim.unit import Unit
-from gateway.starters.commander import Commander
-from gateway.starters.companions import Companions
-from gateway.starters.policy import Policy
-from gateway.starters.polling import polls_of
-from gateway.starters.precautions import Precautions
-from gateway.starters.records import AuditRecord, EventRecord
-from gateway.starters.request import CommandRequest
-from gateway.starters.rights import Operator, Rights
-from gateway.starters.sequence import Sequence
+from gateway.records import AuditRecord, EventRecord, SequenceNumbers
+from gateway.sim.bus.port import SimulatedLine
+from gateway.sim.core.unit import Unit
+from gateway.starters.commands.dispatcher import Commander
+from gateway.starters.policy.policy import Precautions
+from gateway.starters.policy.request import CommandRequest
+from gateway.starters.policy.rights import Operator, Rights
+from gateway.starters.policy.start_rules import Policy
+from gateway.starters.services.services import Companions
 from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry import StarterTelemetry
+from gateway.starters.telemetry.polling import polls_of
+from gateway.starters.telemetry.telemetry import StarterTelemetry
 from tests.starters.fakes import RecordingSink
 from tests.virtual_time import VirtualClock
 
@@ -131,7 +130,7 @@ async def one_starter(
     family: str | None = None,
 ) -> AsyncIterator[Here]:
     """Run it; nothing has been asked yet."""
-    clock, sink, sequence = VirtualClock(asyncio.get_running_loop()), RecordingSink(), Sequence()
+    clock, sink, sequence = VirtualClock(asyncio.get_running_loop()), RecordingSink(), SequenceNumbers()
     bus = SimulatedLine(TIMING, [unit])
     variant = Variant(model=model)
     profile = load_profile(family or unit.family)  # as configured

@@ -7,20 +7,18 @@ from collections.abc import Mapping
 from typing import Any
 
 from gateway.errors import DamagedError, StoreError
-from gateway.families.load import load_profile
-from gateway.families.schema import Variant
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.schema import Variant
 from gateway.modbus.pdu import Request
 from gateway.modbus.writes import WriteCoil
-from gateway.starters.commander import Commander
-from gateway.starters.policy import Policy
-from gateway.starters.precautions import Precautions
-from gateway.starters.records import StateRecord
-from gateway.starters.request import CommandRequest
-from gateway.starters.rights import Operator, Rights
-from gateway.starters.rules import RuleSet
-from gateway.starters.sequence import Sequence
+from gateway.records import SequenceNumbers, StateRecord
+from gateway.starters.commands.dispatcher import Commander
+from gateway.starters.policy.policy import Precautions
+from gateway.starters.policy.request import CommandRequest
+from gateway.starters.policy.rights import Operator, Rights
+from gateway.starters.policy.start_rules import Policy, RuleSet
 from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry import StarterTelemetry
+from gateway.starters.telemetry.telemetry import StarterTelemetry
 from tests.starters.fakes import AT_SPEED, READY, RUN_COIL, VB01, FakeLineClient, RecordingSink, make_unit
 from tests.virtual_time import VirtualClock
 
@@ -112,7 +110,7 @@ class Plant:
         operators: tuple[Operator, ...] = OPERATORS,
     ) -> None:
         self.clock = VirtualClock(asyncio.get_running_loop())
-        self.sink, self.sequence = RecordingSink(), Sequence()
+        self.sink, self.sequence = RecordingSink(), SequenceNumbers()
         self.memory = memory or FakeMemory()
         places = [place.partition("@") for place in names or ("pump-1", "pump-2", "pump-3")]
         rights = Rights(operators)

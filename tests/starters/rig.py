@@ -9,17 +9,17 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Any
 
-from gateway.families.load import load_profile
-from gateway.families.schema import Variant
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.schema import Variant
 from gateway.modbus.pdu import Request
 from gateway.modbus.writes import WriteCoil, WriteRegister
-from gateway.starters.commander import Commander
-from gateway.starters.request import CommandRequest
-from gateway.starters.rights import Operator, Rights
-from gateway.starters.sequence import Sequence
+from gateway.records import SequenceNumbers
+from gateway.starters.commands.dispatcher import Commander
+from gateway.starters.policy.request import CommandRequest
+from gateway.starters.policy.rights import Operator, Rights
 from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry import StarterTelemetry
-from gateway.starters.told_faults import ToldFaults
+from gateway.starters.telemetry.telemetry import StarterTelemetry
+from gateway.starters.telemetry.transitions import ToldFaults
 from tests.starters.fakes import (
     AT_SPEED,
     READY,
@@ -57,7 +57,7 @@ class Rig:
     def __post_init__(self) -> None:
         self.clock = VirtualClock(asyncio.get_running_loop())
         self.sink = RecordingSink()
-        self.sequence = Sequence()
+        self.sequence = SequenceNumbers()
         self.unit = make_unit(self.family)
         self.line = FakeLineClient(self.unit)
         self.setup = StarterSetup(

@@ -6,15 +6,15 @@ import asyncio
 
 import pytest
 
-from gateway.families.identify import Identity
-from gateway.families.load import load_profile
-from gateway.line.job import Lane
+from gateway.families.profile.identify import Identity
+from gateway.families.profile.load import load_profile, stop_note, stop_profile
+from gateway.line.scheduler.requests import Lane
 from gateway.modbus.writes import WriteCoil, WriteRegister
+from gateway.records import Phase
 from gateway.sim.factory import make_unit
-from gateway.sim.ssw07 import Ssw07
-from gateway.starters.addressed import Addressed, stop_note, stop_profile
-from gateway.starters.identification import Standing
-from gateway.starters.records import Phase
+from gateway.sim.weg.ssw07 import Ssw07
+from gateway.starters.commands.addressed import Addressed
+from gateway.starters.identity.query import Standing
 from tests.starters.one_starter import Here, one_starter
 from tests.starters.rig import virtually
 

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
-from gateway.families.schema import Alarm
-from gateway.starters.alarms import AlarmBook, Standing
+from gateway.families.profile.schema import Alarm
+from gateway.starters.telemetry.transitions import AlarmBook, Standing
 
 E05 = Alarm(code="e05", severity="fault", text="Overload")
 A01 = Alarm(code="a01", severity="alarm", text="Hot")

@@ -1,10 +1,9 @@
 from __future__ import annotations
 
-from gateway.families.blocks import Block, plan_blocks
-from gateway.families.load import load_profile
-from gateway.families.schema import Profile, Variant
-from gateway.starters.answers import Answers
-from gateway.starters.decoding import Sources
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.schema import Profile, Variant
+from gateway.families.reading.poll_blocks import Block, plan_blocks
+from gateway.starters.telemetry.decoding import Answers, Sources
 
 SSW07, SST = load_profile("ssw07"), load_profile("sst")
 KNOWN = Variant(model="SSW-07 85A", rated_current_a=85.0)

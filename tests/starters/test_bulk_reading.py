@@ -7,11 +7,11 @@ from collections.abc import Callable
 import pytest
 
 from gateway.errors import CommandError, PortLostError
-from gateway.families.bulk import bulk_reads
-from gateway.families.load import load_profile
-from gateway.line.outcome import Answered, Garbled, Outcome, Refused, Silent
+from gateway.families.profile.load import load_profile
+from gateway.families.reading.bulk import bulk_reads
+from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.modbus.pdu import Request
-from gateway.starters.bulk_reading import BulkReading, read_in_bulk
+from gateway.starters.bulk_read import BulkReading, read_in_bulk
 from tests.virtual_time import run_virtually
 
 PROFILE = load_profile("ssw07")

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.starters.changes import Watch
+from gateway.starters.telemetry.transitions import Watch
 
 
 def codes(*states: str) -> list[str]:

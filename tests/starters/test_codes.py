@@ -7,16 +7,16 @@ import importlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from gateway.families.interlock import UNKNOWN_CODE, WRONG
-from gateway.families.refusals import REFUSALS
+from gateway.families.command.interlock import UNKNOWN_CODE, WRONG
+from gateway.families.profile.refusals import REFUSALS
 from gateway.modbus.codes import ExceptionCode
-from gateway.starters.codes import CODES, explain
-from gateway.starters.rules import RULES
-from gateway.starters.wire import exception_code_word
+from gateway.starters.commands.result_codes import CODES, explain
+from gateway.starters.commands.starter_io import exception_code_word
+from gateway.starters.policy.start_rules import RULES
 from tests.results_page import PAGE, page
 
 GATEWAY = Path(__file__).parents[2] / "gateway"
-FLOORS = ("families", "starters", "mqtt/intake.py", "mqtt/freshness.py", "durable")
+FLOORS = ("families", "starters", "mqtt/contract/commands.py", "mqtt/contract/freshness.py", "durable")
 
 # Where the code stands in a call.
 PLACES = {"CommandError": 0, "refused": 0, "halt": 0, "_cut": 0, "End": 1}

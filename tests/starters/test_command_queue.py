@@ -8,10 +8,11 @@ from collections import Counter
 import pytest
 
 from gateway.errors import CommandError
-from gateway.starters.command_queue import AT_ONCE, LINE_FULL, CommandQueue, Place
-from gateway.starters.flood import Limits, Rate
-from gateway.starters.policy import Policy
-from gateway.starters.records import Phase
+from gateway.records import Phase
+from gateway.starters.commands.command_queue import AT_ONCE, LINE_FULL, CommandQueue, Place
+from gateway.starters.policy.rate_limit import Limits
+from gateway.starters.policy.start_rules import Policy
+from gateway.system.token_bucket import Rate
 from tests.starters.large_line import START_PDU, large_line
 from tests.starters.rig import virtually
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from gateway.starters.records import AuditRecord, Phase, ResultRecord
+from gateway.records import AuditRecord, Phase, ResultRecord
 from tests.starters.rig import CommandRig, virtually
 
 

@@ -10,25 +10,24 @@ from typing import Any
 
 import pytest
 
-from gateway.families.load import FAMILIES, load_profile
-from gateway.families.schema import Variant
+from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.profile.schema import Variant
 from gateway.line.client import LocalLineClient
-from gateway.line.outcome import Outcome
-from gateway.line.scheduler import Scheduler
+from gateway.line.line import Scheduler
+from gateway.line.rtu.outcome import Outcome
 from gateway.modbus.timing import Framing, LineTiming
+from gateway.records import AvailabilityRecord, EventRecord, SequenceNumbers
+from gateway.sim.bus.faults import Reply
+from gateway.sim.bus.port import SimulatedLine
+from gateway.sim.core.unit import Unit
 from gateway.sim.factory import make_unit
-from gateway.sim.impair import Reply
-from gateway.sim.line import SimulatedLine
-from gateway.sim.unit import Unit
-from gateway.starters.commander import Commander
-from gateway.starters.companions import Companions
-from gateway.starters.polling import polls_of
-from gateway.starters.records import AvailabilityRecord, EventRecord
-from gateway.starters.request import CommandRequest
-from gateway.starters.rights import Operator, Rights
-from gateway.starters.sequence import Sequence
+from gateway.starters.commands.dispatcher import Commander
+from gateway.starters.policy.request import CommandRequest
+from gateway.starters.policy.rights import Operator, Rights
+from gateway.starters.services.services import Companions
 from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry import StarterTelemetry
+from gateway.starters.telemetry.polling import polls_of
+from gateway.starters.telemetry.telemetry import StarterTelemetry
 from tests.starters.fakes import RecordingSink
 from tests.starters.rig import virtually
 from tests.virtual_time import VirtualClock
@@ -70,7 +69,7 @@ class Router:
 
 @asynccontextmanager
 async def site(unit: Unit) -> AsyncIterator[Site]:
-    clock, sink, sequence = VirtualClock(asyncio.get_running_loop()), RecordingSink(), Sequence()
+    clock, sink, sequence = VirtualClock(asyncio.get_running_loop()), RecordingSink(), SequenceNumbers()
     bus = SimulatedLine(TIMING, [unit])
     setup = StarterSetup("pump", "pumps", 1, load_profile(unit.family), Variant())
     router = Router()

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import asyncio
 
-from gateway.line.outcome import Silent
+from gateway.line.rtu.outcome import Silent
 from gateway.modbus.writes import WriteCoil
-from gateway.starters.records import Phase
+from gateway.records import Phase
 from tests.starters.fakes import AT_SPEED, VB01
 from tests.starters.rig import virtually
 from tests.starters.rules import (

@@ -6,9 +6,9 @@ import asyncio
 
 import pytest
 
-from gateway.line.job import Lane
-from gateway.line.outcome import Garbled, Outcome, Silent
-from gateway.starters.records import Phase
+from gateway.line.rtu.outcome import Garbled, Outcome, Silent
+from gateway.line.scheduler.requests import Lane
+from gateway.records import Phase
 from tests.starters.fakes import AT_SPEED, ENABLED, FAULT, READY, REMOTE, VB01
 from tests.starters.rig import virtually
 from tests.starters.rules import (

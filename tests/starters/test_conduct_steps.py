@@ -8,11 +8,12 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.families.command import build
-from gateway.line.outcome import Refused, Silent
+from gateway.families.command.build import build
+from gateway.line.rtu.outcome import Refused, Silent
 from gateway.modbus.writes import WriteCoil, WriteRegister
-from gateway.starters import conduct, wire
-from gateway.starters.records import Phase
+from gateway.records import Phase
+from gateway.starters.commands import execution as conduct
+from gateway.starters.commands import starter_io as wire
 from tests.starters.fakes import FAULT, READY, VB01
 from tests.starters.rig import virtually
 from tests.starters.rules import (

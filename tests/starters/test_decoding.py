@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.families.load import load_profile
-from gateway.families.schema import Variant
-from gateway.starters.decoding import Sources, is_flag, type_of, unit_of
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.schema import Variant
+from gateway.starters.telemetry.decoding import Sources, is_flag, type_of, unit_of
 
 SST, SSW07, SSW900 = load_profile("sst"), load_profile("ssw07"), load_profile("ssw900")
 

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from gateway.errors import CommandError
-from gateway.families.load import FAMILIES, load_profile
-from gateway.starters.expectation import Expectation
+from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.starters.policy.preconditions import Expectation
 
 READY = {
     "fault": False,

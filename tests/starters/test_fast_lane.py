@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 from gateway.modbus.adu import decode
+from gateway.records import Phase, Quality
+from gateway.sim.bus.faults import Reply
 from gateway.sim.factory import make_unit
-from gateway.sim.impair import Reply
-from gateway.starters.fast_lane import MOST_WRITINGS
-from gateway.starters.records import Phase, Quality
+from gateway.starters.services.mapped_registers import MOST_WRITINGS
 from tests.starters.mapped import FAST, MAP, STATUS, VALUES, asked, map_writes
 from tests.starters.one_starter import Here, one_starter
 from tests.starters.rig import virtually

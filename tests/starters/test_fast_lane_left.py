@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from gateway.sim.answers import refuse_address
+from gateway.records import Phase, Quality, Severity, ValueRecord
+from gateway.sim.core.requests import refuse_address
 from gateway.sim.factory import make_unit
-from gateway.starters.fast_lane import MOST_WRITINGS
-from gateway.starters.records import Phase, Quality, Severity, ValueRecord
-from gateway.starters.wear import MOST_PER_HOUR
+from gateway.starters.policy.write_budget import MOST_PER_HOUR
+from gateway.starters.services.mapped_registers import MOST_WRITINGS
 from tests.starters.mapped import FAST, MAP, STATUS, asked, map_writes
 from tests.starters.one_starter import one_starter
 from tests.starters.rig import virtually
@@ -167,7 +167,7 @@ async def test_a_bug_is_logged_and_ends_nothing_else(
     def fail(*_: object, **__: object) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr("gateway.starters.fast_lane.probes", fail)
+    monkeypatch.setattr("gateway.starters.services.mapped_registers.probes", fail)
     async with one_starter(make_unit("ssw900", 1), has_fast_words=True) as here:
         await asyncio.sleep(20.0)
 

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.families.identify import Identity
-from gateway.starters.fingerprint import (
+from gateway.families.profile.identify import Identity
+from gateway.starters.identity.fingerprint import (
     FIELDS,
     Fingerprint,
     Known,

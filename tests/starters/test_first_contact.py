@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from gateway.line.job import Lane
+from gateway.line.scheduler.requests import Lane
 from gateway.modbus.reads import ReadHoldingRegisters
 from tests.starters.large_line import LargeLine, large_line
 from tests.starters.rig import Rig, virtually

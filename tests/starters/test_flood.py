@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from gateway.starters.flood import Bucket, Damper, Flood, Limits, Rate
+from gateway.starters.policy.rate_limit import Flood, Limits
+from gateway.system.token_bucket import Bucket, Damper, Rate
 
 
 def taken(bucket: Bucket, *times_s: float) -> list[bool]:

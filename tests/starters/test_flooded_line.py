@@ -6,9 +6,9 @@ import asyncio
 from collections import Counter, defaultdict
 from itertools import pairwise
 
-from gateway.families.load import FAMILIES
-from gateway.line.outcome import Outcome
-from gateway.starters.records import ResultRecord
+from gateway.families.profile.load import FAMILIES
+from gateway.line.rtu.outcome import Outcome
+from gateway.records import ResultRecord
 from tests.starters.rig import virtually
 from tests.starters.test_on_a_line import Site, site
 

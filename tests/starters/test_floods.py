@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import asyncio
 
-from gateway.starters.flood import Limits, Rate
-from gateway.starters.policy import Policy
-from gateway.starters.records import AuditRecord, ResultRecord
-from gateway.starters.request import CommandRequest
+from gateway.records import AuditRecord, ResultRecord
+from gateway.starters.policy.rate_limit import Limits
+from gateway.starters.policy.request import CommandRequest
+from gateway.starters.policy.start_rules import Policy
+from gateway.system.token_bucket import Rate
 from tests.starters.fakes import AT_SPEED, READY, VB01
 from tests.starters.plant import Plant
 from tests.starters.rig import virtually

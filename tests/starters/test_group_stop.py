@@ -6,9 +6,9 @@ import asyncio
 
 import pytest
 
-from gateway.line.outcome import Outcome, Refused, Silent
-from gateway.starters.policy import Policy
-from gateway.starters.records import Phase, ResultRecord
+from gateway.line.rtu.outcome import Outcome, Refused, Silent
+from gateway.records import Phase, ResultRecord
+from gateway.starters.policy.start_rules import Policy
 from tests.starters.fakes import AT_SPEED, READY, VB01
 from tests.starters.plant import Plant
 from tests.starters.rig import virtually

@@ -7,10 +7,10 @@ import asyncio
 import pytest
 
 from gateway.errors import CommandError
-from gateway.starters.guard import Guard
-from gateway.starters.records import LockRecord, StateRecord
-from gateway.starters.request import CommandRequest
-from gateway.starters.rules import RuleSet
+from gateway.records import LockRecord, StateRecord
+from gateway.starters.policy.preconditions import Guard
+from gateway.starters.policy.request import CommandRequest
+from gateway.starters.policy.start_rules import RuleSet
 from tests.starters.plant import Plant
 from tests.starters.rig import virtually
 

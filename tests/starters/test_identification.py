@@ -7,14 +7,14 @@ from collections.abc import Callable
 
 import pytest
 
-from gateway.families.identify import Identity, identify_requests
-from gateway.families.load import FAMILIES
-from gateway.line.job import Lane
-from gateway.line.outcome import Outcome, Silent
-from gateway.modbus.identify import ReadDeviceIdentification
+from gateway.families.profile.identify import Identity, identify_requests
+from gateway.families.profile.load import FAMILIES
+from gateway.line.rtu.outcome import Outcome, Silent
+from gateway.line.scheduler.requests import Lane
+from gateway.modbus.device_id import ReadDeviceIdentification
 from gateway.modbus.pdu import Request
-from gateway.starters.identification import Identification, Standing
-from gateway.starters.records import EventRecord
+from gateway.records import EventRecord
+from gateway.starters.identity.query import Identification, Standing
 from tests.starters.rig import Rig, virtually
 
 

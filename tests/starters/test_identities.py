@@ -9,11 +9,7 @@ from typing import Any
 import pytest
 
 from gateway.modbus.adu import decode
-from gateway.sim.factory import make_unit
-from gateway.sim.impair import Reply
-from gateway.sim.unit import Unit
-from gateway.starters.identification import Standing
-from gateway.starters.records import (
+from gateway.records import (
     AuditRecord,
     AvailabilityRecord,
     Phase,
@@ -22,6 +18,10 @@ from gateway.starters.records import (
     StateRecord,
     ValueRecord,
 )
+from gateway.sim.bus.faults import Reply
+from gateway.sim.core.unit import Unit
+from gateway.sim.factory import make_unit
+from gateway.starters.identity.query import Standing
 from tests.starters.one_starter import Here, TestMemory, one_starter
 from tests.starters.rig import virtually
 

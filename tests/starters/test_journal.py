@@ -6,8 +6,8 @@ import asyncio
 
 import pytest
 
-from gateway.starters.journal import UNAVAILABLE, NoJournal, Remembered
-from gateway.starters.records import Phase, ResultRecord
+from gateway.records import Phase, ResultRecord
+from gateway.storage.journal import UNAVAILABLE, NoJournal, Remembered
 from tests.starters.fakes import AT_SPEED, TRANSACTION_S, VB01
 from tests.starters.journal_rig import JournalRig, rig_online
 from tests.starters.rig import virtually

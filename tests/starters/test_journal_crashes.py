@@ -6,8 +6,8 @@ import asyncio
 
 import pytest
 
-from gateway.starters.journal import Remembered
-from gateway.starters.records import AuditRecord, EventRecord, Phase, ResultRecord
+from gateway.records import AuditRecord, EventRecord, Phase, ResultRecord
+from gateway.storage.journal import Remembered
 from tests.starters.fakes import AT_SPEED, READY, TRANSACTION_S, VB01
 from tests.starters.journal_rig import rig_online
 from tests.starters.rig import virtually

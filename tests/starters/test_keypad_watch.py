@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.families.load import load_profile
-from gateway.families.schema import Variant
-from gateway.starters.keypad_watch import KeypadWatch, watched_codes
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.schema import Variant
+from gateway.starters.services.parameter_monitor import KeypadWatch, watched_codes
 
 V = Variant()
 

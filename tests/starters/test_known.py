@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import asyncio
 
-from gateway.starters.flood import Limits
-from gateway.starters.known import STAYS_REFUSED
-from gateway.starters.policy import Policy
-from gateway.starters.records import Phase, ResultRecord
+from gateway.records import Phase, ResultRecord
+from gateway.starters.commands.ledger import STAYS_REFUSED
+from gateway.starters.policy.rate_limit import Limits
+from gateway.starters.policy.start_rules import Policy
 from tests.starters.plant import Plant
 from tests.starters.rig import CommandRig, virtually
 

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from gateway.line.job import Lane
+from gateway.line.scheduler.requests import Lane
 from gateway.modbus.pdu import Request
-from gateway.starters.flood import Limits
-from gateway.starters.policy import Policy
-from gateway.starters.records import Phase
+from gateway.records import Phase
+from gateway.starters.policy.rate_limit import Limits
+from gateway.starters.policy.start_rules import Policy
 from tests.starters.fakes import TRANSACTION_S
 from tests.starters.plant import Plant
 from tests.starters.rig import virtually

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import pytest
 
-from gateway.starters.ledger import LONGEST_S, Key, Ledger, Proofs
-from gateway.starters.records import Phase, ResultRecord
+from gateway.records import Phase, ResultRecord
+from gateway.starters.commands.ledger import LONGEST_S, Key, Ledger, Proofs
 
 PROOF_S = 62.0
 

@@ -4,8 +4,8 @@ import itertools
 
 import pytest
 
-from gateway.starters.life import NEXT, Life
-from gateway.starters.records import Phase
+from gateway.records import Phase
+from gateway.starters.commands.lifecycle import NEXT, Life
 
 
 def lived(*phases: Phase) -> Life:

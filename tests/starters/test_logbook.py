@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from gateway.errors import DamagedError
-from gateway.starters.logbook import MOST_STARTS, Logbook
-from gateway.starters.records import LockRecord
+from gateway.records import LockRecord
+from gateway.starters.policy.motor_history import MOST_STARTS, Logbook
 from gateway.system.clock_steps import Reading
 
 UTC_S = 1_760_000_000.0

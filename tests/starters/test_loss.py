@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import random
 
-from gateway.line.outcome import Silent
-from gateway.starters.loss import OF, POOR, Loss
-from gateway.starters.records import AvailabilityRecord
+from gateway.line.rtu.outcome import Silent
+from gateway.records import AvailabilityRecord
+from gateway.starters.telemetry.degraded import OF, POOR, Loss
 from tests.starters.rig import Rig, virtually
 
 

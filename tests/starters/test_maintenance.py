@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from gateway.errors import CommandError
-from gateway.starters.maintenance import is_forbidden, reason_in, refusal
-from gateway.starters.records import LockRecord
+from gateway.records import LockRecord
+from gateway.starters.policy.lock import is_forbidden, reason_in, refusal
 
 
 @pytest.mark.parametrize(

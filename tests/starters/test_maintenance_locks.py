@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import asyncio
 
-from gateway.starters.records import AuditRecord, EventRecord, Phase, ResultRecord
-from gateway.starters.rights import Operator
+from gateway.records import AuditRecord, EventRecord, Phase, ResultRecord
+from gateway.starters.policy.rights import Operator
 from tests.starters.plant import FakeMemory, Plant
 from tests.starters.rig import virtually
 

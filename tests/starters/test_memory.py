@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from gateway.errors import DamagedError, StoreError
-from gateway.starters.memory import MOST_BYTES, RETRY_S, FileMemory, NoMemory, Saver
+from gateway.storage.json_file import MOST_BYTES, RETRY_S, FileMemory, NoMemory, Saver
 from tests.starters.plant import FakeMemory
 from tests.starters.rig import virtually
 

@@ -7,12 +7,12 @@ from collections.abc import Callable
 
 import pytest
 
-from gateway.line.outcome import Outcome
+from gateway.line.rtu.outcome import Outcome
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegister
-from gateway.starters.conduct import CLEARS_FOR_S, DECIDES_FOR_S, MOST_DECISIONS
-from gateway.starters.records import Phase
+from gateway.records import Phase
+from gateway.starters.commands.execution import CLEARS_FOR_S, DECIDES_FOR_S, MOST_DECISIONS
 from tests.starters.fakes import READY, REMOTE, RUN_COIL, TRANSACTION_S, VB01
 from tests.starters.rig import CommandRig, virtually
 from tests.starters.rules import ready

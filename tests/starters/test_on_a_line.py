@@ -11,34 +11,34 @@ from typing import Any
 
 import pytest
 
-from gateway.families.load import FAMILIES, load_profile
-from gateway.families.schema import Variant
+from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.profile.schema import Variant
 from gateway.line.client import LocalLineClient
-from gateway.line.outcome import Outcome
-from gateway.line.scheduler import Scheduler
+from gateway.line.line import Scheduler
+from gateway.line.rtu.outcome import Outcome
 from gateway.modbus.adu import decode
 from gateway.modbus.timing import Framing, LineTiming
-from gateway.sim.factory import make_unit
-from gateway.sim.impair import Noisy, Reply
-from gateway.sim.line import SimulatedLine
-from gateway.sim.unit import Unit
-from gateway.starters.commander import Commander
-from gateway.starters.polling import polls_of
-from gateway.starters.records import (
+from gateway.records import (
     AlarmRecord,
     AvailabilityRecord,
     EventRecord,
     Phase,
     Quality,
     ResultRecord,
+    SequenceNumbers,
     StateRecord,
     ValueRecord,
 )
-from gateway.starters.request import CommandRequest
-from gateway.starters.rights import Operator, Rights
-from gateway.starters.sequence import Sequence
+from gateway.sim.bus.faults import Noisy, Reply
+from gateway.sim.bus.port import SimulatedLine
+from gateway.sim.core.unit import Unit
+from gateway.sim.factory import make_unit
+from gateway.starters.commands.dispatcher import Commander
+from gateway.starters.policy.request import CommandRequest
+from gateway.starters.policy.rights import Operator, Rights
 from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry import StarterTelemetry
+from gateway.starters.telemetry.polling import polls_of
+from gateway.starters.telemetry.telemetry import StarterTelemetry
 from tests.starters.fakes import RecordingSink
 from tests.starters.rig import virtually
 from tests.virtual_time import VirtualClock
@@ -84,7 +84,7 @@ class Router:
 @asynccontextmanager
 async def site() -> AsyncIterator[Site]:
     """Run four starters, one of each family, named after it; all online and identified."""
-    clock, sink, sequence = VirtualClock(asyncio.get_running_loop()), RecordingSink(), Sequence()
+    clock, sink, sequence = VirtualClock(asyncio.get_running_loop()), RecordingSink(), SequenceNumbers()
     units = [make_unit(family, address) for address, family in enumerate(FAMILIES, 1)]
     bus = SimulatedLine(TIMING, units)
     setups = [

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.errors import UsageError
-from gateway.families.load import load_profile
-from gateway.families.schema import Variant
-from gateway.starters.parameter_file import from_toml, to_toml
-from gateway.starters.parameter_set import Entry, ParameterSet, differences, entries_of
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.schema import Variant
+from gateway.starters.parameters.model import Entry, ParameterSet, differences, entries_of
+from gateway.starters.parameters.toml_file import from_toml, to_toml
 
 TEXT = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
 VALUE = st.none() | st.booleans() | st.integers(0, 9) | st.floats(0, 1e6) | TEXT

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from gateway.starters.records import EventRecord, Phase, Severity
-from gateway.starters.rights import Operator
-from gateway.starters.rules import RuleSet
+from gateway.records import EventRecord, Phase, Severity
+from gateway.starters.policy.rights import Operator
+from gateway.starters.policy.start_rules import RuleSet
 from tests.starters.fakes import AT_SPEED, VB01
 from tests.starters.plant import FakeMemory, Plant
 from tests.starters.rig import virtually

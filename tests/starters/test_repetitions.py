@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import asyncio
 
-from gateway.starters.records import AuditRecord, Phase, ResultRecord
-from gateway.starters.request import CommandRequest
-from gateway.starters.rights import Rights
+from gateway.records import AuditRecord, Phase, ResultRecord
+from gateway.starters.policy.request import CommandRequest
+from gateway.starters.policy.rights import Rights
 from tests.starters.rig import CommandRig, virtually
 
 

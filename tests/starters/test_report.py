@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from gateway.starters.records import Quality
-from gateway.starters.report import LATEST_S, Report, is_news
-from gateway.starters.snapshot import Reading, Value
+from gateway.records import Quality
+from gateway.starters.telemetry.reporting import LATEST_S, Report, is_news
+from gateway.starters.telemetry.snapshot import Reading, Value
 
 
 def reading(value: Value, quality: Quality = Quality.GOOD, *, label: str | None = None) -> Reading:

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.starters.records import Quality
-from gateway.starters.report import LATEST_S, SOONEST_S, Report
-from gateway.starters.snapshot import Reading
+from gateway.records import Quality
+from gateway.starters.telemetry.reporting import LATEST_S, SOONEST_S, Report
+from gateway.starters.telemetry.snapshot import Reading
 
 DEADBAND = 1.0
 EPSILON_S = 1e-9

@@ -7,19 +7,19 @@ from typing import Any
 
 import pytest
 
-from gateway.families.load import load_profile
-from gateway.families.schema import Variant
-from gateway.line.exclusive import exclusive_line
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.schema import Variant
+from gateway.line.direct import exclusive_line
 from gateway.modbus.timing import Framing, LineTiming
+from gateway.records import SequenceNumbers
+from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.factory import make_unit
-from gateway.sim.line import SimulatedLine
-from gateway.starters.bench import Bench
-from gateway.starters.parameter_set import Entry, ParameterSet
-from gateway.starters.restore import Restore, RestoreEnd
-from gateway.starters.restoring import plan_restore
-from gateway.starters.sequence import Sequence
+from gateway.starters.parameters.model import Entry, ParameterSet
+from gateway.starters.parameters.offline_starter import Bench
+from gateway.starters.parameters.restore import Restore, RestoreEnd
+from gateway.starters.parameters.restore_plan import plan_restore
+from gateway.starters.policy.write_budget import MOST_PER_HOUR
 from gateway.starters.setup import StarterSetup
-from gateway.starters.wear import MOST_PER_HOUR
 from tests.starters.fakes import RecordingSink
 from tests.virtual_time import VirtualClock, run_virtually
 
@@ -34,7 +34,7 @@ def restored(unit: Any, values: dict[str, int], *, after_s: float | None = None)
         profile = load_profile(unit.family)
         setup = StarterSetup("pump", "pumps", 1, profile, Variant())
         async with exclusive_line("pumps", SimulatedLine(TIMING, [unit]).opener(), TIMING) as line:
-            bench = Bench(setup, line=line, sink=RecordingSink(), clock=clock, sequence=Sequence())
+            bench = Bench(setup, line=line, sink=RecordingSink(), clock=clock, sequence=SequenceNumbers())
             await bench.identify()
             entries = {code: Entry(value=value) for code, value in values.items()}
             wanted = ParameterSet("pump", unit.family, parameters=entries)

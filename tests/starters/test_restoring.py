@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.families.load import load_profile
-from gateway.families.schema import Variant
-from gateway.starters.parameter_set import Entry, ParameterSet
-from gateway.starters.restoring import RestorePlan, plan_restore, prepare_change, restore_codes
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.schema import Variant
+from gateway.starters.parameters.model import Entry, ParameterSet
+from gateway.starters.parameters.restore_plan import RestorePlan, plan_restore, prepare_change, restore_codes
 
 Rows = dict[str, tuple[int, ...]]
 

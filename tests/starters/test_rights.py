@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.starters.rights import Operator, Rights
+from gateway.starters.policy.rights import Operator, Rights
 
 ALICE = Operator("alice", may=("start", "stop"), starters=("pump-*", "fan-?"))
 ADMIN = Operator("admin", may=("*",), starters=("*",))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.starters.logbook import Logbook
-from gateway.starters.rules import Rulebook, RuleSet, is_release, is_start
+from gateway.starters.policy.motor_history import Logbook
+from gateway.starters.policy.start_rules import Rulebook, RuleSet, is_release, is_start
 
 HOUR_S = 3600.0
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from gateway.line.outcome import Refused, Silent
+from gateway.line.rtu.outcome import Refused, Silent
 from gateway.modbus.writes import WriteCoil
-from gateway.starters.records import Phase
+from gateway.records import Phase
 from tests.starters.fakes import FAULT, READY, VB01, VB03
 from tests.starters.rig import CommandRig, virtually
 

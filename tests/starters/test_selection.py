@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from gateway.errors import CommandError
-from gateway.starters.selection import Selection, Selections
+from gateway.starters.policy.selection import Selection, Selections
 
 
 def selected(**changes: Any) -> Selections:

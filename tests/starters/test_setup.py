@@ -2,13 +2,13 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.families.identify import Identity
-from gateway.families.load import load_profile
-from gateway.families.schema import Variant
+from gateway.families.profile.identify import Identity
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.schema import Variant
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegisters
-from gateway.starters.sequence import Sequence
+from gateway.records import SequenceNumbers
 from gateway.starters.setup import LEARNT_FLOOR_S, UNSTATED_FLOOR_S, StarterSetup, merged
 
 
@@ -50,7 +50,7 @@ def test_the_configuration_wins() -> None:
 
 
 def test_a_sequence_counts_up_from_one() -> None:
-    sequence = Sequence()
+    sequence = SequenceNumbers()
 
     assert [sequence.take() for _ in range(3)] == [1, 2, 3]
 

@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import math
 
-from gateway.families.decode import Decoded
-from gateway.starters.records import Quality
-from gateway.starters.snapshot import Reading, Snapshot, as_flag
+from gateway.families.profile.decode import Decoded
+from gateway.records import Quality
+from gateway.starters.telemetry.snapshot import Reading, Snapshot, as_flag
 
 UNITS = {"current": "A", "running": ""}
 

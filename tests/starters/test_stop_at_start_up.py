@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from gateway.starters.records import Phase
+from gateway.records import Phase
 from tests.starters.rig import virtually
 from tests.starters.world import PAUSE_S, STOP_PDU, World
 

@@ -7,7 +7,7 @@ import itertools
 
 import pytest
 
-from gateway.starters.records import Phase
+from gateway.records import Phase
 from tests.starters.large_line import ALL, LargeLine, large_line, longest_gap_s
 from tests.starters.rig import virtually
 

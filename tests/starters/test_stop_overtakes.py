@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from gateway.line.job import Lane
-from gateway.line.outcome import Outcome
+from gateway.line.rtu.outcome import Outcome
+from gateway.line.scheduler.requests import Lane
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegister
-from gateway.starters.records import Phase, ResultRecord
-from gateway.starters.request import CommandRequest
+from gateway.records import Phase, ResultRecord
+from gateway.starters.policy.request import CommandRequest
 from tests.starters.fakes import READY, TRANSACTION_S, VB01
 from tests.starters.rig import CommandRig, virtually
 from tests.starters.rules import ACCEPTED, CONFIRMED, WRITTEN, ignore, running

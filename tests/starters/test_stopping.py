@@ -8,12 +8,12 @@ import logging
 
 import pytest
 
-from gateway.families.load import FAMILIES
-from gateway.line.job import Lane
-from gateway.line.outcome import Garbled, Refused, Silent
+from gateway.families.profile.load import FAMILIES
+from gateway.line.rtu.outcome import Garbled, Refused, Silent
+from gateway.line.scheduler.requests import Lane
 from gateway.modbus.writes import WriteCoil
-from gateway.starters import wire
-from gateway.starters.records import EventRecord, Phase, ResultRecord, Severity
+from gateway.records import EventRecord, Phase, ResultRecord, Severity
+from gateway.starters.commands import starter_io as wire
 from tests.starters.fakes import AT_SPEED, READY, VB01
 from tests.starters.rig import CommandRig, virtually
 from tests.starters.rules import ACCEPTED, CONFIRMED, WRITTEN, broken, ignore, running

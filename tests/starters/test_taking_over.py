@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import asyncio
 
-from gateway.starters.logbook import Logbook
-from gateway.starters.memory import SwitchedMemory
-from gateway.starters.policy import Policy
-from gateway.starters.records import EventRecord, Phase, ResultRecord
-from gateway.starters.rights import Operator, Rights
-from gateway.starters.rules import RuleSet
+from gateway.records import EventRecord, Phase, ResultRecord
+from gateway.starters.policy.motor_history import Logbook
+from gateway.starters.policy.rights import Operator, Rights
+from gateway.starters.policy.start_rules import Policy, RuleSet
+from gateway.storage.json_file import SwitchedMemory
 from tests.starters.plant import FakeMemory, Plant
 from tests.starters.rig import virtually
 

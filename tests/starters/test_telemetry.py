@@ -4,14 +4,8 @@ import asyncio
 
 import pytest
 
-from gateway.line.outcome import Garbled, Outcome, Refused, Silent
-from gateway.starters.records import (
-    AvailabilityRecord,
-    EventRecord,
-    Quality,
-    StateRecord,
-    ValueRecord,
-)
+from gateway.line.rtu.outcome import Garbled, Outcome, Refused, Silent
+from gateway.records import AvailabilityRecord, EventRecord, Quality, StateRecord, ValueRecord
 from tests.starters.fakes import P003, READY
 from tests.starters.rig import Rig, virtually
 

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.families.load import load_profile
-from gateway.line.outcome import Outcome, Refused, Silent
+from gateway.families.profile.load import load_profile
+from gateway.line.rtu.outcome import Outcome, Refused, Silent
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
-from gateway.starters.polling import IDLE_FACTOR
-from gateway.starters.records import AvailabilityRecord, Quality
-from gateway.starters.telemetry import StarterTelemetry
+from gateway.records import AvailabilityRecord, Quality
+from gateway.starters.telemetry.polling import IDLE_FACTOR
+from gateway.starters.telemetry.telemetry import StarterTelemetry
 from tests.starters.fakes import ACCELERATING, AT_SPEED, FAULT, P003, READY, RUNNING, VB01
 from tests.starters.rig import Rig, virtually
 

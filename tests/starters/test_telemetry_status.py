@@ -4,17 +4,10 @@ import asyncio
 
 import pytest
 
-from gateway.families.load import FAMILIES
-from gateway.families.schema import Variant
-from gateway.starters.records import (
-    AlarmRecord,
-    AvailabilityRecord,
-    EventRecord,
-    InfoRecord,
-    Quality,
-    StateRecord,
-)
-from gateway.starters.told_faults import ToldFaults
+from gateway.families.profile.load import FAMILIES
+from gateway.families.profile.schema import Variant
+from gateway.records import AlarmRecord, AvailabilityRecord, EventRecord, InfoRecord, Quality, StateRecord
+from gateway.starters.telemetry.transitions import ToldFaults
 from tests.starters.fakes import ACCELERATING, AT_SPEED, FAULT, P003, P014, READY, REMOTE, RUNNING, VB01
 from tests.starters.plant import FakeMemory
 from tests.starters.rig import Rig, virtually

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from gateway.starters.rules import RuleSet
+from gateway.starters.policy.start_rules import RuleSet
 from tests.starters.fakes import FAULT, READY, VB01
 from tests.starters.plant import Plant
 from tests.starters.rig import virtually

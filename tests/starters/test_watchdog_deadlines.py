@@ -6,8 +6,8 @@ import asyncio
 
 import pytest
 
-from gateway.families.readiness import readiness_codes
-from gateway.starters.readiness_watch import ReadinessWatch
+from gateway.families.diagnosis.readiness import readiness_codes
+from gateway.starters.services.readiness import ReadinessWatch
 from tests.starters.rig import Rig, virtually
 
 

@@ -12,39 +12,37 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from gateway.clock import ClockWatch
+from gateway.app.incoming import Reception
 from gateway.errors import StartError
-from gateway.families.load import load_profile
-from gateway.families.schema import Variant
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.schema import Variant
 from gateway.line.client import LocalLineClient
-from gateway.line.scheduler import Scheduler
+from gateway.line.line import Scheduler
 from gateway.modbus.adu import decode
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil
-from gateway.mqtt.boot import Boot
-from gateway.mqtt.freshness import EVERY_S, Tokens
-from gateway.mqtt.intake import Incoming
-from gateway.mqtt.topics import Topics
-from gateway.reception import Reception
+from gateway.mqtt.contract.commands import Incoming
+from gateway.mqtt.contract.freshness import EVERY_S, Tokens
+from gateway.mqtt.contract.run_token import Boot
+from gateway.mqtt.contract.topics import Topics
+from gateway.records import Record, ResultRecord, SequenceNumbers
+from gateway.sim.bus.faults import Reply
+from gateway.sim.bus.port import SimulatedLine
+from gateway.sim.core.power import MotorData
+from gateway.sim.core.unit import Unit
 from gateway.sim.factory import make_unit
-from gateway.sim.impair import Reply
-from gateway.sim.line import SimulatedLine
-from gateway.sim.power import MotorData
-from gateway.sim.unit import Unit
-from gateway.standstill import StandstillWatch
-from gateway.starters.commander import Commander
-from gateway.starters.journal import Remembered
-from gateway.starters.policy import Policy
-from gateway.starters.polling import polls_of
-from gateway.starters.precautions import Precautions
-from gateway.starters.records import Record, ResultRecord
-from gateway.starters.rights import Operator, Rights
-from gateway.starters.rules import RuleSet
-from gateway.starters.sequence import Sequence
+from gateway.starters.commands.dispatcher import Commander
+from gateway.starters.policy.policy import Precautions
+from gateway.starters.policy.rights import Operator, Rights
+from gateway.starters.policy.start_rules import Policy, RuleSet
 from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry import StarterTelemetry
+from gateway.starters.telemetry.polling import polls_of
+from gateway.starters.telemetry.telemetry import StarterTelemetry
+from gateway.storage.journal import Remembered
+from gateway.system.clock import ClockWatch
 from gateway.system.clock_steps import Reading
 from gateway.system.instance_lock import instance_lock
+from gateway.system.suspend_watch import StandstillWatch
 from tests.starters.fakes import RUN_COIL
 from tests.starters.plant import FakeMemory
 from tests.starters.test_on_a_line import LostWrites, Router
@@ -146,7 +144,7 @@ class World:
         self._runs += 1
         self._instance = ExitStack()
         self._instance.enter_context(instance_lock(Path(self._folder.name)))
-        sequence, rights, router = Sequence(), Rights(OPERATORS), Router()
+        sequence, rights, router = SequenceNumbers(), Rights(OPERATORS), Router()
         self.boot = Boot(f"run{self._runs}")
         self._tokens = Tokens(self.boot)
         self.made: list[tuple[float, str]] = []  # when, and the token; of this run

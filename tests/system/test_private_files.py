@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from gateway.database import Database
-from gateway.durable.audit_files import Anchor, write_anchor
-from gateway.durable.ledger_table import LedgerTable
-from gateway.starters.memory import FileMemory
-from gateway.system.private_files import keep_private
+from gateway.storage.audit.segments import Anchor, write_anchor
+from gateway.storage.database import Database
+from gateway.storage.json_file import FileMemory
+from gateway.storage.ledger_table import LedgerTable
+from gateway.storage.private_files import keep_private
 
 
 @pytest.fixture(autouse=True)

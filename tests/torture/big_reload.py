@@ -13,10 +13,10 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from gateway.app import App
-from gateway.reload import Reload
-from gateway.site import Site
-from gateway.systemd import Notifier
+from gateway.app.gateway import App
+from gateway.app.reload import Reload
+from gateway.app.site import Site
+from gateway.system.systemd import Notifier
 from tests.torture.scenario import Row
 
 STARTERS = 247

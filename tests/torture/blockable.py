@@ -16,8 +16,8 @@ from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
 
-from gateway.cli import main
-from gateway.line.host import LineHost
+from gateway.cli.main import main
+from gateway.line.thread import LineHost
 
 BLOCK_FILE = "TORTURE_BLOCK"
 LOOPS = ("lines", "app", "everything")

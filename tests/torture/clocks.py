@@ -6,7 +6,7 @@ import asyncio
 import random
 from dataclasses import dataclass
 
-from gateway.starters.records import Phase
+from gateway.records import Phase
 from tests.torture.noise import REST_S, RUN_S, STARTED
 from tests.torture.scenario import Row
 from tests.torture.virtual_line import VirtualLine, virtual_line, virtual_row

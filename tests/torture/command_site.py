@@ -11,10 +11,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from gateway.commands.simulate import simulated_lines
+from gateway.cli.simulate.simulate import simulated_lines
 from gateway.config.load import load
-from gateway.line.gaps import Restart
-from gateway.sim.unit import Unit
+from gateway.line.capacity.outage import Restart
+from gateway.sim.core.unit import Unit
 from tests.end_to_end.site import FOUR_FAMILIES, site_config
 from tests.mosquitto import MosquittoBroker
 from tests.torture.old_broker import OldBroker

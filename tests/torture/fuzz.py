@@ -17,16 +17,16 @@ from pymodbus.framer import FramerRTU
 from pymodbus.pdu import DecodePDU
 
 from gateway.config.load import parse
-from gateway.database import Database
 from gateway.errors import CodecError, ConfigError, GatewayError
-from gateway.families.load import FAMILIES
+from gateway.families.profile.load import FAMILIES
 from gateway.modbus.adu import decode, encode, reply_adu_size, request_adu_size
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.server import decode_request
-from gateway.mqtt.boot import Boot
-from gateway.mqtt.freshness import Moment, Tokens
-from gateway.mqtt.intake import Incoming, Intake
-from gateway.mqtt.topics import Topics
+from gateway.mqtt.contract.commands import Incoming, Intake
+from gateway.mqtt.contract.freshness import Moment, Tokens
+from gateway.mqtt.contract.run_token import Boot
+from gateway.mqtt.contract.topics import Topics
+from gateway.storage.database import Database
 from tests.rules.random_commands import send_at_random
 from tests.torture.of_disk import damage
 from tests.torture.scenario import Row

@@ -6,11 +6,11 @@ import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from gateway.families.load import FAMILIES
+from gateway.families.profile.load import FAMILIES
+from gateway.records import Phase
+from gateway.sim.bus.faults import Babbling, Late, Noisy
 from gateway.sim.factory import make_unit
-from gateway.sim.impair import Babbling, Late, Noisy
-from gateway.sim.supervised import P_TIMEOUT
-from gateway.starters.records import Phase
+from gateway.sim.weg.command_sources import P_TIMEOUT
 from tests.torture.scenario import Row
 from tests.torture.truth import Truth
 from tests.torture.virtual_line import VirtualLine, virtual_line, virtual_row

@@ -13,7 +13,7 @@ from tests.torture.scenario import Place, Scenario
 from tests.torture.waiting import sleep_fairly, until
 from tests.torture.world import RIGHT_WITHIN_S, World
 
-LONGEST_RETRY_S = 4.0  # gateway.mqtt.settings; only then is a broker that is back found
+LONGEST_RETRY_S = 4.0  # gateway.mqtt.connection.settings; only then is a broker that is back found
 AGAIN_S = LONGEST_RETRY_S + RIGHT_WITHIN_S
 SLOWEST_S = 10.0  # the period of the slowest polls: less than that is not one round
 RATE_TOLERANCE = 0.02

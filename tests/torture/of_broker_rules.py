@@ -17,7 +17,7 @@ from tests.torture.scenario import Place, Scenario
 from tests.torture.world import World
 
 RIVAL_PAUSE_S = 1
-FASTEST_RETRY_S = 0.5  # gateway.mqtt.settings
+FASTEST_RETRY_S = 0.5  # gateway.mqtt.connection.settings
 ANONYMOUS = "allow_anonymous true"
 DEAF_SUBSCRIBE = bytes.fromhex("10 10 00 04 4d 51 54 54 04 02 00 3c 00 04") + b"deaf"
 DEAF_SUBSCRIBE += bytes.fromhex("82 06 00 01 00 01 23 01")  # to everything, QoS 1

@@ -11,13 +11,14 @@ from paho.mqtt import client as paho
 from paho.mqtt.enums import CallbackAPIVersion
 
 from gateway.errors import GatewayError
-from gateway.mqtt.boot import Boot
-from gateway.mqtt.freshness import Moment, Tokens
-from gateway.mqtt.intake import Incoming, Intake, Rejection
-from gateway.mqtt.topics import Topics
-from gateway.starters.flood import Limits, Rate
-from gateway.starters.policy import Policy
-from gateway.starters.records import Phase, ResultRecord
+from gateway.mqtt.contract.commands import Incoming, Intake, Rejection
+from gateway.mqtt.contract.freshness import Moment, Tokens
+from gateway.mqtt.contract.run_token import Boot
+from gateway.mqtt.contract.topics import Topics
+from gateway.records import Phase, ResultRecord
+from gateway.starters.policy.rate_limit import Limits
+from gateway.starters.policy.start_rules import Policy
+from gateway.system.token_bucket import Rate
 from tests.starters.plant import Plant
 from tests.torture.command_site import PACE_S, STARTERS, CommandSite
 from tests.torture.malformed import BIG_BYTES, Mutator

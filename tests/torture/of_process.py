@@ -9,7 +9,7 @@ import signal
 import time
 from collections.abc import Callable
 
-from gateway.line.gaps import FEEDS, LOOK_S
+from gateway.line.capacity.outage import FEEDS, LOOK_S
 from tests.torture.blockable import LOOPS
 from tests.torture.machine import MACHINE
 from tests.torture.scenario import Place, Scenario

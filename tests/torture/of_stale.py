@@ -11,9 +11,9 @@ import time
 from collections.abc import Callable
 from contextlib import AsyncExitStack
 
-from gateway.mqtt.freshness import DEFAULT_TTL_S
-from gateway.mqtt.json_out import rfc3339
-from gateway.standstill import LIMIT_S
+from gateway.mqtt.contract.freshness import DEFAULT_TTL_S
+from gateway.mqtt.contract.strict_json import rfc3339
+from gateway.system.suspend_watch import LIMIT_S
 from tests.torture.command_site import PACE_S, STARTERS, USERS, CommandSite, Pipe
 from tests.torture.recorder import BASE, is_final
 from tests.torture.waiting import until

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gateway.commands.failure_gaps import gaps_of_starter
+from gateway.app.capacity import prospects_of
+from gateway.cli.check import gaps_of_starter
 from gateway.config.load import load
-from gateway.config.prospects import prospects_of
-from gateway.line.gaps import Gaps, Restart
+from gateway.line.capacity.outage import Gaps, Restart
 
 STARTERS = {"pump": "ssw07", "fan": "ssw06", "mill": "ssw900", "belt": "sst"}
 KEEPALIVE_S = 5

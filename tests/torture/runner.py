@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from contextlib import AsyncExitStack
 from typing import Any
 
-from gateway.line.gaps import Restart
+from gateway.line.capacity.outage import Restart
 from tests.torture import of_broker, of_broker_rules, of_disk, of_port, of_process, of_reload, of_soak
 from tests.torture.scenario import Much, Place, Row, Scenario
 from tests.torture.scratch import scratch

@@ -8,7 +8,7 @@ import random
 from dataclasses import dataclass
 from pathlib import Path
 
-from gateway.sim.impair import Babbling, CutShort, Doubled, Impairment, Late, Noisy, Silent
+from gateway.sim.bus.faults import Babbling, CutShort, Doubled, Impairment, Late, Noisy, Silent
 from tests.torture.noise import STARTED
 from tests.torture.scenario import Row
 from tests.torture.virtual_line import VirtualLine, virtual_line, virtual_row

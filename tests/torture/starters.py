@@ -17,17 +17,16 @@ from collections.abc import Iterable
 from itertools import pairwise
 from typing import Any
 
+from gateway.config.convert import timing_of
 from gateway.config.load import load
 from gateway.config.schema import LineTable
-from gateway.config.setups import timing_of
-from gateway.sim import sst_registers
-from gateway.sim.bus import Bus
+from gateway.sim.bus.bus import Bus, Violation
+from gateway.sim.bus.pty import PtyLine
+from gateway.sim.core.unit import Unit
 from gateway.sim.factory import make_unit
-from gateway.sim.pty import PtyLine
-from gateway.sim.ssw900_faults import C8_TIMEOUT, C8_TIMEOUT_MODE
-from gateway.sim.supervised import ACTION_NONE, P_ACTION, P_TIMEOUT
-from gateway.sim.unit import Unit
-from gateway.sim.wire import Violation
+from gateway.sim.sst import registers as sst_registers
+from gateway.sim.ssw900.faults import C8_TIMEOUT, C8_TIMEOUT_MODE
+from gateway.sim.weg.command_sources import ACTION_NONE, P_ACTION, P_TIMEOUT
 from tests.torture.truth import Truth
 
 TOLERANCE_S = 0.0005  # two busy processes never wake on the spot

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
 
-from gateway.line.gaps import Restart
+from gateway.line.capacity.outage import Restart
 from tests.torture.blockable import BLOCK_FILE
 from tests.torture.waiting import until
 

@@ -6,15 +6,15 @@ from collections import deque
 from typing import Any
 
 from gateway.errors import GatewayError
-from gateway.families.identify import identify, identify_requests
-from gateway.families.load import load_profile
-from gateway.families.schema import Table, Variant
+from gateway.families.profile.identify import identify, identify_requests
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.schema import Table, Variant
 from gateway.modbus.codes import EXCEPTION_BIT, Function
 from gateway.modbus.server import decode_request
-from gateway.mqtt.topics import to_level
-from gateway.sim.unit import Unit
-from gateway.starters.decoding import Sources
+from gateway.mqtt.contract.topics import to_level
+from gateway.sim.core.unit import Unit
 from gateway.starters.setup import StarterSetup, merged
+from gateway.starters.telemetry.decoding import Sources
 
 _REMEMBERED = 50_000  # some hours of one starter's requests
 

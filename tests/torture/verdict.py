@@ -6,7 +6,7 @@ import json
 from contextlib import suppress
 from typing import Any
 
-from gateway.line.gaps import WIDE_FACTOR
+from gateway.line.capacity.outage import WIDE_FACTOR
 from tests.torture.books import unfinished
 from tests.torture.machine import MACHINE
 from tests.torture.waiting import until

@@ -12,26 +12,25 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from gateway.families.load import FAMILIES, load_profile
-from gateway.families.schema import Variant
+from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.profile.schema import Variant
+from gateway.line.capacity.forecast import forecast, longest_gap_s
+from gateway.line.capacity.outage import WIDE_FACTOR, first_request_s, gaps_of, start_order
 from gateway.line.client import LocalLineClient
-from gateway.line.deafness import DEAF_AFTER_S
-from gateway.line.forecast import forecast, longest_gap_s
-from gateway.line.gaps import WIDE_FACTOR, first_request_s, gaps_of, start_order
-from gateway.line.outcome import Outcome
-from gateway.line.scheduler import Scheduler
+from gateway.line.line import Scheduler
+from gateway.line.port_recovery import DEAF_AFTER_S
+from gateway.line.rtu.outcome import Outcome
 from gateway.modbus.timing import Framing, LineTiming
-from gateway.mqtt.topics import to_level
+from gateway.mqtt.contract.topics import to_level
+from gateway.records import Quality, Record, ResultRecord, SequenceNumbers, StateRecord, ValueRecord
+from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.factory import make_unit
-from gateway.sim.line import SimulatedLine
-from gateway.starters.commander import Commander
-from gateway.starters.polling import polls_of
-from gateway.starters.records import Quality, Record, ResultRecord, StateRecord, ValueRecord
-from gateway.starters.request import CommandRequest
-from gateway.starters.rights import Operator, Rights
-from gateway.starters.sequence import Sequence
+from gateway.starters.commands.dispatcher import Commander
+from gateway.starters.policy.request import CommandRequest
+from gateway.starters.policy.rights import Operator, Rights
 from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry import StarterTelemetry
+from gateway.starters.telemetry.polling import polls_of
+from gateway.starters.telemetry.telemetry import StarterTelemetry
 from tests.torture.scenario import Row
 from tests.torture.starters import SILENCE_TRIPS, watching_unit
 from tests.torture.truth import Truth
@@ -128,7 +127,7 @@ class VirtualLine:
 async def virtual_line(seed: int, *, every_s: float = 1.0) -> AsyncIterator[VirtualLine]:
     """Run four starters, all online and identified; each watches its line for 1.5 times a crash's gap."""
     loop = asyncio.get_running_loop()
-    clock, sequence, judge = VirtualClock(loop), Sequence(), Judge()
+    clock, sequence, judge = VirtualClock(loop), SequenceNumbers(), Judge()
     setups = [
         StarterSetup(family, "hall", address, load_profile(family), Variant(), every_s)
         for address, family in enumerate(FAMILIES, 1)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from gateway.line.gaps import WIDE_FACTOR, Gaps, Restart
+from gateway.line.capacity.outage import WIDE_FACTOR, Gaps, Restart
 from tests.mosquitto import MosquittoBroker
 from tests.torture.machine import MACHINE
 from tests.torture.plant_site import STARTERS, computed, site

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from gateway.config.schema import LineTable
-from gateway.sim.commanded import RUN
-from gateway.sim.impair import Noisy, Reply
-from gateway.sim.meter import Meter
-from gateway.sim.ssw07 import Ssw07
+from gateway.sim.bus.faults import Noisy, Reply
+from gateway.sim.core.meter import Meter
+from gateway.sim.weg.common import RUN
+from gateway.sim.weg.ssw07 import Ssw07
 from tests.torture.starters import SILENCE_TRIPS, Plant, serve
 
 STEP_S = 3.0

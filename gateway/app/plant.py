@@ -1,0 +1,249 @@
+"""The lines with their starters as they are at present: made, listened to, changed, and ended."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any, Protocol
+
+from gateway.config.convert import setups_of, timing_of
+from gateway.config.diff import Changes, Comers
+from gateway.config.schema import LineTable
+from gateway.line.capacity.outage import start_order
+from gateway.line.client import LineClient
+from gateway.line.port.base import PortOpener
+from gateway.line.port.opener import SerialOpener
+from gateway.line.port_recovery import DEAF
+from gateway.line.rtu.outcome import Outcome
+from gateway.line.scheduler.requests import Poll
+from gateway.modbus.timing import LineTiming
+from gateway.records import SequenceNumbers, Severity
+from gateway.starters.policy.policy import Precautions
+from gateway.starters.services.services import Companions
+from gateway.starters.setup import StarterSetup
+from gateway.starters.telemetry.telemetry import StarterTelemetry
+from gateway.system.clock import Clock
+
+
+class Host(Protocol):
+    """Runs lines; `LineHost` does so in a thread of their own."""
+
+    def add_line(
+        self,
+        *,
+        name: str,
+        opener: PortOpener,
+        timing: LineTiming,
+        polls: Sequence[Poll],
+        allowance_s: float,
+        seed: int,
+        deaf_after_s: float,
+    ) -> LineClient:
+        """Add a line, which begins as soon as those removed before have ended."""
+        ...
+
+    def remove_line(self, name: str) -> Coroutine[Any, Any, object]:
+        """End a line, whose name another may have at once; what is returned waits for its end."""
+        ...
+
+
+class PlantListener(Protocol):
+    """Hears what concerns the gateway as a whole."""
+
+    def tell(self, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None) -> None:
+        """Publish an event of the gateway's own."""
+        ...
+
+    def forget(self, starters: Sequence[str]) -> None:
+        """Have the broker forget what it retains of starters."""
+        ...
+
+    def note_change(self) -> None:
+        """Hear that a line's figures have changed in a way that people wait for."""
+        ...
+
+    def note_starter(self, starter: str, trouble: str) -> None:
+        """Hear that a part of a starter cannot be read (why), or that all of it can (empty)."""
+        ...
+
+    def note_port(self, line: str, trouble: str) -> None:
+        """Hear that a line's port is open (empty) or away (why)."""
+        ...
+
+
+def serial_opener(table: LineTable) -> PortOpener:
+    """Return what opens the port of a line."""
+    return SerialOpener(table.port, table.baud, timing_of(table).framing)
+
+
+class Plant:
+    """Implements `LineListener`; all calls on the app's loop. `starters` and `lines` are by name."""
+
+    def __init__(
+        self,
+        listener: PlantListener,
+        *,
+        precautions: Precautions,
+        companions: Companions,
+        clock: Clock,
+        sequence: SequenceNumbers,
+        make_opener: Callable[[LineTable], PortOpener] = serial_opener,
+    ) -> None:
+        self.starters: dict[str, StarterTelemetry] = {}
+        self.lines: dict[str, LineClient] = {}
+        self._by_unit: dict[tuple[str, int], StarterTelemetry] = {}
+        self._listener = listener
+        self._precautions = precautions
+        self._companions = companions
+        self._clock = clock
+        self._sequence = sequence
+        self._make_opener = make_opener
+        self._host: Host
+        self._edition = 0  # counts the changes
+
+    def build(self, host: Host, tables: Iterable[LineTable]) -> None:
+        """Make these lines in a host, with all their starters; once."""
+        self._host = host
+        for table in tables:
+            self._add_line(table)
+
+    async def start(self) -> None:
+        """Publish what is known before the first answers are told; once, on the app's loop."""
+        await _introduce(self.starters.values())
+
+    def apply(self, changes: Changes) -> Coroutine[Any, Any, None]:
+        """Change everything at this instant; await what is returned, which tells of it.
+
+        What the changes do not name goes on as if nothing had happened.
+        """
+        self._edition += 1
+        endings: list[Coroutine[Any, Any, object]] = []
+        for name in changes.starters_gone:
+            endings += [self._retire(name).close(), self._companions.remove(name)]
+        self._listener.forget(changes.starters_gone)
+        for name in changes.lines_gone:
+            del self.lines[name]
+            endings.append(self._host.remove_line(name))
+        for name, every_s in changes.paces:
+            self.starters[name].set_every(every_s)
+        come = [starter for comers in changes.starters_new for starter in self._join(comers)]
+        come += [starter for table in changes.lines_new for starter in self._add_line(table)]
+        return self._welcome(come, endings)
+
+    def end(self, reason: str) -> None:
+        """Publish that no starter is watched any more, once the lines have ended; nothing is taken later."""
+        for starter in self.starters.values():
+            starter.end(reason)
+        for starter in self.starters.values():
+            starter.publish_stale_values()
+
+    async def close(self) -> None:
+        """End the starters; the lines end with their host."""
+        for starter in self.starters.values():
+            await starter.close()
+
+    # The lines' listener. What is told late of a starter that is gone is for nobody.
+
+    def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
+        """Hear what became of a poll."""
+        starter = self._by_unit.get((line, unit))
+        if starter is not None:
+            starter.on_poll(key, outcome)
+
+    def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:  # noqa: FBT001 - LineListener's shape
+        """Hear that a unit began to answer or went silent."""
+        starter = self._by_unit.get((line, unit))
+        if starter is not None:
+            starter.on_unit(is_answering=is_answering, reason=reason, frames=frames)
+            self._listener.note_change()
+
+    def on_trouble(self, line: str, code: str, unit: int, text: str, frames: tuple[str, ...]) -> None:
+        """Hear what is wrong on a line: two starters with one address, or one that talks unasked."""
+        data = {"line": line, "unit": unit, "frames": list(frames)}
+        self._listener.tell(code, Severity.ERROR, f"line {line}: {text}", data)
+
+    def on_port(self, line: str, is_open: bool, reason: str) -> None:  # noqa: FBT001 - LineListener's shape
+        """Hear that a port was opened or is away: then none of its starters answers."""
+        if is_open:
+            self._listener.tell("port_open", Severity.INFO, f"line {line}: the port is open", {"line": line})
+        else:
+            code = "port_deaf" if DEAF in reason else "port_away"
+            self._listener.tell(code, Severity.ERROR, f"line {line}: {reason}", {"line": line})
+            for (name, _), starter in self._by_unit.items():
+                if name == line:
+                    starter.on_unit(is_answering=False, reason=reason)
+        self._listener.note_port(line, "" if is_open else reason)
+
+    def _retire(self, name: str) -> StarterTelemetry:
+        """Take a starter off its line, and what the broker retains of it with it."""
+        starter = self.starters.pop(name)
+        del self._by_unit[starter.setup.line, starter.setup.address]
+        starter.retire()
+        starter.line.forget(starter.setup.address)
+        return starter
+
+    def _add_line(self, table: LineTable) -> list[StarterTelemetry]:
+        setups = self._setups(table)
+        watchdogs = self._precautions.watchdogs
+        limits_s = {setup.address: watchdogs.limit_s(setup) for setup in setups}
+        watchdogs_s = {address: limit_s for address, limit_s in limits_s.items() if limit_s}
+        self.lines[table.name] = self._host.add_line(
+            name=table.name,
+            opener=self._make_opener(table),
+            timing=timing_of(table),
+            polls=start_order((poll for setup in setups for poll in watchdogs.polls(setup)), watchdogs_s),
+            allowance_s=table.adapter_allowance_s,
+            seed=secrets.randbits(32),
+            deaf_after_s=table.deaf_after_s,
+        )
+        return [self._add_starter(setup) for setup in setups]
+
+    def _join(self, comers: Comers) -> list[StarterTelemetry]:
+        """Add starters to a line that runs; each is asked its first question at once."""
+        names = {each.name for each in comers.starters}
+        come = [self._add_starter(setup) for setup in self._setups(comers.line) if setup.name in names]
+        for starter in come:
+            polls = starter.polls()
+            for poll in polls:
+                starter.line.add_poll(poll)
+            for poll in polls[:1]:
+                starter.line.hasten(poll.key)
+        return come
+
+    async def _welcome(
+        self, come: Sequence[StarterTelemetry], endings: Sequence[Coroutine[Any, Any, object]]
+    ) -> None:
+        """Tell of the new starters while those that go end."""
+        ended = asyncio.gather(*endings)
+        await _introduce(come)
+        await ended
+
+    def _setups(self, table: LineTable) -> list[StarterSetup]:
+        return [replace(setup, edition=self._edition) for setup in setups_of(table)]
+
+    def _add_starter(self, setup: StarterSetup) -> StarterTelemetry:
+        self._precautions.logbook.add(setup.name)
+        starter = StarterTelemetry(
+            setup,
+            line=self.lines[setup.line],
+            sink=self._precautions.witness,
+            clock=self._clock,
+            sequence=self._sequence,
+            identities=self._precautions.identities,
+            watchdogs=self._precautions.watchdogs,
+            told_faults=self._precautions.told_faults,
+        )
+        self.starters[setup.name] = self._by_unit[setup.line, setup.address] = starter
+        starter.when_troubled(partial(self._listener.note_starter, setup.name))
+        self._companions.add(starter)
+        return starter
+
+
+async def _introduce(starters: Iterable[StarterTelemetry]) -> None:
+    """Let starters tell of themselves, one by one, so that hundreds keep nothing else waiting."""
+    for starter in tuple(starters):
+        starter.start()
+        await asyncio.sleep(0)

@@ -1,0 +1,144 @@
+"""What the journal says of starters and commands: one line for each thing that happened, with its name.
+
+Events and final results are logged here and nowhere else, so that nothing is said twice.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import OrderedDict
+from collections.abc import Mapping
+from typing import Any
+
+from gateway.records import AvailabilityRecord, EventRecord, Phase, Record, ResultRecord, Severity, Sink
+from gateway.system.clock import Clock
+
+log = logging.getLogger("gateway")
+
+NUMBER_WITHIN_S = 10.0  # of a fault: it is read after the fault itself
+MOST_UNDER_WAY = 1000  # commands of which is known when they were accepted
+SAID_BY_RESULT = frozenset({"stop_unconfirmed", "locked", "unlocked", "identity_accepted"})
+LOGGED_WHERE_THEY_ARISE = frozenset({"broker_connected", "broker_away", "reload_refused"})  # each mistake
+FAULT = "fault"  # the event, and the alarm while its number is not known
+NOT_YET_READ = "not yet read"  # a starter's reason before anything is known of it
+
+_LEVELS = {
+    Severity.INFO: logging.INFO,
+    Severity.WARNING: logging.WARNING,
+    Severity.ERROR: logging.ERROR,
+    Phase.CONFIRMED: logging.INFO,
+    Phase.REJECTED: logging.WARNING,
+    Phase.FAILED: logging.ERROR,
+    Phase.UNCONFIRMED: logging.ERROR,
+}
+
+
+class RecordLog:
+    """A sink that logs what an operator wants to know, and passes every record on."""
+
+    def __init__(self, sink: Sink, clock: Clock) -> None:
+        self._sink = sink
+        self._clock = clock
+        self._accepted_s: OrderedDict[tuple[str, str, str | None], float] = OrderedDict()
+        self._answered: set[str] = set()  # starters that were online once: events say what follows
+        self._unanswered: dict[str, str | None] = {}  # by starter: why it does not answer, as logged last
+        self._numbered: set[str] = set()  # starters whose fault was logged with its number
+        self._unnumbered: dict[str, tuple[float, str]] = {}  # by starter: a fault's line, and when it is due
+
+    def put(self, record: Record) -> None:
+        """Take one record."""
+        if self._unnumbered:
+            self._log_unnumbered(self._clock.now_s())
+        match record:
+            case EventRecord():
+                self._log_event(record)
+            case ResultRecord():
+                self._log_result(record)
+            case AvailabilityRecord():
+                self._log_first_answer(record)
+            case _:
+                pass
+        self._sink.put(record)
+
+    def _log_event(self, event: EventRecord) -> None:
+        if event.code in SAID_BY_RESULT | LOGGED_WHERE_THEY_ARISE:
+            return
+        is_fault = event.data.get("severity") == "fault"
+        has_number = event.data.get("alarm") != FAULT
+        if event.code == FAULT or (event.code == "alarm" and is_fault and not has_number):
+            if event.starter not in self._numbered | self._unnumbered.keys():
+                due_s = self._clock.now_s() + NUMBER_WITHIN_S
+                self._unnumbered[event.starter] = (due_s, _line(event.starter, event.text))
+            return
+        if event.code == "alarm" and is_fault:
+            self._numbered.add(event.starter)
+            self._unnumbered.pop(event.starter, None)
+        elif event.code == "cleared" and is_fault:
+            self._numbered.discard(event.starter)
+        text = _alarm(event) if event.code == "alarm" else event.text
+        log.log(_LEVELS[event.severity], "%s%s", _line(event.starter, text), _frames(event.data))
+
+    def _log_unnumbered(self, now_s: float) -> None:
+        """Log the faults whose number did not come in time."""
+        for starter, (due_s, line) in list(self._unnumbered.items()):
+            if now_s >= due_s:
+                del self._unnumbered[starter]
+                log.error("%s", line)
+
+    def _log_result(self, result: ResultRecord) -> None:
+        """Log the end of a command; of a repeated one nothing is new."""
+        key = (result.client, result.starter, result.id)
+        now_s = self._clock.now_s()
+        if not result.phase.is_final:
+            if result.phase is Phase.ACCEPTED:
+                self._accepted_s[key] = now_s
+                if len(self._accepted_s) > MOST_UNDER_WAY:
+                    self._accepted_s.popitem(last=False)
+            return
+        accepted_s = self._accepted_s.pop(key, None)
+        if result.is_duplicate:
+            return
+        after = "" if accepted_s is None else f" after {now_s - accepted_s:.1f} s"
+        what = f"{result.client} {result.verb} {result.starter}: {result.phase}{after}{_outcome(result)}"
+        log.log(_LEVELS[result.phase], "%s", _line("", what))
+
+    def _log_first_answer(self, record: AvailabilityRecord) -> None:
+        """Log how a starter is found at first; a silence and an answer after it are events."""
+        if record.starter in self._answered or record.reason == NOT_YET_READ:
+            return
+        if record.state in ("online", "degraded"):
+            self._answered.add(record.starter)
+            log.info("%s", _line(record.starter, "answers"))
+        elif record.state == "offline" and self._unanswered.get(record.starter) != record.reason:
+            self._unanswered[record.starter] = record.reason
+            log.warning("%s", _line(record.starter, f"does not answer: {record.reason}"))
+
+
+def _alarm(event: EventRecord) -> str:
+    """Return what came, by its number: fault E05."""
+    code = str(event.data.get("alarm")).upper()
+    meaning = "" if code in event.text.upper() else f": {event.text}"
+    return f"{event.data['severity']} {code}{meaning}"
+
+
+def _outcome(result: ResultRecord) -> str:
+    """Return the value that was read or set, or why the command was not carried out."""
+    if result.phase is not Phase.CONFIRMED:
+        return f": {result.text} [{result.code}]"
+    values: Mapping[str, Any] = result.values
+    if "parameter" not in values:
+        return ""
+    value = values.get("label") or f"{values.get('value')} {values.get('unit') or ''}".rstrip()
+    return f", {values['parameter']} = {value}"
+
+
+def _line(starter: str, text: str) -> str:
+    """Return a text as one line of printable characters, after the starter's name."""
+    printable = "".join(each if each.isprintable() else " " for each in text)
+    return f"{starter} {printable.removeprefix('the starter ')}" if starter else printable
+
+
+def _frames(data: Mapping[str, Any]) -> str:
+    """Return the frames that an event carries, a line each."""
+    frames = data.get("frames")
+    return "; last frames:\n" + "\n".join(map(str, frames)) if frames else ""

@@ -1,0 +1,87 @@
+"""Takes another configuration over while the gateway runs; one that cannot be used changes nothing."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from typing import Protocol
+
+from gateway.app.site import Site
+from gateway.errors import ConfigError
+from gateway.records import Severity
+from gateway.system.gc_tuning import spare_what_lives
+from gateway.system.systemd import Notifier
+
+log = logging.getLogger(__name__)
+
+MOST_REMAINS = 16  # starters that were replaced; clearing their memory stops every loop for a moment
+
+
+class Running(Protocol):
+    """The gateway as far as a reload concerns it; `App` is one."""
+
+    async def change(self, site: Site) -> int:
+        """Go over to another site and return how many starters were replaced; ConfigError."""
+        ...
+
+    def tell(self, code: str, severity: Severity, text: str, data: dict[str, list[str]]) -> None:
+        """Publish an event of the gateway's own."""
+        ...
+
+
+class Reload:
+    """Reads and validates in a thread; asked again meanwhile, it does so once more. On the app's loop."""
+
+    def __init__(self, read: Callable[[], Site], running: Running, notifier: Notifier) -> None:
+        self._read = read
+        self._running = running
+        self._notifier = notifier
+        self._task: asyncio.Task[None] | None = None
+        self._is_asked_again = False
+        self._remains = 0
+
+    def begin(self) -> None:
+        """Read the configuration and go over to it, as soon as a reload under way is done."""
+        self._is_asked_again = True
+        if self._task is None:
+            self._task = asyncio.get_running_loop().create_task(self._run(), name="reload")
+
+    def cancel(self) -> None:
+        """Do nothing more: the gateway ends."""
+        if self._task is not None:
+            self._task.cancel()
+
+    async def _run(self) -> None:
+        try:
+            while self._is_asked_again:
+                self._is_asked_again = False
+                self._notifier.reloading()
+                self._notifier.ready(await self._reloaded())  # also when refused: the old one is in force
+        finally:
+            self._task = None
+
+    async def _reloaded(self) -> str:
+        """Return what became of it, in one line."""
+        try:
+            site = await asyncio.to_thread(self._read)
+            self._remains += await self._running.change(site)
+        except ConfigError as error:
+            return self._refused([str(problem) for problem in error.problems])
+        except Exception:  # the guard at the task's top
+            log.exception("the reload ended by a bug")
+            text = "the reload was cut short by an error inside the gateway (see its log); restart it"
+            self._running.tell("reload_failed", Severity.ERROR, text, {})
+            return text
+        is_much = self._remains >= MOST_REMAINS
+        spare_what_lives(with_look=is_much)
+        self._remains = 0 if is_much else self._remains
+        return "polling; the new configuration is in force"
+
+    def _refused(self, mistakes: list[str]) -> str:
+        for mistake in mistakes:
+            log.error("reload refused: %s", mistake)
+        more = f" (and {len(mistakes) - 1} more)" if len(mistakes) > 1 else ""
+        text = f"the new configuration is refused, the old one stays in force: {mistakes[0]}{more}"
+        self._running.tell("reload_refused", Severity.ERROR, text, {"mistakes": mistakes})
+        return text

@@ -1,0 +1,125 @@
+"""`starter-gateway audit`: show what was asked of the starters and by whom, or verify it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections import deque
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from gateway.cli.command import Subparsers
+from gateway.config.load import load
+from gateway.errors import UsageError
+from gateway.storage.audit.chain import FIRST_HASH, verify
+from gateway.storage.audit.segments import FOLDER, lines, read_anchor
+
+
+def add_parser(subparsers: Subparsers) -> None:
+    """Add the command's parser."""
+    parser = subparsers.add_parser(
+        "audit",
+        description="Show or verify the audit that a gateway keeps in its state directory; exit code 1 when "
+        "its chain is broken.",
+    )
+    parser.add_argument("action", choices=("show", "verify"), help="print the entries, or check their chain")
+    parser.add_argument("path", metavar="STATE_DIR_OR_CONFIG", help="where the gateway keeps it")
+    parser.add_argument("--last", metavar="N", type=int, help="show only the newest N entries")
+    parser.add_argument("--json", action="store_true", help="show the entries as they are kept, a line each")
+    parser.add_argument(
+        "--contains", metavar="HASH", help="verify also that a hash noted earlier is still in the chain"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print, and return 0; 1 when a check found something."""
+    folder = _folder(Path(args.path))
+    if args.action == "verify":
+        return _verify(folder, args.contains)
+    shown = lines(folder)
+    for _, line in shown if args.last is None else deque(shown, maxlen=max(args.last, 0)):
+        print(line if args.json else _told(line))
+    return 0
+
+
+def _folder(path: Path) -> Path:
+    """Return the folder with the segments; UsageError when there is none."""
+    if path.is_file():
+        path = path.parent / load(path).gateway.state_dir
+    for folder in (path / FOLDER, path):
+        if folder.is_dir() and any(folder.glob("audit-*.jsonl")):
+            return folder
+    raise UsageError(
+        f"no audit in {path} (give the configuration, or its state_dir, as a user who may read it)"
+    )
+
+
+def _verify(folder: Path, wanted: str | None) -> int:
+    anchor = read_anchor(folder)
+    seen = _Seen(lines(folder), wanted)
+    verdict = verify(seen, after=anchor.head)
+    problems = list(verdict.problems)
+    if anchor.head is None:
+        problems.append("the anchor of the removed segments cannot be read")
+    for problem in problems:
+        print(problem)
+    told = "broken" if problems else "whole"
+    since = f"line {anchor.head.number + 1}" if anchor.head else "?"
+    print(f"{folder}: {verdict.count} entries from {since} on, chain {told}")
+    if verdict.head.hash != FIRST_HASH:
+        print(f"newest: line {verdict.head.number}, hash {verdict.head.hash}")
+    is_found = wanted is None or seen.has_wanted or wanted == (anchor.head and anchor.head.hash)
+    if not is_found:
+        print(f"no line has the hash {wanted}: newer lines were cut off, or it was noted elsewhere")
+    return 1 if problems or not is_found else 0
+
+
+class _Seen:
+    """Lines that pass by, and whether the one that is wanted was among them."""
+
+    def __init__(self, passing: Iterator[tuple[str, str]], wanted: str | None) -> None:
+        self._passing = passing
+        self._mark = f'"hash":"{wanted}"'
+        self.has_wanted = False
+
+    def __iter__(self) -> Iterator[tuple[str, str]]:
+        for place, line in self._passing:
+            self.has_wanted = self.has_wanted or self._mark in line
+            yield place, line
+
+
+def _told(line: str) -> str:
+    """Return an entry for people."""
+    try:
+        entry = json.loads(line)
+    except ValueError:
+        return f"?  {line[:200]!r}"
+    if not isinstance(entry, dict):
+        return f"?  {line[:200]!r}"
+    head = f"{entry.get('n')}  {entry.get('time')}"
+    if entry.get("kind") != "command":
+        return f"{head}  -- {entry.get('code')}: {entry.get('text')}"
+    claim = entry.get("claimed_operator")
+    who = f"{entry.get('client')} (says: {claim})" if claim else str(entry.get("client"))
+    args = f" {_json(entry['args'])}" if entry.get("args") else ""
+    why = f", reason given: {entry['claimed_reason']}" if entry.get("claimed_reason") else ""
+    what = f"{entry.get('verb')} {entry.get('starter')}{args}"
+    end = (
+        entry.get("decision")
+        if entry.get("code") == "ok"
+        else f"{entry.get('decision')} ({entry.get('code')})"
+    )
+    return f"{head}  {who}: {what}, id {entry.get('id')}{why}: {end}{_change(entry)}"
+
+
+def _change(entry: dict[str, Any]) -> str:
+    """Return which values were others afterwards; all of them are in the JSON."""
+    before, after = entry.get("before") or {}, entry.get("after") or {}
+    changed = {name: [before.get(name), value] for name, value in after.items() if before.get(name) != value}
+    told = [f"{name} {_json(old)} -> {_json(new)}" for name, (old, new) in changed.items()]
+    return f"; {', '.join(told)}" if told else ""
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False)

@@ -1,0 +1,82 @@
+"""`starter-gateway decode`: what words mean that somebody has read from a starter."""
+
+from __future__ import annotations
+
+import argparse
+import json
+
+from gateway.cli.arguments import whole_number
+from gateway.cli.command import Subparsers
+from gateway.errors import CommandError, UsageError
+from gateway.families.command.writable import MAPPED_WRITES
+from gateway.families.mapped_registers import decode_mapped
+from gateway.families.profile.decode import decode_words
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.parameters import find
+from gateway.families.profile.schema import Profile, Table, Variant
+
+
+def add_parser(subparsers: Subparsers) -> None:
+    """Add the command's parser."""
+    parser = subparsers.add_parser("decode", description="Decode words read from a starter, to JSON.")
+    parser.add_argument("family", metavar="FAMILY", help="ssw06, ssw07, ssw900 or sst")
+    parser.add_argument("table", metavar="TABLE", help="holding, input or coil")
+    parser.add_argument(
+        "start",
+        metavar="START",
+        help="address of the first word on the wire, zero-based, or its code: P003, S1.1.4, R13, COIL5",
+    )
+    parser.add_argument("words", metavar="WORD", nargs="+", help="decimal or 0x..; 0 or 1 for coils")
+    parser.add_argument(
+        "--map",
+        metavar="ID,..",
+        help="ssw900: the net ids or codes that are mapped onto the words (C8.1.1.5 and on), in their order",
+    )
+    parser.add_argument("--model", help='e.g. "SSW-06 820A": some values hang on the rated current')
+    parser.add_argument("--firmware", help="e.g. 1.42: some bits exist from a version on")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print what the words mean; no port is opened."""
+    profile = load_profile(args.family)
+    try:
+        table = Table(args.table)
+    except ValueError:
+        raise UsageError(f"no table {args.table!r} (holding, input or coil)") from None
+    start = _start(profile, table, args.start)
+    highest = 1 if table is Table.COIL else 0xFFFF
+    words = [whole_number(word, "WORD", low=0, high=highest) for word in args.words]
+    if start + len(words) > 0x10000:
+        raise UsageError(f"{len(words)} words do not fit behind START {start} (the last address is 65535)")
+    variant = Variant(model=args.model, firmware=args.firmware)
+    if args.map is None:
+        found = decode_words(profile, variant, table, start, words)
+    else:
+        _check_mapped(profile, table, start, len(words))
+        found = decode_mapped(profile, variant, args.map.split(","), words)
+    print(json.dumps(found, indent=2, ensure_ascii=False))
+    return 0
+
+
+def _start(profile: Profile, table: Table, text: str) -> int:
+    """Return the address on the wire that a number or a code names; UsageError for what is neither."""
+    if text[:1].isdigit() or not any(each.isdigit() for each in text):
+        return whole_number(text, "START", low=0, high=0xFFFF)
+    try:
+        row = find(profile, text)
+    except CommandError as error:
+        raise UsageError(f"{profile.title} has no {text!r} (an address, or a code of its manual)") from error
+    if row.table is not table:
+        raise UsageError(f"{row.code} is in the table {row.table}, not {table}")
+    return row.address
+
+
+def _check_mapped(profile: Profile, table: Table, start: int, count: int) -> None:
+    """Raise UsageError unless these are registers that others are mapped onto."""
+    layout = profile.fast_words
+    if layout is None:
+        raise UsageError(f"{profile.title} has no registers that others are mapped onto (leave --map out)")
+    spans = (range(layout.read, layout.read + layout.words), MAPPED_WRITES)
+    if table is not Table.HOLDING or not any(start in span and start + count - 1 in span for span in spans):
+        where = " and ".join(f"{span[0]}-{span[-1]}" for span in spans)
+        raise UsageError(f"--map is for the holding registers {where}")

@@ -1,0 +1,176 @@
+"""`starter-gateway demo`: simulated starters of all families, a broker and the gateway."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import shlex
+import shutil
+import sys
+import tempfile
+from contextlib import AsyncExitStack
+from pathlib import Path
+
+from gateway.cli.command import Subparsers
+from gateway.cli.demo.broker import PORT, DemoBroker
+from gateway.cli.demo.client import publish, watch
+from gateway.cli.demo.simulator import DemoSimulator
+from gateway.cli.run import log_to_stderr, serve
+from gateway.config.load import load
+from gateway.errors import UsageError
+
+CONFIG = """\
+[gateway]
+name = "demo"
+state_dir = "{folder}/state"
+
+[mqtt]
+url = "mqtt://127.0.0.1:{port}"
+
+[[line]]
+name = "virtual"
+port = "{folder}/ttyDEMO"
+baud = 19200
+framing = "8N2"            # the one byte format that all four families know
+
+[[line.starter]]
+name = "pump"
+address = 1
+family = "ssw07"
+model = "SSW-07 85A"
+
+[[line.starter]]
+name = "fan"
+address = 2
+family = "ssw06"
+model = "SSW-06 820A"
+
+[[line.starter]]
+name = "mill"
+address = 3
+family = "ssw900"
+
+[[line.starter]]
+name = "belt"
+address = 4
+family = "sst"
+
+[[operator]]
+client = "demo"
+may = ["*"]
+starters = ["*"]
+"""
+
+GUIDE = """\
+Starter Gateway demo. Simulated motors only; Ctrl-C ends everything.
+
+  line    four starters on {pty}, 19200 8N2: pump (SSW-07), fan (SSW-06), mill (SSW900), belt (SST330i)
+  broker  {broker} on 127.0.0.1:{port}
+  config  {config}
+
+Paste these into another terminal:
+
+# watch
+{watch} 'starters/demo/#'
+# start, stop, set, read
+{send} pump start --client demo
+{send} pump stop --client demo
+{send} pump set --client demo parameter=P314 value=30
+{send} pump read --client demo parameter=P003
+{by_hand}
+What a hand at the simulated starter would do has topics of its own, which no real gateway has:
+
+# trip
+{trip}
+others    simulator/STARTER/KNOB: {knobs}
+"""
+
+BY_HAND = """\
+# start and stop with nothing but MQTT
+token=$(mosquitto_sub -p {port} -C 1 -t starters/demo/gateway/fresh | cut -d '"' -f 4)
+id=$(cat /proc/sys/kernel/random/uuid)
+mosquitto_pub -p {port} -q 1 -t starters/demo/command/fan/demo/start \\
+  -m "{{\\"id\\":\\"$id\\",\\"token\\":\\"$token\\"}}"
+mosquitto_pub -p {port} -q 1 -t starters/demo/command/fan/demo/stop -n
+"""
+
+KNOB_GUIDE = "trip E05, alarm A05, clear, control local|remote, power off|on, mains off|on, keypad start|stop"
+
+
+def add_parser(subparsers: Subparsers) -> None:
+    """Add the command's parser."""
+    parser = subparsers.add_parser(
+        "demo", description="Four simulated starters, a broker on loopback and the gateway. Ctrl-C ends it."
+    )
+    parser.add_argument("-v", "--verbose", action="store_true", help="log every frame")
+    parser.add_argument(
+        "--broker",
+        metavar="PORT",
+        type=int,
+        default=PORT,
+        help="of a demo that runs, for --watch and --publish",
+    )
+    client = parser.add_mutually_exclusive_group()
+    client.add_argument("--watch", metavar="TOPIC", help="print what a demo publishes, until Ctrl-C")
+    client.add_argument(
+        "--publish", metavar="TOPIC=PAYLOAD", help="publish to a demo, as mosquitto_pub would do"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the demo until Ctrl-C; BrokerError when no broker is to be had."""
+    if args.watch is not None:
+        asyncio.run(watch(args.broker, args.watch))
+        return 0
+    if args.publish is not None:
+        topic, sign, payload = args.publish.partition("=")
+        if not sign or not topic:
+            raise UsageError(f"--publish {args.publish!r} is not TOPIC=PAYLOAD")
+        asyncio.run(publish(args.broker, topic, payload))
+        return 0
+    log_to_stderr(is_verbose=args.verbose)
+    with tempfile.TemporaryDirectory(prefix="starter-gateway-demo-") as folder:
+        asyncio.run(_demo(Path(folder)))
+    return 0
+
+
+def guide(config: Path, pty: str, broker: str, port: int, *, has_clients: bool) -> str:
+    """Return what can be done with the demo, as lines to paste; without Mosquitto's clients by our own."""
+    program = program_words()
+    return GUIDE.format(
+        config=config,
+        pty=pty,
+        broker=broker,
+        port=port,
+        send=f"{program} send {shlex.quote(str(config))}",
+        watch=f"mosquitto_sub -p {port} -v -t" if has_clients else f"{program} demo --broker {port} --watch",
+        trip=f"mosquitto_pub -p {port} -t simulator/pump/trip -m E05"
+        if has_clients
+        else f"{program} demo --broker {port} --publish simulator/pump/trip=E05",
+        by_hand=BY_HAND.format(port=port) if has_clients else "",
+        knobs=KNOB_GUIDE,
+    )
+
+
+def program_words() -> str:
+    """Return how this program is called from any folder: its full path, quoted for a shell."""
+    script = Path(sys.executable).parent / "starter-gateway"
+    return shlex.quote(str(script)) if script.exists() else f"{shlex.quote(sys.executable)} -m gateway"
+
+
+async def _demo(folder: Path) -> None:
+    async with AsyncExitStack() as stack:
+        broker = DemoBroker(folder)
+        await broker.start()
+        stack.push_async_callback(broker.stop)
+        path = folder / "demo.toml"
+        path.write_text(CONFIG.format(folder=folder, port=broker.port), "utf-8")
+        config = load(path)
+        simulator = DemoSimulator(path, broker_port=broker.port)
+        await simulator.start()
+        stack.push_async_callback(simulator.stop)
+        has_clients = all(shutil.which(name) for name in ("mosquitto_sub", "mosquitto_pub"))
+        print(
+            guide(path, config.lines[0].port, broker.title, broker.port, has_clients=has_clients), flush=True
+        )
+        await serve(path, config, None)

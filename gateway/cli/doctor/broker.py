@@ -1,0 +1,134 @@
+"""Whether the broker can be reached with the gateway's login, and a running gateway asked through it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from gateway.cli.doctor.finding import Remark
+from gateway.cli.operator_login import settings_of, user_name
+from gateway.config.convert import rights_of
+from gateway.config.schema import Config
+from gateway.errors import BrokerError, ConfigError
+from gateway.families.diagnosis.findings import Weight
+from gateway.mqtt.connection.command_client import Order, Sender, connected
+from gateway.mqtt.connection.settings import BrokerSettings
+from gateway.mqtt.contract.topics import Topics
+from gateway.records import Phase
+
+OWN_NAME = "doctor"
+READ_WITHIN_S = 10.0
+KNOWN_WITHIN_S = 2.0
+
+_VERB = "read"
+
+
+class BrokerAccess:
+    """The broker of a configuration, as this doctor may use it.
+
+    The gateway's own login is tried, or `username` in its place; a running gateway is asked as `client`.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        folder: Path,
+        *,
+        client: str = OWN_NAME,
+        username: str | None = None,
+        password_file: str | None = None,
+    ) -> None:
+        self._config = config
+        self._folder = folder
+        self._client = client
+        self._username = username
+        self._password_file = password_file
+        self._settings: BrokerSettings | None = None  # once a login has succeeded
+
+    async def remarks(self) -> list[Remark]:
+        """Log in, under another client id than the gateway, and tell what came of it."""
+        try:
+            settings = self._settings_of(None, None)
+        except ConfigError as error:
+            return [Remark("mqtt.password_file", str(error), Weight.ERROR)]
+        remarks = []
+        if self._config.mqtt.password_file is not None:
+            remarks.append(Remark("mqtt.password_file", "only its owner may read it"))
+        who = "the gateway's login"
+        where = f"broker {settings.address}"
+        try:
+            if self._username is not None:  # a broker may let go of the gateway for a second one of its login
+                who = f"the login {self._username}"
+                settings = self._settings_of(self._username, self._password_file)
+            version = await _log_in(settings)
+        except (BrokerError, ConfigError) as error:
+            return [*remarks, Remark(where, f"{who}: {error}", Weight.ERROR)]
+        self._settings = settings
+        return [*remarks, Remark(where, f"takes {who}, MQTT {version}")]
+
+    async def known(self, starter: str) -> str:
+        """Return what the running gateway says of a starter that it cannot read whole; empty: nothing.
+
+        BrokerError when the broker, or the right to read it, is missing.
+        """
+        topics = Topics(self._config.base)
+        told = await Sender(self._usable(), topics).retained(
+            topics.availability(starter), within_s=KNOWN_WITHIN_S
+        )
+        if told is None or told.get("state") == "online":
+            return ""
+        since = f" since {told['since']}" if told.get("since") else ""
+        return f"the gateway says: {told.get('state')}{since}: {told.get('reason') or 'no reason told'}"
+
+    async def read(self, starter: str, codes: Iterable[str]) -> dict[str, tuple[int, ...]]:
+        """Return the raw words of these rows, asked of the running gateway; what it refuses is left out.
+
+        BrokerError when the broker, the gateway or the right to ask is missing, or everything is refused.
+        """
+        settings = self._usable()
+        if not rights_of(self._config).is_allowed(self._client, verb=_VERB, starter=starter):
+            raise BrokerError(
+                f"no [[operator]] {self._client} may read it",
+                f'add one with client = "{self._client}", may = ["{_VERB}"], or name yours with --client',
+            )
+        rows: dict[str, tuple[int, ...]] = {}
+        refusal = ""
+        for code in codes:
+            order = Order(starter, self._client, _VERB, {"parameter": code}, operator=user_name())
+            sender = Sender(settings, Topics(self._config.base))
+            result = await sender.send(
+                order, now_s=time.time(), within_s=READ_WITHIN_S, on_phase=lambda _: None
+            )
+            if result is None:
+                raise BrokerError("the gateway gives no result", "is it allowed to read commands?")
+            if result.get("phase") == Phase.CONFIRMED:
+                rows[code] = _words(result)
+            else:
+                refusal = f"the gateway refuses to read it: {result.get('text')} [{result.get('code')}]"
+        if refusal and not rows:
+            raise BrokerError(refusal)
+        return rows
+
+    def _usable(self) -> BrokerSettings:
+        if self._settings is None:
+            raise BrokerError("the broker cannot be used", "see above")
+        return self._settings
+
+    def _settings_of(self, username: str | None, password_file: str | None) -> BrokerSettings:
+        return settings_of(
+            self._config, self._folder, tool=OWN_NAME, username=username, password_file=password_file
+        )
+
+
+async def _log_in(settings: BrokerSettings) -> str:
+    """Connect once and leave; return the version that the broker takes."""
+    session, version = await connected(settings, on_incoming=lambda _: None, on_ack=lambda _, __: None)
+    await session.disconnect()
+    return version.value
+
+
+def _words(result: Mapping[str, Any]) -> tuple[int, ...]:
+    raw = result.get("raw")
+    return tuple(int(word) for word in raw) if isinstance(raw, list) else ()

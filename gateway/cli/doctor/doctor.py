@@ -1,0 +1,91 @@
+"""`starter-gateway doctor`: what on this machine or in these starters would bite; nothing is changed."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+from pathlib import Path
+
+from gateway.app.capacity import prospects_of
+from gateway.cli.command import Subparsers
+from gateway.cli.doctor.broker import OWN_NAME, BrokerAccess
+from gateway.cli.doctor.finding import Remark
+from gateway.cli.doctor.machine import clock_remark, latency_remark, state_dir_remark, wear_remarks
+from gateway.cli.doctor.starters import LineCheckup
+from gateway.cli.operator_login import add_login, checked_client, user_name
+from gateway.config.convert import timing_of
+from gateway.config.load import load
+from gateway.config.schema import Config
+from gateway.families.diagnosis.findings import Weight
+from gateway.line.port.event_loop import new_precise_loop
+from gateway.line.port.opener import SerialOpener
+from gateway.system.clock import SystemClock
+
+
+def add_parser(subparsers: Subparsers) -> None:
+    """Add the command's parser."""
+    parser = subparsers.add_parser(
+        "doctor",
+        description="Tell what on this machine or in these starters would bite: ports, adapters, clock, state"
+        " directory, broker, command sources and communication watchdogs. Nothing is changed; exit code 1"
+        " when something bites. Run it as the gateway's user.",
+    )
+    parser.add_argument("config", metavar="CONFIG", help="the gateway's configuration")
+    who = f"the operator as whom a running gateway is asked, else --username, else {OWN_NAME}"
+    add_login(parser, client=who)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print one remark a line, and how many of them bite."""
+    config = load(args.config)
+    folder = Path(args.config).parent
+    broker = BrokerAccess(
+        config,
+        folder,
+        client=checked_client(args.client or args.username or OWN_NAME),
+        username=args.username,
+        password_file=args.password_file,
+    )
+    print(f"{args.config}, looked at by user {user_name() or 'without a name'}")
+    with asyncio.Runner(loop_factory=new_precise_loop) as runner:
+        remarks = runner.run(_examine(config, folder, broker))
+    return verdict(remarks)
+
+
+def verdict(remarks: list[Remark]) -> int:
+    """Print the sum of the remarks and return the exit code."""
+    errors = sum(remark.weight is Weight.ERROR for remark in remarks)
+    warnings = sum(remark.weight is Weight.WARNING for remark in remarks)
+    if not any(remark.bites for remark in remarks):
+        print("nothing bites")
+        return 0
+    print(f"{_count(errors, 'error')}, {_count(warnings, 'warning')}")
+    return 1
+
+
+async def _examine(config: Config, folder: Path, broker: BrokerAccess) -> list[Remark]:
+    remarks: list[Remark] = []
+
+    def tell(remark: Remark | None) -> None:
+        if remark is not None:
+            remarks.append(remark)
+            print(remark, flush=True)
+
+    tell(clock_remark())
+    state_dir = folder / config.gateway.state_dir
+    tell(state_dir_remark(state_dir))
+    for remark in wear_remarks(state_dir):
+        tell(remark)
+    for remark in await broker.remarks():
+        tell(remark)
+    for prospect in prospects_of(config):
+        table = prospect.table
+        opener = SerialOpener(table.port, table.baud, timing_of(table).framing)
+        checkup = LineCheckup(prospect, opener, broker=broker, clock=SystemClock(), state_dir=state_dir)
+        await checkup.run(tell)
+        tell(latency_remark(table.port, f"line {table.name}"))
+    return remarks
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"

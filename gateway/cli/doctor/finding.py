@@ -1,0 +1,24 @@
+"""What `doctor` says: one sentence about one thing, and whether it bites."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gateway.families.diagnosis.findings import Weight
+
+
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """One thing looked at; `weight` is None when all is well."""
+
+    where: str
+    text: str
+    weight: Weight | None = None
+
+    @property
+    def bites(self) -> bool:
+        """Return whether somebody should do something about it."""
+        return self.weight in (Weight.WARNING, Weight.ERROR)
+
+    def __str__(self) -> str:
+        return f"{self.weight or 'ok':8}{self.where}: {self.text}"

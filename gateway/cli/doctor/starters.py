@@ -1,0 +1,138 @@
+"""What in the starters would bite: asked directly, or through the gateway that holds their port."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from gateway.app.capacity import LineProspect
+from gateway.cli.doctor.broker import BrokerAccess
+from gateway.cli.doctor.finding import Remark
+from gateway.cli.parameters.restore import identity_trouble
+from gateway.config.convert import setups_of, timing_of
+from gateway.config.schema import LineTable
+from gateway.errors import BrokerError, CommandError, PortError, PortLostError
+from gateway.families.diagnosis.factory_settings import as_delivered
+from gateway.families.diagnosis.findings import Weight
+from gateway.families.diagnosis.readiness import readiness, readiness_codes
+from gateway.families.diagnosis.watchdogs import watchdogs
+from gateway.families.profile.identify import identify
+from gateway.families.profile.schema import Variant
+from gateway.families.reading.bulk import bulk_reads
+from gateway.line.client import LineClient
+from gateway.line.direct import exclusive_line
+from gateway.line.port.base import PortOpener
+from gateway.records import Record, SequenceNumbers
+from gateway.starters.parameters.offline_starter import Bench
+from gateway.starters.setup import StarterSetup, merged
+from gateway.system.clock import Clock
+
+BUSY = "busy"  # PortError's reason when another program holds the port
+
+Rows = dict[str, tuple[int, ...]]
+
+
+class LineCheckup:
+    """One line's port and starters."""
+
+    def __init__(
+        self,
+        prospect: LineProspect,
+        opener: PortOpener,
+        *,
+        broker: BrokerAccess,
+        clock: Clock,
+        state_dir: Path,
+    ) -> None:
+        self._table: LineTable = prospect.table
+        self._gaps_s = {starter.table.name: starter.gap_s for starter in prospect.starters}
+        self._opener = opener
+        self._broker = broker
+        self._clock = clock
+        self._state_dir = state_dir
+        self._where = f"line {prospect.table.name}"
+
+    async def run(self, tell: Callable[[Remark], None]) -> None:
+        """Look at everything; `tell` hears of each remark at once."""
+        setups = [setup for setup in setups_of(self._table) if setup.is_enabled]
+        try:
+            async with exclusive_line(
+                self._table.name,
+                self._opener,
+                timing_of(self._table),
+                allowance_s=self._table.adapter_allowance_s,
+            ) as line:
+                tell(Remark(self._where, f"{self._table.port} opens"))
+                for setup in setups:
+                    await self._ask_directly(setup, line, tell)
+        except PortLostError as error:
+            tell(Remark(self._where, str(error), Weight.ERROR))
+        except PortError as error:
+            if error.reason != BUSY:
+                tell(Remark(self._where, str(error), Weight.ERROR))
+                return
+            tell(Remark(self._where, f"{self._table.port} is in use; the gateway is asked over MQTT"))
+            for setup in setups:
+                await self._ask_the_gateway(setup, tell)
+
+    async def _ask_directly(
+        self, setup: StarterSetup, line: LineClient, tell: Callable[[Remark], None]
+    ) -> None:
+        bench = Bench(setup, line=line, sink=_Nobody(), clock=self._clock, sequence=SequenceNumbers())
+        where = f"starter {setup.name}"
+        try:
+            await bench.identify()
+            rows = (await bench.read(bulk_reads(setup.profile, readiness_codes(setup.profile)))).rows
+        except CommandError as error:
+            tell(Remark(where, error.text, Weight.ERROR))
+            return
+        tell(Remark(where, f"is {bench.variant.model or setup.profile.title}"))
+        trouble = identity_trouble(self._state_dir, setup, bench.identity)
+        if trouble:
+            tell(Remark(where, f"commands would be held: {trouble}", Weight.ERROR))
+        self._judge(setup, bench.variant, rows, tell)
+        for dog in watchdogs(setup.profile, bench.variant, rows)[:1]:
+            what = f"{dog.code} runs since this look: the gateway must poll within {dog.after_s:g} s"
+            tell(Remark(where, what, Weight.NOTE))
+
+    async def _ask_the_gateway(self, setup: StarterSetup, tell: Callable[[Remark], None]) -> None:
+        where = f"starter {setup.name}"
+        slots = ("S3.5.1", "S3.5.2") if len(setup.profile.command_word) > 1 else ()
+        try:
+            known = await self._broker.known(setup.name)
+            if known:
+                tell(Remark(where, known, Weight.ERROR))
+            if known.startswith("the gateway says: offline"):
+                return  # every question would be refused
+            rows = await self._broker.read(setup.name, readiness_codes(setup.profile))
+        except BrokerError as error:
+            tell(Remark(where, f"cannot be asked: {error}", Weight.WARNING))
+            return
+        if not rows:
+            what = "the gateway reads nothing of it: see its availability and its events"
+            tell(Remark(where, what, Weight.ERROR))
+            return
+        tell(Remark(where, "answers the gateway"))
+        variant = setup.variant
+        if all(code in rows for code in slots) and slots:
+            contents = tuple(rows[code][0] for code in slots)
+            variant = merged(variant, identify(setup.profile, {"slots": contents}))
+        self._judge(setup, variant, rows, tell)
+
+    def _judge(
+        self, setup: StarterSetup, variant: Variant, rows: Rows, tell: Callable[[Remark], None]
+    ) -> None:
+        gap_s = self._gaps_s.get(setup.name)
+        findings = readiness(setup.profile, variant, rows, gap_s=gap_s, watchdog_s=setup.watchdog_s)
+        for finding in findings:
+            tell(Remark(f"starter {setup.name}", finding.text, finding.weight))
+        delivered = as_delivered(setup.profile, variant, rows)
+        if delivered:
+            tell(Remark(f"starter {setup.name}", delivered))
+
+
+class _Nobody:
+    """Hears nothing: the remarks say it all."""
+
+    def put(self, record: Record) -> None:
+        """Leave a record."""

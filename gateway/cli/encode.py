@@ -1,0 +1,83 @@
+"""`starter-gateway encode`: the frames that a command would send, byte by byte."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from typing import Any
+
+from gateway.cli.arguments import arguments, whole_number
+from gateway.cli.command import Subparsers
+from gateway.errors import CommandError, UsageError
+from gateway.families.command.build import build, prepare
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.schema import Profile, Variant
+from gateway.modbus import adu
+from gateway.modbus.pdu import Request
+
+_WRONG_WORDS = ("unknown_verb", "bad_arguments", "unknown_parameter")
+_MENDS = {"slot_unknown": "give --slot 1 or --slot 2", "word_unknown": "give --last-word"}
+
+
+def add_parser(subparsers: Subparsers) -> None:
+    """Add the command's parser."""
+    parser = subparsers.add_parser(
+        "encode", description="Print the request frames of a command: hex, CRC included, one a line."
+    )
+    parser.add_argument("family", metavar="FAMILY", help="ssw06, ssw07, ssw900 or sst")
+    parser.add_argument("address", metavar="ADDRESS", help="of the starter, 1..247")
+    parser.add_argument("verb", metavar="VERB", help="start, stop, reset, set, read ...")
+    parser.add_argument("args", metavar="KEY=VALUE", nargs="*", help="e.g. parameter=P314 value=30")
+    parser.add_argument("--last-word", metavar="N", help="the word in force, as last read or written")
+    parser.add_argument("--slot", choices=("1", "2"), help="of the SSW900's RS-485 accessory")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print all writes of the command in their order, read-backs left out; no port is opened."""
+    profile = load_profile(args.family)
+    address = whole_number(args.address, "ADDRESS", low=1, high=247)
+    variant = Variant.model_validate({"slot": _slot(profile, args.slot)})
+    seen = _seen(profile, variant, args.last_word)
+    values = arguments(args.args)
+    try:
+        requests = _requests(profile, variant, args.verb, values, seen=seen)
+    except CommandError as error:
+        if error.code in _WRONG_WORDS:
+            raise UsageError(error.text) from error
+        if error.code in _MENDS:
+            raise UsageError(f"{error.text} ({_MENDS[error.code]})") from error
+        raise
+    for request in requests:
+        print(adu.encode(address, request.encode()).hex(" ").upper())
+    return 0
+
+
+def _slot(profile: Profile, slot: str | None) -> int | None:
+    if slot is not None and len(profile.command_word) < 2:
+        raise UsageError(f"{profile.family} has no slots (leave --slot out)")
+    return None if slot is None else int(slot)
+
+
+def _seen(profile: Profile, variant: Variant, last_word: str | None) -> dict[str, tuple[int, ...]]:
+    if last_word is None:
+        return {}
+    if not profile.command_word:
+        raise UsageError(f"{profile.family} has no command word (leave --last-word out)")
+    word = whole_number(last_word, "--last-word", low=0, high=0xFFFF)
+    codes = profile.command_word if variant.slot is None else (profile.command_word[variant.slot - 1],)
+    outputs = (output.word for output in profile.outputs.values())  # of the verb `output`
+    return dict.fromkeys((*codes, *outputs), (word,))
+
+
+def _requests(
+    profile: Profile,
+    variant: Variant,
+    verb: str,
+    args: Mapping[str, Any],
+    *,
+    seen: dict[str, tuple[int, ...]],
+) -> list[Request]:
+    preparation = prepare(profile, variant, verb, args)
+    if verb == "read":
+        return [read.request for read in preparation.reads]
+    return [step.request for step in build(profile, variant, verb, args, seen=seen).steps]

@@ -1,0 +1,121 @@
+"""The command line: chooses a command, and turns what it raises into one line and an exit code."""
+
+from __future__ import annotations
+
+# PYTHON_ARGCOMPLETE_OK
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from typing import NoReturn, cast
+
+from gateway import __version__
+from gateway.cli.command import Command
+from gateway.errors import ConfigError, GatewayError, UsageError
+
+PROGRAM = "starter-gateway"
+DONE, FAILED, USAGE, BAD_CONFIG = 0, 1, 2, 78  # 78 is EX_CONFIG of sysexits.h
+
+COMMANDS = {
+    "run": "run the gateway of a configuration",
+    "demo": "show everything on this machine: simulated starters, broker, gateway",
+    "check": "validate a configuration and print the budget of its lines",
+    "simulate": "put the starters of a configuration on simulated lines",
+    "scan": "find and identify the starters on a port, by reads only",
+    "doctor": "tell what on this machine or in these starters would bite",
+    "parameters": "save, compare and restore the parameters of a starter",
+    "send": "send a command over MQTT and show what becomes of it",
+    "audit": "show or verify what was asked of the starters and by whom",
+    "capture": "record a running gateway's lines for Wireshark",
+    "decode": "decode words read from a starter",
+    "encode": "print the frames that a command would send",
+    "schema": "print the JSON Schema of the configuration",
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command that the arguments name and return the exit code."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    chosen = next((word for word in arguments if word in COMMANDS), None)
+    try:
+        args = _parse(_parser(chosen), arguments)
+    except SystemExit as leaving:  # argparse has said why: help, version or a wrong word
+        return int(leaving.code or DONE)
+    try:
+        code = _load(args.command).run(args)
+        sys.stdout.flush()
+    except GatewayError as error:
+        for line in str(error).splitlines():
+            print(f"{PROGRAM}: {line}", file=sys.stderr)
+        return _exit_code(error)
+    except BrokenPipeError:  # whoever read our output has had enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except KeyboardInterrupt:
+        return FAILED
+    return code
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(USAGE, f"{PROGRAM}: {message} (see {self.prog} --help)\n")
+
+
+class _Help(argparse.HelpFormatter):
+    """Keeps each command on one line; argparse forgets that they stand two columns further in."""
+
+    def __init__(self, prog: str) -> None:
+        super().__init__(prog)
+        self._action_max_length = 4 + max(map(len, COMMANDS))
+
+
+def _parser(chosen: str | None) -> argparse.ArgumentParser:
+    """Return a parser that knows the chosen command's arguments; the other commands are not even imported."""
+    parser = _Parser(
+        prog=PROGRAM,
+        description="Motor soft-starters on RS-485 lines, by MQTT. It is not a safety function.",
+        epilog="exit codes: 0 done, 1 failed, 2 usage, 78 bad configuration",
+        formatter_class=_Help,
+    )
+    parser.add_argument("--version", action="version", version=f"{PROGRAM} {__version__}")
+    subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    is_completing = "_ARGCOMPLETE" in os.environ
+    for name, about in COMMANDS.items():
+        if name == chosen or is_completing:
+            _load(name).add_parser(subparsers)
+        else:
+            subparsers.add_parser(name, help=about)
+    if is_completing:
+        _complete(parser)
+    return parser
+
+
+def _parse(parser: argparse.ArgumentParser, arguments: list[str]) -> argparse.Namespace:
+    """Return the parsed arguments; KEY=VALUE words may follow an option too, which argparse forbids."""
+    args, left = parser.parse_known_args(arguments)
+    if left and (not hasattr(args, "args") or any(word.startswith("-") for word in left)):
+        parser.error(f"unrecognized arguments: {' '.join(left)}")
+    if left:
+        args.args += left
+    return args
+
+
+def _load(name: str) -> Command:
+    return cast(Command, importlib.import_module(f"gateway.cli.{name}"))
+
+
+def _complete(parser: argparse.ArgumentParser) -> None:
+    try:
+        import argcomplete
+    except ImportError:  # an optional extra
+        return
+    argcomplete.autocomplete(parser)
+
+
+def _exit_code(error: GatewayError) -> int:
+    if isinstance(error, ConfigError):
+        return BAD_CONFIG
+    return USAGE if isinstance(error, UsageError) else FAILED

@@ -1,0 +1,143 @@
+"""One starter of a configuration, reached directly through its line's port."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Self
+
+from gateway.cli.progress import Progress
+from gateway.config.convert import setups_of, timing_of
+from gateway.config.load import load
+from gateway.config.schema import LineTable
+from gateway.errors import PortError, UsageError
+from gateway.families.profile.procedure import Read
+from gateway.families.reading.bulk import bulk_reads, readable_codes
+from gateway.line.direct import exclusive_line
+from gateway.line.port.base import PortOpener
+from gateway.line.port.event_loop import new_precise_loop
+from gateway.line.port.opener import SerialOpener
+from gateway.line.rtu.timeouts import request_wire_s
+from gateway.modbus.timing import LineTiming
+from gateway.records import Record, SequenceNumbers
+from gateway.starters.bulk_read import BulkReading
+from gateway.starters.parameters.model import ParameterSet, entries_of
+from gateway.starters.parameters.offline_starter import Bench
+from gateway.starters.setup import StarterSetup
+from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
+from gateway.system.clock import Clock, SystemClock
+
+_ADU_EXTRA = 3  # bytes around a PDU: unit and CRC
+
+
+@dataclass(frozen=True, slots=True)
+class LiveStarter:
+    """Where a starter is."""
+
+    setup: StarterSetup
+    opener: PortOpener
+    timing: LineTiming
+    allowance_s: float
+    clock: Clock
+    state_dir: Path  # of the gateway, which knows the starter
+    neighbours: tuple[StarterSetup, ...] = ()  # all starters of its line
+
+    @classmethod
+    def find(cls, config_path: str, name: str) -> Self:
+        """Return a starter of a configuration; ConfigError, UsageError when there is none of that name."""
+        config = load(config_path)
+        state_dir = Path(config_path).parent / config.gateway.state_dir
+        for line in config.lines:
+            for setup in setups_of(line):
+                if setup.name == name:
+                    return cls.on(line, setup, state_dir=state_dir)
+        names = [starter.name for line in config.lines for starter in line.starters]
+        raise UsageError(f"no starter {name!r} (one of {', '.join(names)})")
+
+    @classmethod
+    def on(cls, line: LineTable, setup: StarterSetup, *, state_dir: Path) -> Self:
+        """Return a starter of a line."""
+        timing = timing_of(line)
+        opener = SerialOpener(line.port, line.baud, timing.framing)
+        return cls(setup, opener, timing, line.adapter_allowance_s, SystemClock(), state_dir, setups_of(line))
+
+    @asynccontextmanager
+    async def bench(self, watchdogs: KnownWatchdogs | None = None) -> AsyncIterator[Bench]:
+        """Open the port and identify the starter; PortError, CommandError."""
+        name, allowance_s = self.setup.line, self.allowance_s
+        try:
+            async with exclusive_line(name, self.opener, self.timing, allowance_s=allowance_s) as line:
+                bench = Bench(
+                    self.setup,
+                    line=line,
+                    sink=_Nobody(),
+                    clock=self.clock,
+                    sequence=SequenceNumbers(),
+                    watchdogs=watchdogs,
+                )
+                await bench.identify()
+                yield bench
+        except PortError as error:
+            if error.reason != "busy":
+                raise
+            mend = "stop the gateway for the time being: this command needs the port for itself"
+            raise PortError(error.port, "a gateway or another program holds it", mend) from error
+
+
+class _Nobody:
+    """Hears nothing: the command itself tells what happens."""
+
+    def put(self, record: Record) -> None:
+        """Leave a record."""
+
+
+def save_live(live: LiveStarter, progress: Progress, *, with_unnamed: bool = False) -> ParameterSet:
+    """Read a starter's set in real time."""
+    with asyncio.Runner(loop_factory=new_precise_loop) as runner:
+        return runner.run(save(live, progress, with_unnamed=with_unnamed))
+
+
+async def save(live: LiveStarter, progress: Progress, *, with_unnamed: bool = False) -> ParameterSet:
+    """Return everything that a starter tells, showing how far the reading is."""
+    async with live.bench() as bench:
+        codes = readable_codes(bench.profile, with_unnamed=with_unnamed)
+        reading = await read_with_progress(bench, bulk_reads(bench.profile, codes), progress)
+        return ParameterSet(
+            starter=live.setup.name,
+            family=bench.profile.family,
+            taken=datetime.fromtimestamp(live.clock.utc_s(), UTC).isoformat(timespec="seconds"),
+            model=bench.variant.model,
+            firmware=bench.variant.firmware,
+            serial=bench.identity.serial,
+            parameters=entries_of(bench.profile, bench.variant, reading.rows),
+            refused=reading.refused,
+        )
+
+
+async def read_with_progress(bench: Bench, reads: tuple[Read, ...], progress: Progress) -> BulkReading:
+    """Carry out many reads, showing the share of their wire time that is done and the time left."""
+    loop = asyncio.get_running_loop()
+    all_s = sum(wire_s(read, bench.line.timing) for read in reads)
+    began_s, done_s = loop.time(), 0.0
+
+    def tell(read: Read) -> None:
+        nonlocal done_s
+        done_s = min(done_s + wire_s(read, bench.line.timing), all_s)
+        left_s = (loop.time() - began_s) * (all_s - done_s) / done_s
+        progress.show(done_s / all_s, f"{bench.setup.name}: {read.codes[-1]}", left_s=left_s)
+
+    try:
+        return await bench.read(reads, tell=tell)
+    finally:
+        progress.end()
+
+
+def wire_s(read: Read, timing: LineTiming) -> float:
+    """Return how long a read and its reply are on the wire, with the silence before each."""
+    reply_size = read.request.reply_size() or 0
+    reply_s = timing.wire_s(reply_size + _ADU_EXTRA)
+    return request_wire_s(read.request, timing) + reply_s + 2 * timing.silence_s

@@ -1,0 +1,240 @@
+"""`parameters restore`: a saved set is put back, or it is told what that would change.
+
+Whether the one who answers is the starter that the gateway knows: judged by what it has kept.
+
+Adds to the counts of writes to starters' memories that the gateway keeps; it does not run meanwhile.
+
+Whether a starter is locked for maintenance: as the gateway, which does not run now, has kept it.
+
+The watchdogs that the gateway has kept, for those who set parameters while it does not run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import signal
+from collections.abc import Callable, Collection, Iterable
+from contextlib import suppress
+from pathlib import Path
+
+from gateway.cli.parameters.live import LiveStarter, read_with_progress
+from gateway.cli.progress import Progress
+from gateway.errors import CommandError, DamagedError, StoreError, UsageError
+from gateway.families.profile.identify import Identity
+from gateway.families.reading.bulk import bulk_reads
+from gateway.line.port.event_loop import new_precise_loop
+from gateway.starters.identity.registry import IDENTITIES_FILE, stranger_in
+from gateway.starters.parameters.model import ParameterSet
+from gateway.starters.parameters.offline_starter import Bench
+from gateway.starters.parameters.restore import Restore, RestoreEnd
+from gateway.starters.parameters.restore_plan import Change, RestorePlan, plan_restore, restore_codes
+from gateway.starters.policy.lock import refusal
+from gateway.starters.policy.motor_history import PRECAUTIONS_FILE, Logbook
+from gateway.starters.policy.write_budget import WEAR_FILE, totals_in
+from gateway.starters.setup import StarterSetup
+from gateway.starters.telemetry.known_watchdogs import WATCHDOGS_FILE, KnownWatchdogs
+from gateway.storage.json_file import FileMemory, Memory, NoMemory
+from gateway.storage.private_files import keep_private
+from gateway.system.clock import read_clocks
+
+
+def identity_trouble(state_dir: Path, setup: StarterSetup, identity: Identity) -> str:
+    """Return what speaks against this starter; empty when nothing does, or when none was ever seen before."""
+    try:
+        stranger = stranger_in(FileMemory(state_dir / IDENTITIES_FILE).load() or {}, setup, identity)
+    except DamagedError as error:
+        return f"whether it is the starter that the gateway knows cannot be told: {error}"
+    return "" if stranger is None else stranger.text
+
+
+def count_writes(state_dir: Path, starter: str, writes: int) -> str:
+    """Count so many more writes; return in words why that cannot be, empty when it was done.
+
+    Where no gateway has ever run there is nothing to add to.
+    """
+    if not writes or not state_dir.is_dir():
+        return ""
+    memory = FileMemory(state_dir / WEAR_FILE)
+    try:
+        totals = totals_in(memory.load() or {"writes": {}})
+        memory.write({"writes": {**totals, starter: totals.get(starter, 0) + writes}})
+    except (DamagedError, StoreError) as error:
+        return f"writes to the memory of {starter} that are not counted: {writes}; {error}"
+    return ""
+
+
+def lock_trouble(state_dir: Path, starter: str) -> CommandError | None:
+    """Return why nothing may be set in this starter; None when it is not locked."""
+    logbook = Logbook([starter])
+    try:
+        document = FileMemory(state_dir / PRECAUTIONS_FILE).load()
+        if document is not None:
+            logbook.restore(document, now_s=0.0, reading=read_clocks())
+    except DamagedError as error:
+        text = f"whether {starter} is locked cannot be read: {error}; run the gateway, look, then unlock"
+        return CommandError("locked", text)
+    lock = logbook.lock_of(starter)
+    return None if lock is None else refusal(lock)
+
+
+class _ReadOnly(NoMemory):
+    """Gives what a file holds; it is written once, at the end."""
+
+    def __init__(self, memory: Memory) -> None:
+        self.load = memory.load  # type: ignore[method-assign] # all else is nothing
+
+
+def known_watchdogs(state_dir: Path, starters: Iterable[StarterSetup]) -> KnownWatchdogs:
+    """Return what the gateway knew last of the starters of a line."""
+    watchdogs = KnownWatchdogs(memory=_ReadOnly(FileMemory(state_dir / WATCHDOGS_FILE)))
+    for setup in starters:
+        watchdogs.add(setup)
+    return watchdogs
+
+
+def save_watchdogs(state_dir: Path, watchdogs: KnownWatchdogs) -> str:
+    """Have the next run know these from its first poll on; return why that cannot be, empty when it was done.
+
+    Where no gateway has ever run there is nothing to add to.
+    """
+    if not state_dir.is_dir():
+        return ""
+    try:
+        FileMemory(state_dir / WATCHDOGS_FILE).write(watchdogs.to_document())
+    except StoreError as error:
+        return f"the next run does not know the watchdogs until it has read them: {error}"
+    return ""
+
+
+def run_restore(live: LiveStarter, wanted: ParameterSet, args: argparse.Namespace, progress: Progress) -> int:
+    """Restore in real time and return the exit code."""
+    if wanted.family != live.setup.profile.family:
+        what = f"the file is of family {wanted.family}, {live.setup.name} of {live.setup.profile.family}"
+        raise UsageError(f"{what}: choose another file")
+    keep_private(live.state_dir)
+    with asyncio.Runner(loop_factory=new_precise_loop) as runner:
+        return runner.run(
+            restore(
+                live,
+                wanted,
+                progress,
+                is_dry=args.dry_run,
+                is_other_model=args.other_model,
+                with_sources=args.command_sources,
+            )
+        )
+
+
+async def restore(
+    live: LiveStarter,
+    wanted: ParameterSet,
+    progress: Progress,
+    *,
+    is_dry: bool = False,
+    is_other_model: bool = False,
+    with_sources: bool = False,
+) -> int:
+    """Restore what differs; 0 when the starter then holds everything that can be written."""
+    watchdogs = known_watchdogs(live.state_dir, live.neighbours)
+    async with live.bench(watchdogs) as bench:
+        _check_lock(live, is_dry=is_dry)
+        _check_identity(live, bench, is_dry=is_dry)
+        _check_model(bench, wanted, is_other_model=is_other_model)
+        reads = bulk_reads(bench.profile, restore_codes(bench.profile, wanted))
+        seen = (await read_with_progress(bench, reads, progress)).rows
+        plan = plan_restore(bench.profile, bench.variant, wanted=wanted, seen=seen, with_sources=with_sources)
+        _show_plan(plan, bench.profile.protected.command_sources, is_dry=is_dry)
+        watchdogs.note(live.setup.name, seen)
+        await _check_watchdog(live, watchdogs, plan, is_dry=is_dry)
+        if is_dry or not plan.changes:
+            return 0
+        work = Restore(bench, plan, clock=live.clock)
+        with suppress(NotImplementedError, ValueError):  # only the main thread's loop hears signals
+            asyncio.get_running_loop().add_signal_handler(signal.SIGINT, work.interrupt)
+        try:
+            end = await work.run(_teller(plan, progress))
+        finally:
+            trouble = count_writes(live.state_dir, live.setup.name, work.writes)
+            trouble = trouble or save_watchdogs(live.state_dir, watchdogs)
+        code = _show_end(end, progress)
+        if trouble:
+            print(trouble)
+        return code
+
+
+def _check_lock(live: LiveStarter, *, is_dry: bool) -> None:
+    """Let nothing be written while the starter is locked for maintenance: the gateway would refuse it too."""
+    trouble = lock_trouble(live.state_dir, live.setup.name)
+    if trouble is not None and not is_dry:
+        raise CommandError(trouble.code, f"{live.setup.name}: {trouble.text}; nothing was written")
+    if trouble is not None:
+        print(f"would be refused: {trouble.text}")
+
+
+def _check_identity(live: LiveStarter, bench: Bench, *, is_dry: bool) -> None:
+    """Let nothing be written to a starter that the gateway itself would not command."""
+    trouble = identity_trouble(live.state_dir, live.setup, bench.identity)
+    if trouble and not is_dry:
+        raise CommandError("identity_changed", f"{live.setup.name}: {trouble}; nothing was written")
+    if trouble:
+        print(f"would be refused: {trouble}")
+
+
+async def _check_watchdog(
+    live: LiveStarter, watchdogs: KnownWatchdogs, plan: RestorePlan, *, is_dry: bool
+) -> None:
+    """Let nothing be written that sets a watchdog which the line cannot keep; CommandError."""
+    rows = {change.code: tuple(change.after.raw or ()) for change in plan.changes}
+    try:
+        await watchdogs.check(live.setup.name, rows)
+    except CommandError as error:
+        if not is_dry:
+            raise CommandError(error.code, f"{error.text}; nothing was written") from error
+        print(f"would be refused: {error.text}")
+
+
+def _check_model(bench: Bench, wanted: ParameterSet, *, is_other_model: bool) -> None:
+    here = bench.variant.model
+    if wanted.model and here and wanted.model != here and not is_other_model:
+        what = f"the file was saved from {wanted.model!r}, this is {here!r}"
+        raise UsageError(f"{what} (--other-model restores it nevertheless)")
+
+
+def _show_plan(plan: RestorePlan, sources: Collection[str], *, is_dry: bool) -> None:
+    for code, why in plan.left.items():
+        mend = " (--command-sources restores it too)" if code in sources else ""
+        print(f"left as it is: {code}: {why}{mend}")
+    if not plan.changes:
+        print("nothing to write: the starter holds these settings already")
+        return
+    for change in plan.changes:
+        print(f"{'would write' if is_dry else 'to write'}: {change.text}")
+
+
+def _teller(plan: RestorePlan, progress: Progress) -> Callable[[tuple[Change, ...]], None]:
+    """Return what shows how many of the changes are written, and how long the others will take."""
+    loop = asyncio.get_running_loop()
+    began_s, done = loop.time(), 0
+
+    def tell(group: tuple[Change, ...]) -> None:
+        nonlocal done
+        left_s = (loop.time() - began_s) / done * (len(plan.changes) - done) if done else None
+        progress.show(done / len(plan.changes), f"writing {group[0].code}", left_s=left_s)
+        done += len(group)
+
+    return tell
+
+
+def _show_end(end: RestoreEnd, progress: Progress) -> int:
+    progress.end()
+    written = ", ".join(change.code for change in end.done) or "nothing"
+    print(f"written and read back: {written}")
+    for note in end.notes:
+        print(note)
+    if end.failure is not None:
+        codes = ", ".join(change.code for change in end.failed)
+        print(f"{end.failure.phase.value}: {codes}: {end.failure.text} [{end.failure.code}]")
+    if end.untried:
+        print(f"not tried: {', '.join(change.code for change in end.untried)}")
+    return 0 if end.failure is None and not end.untried else 1

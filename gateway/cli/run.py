@@ -1,0 +1,84 @@
+"""`starter-gateway run`: the service."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import faulthandler
+import logging
+import os
+import signal
+import sys
+from pathlib import Path
+
+from gateway.app.gateway import App
+from gateway.app.reload import Reload
+from gateway.app.site import Site
+from gateway.cli.command import Subparsers
+from gateway.config.schema import Config
+from gateway.storage.private_files import keep_private
+from gateway.system.instance_lock import instance_lock
+from gateway.system.log_once import TraceFilter
+from gateway.system.log_thread import BackgroundHandler
+from gateway.system.systemd import Notifier, PriorityFormatter, is_journal, watchdog_interval_s
+
+
+def add_parser(subparsers: Subparsers) -> None:
+    """Add the command's parser."""
+    parser = subparsers.add_parser(
+        "run", description="Run the gateway. SIGTERM ends it in order, SIGHUP reads the configuration again."
+    )
+    parser.add_argument("config", metavar="CONFIG", help="the site's TOML file")
+    parser.add_argument("-v", "--verbose", action="store_true", help="log every frame")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run until SIGTERM or SIGINT; ConfigError when the configuration is wrong, StartError beside another."""
+    path = Path(args.config)
+    site = Site.read(path, os.environ)
+    faulthandler.enable()  # systemd's SIGABRT ends a hang: it is to say where
+    log_to_stderr(is_verbose=args.verbose)
+    with instance_lock(site.state_dir):
+        keep_private(site.state_dir)
+        asyncio.run(_serve(path, site))
+    return 0
+
+
+async def serve(path: Path, config: Config, password: str | None) -> None:
+    """Run a gateway until it is asked to end; SIGHUP has it read the file anew."""
+    await _serve(path, Site.of(config, folder=path.parent, password=password))
+
+
+async def _serve(path: Path, site: Site) -> None:
+    notifier = Notifier(os.environ)
+    loop = asyncio.get_running_loop()
+    ending: asyncio.Future[str] = loop.create_future()
+    app = App(site, notifier=notifier, watchdog_every_s=watchdog_interval_s(os.environ))
+    reload = Reload(lambda: Site.read(path, os.environ), app, notifier)
+
+    def end(reason: str) -> None:
+        if not ending.done():
+            notifier.stopping(reason)
+            reload.cancel()
+            ending.set_result(reason)
+
+    def begin_reload() -> None:
+        if not ending.done():
+            reload.begin()
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, end, f"ended by {number.name}")
+    loop.add_signal_handler(signal.SIGHUP, begin_reload)
+    await app.run(ending)
+
+
+def log_to_stderr(*, is_verbose: bool) -> None:
+    """Log to stderr without waiting for it: for people with the time, for the journal with priorities."""
+    handler = BackgroundHandler(sys.stderr.fileno())
+    handler.addFilter(TraceFilter())
+    if is_journal(os.environ, sys.stderr):
+        handler.setFormatter(PriorityFormatter())
+    else:
+        handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+    logging.basicConfig(level=logging.DEBUG if is_verbose else logging.INFO, handlers=[handler], force=True)
+    logging.getLogger("asyncio").setLevel(logging.WARNING)

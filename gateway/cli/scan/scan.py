@@ -1,0 +1,159 @@
+"""`starter-gateway scan`: which starters are on a port, at which rate, framing and address; by reads only."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import os
+import re
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import get_args
+
+from gateway.cli.arguments import whole_number
+from gateway.cli.command import Subparsers
+from gateway.cli.progress import Progress
+from gateway.cli.scan.config_text import config_text, told
+from gateway.cli.scan.search import (
+    ADDRESSES,
+    BAUDS,
+    FRAMINGS,
+    Find,
+    Search,
+    Step,
+    Wish,
+    timings_in_order,
+    why_not,
+)
+from gateway.config.schema import Baud, FramingText
+from gateway.errors import UsageError
+from gateway.line.port.base import PortOpener
+from gateway.line.port.event_loop import new_precise_loop
+from gateway.line.port.opener import SerialOpener
+from gateway.modbus.timing import LineTiming
+
+BY_ID = Path("/dev/serial/by-id")
+
+_RANGE = re.compile(r"(\d+)(?:-(\d+))?")
+
+
+def add_parser(subparsers: Subparsers) -> None:
+    """Add the command's parser."""
+    parser = subparsers.add_parser(
+        "scan",
+        description="Find and identify the starters on a port, and print a configuration for them. Only reads"
+        " are sent, so it may be used while motors run; but a request, of whatever kind, starts the"
+        " communication watchdog of a starter that has one, and the end of the scan lets it act.",
+    )
+    parser.add_argument("port", metavar="PORT", help="/dev/... or socket://host:port; no gateway may hold it")
+    parser.add_argument("--baud", metavar="N,..", help=f"rates to try, else {_list(BAUDS)}")
+    parser.add_argument("--framing", metavar="F,..", help=f"framings to try, else {_list(FRAMINGS)}")
+    parser.add_argument("--address", metavar="N-N,..", default="1-247", help="addresses to try, else 1-247")
+    parser.add_argument(
+        "--reply-within", metavar="S", type=float, default=0.05, help="what a unit may take to answer (0.05)"
+    )
+    parser.add_argument(
+        "--thorough", action="store_true", help="ask each address with four requests, not one"
+    )
+    parser.add_argument(
+        "--all", action="store_true", help="try every setting; else the first one with a find is the last"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Scan, and print the configuration; 1 when no starter was found."""
+    wish = wish_of(args)
+    port = args.port if "://" in args.port else os.path.abspath(args.port)
+
+    def open_with(timing: LineTiming) -> PortOpener:
+        return SerialOpener(port, timing.baud, timing.framing)
+
+    progress = Progress()
+    with asyncio.Runner(loop_factory=new_precise_loop) as runner:
+        found = runner.run(scan(wish, open_with, progress))
+    return show(found, stable_name(port), progress)
+
+
+async def scan(wish: Wish, open_with: Callable[[LineTiming], PortOpener], progress: Progress) -> list[Find]:
+    """Return what answers, and tell how far the search is."""
+
+    def step(now: Step) -> None:
+        what = f"{now.timing.baud} {now.timing.framing} address {now.address}"
+        progress.show(now.share, what, left_s=now.left_s)
+
+    def find(one: Find) -> None:
+        progress.say(f"address {one.address} at {one.timing.baud} {one.timing.framing}: {told(one)}")
+
+    try:
+        return await Search(wish, open_with, tell_step=step, tell_find=find).run()
+    finally:
+        progress.clear()
+
+
+def show(found: list[Find], port: str, progress: Progress) -> int:
+    """Print the configuration on stdout and what else is to be said on stderr; return the exit code."""
+    for find in found:
+        why = "" if find.profile is None else why_not(find.profile, find.timing)
+        if why:
+            progress.say(f"address {find.address} is left out: {why} (it may be heard at another one: --all)")
+        for dog in find.watchdogs:
+            left = f"its watchdog {dog.code} runs since this scan: after {dog.after_s:g} s it {dog.does}"
+            progress.say(f"address {find.address}: {left}")
+    text = config_text(port, found)
+    if not text:
+        what = "no starter was found" if not found else "nothing that was found can be configured"
+        progress.say(f"{what} (is Data+ on Data+? is another master on the line? try --thorough)")
+        return 1
+    print(text, end="")
+    return 0
+
+
+def wish_of(args: argparse.Namespace) -> Wish:
+    """Return what to search; UsageError for what cannot be."""
+    bauds = [whole_number(each, "--baud", low=1, high=10_000_000) for each in _split(args.baud)] or BAUDS
+    for baud in bauds:
+        if baud not in get_args(Baud):
+            raise UsageError(f"--baud {baud} is no rate of a line (one of {_list(get_args(Baud))})")
+    framings = [each.upper() for each in _split(args.framing)] or FRAMINGS
+    for framing in framings:
+        if framing not in get_args(FramingText):
+            raise UsageError(f"--framing {framing!r} is none (one of {_list(get_args(FramingText))})")
+    if not 0.005 <= args.reply_within <= 10:
+        raise UsageError(f"--reply-within {args.reply_within} is out of range (0.005..10)")
+    return Wish(
+        timings=timings_in_order(bauds, framings),
+        addresses=addresses_in(args.address),
+        response_time_s=args.reply_within,
+        is_thorough=args.thorough,
+        goes_on=args.all,
+    )
+
+
+def addresses_in(text: str) -> tuple[int, ...]:
+    """Return the addresses of a text such as 1-16,20; UsageError when it is none."""
+    found: dict[int, None] = {}
+    for part in _split(text):
+        match = _RANGE.fullmatch(part)
+        first, last = (int(match[1]), int(match[2] or match[1])) if match else (0, 0)
+        if first not in ADDRESSES or last not in ADDRESSES or first > last:
+            raise UsageError(f"--address {part!r} is none (1-247, or e.g. 1-16,20)")
+        found |= dict.fromkeys(range(first, last + 1))
+    if not found:
+        raise UsageError("--address names none (e.g. 1-247)")
+    return tuple(found)
+
+
+def stable_name(port: str, by_id: Path = BY_ID) -> str:
+    """Return the name under which the same adapter is found tomorrow, the port's own when there is none."""
+    if "://" in port or not by_id.is_dir():
+        return port
+    real = Path(port).resolve()
+    return next((str(each) for each in sorted(by_id.iterdir()) if each.resolve() == real), port)
+
+
+def _split(text: str | None) -> list[str]:
+    return [part.strip() for part in (text or "").split(",") if part.strip()]
+
+
+def _list(values: Iterable[object]) -> str:
+    return ", ".join(str(value) for value in values)

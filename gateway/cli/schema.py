@@ -1,0 +1,25 @@
+"""`starter-gateway schema`: what a configuration may hold, for editors and other programs."""
+
+from __future__ import annotations
+
+import argparse
+import json
+
+from gateway.cli.command import Subparsers
+from gateway.config.schema import Config
+
+
+def add_parser(subparsers: Subparsers) -> None:
+    """Add the command's parser."""
+    subparsers.add_parser("schema", description="Print the JSON Schema of the configuration.")
+
+
+def run(_args: argparse.Namespace) -> int:
+    """Print the schema; TOML's tables are JSON's objects."""
+    schema = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **Config.model_json_schema(),
+        "title": "Configuration of Starter Gateway",
+    }
+    print(json.dumps(schema, indent=2))
+    return 0

@@ -1,0 +1,128 @@
+"""`starter-gateway send`: a command over MQTT, as an operator's program would send it."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from gateway.cli.arguments import arguments, expectations
+from gateway.cli.command import Subparsers
+from gateway.cli.operator_login import add_login, checked_client, settings_of, user_name
+from gateway.config.load import load
+from gateway.config.schema import Config
+from gateway.errors import UsageError
+from gateway.mqtt.connection.command_client import Order, Sender
+from gateway.mqtt.contract.topics import Topics, is_level
+from gateway.records import SELECT, Phase
+
+
+def add_parser(subparsers: Subparsers) -> None:
+    """Add the command's parser."""
+    parser = subparsers.add_parser(
+        "send",
+        description="Send a command over MQTT and show its phases; exit code 0 only when it is confirmed.",
+    )
+    parser.add_argument(
+        "config", metavar="CONFIG", help="the gateway's configuration, or one with its broker"
+    )
+    parser.add_argument("starter", metavar="STARTER", help="the starter's name, or a group's for a stop")
+    parser.add_argument("verb", metavar="VERB", help="start, stop, reset, set, read ...")
+    parser.add_argument(
+        "args",
+        metavar="KEY=VALUE",
+        nargs="*",
+        help="e.g. parameter=P314 value=30; select=TOKEN as `select verb=start` has printed it; "
+        "expect=state:ready,remote:true, without which nothing is done",
+    )
+    add_login(parser, client="the operator; may be left out when there is only one")
+    parser.add_argument(
+        "--timeout", metavar="S", type=float, default=30.0, help="seconds to wait for the end, more than 0"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Send, print each phase on a line, and return 0 only for a confirmed command."""
+    if not args.timeout > 0:
+        raise UsageError(f"--timeout {args.timeout:g} leaves no time for a result: nothing was sent")
+    config = load(args.config)
+    starters = [starter.name for line in config.lines for starter in line.starters]
+    targets = [*starters, *(group.name for group in config.groups)]
+    if args.starter not in targets:
+        raise UsageError(f"no starter {args.starter!r} (one of {', '.join(targets)})")
+    if not is_level(args.verb):
+        raise UsageError(f"no verb {args.verb!r} (start, stop, reset, set, read ...)")
+    order = _order(args, _client(config, args.client))
+    folder = Path(args.config).parent
+    settings = settings_of(
+        config, folder, tool="send", username=args.username, password_file=args.password_file
+    )
+    sender = Sender(settings, Topics(config.base))
+    sending = sender.send(order, now_s=time.time(), within_s=args.timeout, on_phase=_show)
+    result = asyncio.run(sending)
+    if result is None:
+        what = f"no final result within {args.timeout:g} s: look at the starter before you try again"
+        print(f"starter-gateway: {what} (is {order.client} allowed to write commands?)", file=sys.stderr)
+        return 1
+    _show(result)
+    if "select" in result and order.verb == SELECT:
+        print(f"select={result['select']} (within {result.get('valid_s')} s)", flush=True)
+    return 0 if result["phase"] == Phase.CONFIRMED else 1
+
+
+def _order(args: argparse.Namespace, client: str) -> Order:
+    """Return what the words of the command line ask for."""
+    selects = [pair for pair in args.args if pair.startswith("select=")]  # a token, not a number
+    expects = [pair for pair in args.args if pair.startswith("expect=")]
+    for pairs in (selects, expects):
+        if len(pairs) > 1:
+            raise UsageError(f"argument {pairs[0].partition('=')[0]} stands twice (give it once)")
+    values: dict[str, Any] = dict(arguments(pair for pair in args.args if pair not in (*selects, *expects)))
+    if args.verb == SELECT and "verb" in values:
+        target = values.pop("verb")
+        values = {"verb": target, "args": values} if values else {"verb": target}
+    return Order(
+        starter=args.starter,
+        client=client,
+        verb=args.verb,
+        args=values,
+        operator=user_name(),
+        expect=expectations(expects[0].partition("=")[2]) if expects else {},
+        select=selects[0].partition("=")[2] if selects else None,
+    )
+
+
+def _client(config: Config, client: str | None) -> str:
+    if client is not None:
+        return checked_client(client)
+    clients = sorted({operator.client for operator in config.operators})
+    if len(clients) == 1:
+        return clients[0]
+    if not clients:
+        raise UsageError("the configuration has no [[operator]]: the gateway is read-only")
+    raise UsageError(f"which operator? (--client with one of {', '.join(clients)})")
+
+
+def _show(result: Mapping[str, Any]) -> None:
+    """Print one phase: what the gateway said of it, and the value when it read one."""
+    phase, code = str(result.get("phase")), result.get("code")
+    text = str(result.get("text") or "").removeprefix(phase).lstrip("; ")
+    line = phase if code in (None, "", "ok", phase) else f"{phase} [{code}]"
+    if text:
+        line += f": {text}"
+    if "value" in result:
+        line += f" = {_spoken(result)}"
+    print(line, flush=True)
+    for parameter, told in (result.get("values") or {}).items():
+        print(f"  {parameter} = {_spoken(told)}", flush=True)
+
+
+def _spoken(told: Mapping[str, Any]) -> str:
+    """Return a value with its unit, or what the manual calls it; the raw words of one that means nothing."""
+    if told["value"] is None and told.get("raw"):
+        return f"{' '.join(map(str, told['raw']))} raw ({told.get('reason') or 'no value'})"
+    return str(told.get("label") or f"{told['value']} {told.get('unit') or ''}".rstrip())

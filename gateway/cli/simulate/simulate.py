@@ -1,0 +1,150 @@
+"""`starter-gateway simulate`: the starters of a configuration, simulated on pseudo-terminals in real time."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import signal
+import sys
+from collections.abc import AsyncIterator, Mapping
+from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from gateway.cli.command import Subparsers
+from gateway.cli.simulate.topics import simulator_topics
+from gateway.config.convert import timing_of
+from gateway.config.load import load
+from gateway.config.schema import Config, LineTable, StarterTable, split_url
+from gateway.errors import UsageError
+from gateway.families.profile.load import load_profile
+from gateway.sim.bus.bus import Bus
+from gateway.sim.bus.pty import PtyLine
+from gateway.sim.controls import KNOBS
+from gateway.sim.core.unit import Unit
+from gateway.sim.factory import make_unit
+
+TOLERANCE_S = 0.0002  # two programs never wake on the spot
+
+
+def add_parser(subparsers: Subparsers) -> None:
+    """Add the command's parser."""
+    parser = subparsers.add_parser(
+        "simulate",
+        description="Simulate the starters of a configuration, with real byte times, on pseudo-terminals."
+        " A port that does not exist yet is made (a link), so that `run` works with the same configuration.",
+    )
+    parser.add_argument("config", metavar="CONFIG", help="the site's TOML file")
+    parser.add_argument(
+        "--knobs",
+        metavar="URL",
+        help="a broker on loopback (mqtt://127.0.0.1:1883) where simulator/STARTER/KNOB trips, clears and"
+        f" switches the simulated starters; KNOB is one of {', '.join(KNOBS)}",
+    )
+    parser.add_argument("--companion", action="store_true", help=argparse.SUPPRESS)  # ends with its stdin
+
+
+def run(args: argparse.Namespace) -> int:
+    """Simulate until SIGTERM or Ctrl-C."""
+    work = simulate(load(args.config), knobs_at=_broker(args.knobs), is_companion=args.companion)
+    asyncio.run(work)
+    return 0
+
+
+@asynccontextmanager
+async def simulated_lines(config: Config) -> AsyncIterator[dict[str, PtyLine]]:
+    """Serve every line of a configuration on a pty; by name. PortError when a port's link cannot be made."""
+    async with AsyncExitStack() as stack:
+        lines: dict[str, PtyLine] = {}
+        for table in config.lines:
+            line = PtyLine(_bus(table), link=_link(table))
+            await line.start()
+            stack.push_async_callback(line.stop)
+            lines[table.name] = line
+        yield lines
+
+
+async def simulate(
+    config: Config, *, knobs_at: tuple[str, int] | None = None, is_companion: bool = False
+) -> None:
+    """Simulate until SIGTERM or SIGINT, or as a companion until stdin ends."""
+    ending = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, ending.set)
+    if is_companion:
+        loop.add_reader(sys.stdin, ending.set)
+    async with simulated_lines(config) as lines, AsyncExitStack() as stack:
+        for table in config.lines:
+            units = ", ".join(f"{each.name} ({each.family} at {each.address})" for each in table.starters)
+            link = _link(table)
+            if link is None:
+                print(_beside_a_real_port(table, lines[table.name].path), file=sys.stderr, flush=True)
+            way = f"{link} -> {lines[table.name].path}" if link is not None else lines[table.name].path
+            print(f"line {table.name}: {way}, {table.baud} {table.framing}: {units}", flush=True)
+        if knobs_at is not None:
+            host, port = knobs_at
+            await stack.enter_async_context(simulator_topics(_by_name(config, lines), host=host, port=port))
+            print(f"knobs: simulator/STARTER/KNOB at {host}:{port}; {', '.join(KNOBS)}", flush=True)
+        await ending.wait()
+
+
+def _by_name(config: Config, lines: Mapping[str, PtyLine]) -> dict[str, Unit]:
+    """Return the simulated starters by their names in the configuration."""
+    return {
+        starter.name: lines[table.name].line.unit(starter.address)
+        for table in config.lines
+        for starter in table.starters
+        if starter.enabled
+    }
+
+
+def _broker(url: str | None) -> tuple[str, int] | None:
+    """Return host and port of the broker for the knobs, if there is to be one; UsageError for another URL."""
+    if url is None:
+        return None
+    parts = split_url(url)
+    if parts is None or parts[0].scheme != "mqtt":
+        raise UsageError(f"--knobs {url!r} is no broker on this machine (mqtt://127.0.0.1:1883)")
+    return parts[0].hostname or "", parts[1]
+
+
+def simulated_unit(starter: StarterTable) -> Unit:
+    """Return a starter as the configuration describes it: model, slot, and its table `simulated`."""
+    wish = starter.simulated
+    rows = load_profile(starter.family).parameters
+    options: dict[str, Any] = {
+        "settings": {rows[code].address: value for code, value in wish.parameters.items()}
+    }
+    if wish.firmware is not None:
+        options["firmware"] = wish.firmware
+    if starter.slot is not None:
+        options["slot"] = starter.slot
+    unit = make_unit(starter.family, starter.address, seed=starter.address, model=starter.model, **options)
+    if wish.braking_s:
+        unit.motor.data = replace(unit.motor.data, braking_s=wish.braking_s)
+    return unit
+
+
+def _bus(table: LineTable) -> Bus:
+    units = [simulated_unit(starter) for starter in table.starters if starter.enabled]
+    return Bus(timing_of(table), units, name=table.name, chunk_bytes=None, tolerance_s=TOLERANCE_S)
+
+
+def _beside_a_real_port(table: LineTable, path: str) -> str:
+    """Return the warning that `run` with the same configuration does not talk to the simulated starters."""
+    return (
+        f"WARNING: line {table.name}: {table.port} IS A REAL PORT and is not simulated: a gateway with this "
+        f'configuration moves REAL MOTORS (for the simulated starters give a copy of it port = "{path}")'
+    )
+
+
+def _link(table: LineTable) -> Path | None:
+    """Return where to link the pty to: the line's port, unless something real stands there."""
+    path = Path(table.port)
+    if "://" in table.port or (path.exists() and not path.is_symlink()):
+        return None
+    if path.is_symlink() and not str(path.readlink()).startswith("/dev/pts/"):
+        return None  # a stable name of a real adapter
+    return path

@@ -1,0 +1,123 @@
+"""The knobs of simulated starters as topics apart from any gateway's: `simulator/{starter}/{knob}`.
+
+The gateway knows nothing of them. Only a broker on loopback may carry them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import uuid
+from collections import deque
+from collections.abc import AsyncIterator, Mapping
+from contextlib import asynccontextmanager, suppress
+
+from gateway.config.schema import is_loopback
+from gateway.errors import UsageError
+from gateway.mqtt.connection.broker import BrokerConnection
+from gateway.mqtt.connection.settings import BrokerSettings
+from gateway.mqtt.contract.commands import Incoming
+from gateway.mqtt.contract.payloads import Message
+from gateway.mqtt.outbox.outbox import Outgoing
+from gateway.sim.controls import turn
+from gateway.sim.core.unit import Unit
+
+log = logging.getLogger(__name__)
+
+TREE = "simulator"
+FILTER = f"{TREE}/+/+"
+DONE = "done"  # simulator/{starter}/done says what a knob did
+MOST_WAITING = 100  # answers, while the broker is away
+
+_PAYLOAD_SHOWN = 40
+
+
+@asynccontextmanager
+async def simulator_topics(units: Mapping[str, Unit], *, host: str, port: int) -> AsyncIterator[None]:
+    """Let everybody at a broker on loopback turn the knobs of these starters; UsageError for another one."""
+    if not is_loopback(host):
+        raise UsageError(
+            f"broker {host}: the knobs of simulated starters stay on loopback (mqtt://127.0.0.1)"
+        )
+    answers = _Answers()
+    settings = BrokerSettings(host=host, port=port, client_id=f"simulator-{uuid.uuid4().hex[:8]}")
+
+    def take(incoming: Incoming) -> None:
+        answer = answer_to(units, incoming)
+        if answer is not None:
+            answers.put(answer)
+            connection.wake()
+
+    connection = BrokerConnection(
+        settings, answers, command_filter=FILTER, will=lambda: None, on_incoming=take, on_link=_tell_link
+    )
+    running = asyncio.create_task(connection.run())
+    try:
+        yield
+    finally:
+        running.cancel()
+        with suppress(asyncio.CancelledError):
+            await running
+
+
+def answer_to(units: Mapping[str, Unit], incoming: Incoming) -> Message | None:
+    """Turn the knob that a message names and return what is to be said of it; None for an own answer."""
+    _, starter, knob = incoming.topic.split("/")
+    if knob == DONE:
+        return None
+    setting = incoming.payload.decode("utf-8", "replace")
+    told = {"knob": knob, "setting": setting[:_PAYLOAD_SHOWN]}
+    try:
+        told["text"] = _turn(units, starter, knob, setting, is_retained=incoming.is_retained)
+        log.info("simulated starter=%s %s", starter, told["text"])
+    except UsageError as error:
+        told["error"] = str(error)
+        log.warning("simulated starter=%s %s: %s", starter, knob, error)
+    return Message(f"{TREE}/{starter}/{DONE}", json.dumps(told).encode(), qos=1, retain=False)
+
+
+def _turn(units: Mapping[str, Unit], starter: str, knob: str, setting: str, *, is_retained: bool) -> str:
+    unit = units.get(starter)
+    if unit is None:
+        raise UsageError(f"no simulated starter {starter[:_PAYLOAD_SHOWN]!r} (one of {', '.join(units)})")
+    if is_retained:
+        raise UsageError("retained: it would be done again at every start")
+    return turn(unit, knob, setting)
+
+
+def _tell_link(is_connected: bool, trouble: str) -> None:  # noqa: FBT001 - the connection's signature
+    log.debug("knobs: connected=%s %s", is_connected, trouble)
+
+
+class _Answers:
+    """What was said of knobs that were turned, until the broker has it (`mqtt.connection.broker.Source`)."""
+
+    def __init__(self) -> None:
+        self._waiting: deque[Message] = deque(maxlen=MOST_WAITING)
+        self._ticket = 0
+
+    def put(self, message: Message) -> None:
+        """Have one more sent."""
+        self._waiting.append(message)
+
+    def connected(self, window: int) -> None:
+        """Begin a connection."""
+
+    def disconnected(self) -> None:
+        """End a connection."""
+
+    def take(self) -> Outgoing | None:
+        """Return the next one; nobody waits for its acknowledgement."""
+        if not self._waiting:
+            return None
+        self._ticket += 1
+        return Outgoing(self._ticket, self._waiting.popleft(), None)
+
+    def acked(self, ticket: int, reason_code: int) -> None:
+        """Note the broker's answer."""
+
+    @property
+    def is_idle(self) -> bool:
+        """Return whether all are sent."""
+        return not self._waiting

@@ -1,0 +1,157 @@
+"""What the models refuse, said in words that name the mend.
+
+One mistake in a configuration, before its line in the file is known.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from datetime import date, time
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from gateway.config.schema import FIRMWARE_PATTERN, NAME_PATTERN, Config
+from gateway.config.toml_lines import Key
+from gateway.system.value_demands import demand_of
+
+
+@dataclass(frozen=True, slots=True)
+class Mistake:
+    """What is wrong with one key, and how to mend it."""
+
+    key: Key
+    what: str
+    mend: str = ""
+
+
+def spell(key: Key) -> str:
+    """Return a path as people write it: line[0].starter[2].address."""
+    text = ""
+    for part in key:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
+    return text
+
+
+def choose(wrong: object, known: Iterable[str]) -> str:
+    """Return the mend for a word that is none of the known ones: the nearest of them, or all."""
+    words = list(dict.fromkeys(known))
+    spelt = {word.lower(): word for word in words}
+    near = difflib.get_close_matches(str(wrong).lower(), spelt, n=2)
+    near = near[:1] if near and near[0] == str(wrong).lower() else near
+    near = [spelt[each] for each in near]
+    return f"did you mean {' or '.join(near)}?" if near else "one of " + ", ".join(words)
+
+
+def short(value: object) -> str:
+    """Return a foreign value for a message: quoted, and cut when it is long."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    text = str(value) if isinstance(value, (date, time)) else repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+_ARRAYS_OF_TABLES = ("line", "starter", "operator", "rules", "group")
+
+
+def explain(error: ValidationError) -> list[Mistake]:
+    """Return every mistake that the models found in a document."""
+    mistakes = []
+    for detail in error.errors(include_url=False):
+        if detail["type"] == "too_short" and detail["input"]:
+            continue  # its items are wrong, and named one by one
+        mistakes.append(_mistake(detail))
+    return mistakes
+
+
+def _mistake(detail: ErrorDetails) -> Mistake:
+    key: Key = detail["loc"]
+    kind = detail["type"]
+    ctx = detail.get("ctx", {})
+    explanation = _EXPLANATIONS.get(kind)
+    if explanation is None:
+        return Mistake(key, f"is {short(detail['input'])}", demand_of(kind, ctx))
+    return Mistake(key, *explanation(key, detail["input"], ctx))
+
+
+def _missing(key: Key, _value: Any, _ctx: Mapping[str, Any]) -> tuple[str, str]:
+    if key[-1] in _ARRAYS_OF_TABLES:
+        return "is missing", f"at least one [[{_header(key)}]] is needed"
+    if len(key) == 1:
+        return "is missing", f"a table [{key[0]}] is needed"
+    return "is missing", ""
+
+
+def _unknown(key: Key, _value: Any, _ctx: Mapping[str, Any]) -> tuple[str, str]:
+    return "unknown key", choose(key[-1], _known_keys(key[:-1]))
+
+
+def _pattern(_key: Key, value: Any, ctx: Mapping[str, Any]) -> tuple[str, str]:
+    if ctx["pattern"] == FIRMWARE_PATTERN:
+        return f"is {short(value)}", "two numbers with a point between them, such as 1.30"
+    also = "" if ctx["pattern"] == NAME_PATTERN else ", and * or ? for any others"
+    return f"is {short(value)}", f"only a-z, 0-9, _ and -{also}"
+
+
+def _choice(_key: Key, value: Any, ctx: Mapping[str, Any]) -> tuple[str, str]:
+    words = re.findall(r"'([^']*)'", ctx["expected"])
+    if words and isinstance(value, str):
+        return f"is {short(value)}", choose(value, words)
+    return f"is {short(value)}", f"must be {ctx['expected']}"
+
+
+def _empty(key: Key, _value: Any, _ctx: Mapping[str, Any]) -> tuple[str, str]:
+    if key[-1] in _ARRAYS_OF_TABLES:
+        return "is empty", f"at least one [[{_header(key)}]] is needed"
+    return "is empty", "name at least one"
+
+
+def _no_list(key: Key, value: Any, _ctx: Mapping[str, Any]) -> tuple[str, str]:
+    if key[-1] in _ARRAYS_OF_TABLES:
+        return "is not a list of tables", f"write [[{_header(key)}]], with two brackets"
+    return f"is {short(value)}", 'must be a list, e.g. ["start", "stop"]'
+
+
+def _no_table(key: Key, value: Any, _ctx: Mapping[str, Any]) -> tuple[str, str]:
+    return f"is {short(value)}", f"must be a table, [{_header(key)}]"
+
+
+def _length(_key: Key, value: Any, ctx: Mapping[str, Any]) -> tuple[str, str]:
+    if not value:
+        return "is empty", "leave the key out, or give it a value"
+    return f"has {len(value)} characters", f"at most {ctx['max_length']}"
+
+
+_EXPLANATIONS: dict[str, Callable[[Key, Any, Mapping[str, Any]], tuple[str, str]]] = {
+    "missing": _missing,
+    "extra_forbidden": _unknown,
+    "string_pattern_mismatch": _pattern,
+    "string_too_short": _length,
+    "string_too_long": _length,
+    "literal_error": _choice,
+    "too_short": _empty,
+    "tuple_type": _no_list,
+    "model_type": _no_table,
+}
+
+
+def _header(key: Key) -> str:
+    return ".".join(str(part) for part in key if not isinstance(part, int))
+
+
+def _known_keys(table: Key) -> list[str]:
+    """Return the keys of the model behind a table's path."""
+    model: type[BaseModel] = Config
+    for part in table:
+        if isinstance(part, str):
+            field = next(f for name, f in model.model_fields.items() if (f.alias or name) == part)
+            model = next(t for t in (field.annotation, *get_args(field.annotation)) if _is_model(t))
+    return [field.alias or name for name, field in model.model_fields.items()]
+
+
+def _is_model(annotation: Any) -> bool:
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)

@@ -1,0 +1,1 @@
+"""Verbs, interlocks and writes of all families. Start at `build`."""

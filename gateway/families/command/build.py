@@ -1,0 +1,243 @@
+"""What a family's verbs read, demand, write and read back; nothing is written that no profile names.
+
+`prepare` says what to read freshly and which rules must hold on it, `build` turns what was seen into steps.
+
+How a command is seen to have acted: an accepted write is not an executed command.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from gateway.families.command import run_command
+from gateway.families.command.arguments import check_names, choice, switch
+from gateway.families.command.control_word import (
+    Seen,
+    command_requests,
+    has_plain_word,
+    is_jogging,
+    run_row,
+    stop_requests,
+    word_codes,
+)
+from gateway.families.command.interlock import points_needed
+from gateway.families.command.outputs import build_output, prepare_output
+from gateway.families.command.settings import build_read, build_set, prepare_read, prepare_set, rows_set
+from gateway.families.command.sst_configuration import build_configure, prepare_configure
+from gateway.families.command.ssw06_adjusting import build_leaving, prepare_leaving
+from gateway.families.profile.decode import is_known
+from gateway.families.profile.procedure import Expect, Preparation, Procedure, WriteStep
+from gateway.families.profile.refusals import refused
+from gateway.families.profile.schema import Command, Profile, Variant
+from gateway.families.profile.state import STARTING
+from gateway.families.reading.bulk import reads_for, rows_of_points
+from gateway.modbus.pdu import Request
+
+
+def verification(profile: Profile, variant: Variant, verb: str, command: Command) -> Expect | None:
+    """Return what must be read after the command; None when there is nothing to look at."""
+    if command.verify is None:
+        return None
+    point, becomes = command.verify.point, command.verify.becomes
+    within_s = command.verify.within_s + (profile.timing.restart_s if command.restarts else 0.0)
+    names = [point, *([_JOG] if verb == "stop" and _has_jog(profile, variant) else [])]
+    reads = reads_for(profile, rows_of_points(profile, names))
+    # A ramp says as much as its end, and only the SSW-06 is known to drop `running` at once (ssw06-es 4.2.2).
+    # So does the time before a start, which may be set to a quarter of an hour (ssw900 S5.1, C5.7.1).
+    telling = {"start": ("accelerating", *STARTING), "stop": ("decelerating",)}.get(verb, ())
+    or_else = tuple(Expect(reads, each, (True,), within_s) for each in telling if each in profile.points)
+    also = tuple(Expect(reads, name, (False,), within_s) for name in names[1:])
+    return Expect(reads, point, (becomes,), within_s, or_else=or_else, also=also)
+
+
+_JOG = "jog"  # a motor that jogs does not "run", and yet it turns
+
+
+def _has_jog(profile: Profile, variant: Variant) -> bool:
+    return _JOG in profile.points and is_known(profile.points[_JOG].since_firmware, variant)
+
+
+GENERIC_VERBS = ("read", "set")  # of every family, by the code of a row
+
+
+def verbs(profile: Profile) -> tuple[str, ...]:
+    """Return the verbs of this family."""
+    return (*(name for name in profile.commands if not name.endswith(_PARTS)), *GENERIC_VERBS)
+
+
+def prepare(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> Preparation:
+    """Return what must be read, and hold, before this command is built; CommandError when it makes no sense.
+
+    A stop needs nothing, whatever comes with it.
+    """
+    _check_verb(profile, verb)
+    preparation = _prepare(profile, variant, verb, args)
+    if _wakes(profile, variant, verb, args):
+        is_source = _chooses_source(profile, variant, verb, args)
+        return run_command.with_standstill(profile, variant, preparation, is_source=is_source)
+    return preparation
+
+
+def _prepare(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> Preparation:
+    match verb:
+        case "stop":
+            return Preparation(verb, reads=(), requires=())
+        case "read":
+            return prepare_read(profile, args)
+        case "set":
+            return prepare_set(profile, variant, args)
+        case "output":
+            return prepare_output(profile, args)
+        case "configure" if _is_leaving(profile):
+            return prepare_leaving(profile, args)
+        case "configure":
+            return prepare_configure(profile, variant, args)
+        case _:
+            return _prepare_command(profile, variant, verb, args)
+
+
+def build(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any], *, seen: Seen) -> Procedure:
+    """Return the steps of a command from the rows seen: freshly read, or for a stop what was last known."""
+    _check_verb(profile, verb)
+    procedure = _build(profile, variant, verb, args, seen=seen)
+    if not procedure.steps or not _wakes(profile, variant, verb, args):
+        return procedure
+    is_source = _chooses_source(profile, variant, verb, args)
+    return run_command.with_run_cleared(profile, variant, procedure, seen=seen, is_source=is_source)
+
+
+def _build(
+    profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any], *, seen: Seen
+) -> Procedure:
+    match verb:
+        case "stop":
+            return _build_command(profile, variant, verb, verb, seen=seen)
+        case "read":
+            return build_read(profile, args)
+        case "set":
+            return build_set(profile, variant, args, seen=seen)
+        case "output":
+            return build_output(profile, args, seen=seen)
+        case "configure" if _is_leaving(profile):
+            return build_leaving(profile, args, seen=seen)
+        case "configure":
+            return build_configure(profile, variant, args, seen=seen)
+        case _:
+            return _build_command(profile, variant, verb, _entry(profile, variant, verb, args), seen=seen)
+
+
+# Endings of the entries that a verb stands for with `value` = false, or with a flag.
+_OFF, _WHOLE = "_off", "_whole"
+_PARTS = (_OFF, _WHOLE)
+_VALUE = "value"
+
+# Entries that take a motion command back: built whatever is unknown, forbidden by nothing.
+_RELEASES = ("stop", "jog_off")
+
+
+def _wakes(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> bool:
+    """Return whether a command may let a run command act that stands in the starter."""
+    if verb in ("stop", "read"):
+        return False
+    if verb == "set":
+        return any(
+            row.is_configuration or profile.protected.wakes(row.code) for row in rows_set(profile, args)
+        )
+    if verb in ("output", "configure"):
+        return run_command.wakes(verb)
+    return run_command.wakes(_entry(profile, variant, verb, args))
+
+
+def _chooses_source(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> bool:
+    if verb == "set":
+        return any(profile.protected.wakes(row.code) for row in rows_set(profile, args))
+    return verb != "configure" and run_command.changes_source(_entry(profile, variant, verb, args))
+
+
+def _check_verb(profile: Profile, verb: str) -> None:
+    known = verbs(profile)
+    if verb not in known:
+        raise refused("unknown_verb", f"{verb[:40]!r}; there are {', '.join(known)}")
+
+
+def _is_leaving(profile: Profile) -> bool:
+    return "leave" in profile.commands["configure"].args
+
+
+def _entry(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> str:
+    """Return the name of the profile's entry that a verb and its arguments stand for."""
+    command = profile.commands[verb]
+    check_names(args, command.args, command.flags)
+    flags = [flag for flag in command.flags if flag in args and switch(args, flag)]
+    name = "_".join((verb, *flags))
+    if command.args == (_VALUE,) and not _is_first(command, args):
+        name += _OFF
+    if not is_known(profile.commands[name].since_firmware, variant):
+        since = profile.commands[name].since_firmware
+        raise refused("not_in_firmware", f"{verb} exists from {since}, this is {variant.firmware}")
+    return name
+
+
+def _is_first(command: Command, args: Mapping[str, Any]) -> bool:
+    if command.values == ("true", "false"):
+        return switch(args, _VALUE)
+    return choice(args, _VALUE, command.values) == command.values[0]
+
+
+def _prepare_command(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> Preparation:
+    name = _entry(profile, variant, verb, args)
+    command = profile.commands[name]
+    codes = rows_of_points(profile, points_needed(profile, command.requires))
+    if has_plain_word(command.writes) and name in _RELEASES:
+        codes += (*word_codes(profile, variant), *rows_of_points(profile, ("running",)))
+    elif has_plain_word(command.writes):
+        codes += (run_row(profile, variant), *rows_of_points(profile, ("running",)))
+    reads = reads_for(profile, (*codes, *command.needs, *command.ceilings))
+    return Preparation(verb, reads=reads, requires=command.requires)
+
+
+def _build_command(profile: Profile, variant: Variant, verb: str, name: str, *, seen: Seen) -> Procedure:
+    command = profile.commands[name]
+    _check_needs(profile, command, seen)
+    _check_ceilings(variant, command, seen)
+    requests = _requests(profile, variant, name, seen=seen)
+    last = len(requests) - 1
+    steps = tuple(
+        WriteStep(request, is_silence_expected=command.restarts and place == last)
+        for place, request in enumerate(requests)
+    )
+    return Procedure(verb, steps, verify=verification(profile, variant, verb, command), note=command.note)
+
+
+def _requests(profile: Profile, variant: Variant, name: str, *, seen: Seen) -> Sequence[Request]:
+    writes = run_command.writes_of(profile, name)
+    if name in _RELEASES:
+        requests = stop_requests(profile, variant, writes, seen=seen)
+        if name == "stop" and not has_plain_word(writes) and is_jogging(profile, seen):
+            jog_off = profile.commands["jog_off"].writes  # a stop by ramp does not take a jog back
+            requests += stop_requests(profile, variant, jog_off, seen=seen)
+        return requests
+    return command_requests(profile, variant, writes, seen=seen)
+
+
+def _check_needs(profile: Profile, command: Command, seen: Seen) -> None:
+    """Raise not_set_to_serial when a row was seen to hold none of the numbers that the command needs."""
+    for code, numbers in command.needs.items():
+        if code in seen and seen[code][0] not in numbers:
+            labels = profile.enums[profile.parameters[code].enum]
+            wanted = " or ".join(f"{number} ({labels[number]})" for number in numbers)
+            found = f"{seen[code][0]} ({labels.get(seen[code][0])})"
+            raise refused("not_set_to_serial", f"{code} is {found}, not {wanted}")
+
+
+def _check_ceilings(variant: Variant, command: Command, seen: Seen) -> None:
+    """Raise the ceiling's refusal when a row was seen to read more, on a model that has the reading."""
+    model = (variant.model or "").casefold()
+    for code, ceiling in command.ceilings.items():
+        is_there = not model or any(model.startswith(one.casefold()) for one in ceiling.models)
+        if not is_there or not is_known(ceiling.since_firmware, variant):
+            continue
+        if code in seen and seen[code][0] > ceiling.most:
+            reading = f"{code} reads {seen[code][0]} {ceiling.unit}, more than {ceiling.most} {ceiling.unit}"
+            raise refused(ceiling.refusal, f"{reading}; {ceiling.remedy}")

@@ -1,0 +1,104 @@
+"""Relays and analog outputs that the serial line drives (ssw06-es 4.2.6-4.2.8, ssw07 4.2.3, SSW900 S5.3).
+
+A relay is one bit of a word without mask. Where the family has FC22 the starter itself changes that one bit;
+elsewhere the word is built from the one just read. An output whose function is not set to the serial line
+ignores what it is told without an error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from decimal import Decimal
+from typing import Any
+
+from gateway.families.command.arguments import check_names, choice, to_switch
+from gateway.families.command.control_word import Seen
+from gateway.families.command.writable import read_of
+from gateway.families.profile.procedure import Expect, Preparation, Procedure, WriteStep
+from gateway.families.profile.refusals import refused
+from gateway.families.profile.schema import Output, Profile
+from gateway.families.profile.word_types import of_percent
+from gateway.families.reading.bulk import reads_for
+from gateway.modbus.codes import Function
+from gateway.modbus.pdu import Request
+from gateway.modbus.writes import MaskWriteRegister, WriteRegister
+
+SET_WITHIN_S = 2.0  # until the word reads back as written
+
+
+def prepare_output(profile: Profile, args: Mapping[str, Any]) -> Preparation:
+    """Return the reads of the word that drives the output, and of the row that says who drives it."""
+    name, output = _output(profile, args)
+    _number(name, output, args["value"])
+    return Preparation("output", reads=reads_for(profile, (output.word, output.function)), requires=())
+
+
+def build_output(profile: Profile, args: Mapping[str, Any], *, seen: Seen) -> Procedure:
+    """Return the one write that drives the output, its read-back, and what that does not prove."""
+    name, output = _output(profile, args)
+    wanted = _number(name, output, args["value"])
+    _check_function(profile, output, seen)
+    note = _note(profile, name, output, seen)
+    mask = 0xFFFF if output.bit is None else 1 << output.bit
+    last = seen.get(output.word)
+    if last is not None and last[0] & mask == wanted:
+        return Procedure("output", (), is_unchanged=True, subject=output.word, note=note)
+    request = _request(profile, output, wanted, last=last)
+    reads = (read_of(profile, output.word),)
+    shown = Expect(reads, output.word, is_one_of=((wanted,),), within_s=SET_WITHIN_S, mask=mask)
+    return Procedure("output", (WriteStep(request),), verify=shown, subject=output.word, note=note)
+
+
+def _output(profile: Profile, args: Mapping[str, Any]) -> tuple[str, Output]:
+    check_names(args, ("output", "value"))
+    name = choice(args, "output", tuple(profile.outputs))
+    return name, profile.outputs[name]
+
+
+def _number(name: str, output: Output, value: object) -> int:
+    """Return the bits that the word must show; half a step of an analog output is rounded down (5.4.6)."""
+    if output.bit is not None:
+        is_on = to_switch(value)
+        if is_on is None:
+            raise refused("bad_value", f"{name} is a relay: true or false")
+        return int(is_on) << output.bit
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise refused("bad_value", f"{name} is an analog output: 0..100 %")
+    if not 0 <= value <= 100:
+        raise refused("out_of_range", f"{name} takes 0..100 %")
+    return of_percent(Decimal(str(value)), output.full_scale or 0)
+
+
+def _check_function(profile: Profile, output: Output, seen: Seen) -> None:
+    """Raise not_set_to_serial when the output was seen to have another function."""
+    if output.option is None or output.function not in seen:
+        return
+    (number,) = seen[output.function]
+    if number != output.option:
+        labels = profile.enums[profile.parameters[output.function].enum]
+        text = f"{output.function} is {number} ({labels.get(number)}), "
+        raise refused("not_set_to_serial", f"{text}not {output.option} ({labels[output.option]})")
+
+
+def _note(profile: Profile, name: str, output: Output, seen: Seen) -> str:
+    if output.option is not None:
+        return ""
+    row = profile.parameters[output.function]
+    found = f", which reads {seen[row.code][0]}" if row.code in seen else ""
+    return (
+        f"{name} follows {output.word} only if {row.code} ({row.name}) is set to Serial{found}; "
+        "the manual does not print the number of that option"
+    )
+
+
+def _request(profile: Profile, output: Output, wanted: int, *, last: tuple[int, ...] | None) -> Request:
+    row = profile.parameters[output.word]
+    if output.bit is None:
+        return WriteRegister(row.address, wanted)
+    mask = 1 << output.bit
+    if Function.MASK_WRITE_REGISTER in profile.limits.functions:
+        return MaskWriteRegister(row.address, and_mask=0xFFFF & ~mask, or_mask=wanted)
+    if last is None:
+        raise refused("word_unknown", f"read {row.code} first, or give the last word")
+    others = last[0] & (row.raw_max or 0) & ~mask
+    return WriteRegister(row.address, others | wanted)

@@ -1,0 +1,155 @@
+"""A run command that stands in a starter must not act by itself: run = 0 first, while the motor stands.
+
+A fault, a general disable, a time in local mode or under another command source end the motion, but the
+manuals do not say that they end the run command. It may still stand, also where its bit reads back as 0
+(ssw900 S5.2), and whatever takes away what kept it from acting would then start the motor. So for every such
+command of every family, in this order:
+
+1. it is read that the motor stands (run = 0 would stop one that turns);
+2. run = 0 is written, always, and must be acknowledged; where the bit can be read it must read 0;
+3. jog = 0 is written where there is a jog; a starter whose jog is not set up may refuse it;
+4. what was commanded is written; where it changes the command source, run = 0 once more: a starter ignores
+   the commands of a source that is not active (ssw06-es 4.2.3, ssw07 4.2.2), the first run = 0 included;
+5. it is read back, and that the motor still stands; when either is not seen, run = 0 is written again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from gateway.families.command.control_word import (
+    COMMAND_BITS,
+    JOG,
+    RUN,
+    Seen,
+    flags_of,
+    has_plain_word,
+    run_row,
+    stop_requests,
+    word_codes,
+)
+from gateway.families.command.interlock import points_needed
+from gateway.families.profile.decode import is_known
+from gateway.families.profile.procedure import Expect, Preparation, Procedure, WriteStep
+from gateway.families.profile.refusals import refused
+from gateway.families.profile.schema import Profile, Variant, Write
+from gateway.families.reading.bulk import reads_for, rows_of_points
+from gateway.modbus.pdu import Request
+
+STANDSTILL = "is_stopped"
+CLEARED = "run = 0 was written first, so that no run command given earlier could start the motor"
+CLEARED_WITHIN_S = 1.0  # until the run command reads 0
+
+# Entries of a profile's commands that ask for motion, or for its end. All others may let a command act that
+# stands.
+_MOTION = ("start", "stop", "jog", "jog_off", "general_enable_off", "output")
+_CHANGES_SOURCE = ("local_remote", "local_remote_off")
+
+
+def wakes(entry: str) -> bool:
+    """Return whether an entry of a profile's commands may let a run command act that stands."""
+    return entry not in _MOTION
+
+
+def changes_source(entry: str) -> bool:
+    """Return whether an entry of a profile's commands chooses who commands the motor."""
+    return entry in _CHANGES_SOURCE
+
+
+def with_standstill(
+    profile: Profile, variant: Variant, preparation: Preparation, *, is_source: bool
+) -> Preparation:
+    """Return a preparation that also reads the command word and demands that the motor stands."""
+    variant = _scope(variant, is_source=is_source)
+    requires = tuple(dict.fromkeys((*preparation.requires, STANDSTILL)))
+    codes = [code for read in preparation.reads for code in read.codes]
+    codes += [*_word_rows(profile, variant), *rows_of_points(profile, points_needed(profile, requires))]
+    return replace(preparation, reads=reads_for(profile, codes), requires=requires)
+
+
+def with_run_cleared(
+    profile: Profile, variant: Variant, procedure: Procedure, *, seen: Seen, is_source: bool
+) -> Procedure:
+    """Return a procedure with run = 0 before its writes; CommandError when the motor was seen to turn.
+
+    `is_source`: it chooses who commands the motor.
+    """
+    if flags_of(profile, seen).get("moving"):
+        raise refused("motor_running", "run = 0 would stop it; stop it first")
+    off = _run_off(profile, _scope(variant, is_source=is_source), seen)
+    # The SSW900 resets the run command of a source that is not active (S5.2); a whole word would choose
+    # local or remote once more.
+    has_last = is_source and not has_plain_word(profile.commands["stop"].writes)
+    again = tuple(_lenient(step.request) for step in off) if has_last else ()
+    return replace(
+        procedure,
+        steps=(*off, *procedure.steps, *again),
+        verify=_and_standing(profile, procedure.verify),
+        abandon=(*procedure.abandon, *(step.request for step in off)),
+        note="; ".join(filter(None, (CLEARED, procedure.note))),
+        is_run_cleared=True,
+        is_source=is_source,
+    )
+
+
+def _scope(variant: Variant, *, is_source: bool) -> Variant:
+    """Return whose command words are cleared: where the source changes, those of both slots."""
+    return variant.model_copy(update={"slot": None}) if is_source else variant
+
+
+def _word_rows(profile: Profile, variant: Variant) -> tuple[str, ...]:
+    """Return the rows whose bit 0 is the run command, as far as it can be read back."""
+    return word_codes(profile, variant) or (run_row(profile, variant),)
+
+
+def _run_off(profile: Profile, variant: Variant, seen: Seen) -> tuple[WriteStep, ...]:
+    """Return the steps that take the run command back, and the jog command."""
+    requests = stop_requests(profile, variant, profile.commands["stop"].writes, seen=seen)
+    rows = _word_rows(profile, variant)
+    reads = reads_for(profile, rows)
+    first, *others = (Expect(reads, row, ((0,),), CLEARED_WITHIN_S, mask=RUN) for row in rows)
+    *before, last = (_strict(profile, request, seen) for request in requests)
+    steps = (*before, replace(last, then=replace(first, also=tuple(others))))
+    return (*steps, *(_lenient(request) for request in _jog_off(profile, variant, seen)))
+
+
+def _jog_off(profile: Profile, variant: Variant, seen: Seen) -> Sequence[Request]:
+    command = profile.commands.get("jog_off")
+    since = profile.commands["jog"].since_firmware if command is not None else ""
+    if command is None or has_plain_word(command.writes) or not is_known(since, variant):
+        return ()  # a plain word takes the jog back with the run command
+    return stop_requests(profile, variant, command.writes, seen=seen)
+
+
+def _strict(profile: Profile, request: Request, seen: Seen) -> WriteStep:
+    """Return run = 0 as a step: when it is not taken, nothing that follows is written.
+
+    An SST whose configuration is not complete may refuse every write of coil 1, and cannot be started either
+    (coil table, NOTES); it is read below that coil 1 is 0.
+    """
+    is_barred = profile.state_rule == "sst" and flags_of(profile, seen).get("configured") is False
+    return WriteStep(request, is_run_off=True, may_be_refused=is_barred)
+
+
+def _lenient(request: Request) -> WriteStep:
+    return WriteStep(request, may_be_refused=True)
+
+
+def _and_standing(profile: Profile, verify: Expect | None) -> Expect | None:
+    """Return an expectation that also demands that the motor does not run."""
+    if verify is None:
+        return None
+    codes = [code for read in verify.reads for code in read.codes]
+    reads = reads_for(profile, (*codes, *rows_of_points(profile, ("running",))))
+    standing = Expect(reads, "running", (False,), verify.within_s)
+    return replace(verify, reads=reads, also=(*verify.also, standing))
+
+
+def writes_of(profile: Profile, entry: str) -> tuple[Write, ...]:
+    """Return what an entry writes; of a plain command word never its run and jog bits."""
+    writes = profile.commands[entry].writes
+    if not wakes(entry) or not has_plain_word(writes):
+        return writes
+    off = (RUN | JOG) & COMMAND_BITS
+    return tuple(write.model_copy(update={"clear_bits": write.clear_bits | off}) for write in writes)

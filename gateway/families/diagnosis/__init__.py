@@ -1,0 +1,1 @@
+"""What a starter's settings mean for its operation. Start at `readiness`."""

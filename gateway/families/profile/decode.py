@@ -1,0 +1,223 @@
+"""Words into values: of one row, of all points, and of any words for the `decode` command."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from gateway.families.profile.joined import joined
+from gateway.families.profile.parameters import raw_row, unnamed_code
+from gateway.families.profile.schema import OFF, RESERVED, Parameter, Point, Profile, Table, Type, Variant
+from gateway.families.profile.state import alarm_code, alarm_label
+from gateway.families.profile.word_types import TYPE_LIMITS, from_words, to_percent, to_text
+
+Value = bool | int | float | str | None
+
+_DIVIDED_FROM_A = 820.0  # ssw06-es 4.4: models of this current and up send whole amperes
+_CURRENT = re.compile(r"[A-Za-z]+[- ]?[0-9]+[A-Za-z]*[- ]+([0-9]+(?:[.,][0-9]+)?)")
+_VERSION = re.compile(r"([0-9]+)\.([0-9]+)")
+
+
+@dataclass(frozen=True, slots=True)
+class Decoded:
+    """What words mean; `value` is None when it cannot be told, `raw` is always there."""
+
+    value: Value
+    label: str | None  # of an enum's number; "off"; hh:mm:ss of a time
+    unit: str
+    raw: tuple[int, ...]
+
+
+def decode_row(profile: Profile, variant: Variant, parameter: Parameter, words: Sequence[int]) -> Decoded:
+    """Return what a row's words mean, as many as the row has.
+
+    Values with decimals or a unit are floats, counts and enums ints, coils bools, dates and addresses texts.
+    """
+    raw = tuple(words)
+    if parameter.type not in TYPE_LIMITS:
+        return Decoded(to_text(parameter.type, raw), label=None, unit="", raw=raw)
+    number = from_words(parameter, raw)
+    low, high = TYPE_LIMITS[parameter.type]
+    if not low <= number <= high:
+        return Decoded(None, label=None, unit=parameter.unit, raw=raw)
+    label = _label(profile, parameter, number)
+    unit = "%" if parameter.full_scale else parameter.unit
+    return Decoded(_value(variant, parameter, number), label=label, unit=unit, raw=raw)
+
+
+def decode_points(
+    profile: Profile,
+    variant: Variant,
+    rows: Mapping[str, tuple[int, ...]],
+    *,
+    names: Iterable[str] | None = None,
+) -> dict[str, Decoded]:
+    """Return the points that can be told from these rows (raw words by code), by name: all, or of `names`."""
+    points = profile.points if names is None else {name: profile.points[name] for name in names}
+    parts = {part: profile.points[part] for point in points.values() for part in point.none_of}
+    found = {
+        name: _decode_point(profile, variant, point, rows[point.code])
+        for name, point in {**points, **parts}.items()
+        if point.code in rows
+    }
+    for name, point in points.items():
+        if point.none_of and all(part in found for part in point.none_of):
+            found[name] = _none_of([found[part] for part in point.none_of])
+    return found
+
+
+def decode_words(
+    profile: Profile, variant: Variant, table: Table, start: int, words: Sequence[int]
+) -> dict[str, dict[str, Any]]:
+    """Return what a run of words (bits, for coils) means, ready for JSON: by code, with the point's name.
+
+    Words of no row, or of a row that is not there whole, stand raw under HR, IR or COIL and their number.
+    What lies over several rows that are all there stands once more as a whole.
+    """
+    found: dict[str, dict[str, Any]] = {}
+    end = start + len(words)
+    address = start
+    while address < end:
+        rows = [row for row in _rows_at(profile, table, address) if address + row.words <= end]
+        offset = address - start
+        for row in rows:
+            part = words[offset : offset + row.words]
+            found[row.code] = _as_json(profile, row, decode_row(profile, variant, row, part))
+        if not rows:
+            found[unnamed_code(profile, table, address)] = _raw_json(table, words[offset])
+        address += max((row.words for row in rows), default=1)
+    return found | _joined(profile, found)
+
+
+def _joined(profile: Profile, found: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Return what lies over several of these rows, under the first and the last of them: R22-R29."""
+    raw = {code: shown["raw"] for code, shown in found.items()}
+    return {
+        f"{codes[0]}-{codes[-1]}": {
+            "point": name,
+            "value": text,
+            "unit": "",
+            "label": None,
+            "raw": [word for code in codes for word in raw[code]],
+        }
+        for name, text in joined(profile, raw).items()
+        if (codes := profile.joins[name].codes)
+    }
+
+
+def is_present(point: Point, variant: Variant) -> bool:
+    """Return whether a starter of this firmware has the point; it has while the firmware is unknown."""
+    return is_known(point.since_firmware, variant)
+
+
+def is_known(since_firmware: str, variant: Variant) -> bool:
+    """Return whether this starter's firmware knows what exists since then; it does while it is unknown."""
+    seen, wanted = _version(variant.firmware or ""), _version(since_firmware)
+    return seen is None or wanted is None or seen >= wanted
+
+
+def rated_current_a(model: str) -> float | None:
+    """Return the rated current in a model's text ("SSW-06 820.0A", "SSW-07 85A"); None when there is none."""
+    current = _CURRENT.search(model)
+    value = float(current[1].replace(",", ".")) if current is not None else 0.0
+    return value or None
+
+
+def _label(profile: Profile, row: Parameter, number: int) -> str | None:
+    """Return what a number is called: an enum's member, a coil's meaning, a fault, an alarm, off, a time."""
+    letter = profile.alarm_rows.get(row.code)
+    if letter is not None:
+        return alarm_label(profile, alarm_code(letter, number)) if number else None
+    if number == row.off:
+        return OFF
+    if row.type is Type.TIME:
+        minutes, seconds = divmod(number, 60)
+        return f"{minutes // 60:02d}:{minutes % 60:02d}:{seconds:02d}"
+    return profile.enums[row.enum].get(number) if row.enum else None
+
+
+def _value(variant: Variant, row: Parameter, number: int) -> Value:
+    if row.type is Type.BIT:
+        return bool(number)
+    if row.full_scale:
+        return to_percent(number, row.full_scale)
+    decimals = row.decimals or 0
+    if row.is_rated_scaled:
+        rated_a = variant.rated_current_a or rated_current_a(variant.model or "")
+        if rated_a is None:  # a guess could be wrong by a factor of ten
+            return None
+        return float(number) if rated_a >= _DIVIDED_FROM_A else number / 10**decimals
+    return number / 10**decimals if decimals or row.unit else number
+
+
+def _decode_point(profile: Profile, variant: Variant, point: Point, words: tuple[int, ...]) -> Decoded:
+    row = profile.parameters[point.code]
+    if not is_present(point, variant):
+        return Decoded(None, label=None, unit="", raw=words)
+    if point.bit is not None or row.type is Type.BIT:
+        return Decoded(bool(words[0] >> (point.bit or 0) & 1), label=None, unit="", raw=words)
+    if point.true_when:
+        return Decoded(from_words(row, words) in point.true_when, label=None, unit="", raw=words)
+    decoded = decode_row(profile, variant, row, words)
+    if point.zero_is_missing and not any(words):
+        return Decoded(None, label=None, unit=decoded.unit, raw=words)
+    return decoded
+
+
+def _none_of(parts: Sequence[Decoded]) -> Decoded:
+    raw = tuple(word for part in parts for word in part.raw)
+    is_open = any(part.value is None for part in parts) and not any(part.value for part in parts)
+    value = None if is_open else not any(part.value for part in parts)
+    return Decoded(value, label=None, unit="", raw=raw)
+
+
+def _rows_at(profile: Profile, table: Table, address: int) -> tuple[Parameter, ...]:
+    rows = profile.rows_at.get((table, address), ())
+    raw = raw_row(profile, address) if not rows and table is Table.HOLDING else None
+    return rows if raw is None else (raw,)
+
+
+def _as_json(profile: Profile, row: Parameter, decoded: Decoded) -> dict[str, Any]:
+    shown: dict[str, Any] = {
+        "point": _point_of(profile, row),
+        "value": decoded.value,
+        "unit": decoded.unit,
+        "label": decoded.label,
+        "raw": list(decoded.raw),
+    }
+    if row.type is Type.BITS:
+        shown["bits"] = [
+            {
+                "bit": bit,
+                "label": label,
+                "point": profile.points_of.get((row.code, bit)),
+                "value": is_on,
+                "meaning": profile.enums.get(f"{row.code}.{bit}", {}).get(int(is_on)),
+            }
+            for bit, label in sorted(profile.bits[row.code].items())
+            if (is_on := bool(decoded.raw[0] >> bit & 1)) or label != RESERVED
+        ]
+    return shown
+
+
+def _point_of(profile: Profile, row: Parameter) -> str | None:
+    """Return the point that is this row; a WEG coil is a bit of a word (VB01.3) and so may its point be."""
+    word, _, bit = row.code.partition(".")
+    if row.type is Type.BIT and bit:
+        return profile.points_of.get((word, int(bit)))
+    return profile.points_of.get((row.code, None))
+
+
+def _raw_json(table: Table, word: int) -> dict[str, Any]:
+    value = bool(word) if table is Table.COIL else word
+    return {"point": None, "value": value, "unit": "", "label": None, "raw": [word]}
+
+
+@lru_cache(maxsize=256)  # asked for every point of every reply
+def _version(text: str) -> tuple[int, int] | None:
+    """Return major and the two digits after the point, so that 1.4 is 1.40."""
+    found = _VERSION.search(text)
+    return None if found is None else (int(found[1]), int(f"{found[2]}0"[:2]))

@@ -1,0 +1,178 @@
+"""Loads the families' profiles: `family.toml` and the tables beside it, every mistake reported at once.
+
+A profile is a directory `profiles/<family>` with `family.toml` (identity, timing, limits, points, commands),
+`parameters.csv` (a `Parameter` a line) and, where the family needs them, `enums.csv`, `bits.csv`,
+`alarms.csv`, `ranges.csv` (limits that differ by model) and `presets.csv` (factory settings, off,
+full scale). An empty cell means that the manual does not say.
+"""
+
+from __future__ import annotations
+
+import csv
+import functools
+import tomllib
+from collections.abc import Collection, Iterator
+from importlib import resources
+from importlib.resources.abc import Traversable
+from typing import Any, TypeVar
+
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError
+
+from gateway.errors import ProfileError, UsageError
+from gateway.families.profile.consistency import contradictions
+from gateway.families.profile.identify import Identity
+from gateway.families.profile.schema import Alarm, ModelRange, Parameter, Preset, Profile
+from gateway.system.value_demands import demand_of
+
+FAMILIES = ("ssw06", "ssw07", "ssw900", "sst")
+
+_Row = TypeVar("_Row", bound=BaseModel)
+
+
+class _Label(BaseModel):
+    """A line of `enums.csv` or `bits.csv`."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    code: str
+    number: int = Field(validation_alias=AliasChoices("value", "bit"))
+    label: str
+
+
+class _Range(ModelRange):
+    """A line of `ranges.csv`."""
+
+    code: str
+
+
+class _Preset(Preset):
+    """A line of `presets.csv`."""
+
+    code: str
+
+
+@functools.cache
+def load_profile(family: str) -> Profile:
+    """Return a shipped profile by its family's name, one of `FAMILIES`; UsageError for any other name."""
+    if family not in FAMILIES:
+        raise UsageError(f"no family {family!r}; there are {', '.join(FAMILIES)}")
+    return read_profile(resources.files("gateway.families") / "profiles" / family)
+
+
+def read_profile(directory: Traversable) -> Profile:
+    """Return the profile in `directory`; ProfileError with all its mistakes."""
+    problems: list[str] = []
+    content = _read_toml(directory / "family.toml", problems)
+    content["parameters"] = _read_parameters(directory, problems)
+    content["enums"] = _read_labels(directory / "enums.csv", problems)
+    content["bits"] = _read_labels(directory / "bits.csv", problems)
+    content["alarms"] = [row for _, row in _read_rows(directory / "alarms.csv", Alarm, problems)]
+    profile: Profile | None = None
+    try:
+        profile = Profile.model_validate(content)
+    except ValidationError as error:
+        problems += _explain("family.toml", error)
+    if profile is not None:
+        problems += contradictions(profile)
+    if profile is None or problems:
+        raise ProfileError(directory.name, problems)
+    return profile
+
+
+def _read_toml(path: Traversable, problems: list[str]) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, tomllib.TOMLDecodeError) as error:
+        problems.append(f"{path.name}: {error}")
+        return {}
+
+
+def _read_lines(path: Traversable) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield each line of a table with the place it stands at; empty cells are left out."""
+    if not path.is_file():
+        return
+    reader = csv.DictReader(path.read_text(encoding="utf-8").splitlines(), restkey="more")
+    for cells in reader:
+        yield f"{path.name}:{reader.line_num}", {key: cell for key, cell in cells.items() if cell}
+
+
+def _read_rows(path: Traversable, shape: type[_Row], problems: list[str]) -> Iterator[tuple[str, _Row]]:
+    for where, cells in _read_lines(path):
+        try:
+            yield where, shape.model_validate(cells)
+        except ValidationError as error:
+            problems.extend(_explain(where, error))
+
+
+def _read_labels(path: Traversable, problems: list[str]) -> dict[str, dict[int, str]]:
+    found: dict[str, dict[int, str]] = {}
+    for where, row in _read_rows(path, _Label, problems):
+        labels = found.setdefault(row.code, {})
+        if row.number in labels:
+            problems.append(f"{where}: {row.code} has {row.number} twice")
+        labels[row.number] = row.label
+    return found
+
+
+def _read_parameters(directory: Traversable, problems: list[str]) -> dict[str, Parameter]:
+    ranges = _read_ranges(directory, problems)
+    presets = {
+        row.code: row.model_dump(exclude={"code"}, exclude_none=True)
+        for _, row in _read_rows(directory / "presets.csv", _Preset, problems)
+    }
+    rows: dict[str, Parameter] = {}
+    for where, cells in _read_lines(directory / "parameters.csv"):
+        cells.setdefault("decimals", None)
+        try:
+            code = cells.get("code", "")
+            preset = presets.pop(code, {})
+            row = Parameter.model_validate({**cells, **preset, "ranges": ranges.pop(code, ())})
+        except ValidationError as error:
+            problems += _explain(where, error)
+            continue
+        if row.code in rows:
+            problems.append(f"{where}: {row.code} stands twice")
+        rows[row.code] = row
+    problems += [f"ranges.csv: {code} is no parameter" for code in ranges]
+    problems += [f"presets.csv: {code} is no parameter" for code in presets]
+    return rows
+
+
+def _read_ranges(directory: Traversable, problems: list[str]) -> dict[str, tuple[ModelRange, ...]]:
+    ranges: dict[str, tuple[ModelRange, ...]] = {}
+    for _, row in _read_rows(directory / "ranges.csv", _Range, problems):
+        one = ModelRange(model=row.model, raw_min=row.raw_min, raw_max=row.raw_max)
+        ranges[row.code] = (*ranges.get(row.code, ()), one)
+    return ranges
+
+
+def _explain(where: str, error: ValidationError) -> list[str]:
+    return [
+        f"{where}: {'.'.join(map(str, detail['loc']))}: {demand_of(detail['type'], detail.get('ctx', {}))}"
+        for detail in error.errors(include_url=False)
+    ]
+
+
+def stop_profile(configured: Profile, identity: Identity) -> Profile:
+    """Return the family whose words a stop must speak: the proven one where it is known here."""
+    seen = identity.family_seen
+    return load_profile(seen) if seen in FAMILIES and seen != configured.family else configured
+
+
+def stop_note(configured: Profile, identity: Identity, spoken: Collection[str]) -> str:
+    """Return what the result of a stop says of its words; empty where nothing contradicts them.
+
+    `spoken` names the families in whose words it was sent, in their order.
+    """
+    seen = identity.family_seen
+    if seen == configured.family or (seen is None and not identity.model):
+        return ""
+    if seen in FAMILIES:
+        proved = f"the device proved to be {seen}, not {configured.family}"
+        if configured.family not in spoken:
+            return f"{proved}: the stop was sent as {seen} takes it"
+        then = f", then as {seen} takes it" if seen in spoken else ""
+        early = f"before that the stop was sent as {configured.family} takes it{then}"
+        return f"{proved}; {early}: look at the starter, it may be disabled or in local mode"
+    what = f"the device is of no known family ({identity.reason})"
+    return f"{what}: the stop was sent as {configured.family} takes it, as configured"

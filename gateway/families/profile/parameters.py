@@ -1,0 +1,245 @@
+"""Rows by their codes: how they are asked for, what they may be set to, which requests do it."""
+
+from __future__ import annotations
+
+import re
+from decimal import Decimal, InvalidOperation
+
+from gateway.families.profile.refusals import refused
+from gateway.families.profile.schema import (
+    OFF,
+    RESERVED,
+    Access,
+    Confidence,
+    Parameter,
+    Profile,
+    Table,
+    Type,
+    Variant,
+)
+from gateway.families.profile.word_types import SPELT, from_text, of_percent, to_number_words, to_percent
+from gateway.modbus.codes import Function
+from gateway.modbus.pdu import Request
+from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
+from gateway.modbus.writes import WriteCoil, WriteRegister, WriteRegisters
+
+_UNNAMED = "not named in this manual"
+_RAW_CODE = re.compile(r"P([0-9]{1,5})")
+_REGISTER_CODE = re.compile(r"(HR|IR|COIL)([0-9]{1,5})")
+_PREFIXES = {Table.HOLDING: "HR", Table.INPUT: "IR", Table.COIL: "COIL"}
+_FUNCTIONS = {
+    Table.HOLDING: Function.READ_HOLDING_REGISTERS,
+    Table.INPUT: Function.READ_INPUT_REGISTERS,
+    Table.COIL: Function.READ_COILS,
+}
+_LAST_ADDRESS = 0xFFFF
+_LARGEST = Decimal(10) ** 12  # no row carries more; keeps the arithmetic small whatever is asked for
+
+
+def find(profile: Profile, code: str) -> Parameter:
+    """Return the row with this code, in any case; CommandError("unknown_parameter") when there is none.
+
+    On the SSW-06 and SSW-07 every other P0-P999 is a row too, read as a raw word: the serial manuals name
+    only some of them (ssw07 5.3.2). HR, IR or COIL and an address name any register or coil; those without a
+    row are read raw, such as the SoftPLC's markers (ssw900 7.2.2).
+    """
+    wanted = code.strip().upper()
+    number = _RAW_CODE.fullmatch(wanted)
+    if number is not None and profile.raw_range is not None:
+        wanted = f"P{int(number[1]):03d}"
+    row = profile.parameters.get(wanted)
+    if row is None and number is not None:
+        row = raw_row(profile, int(number[1]))
+    register = _REGISTER_CODE.fullmatch(wanted)
+    if row is None and register is not None:
+        row = _register(profile, register[1], int(register[2]))
+    if row is None:
+        raise refused("unknown_parameter", code.strip()[:40])
+    return row
+
+
+def raw_row(profile: Profile, address: int) -> Parameter | None:
+    """Return the row of a parameter that the manual does not describe; None where there can be none."""
+    if profile.raw_range is None or not profile.raw_range[0] <= address <= profile.raw_range[1]:
+        return None
+    return _raw(f"P{address:03d}", Table.HOLDING, address)
+
+
+def unnamed_code(profile: Profile, table: Table, address: int) -> str:
+    """Return the code of a register or coil without a row: HR, IR or COIL and its number."""
+    return f"{_PREFIXES[table]}{address + _first_number(profile, table)}"
+
+
+def _first_number(profile: Profile, table: Table) -> int:
+    """Return the number of a table's address 0: the SST counts its coils from 1."""
+    return int(table is Table.COIL and "COIL1" in profile.parameters)
+
+
+def _register(profile: Profile, prefix: str, number: int) -> Parameter | None:
+    """Return the row of a register or coil, a raw one where none begins; None where there can be none."""
+    table = next(each for each, its in _PREFIXES.items() if its == prefix)
+    address = number - _first_number(profile, table)
+    if not 0 <= address <= _LAST_ADDRESS or _FUNCTIONS[table] not in profile.limits.functions:
+        return None
+    rows = profile.rows_at.get((table, address))
+    return rows[0] if rows else _raw(f"{prefix}{number}", table, address)
+
+
+def _raw(code: str, table: Table, address: int) -> Parameter:
+    return Parameter(
+        code=code,
+        name=_UNNAMED,
+        table=table,
+        address=address,
+        type=Type.BIT if table is Table.COIL else Type.U16,
+        decimals=None,
+        access=Access.RO,
+        confidence=Confidence.INFERRED,
+    )
+
+
+def read_run(table: Table, address: int, count: int) -> Request:
+    """Return the request that reads a run of neighbours in a table."""
+    if table is Table.COIL:
+        return ReadCoils(address, count)
+    if table is Table.INPUT:
+        return ReadInputRegisters(address, count)
+    return ReadHoldingRegisters(address, count)
+
+
+def read_request(profile: Profile, parameter: Parameter) -> Request:
+    """Return the request that reads this row alone; CommandError("not_readable") where it cannot be."""
+    if parameter.access is Access.NONE:
+        raise refused("not_readable", f"{profile.title} {parameter.code}: {parameter.note}")
+    return read_run(parameter.table, parameter.address, parameter.words)
+
+
+def write_request(profile: Profile, parameter: Parameter, words: tuple[int, ...]) -> Request:
+    """Return the request that writes this row, also a command row; CommandError("not_writable") for others.
+
+    The words are those of `to_words`, or a command's own: nothing is checked here but the access.
+    """
+    if parameter.access not in (Access.RW, Access.COMMAND):
+        raise refused("not_writable", f"{profile.title} {parameter.code} is read-only")
+    if parameter.table is Table.COIL:
+        return WriteCoil(parameter.address, bool(words[0]))
+    if len(words) == 1:
+        return WriteRegister(parameter.address, words[0])
+    return WriteRegisters(parameter.address, words)
+
+
+def raw_limits(parameter: Parameter, variant: Variant | None = None) -> tuple[int, int] | None:
+    """Return the smallest and largest raw number the row takes; None when it cannot be set.
+
+    With the model known its own limits count (SST register table); unknown, the widest of all models.
+    """
+    if not parameter.is_writable or parameter.raw_min is None or parameter.raw_max is None:
+        return None
+    model = (variant.model or "").casefold() if variant is not None else ""
+    fitting = [one for one in parameter.ranges if _may_be(one.model.casefold(), model)]
+    if not fitting:
+        return parameter.raw_min, parameter.raw_max
+    lows = [one.raw_min for one in fitting if one.raw_min is not None]
+    highs = [one.raw_max for one in fitting if one.raw_max is not None]
+    return (min(lows), max(highs)) if lows and highs else None
+
+
+def to_words(
+    profile: Profile, parameter: Parameter, value: object, *, variant: Variant | None = None
+) -> tuple[int, ...]:
+    """Return the words that set a row to a value in its unit, or to an enum's number or label.
+
+    CommandError: "not_writable", "bad_value" (not of its kind), "out_of_range".
+    """
+    if parameter.is_writable and parameter.is_settable_text:
+        return _text_words(parameter, value)
+    limits = raw_limits(parameter, variant)
+    if limits is None:
+        raise refused("not_writable", f"{profile.title} {parameter.code} ({_why_not(parameter)})")
+    members = profile.enums.get(parameter.enum, {})
+    raw = _member(parameter, members, value)
+    if raw is None:
+        raw = _raw_number(parameter, value, members)
+    if not limits[0] <= raw <= limits[1] or (members and members.get(raw, RESERVED) == RESERVED):
+        raise refused("out_of_range", f"{parameter.code} takes {_accepted(parameter, limits, members)}")
+    return to_number_words(parameter, raw)
+
+
+def _text_words(parameter: Parameter, value: object) -> tuple[int, ...]:
+    words = None
+    if isinstance(value, str):
+        words = from_text(
+            parameter.type, value.strip(), words=parameter.words, longest=parameter.longest or 0
+        )
+    if words is None:
+        longest = f" of at most {parameter.longest}" if parameter.longest else ""
+        raise refused("bad_value", f"{parameter.code} takes {SPELT[parameter.type]}{longest}")
+    return words
+
+
+def _may_be(one: str, model: str) -> bool:
+    """Return whether a starter of this model, perhaps named only in part, can be of the table's model."""
+    return model.startswith(one) or one.startswith(model)
+
+
+def _why_not(parameter: Parameter) -> str:
+    if parameter.access is Access.COMMAND:
+        return "only commands write it"
+    if parameter.access is Access.NONE:
+        return parameter.note
+    if parameter.confidence is Confidence.EXTRA or parameter.name == _UNNAMED:
+        return "the serial manual does not give it: it can be read, but not set over the serial line"
+    if parameter.access is not Access.RW:
+        return "read-only"
+    if parameter.code == "P000":  # ssw06-es 4.3, ssw07 4.3
+        return "no password is needed over the serial line, and none would be kept"
+    if not parameter.is_sure:
+        return "its row is not legible in the manual"
+    return "not used on this model" if parameter.ranges else "its range is not stated"
+
+
+def _member(parameter: Parameter, members: dict[int, str], value: object) -> int | None:
+    if not isinstance(value, str):
+        return None
+    wanted = value.strip().casefold()
+    if wanted == OFF and parameter.off is not None:
+        return parameter.off
+    numbers = [number for number, label in members.items() if label.casefold() == wanted]
+    if len(numbers) > 1:
+        raise refused("bad_value", f"{parameter.code} has {value.strip()!r} more than once: give its number")
+    return numbers[0] if numbers else None
+
+
+def _raw_number(parameter: Parameter, value: object, members: dict[int, str]) -> int:
+    decimals = parameter.decimals or 0
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        raise refused("bad_value", f"{parameter.code} takes a number")
+    try:
+        number = Decimal(str(value).strip())
+    except InvalidOperation:
+        accepted = f"one of {_listed(members)}" if members else "a number"
+        raise refused("bad_value", f"{parameter.code} takes {accepted}") from None
+    if not number.is_finite() or abs(number) >= _LARGEST:
+        raise refused("bad_value", f"{parameter.code} takes a number")
+    if parameter.full_scale:
+        return of_percent(number, parameter.full_scale)
+    scaled = number.scaleb(decimals)
+    if scaled != scaled.to_integral_value():
+        raise refused("bad_value", f"{parameter.code} takes at most {decimals} decimals")
+    return int(scaled)
+
+
+def _accepted(parameter: Parameter, limits: tuple[int, int], members: dict[int, str]) -> str:
+    within = {number: label for number, label in members.items() if limits[0] <= number <= limits[1]}
+    if within:
+        return f"one of {_listed(within)}"
+    if parameter.full_scale:
+        low, high = (f"{to_percent(raw, parameter.full_scale):g}" for raw in limits)
+        return f"{low}..{high} %"
+    decimals = parameter.decimals or 0
+    low, high = (f"{raw / 10**decimals:.{decimals}f}" for raw in limits)
+    return f"{low}..{high} {parameter.unit}".rstrip()
+
+
+def _listed(members: dict[int, str]) -> str:
+    return ", ".join(f"{number} ({label})" for number, label in members.items() if label != RESERVED)

@@ -1,0 +1,97 @@
+"""Whether a line keeps its units from their watchdogs: the one rule for `check`, `set` and reload; pure.
+
+A watchdog is kept when the longest time between two requests to its unit, as `forecast` computes it, is not
+longer than the watchdog's time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from gateway.line.capacity.forecast import Forecast, forecast, longest_gap_s
+from gateway.line.scheduler.requests import Poll
+from gateway.modbus.timing import LineTiming
+
+LONGEST_LIMIT_S = 1000  # beyond what any family's watchdog can be set to (P314, C8.2.5.3, R41: 999 s)
+
+Limits = Mapping[int, float | None]  # by unit: the time of its watchdog in seconds; None or 0: it has none
+
+
+@dataclass(frozen=True, slots=True)
+class Missed:
+    """A watchdog that would act although everything works."""
+
+    unit: int
+    limit_s: float
+    gap_s: float  # infinite when the watchdogs together need more time than there is
+    load: float  # share of the line's time that the watchdogs need
+
+
+def missed_in(whole: Forecast) -> tuple[Missed, ...]:
+    """Return the watchdogs that a line would miss."""
+    limits_s = {each.poll.unit: each.poll.deadline_s for each in whole.polls if each.poll.deadline_s}
+    gaps_s = {unit: longest_gap_s(whole, unit) for unit in limits_s}
+    return tuple(
+        Missed(unit, limit_s, gaps_s[unit], whole.watchdog_load)
+        for unit, limit_s in limits_s.items()
+        if limit_s is not None and gaps_s[unit] > limit_s
+    )
+
+
+def missed_deadlines(
+    polls: Sequence[Poll], timing: LineTiming, *, allowance_s: float, limits_s: Limits | None = None
+) -> tuple[Missed, ...]:
+    """Return the watchdogs that these polls would miss; `limits_s` go before the polls' own deadlines."""
+    asked = polls if limits_s is None else with_deadlines(polls, limits_s)
+    return missed_in(forecast(asked, timing, allowance_s=allowance_s))
+
+
+def with_deadlines(polls: Sequence[Poll], limits_s: Limits) -> list[Poll]:
+    """Return the polls with these watchdogs instead of their own."""
+    return [
+        replace(poll, deadline_s=limits_s[poll.unit] or None) if poll.unit in limits_s else poll
+        for poll in polls
+    ]
+
+
+def newly_missed(
+    polls: Sequence[Poll], timing: LineTiming, *, allowance_s: float, before_s: Limits, after_s: Limits
+) -> tuple[Missed, ...]:
+    """Return the watchdogs that a change of limits would have the line miss; none for limits that only grow.
+
+    A watchdog that is missed already, and is not made shorter, speaks against no change.
+    """
+    shorter = {
+        unit for unit, limit_s in after_s.items() if limit_s and _is_shorter(limit_s, before_s.get(unit))
+    }
+    if not shorter:
+        return ()
+    missed = missed_deadlines(polls, timing, allowance_s=allowance_s, limits_s=after_s)
+    if not missed:
+        return ()
+    earlier = missed_deadlines(polls, timing, allowance_s=allowance_s, limits_s=before_s)
+    known = {each.unit for each in earlier} - shorter
+    return tuple(each for each in missed if each.unit not in known)
+
+
+def shortest_limit_s(
+    polls: Sequence[Poll], timing: LineTiming, *, allowance_s: float, before_s: Limits, unit: int
+) -> float | None:
+    """Return the shortest watchdog in whole seconds that a unit may be given; None when it is none at all."""
+
+    def is_kept(limit_s: int) -> bool:
+        after_s = {**before_s, unit: float(limit_s)}
+        return not newly_missed(polls, timing, allowance_s=allowance_s, before_s=before_s, after_s=after_s)
+
+    low, high = 0, LONGEST_LIMIT_S
+    if not is_kept(high):
+        return None
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if is_kept(middle) else (middle, high)
+    return float(high)
+
+
+def _is_shorter(limit_s: float, before_s: float | None) -> bool:
+    return not before_s or limit_s < before_s

@@ -1,0 +1,133 @@
+"""A line for oneself, without polls: for a command that works on one starter while no gateway runs.
+
+A port for oneself with one setting, one question at a time: for a scan, which knows no units yet.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from types import TracebackType
+from typing import Self
+
+from gateway.errors import PortLostError
+from gateway.line.client import LineClient, LocalLineClient
+from gateway.line.line import Scheduler
+from gateway.line.port.base import ClosesLate, Port, PortOpener
+from gateway.line.rtu.outcome import Outcome
+from gateway.line.rtu.timeouts import ALLOWANCE_S, reply_within_s, request_wire_s
+from gateway.line.rtu.trace import Trace
+from gateway.line.rtu.transaction import Transactor
+from gateway.modbus.pdu import Request
+from gateway.modbus.timing import LineTiming
+
+
+@asynccontextmanager
+async def exclusive_line(
+    name: str, opener: PortOpener, timing: LineTiming, *, allowance_s: float = ALLOWANCE_S
+) -> AsyncIterator[LineClient]:
+    """Serve a line as long as the context lasts; PortError when its port cannot be had.
+
+    A port that is lost later is not opened again: whatever is asked then ends unsent.
+    """
+    port = await opener()
+    listener = _Listener()
+    scheduler = Scheduler(
+        name=name,
+        opener=_Once(opener.name, port),
+        timing=timing,
+        polls=(),
+        listener=listener,
+        allowance_s=allowance_s,
+    )
+    task = asyncio.create_task(scheduler.run(), name=f"exclusive {name}")
+    try:
+        await listener.opened.wait()
+        yield LocalLineClient(scheduler)
+    finally:
+        task.cancel()
+        await asyncio.wait([task])
+
+
+class _Once:
+    """Hands out a port that is open already, and no other."""
+
+    def __init__(self, name: str, port: Port) -> None:
+        self._name = name
+        self._port: Port | None = port
+
+    @property
+    def name(self) -> str:
+        return self._name
+
+    async def __call__(self) -> Port:
+        port, self._port = self._port, None
+        if port is None:
+            raise PortLostError(self._name, "lost while in use")
+        return port
+
+
+class _Listener:
+    """Waits for the port; everything else is told to whoever asked."""
+
+    def __init__(self) -> None:
+        self.opened = asyncio.Event()
+
+    def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
+        """Never called: there are no polls."""
+
+    def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:  # noqa: FBT001 - the seam's exact shape
+        """Leave it to the outcomes."""
+
+    def on_trouble(self, line: str, code: str, unit: int, text: str, frames: tuple[str, ...]) -> None:
+        """Leave it to the log."""
+
+    def on_port(self, line: str, is_open: bool, reason: str) -> None:  # noqa: ARG002, FBT001 - the seam's exact shape
+        self.opened.set()
+
+
+ALLOWANCE_S = 0.02  # for adapters, drivers and this machine
+
+
+class Survey:
+    """An open port; as a context, so that it is closed in any case. Entering raises PortError.
+
+    Leaving it waits until the port is closed, so that the next survey can open it with another setting.
+    """
+
+    def __init__(self, opener: PortOpener, timing: LineTiming, *, allowance_s: float = ALLOWANCE_S) -> None:
+        self.timing = timing
+        self._opener = opener
+        self._allowance_s = allowance_s
+        self._port: Port | None = None
+        self._line: Transactor | None = None
+
+    async def __aenter__(self) -> Self:
+        self._port = await self._opener()
+        trace = Trace(self._opener.name)
+        self._line = Transactor(self._port, self.timing, allowance_s=self._allowance_s, trace=trace)
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
+    ) -> None:
+        if self._port is None:
+            return
+        self._port.close()
+        if isinstance(self._opener, ClosesLate):
+            await self._opener.wait_closed()
+
+    async def ask(self, unit: int, request: Request, *, response_time_s: float) -> Outcome:
+        """Send a read and return what became of it; ValueError for a write, PortLostError."""
+        if request.is_write:
+            raise ValueError("a survey only reads")
+        if self._line is None:
+            raise ValueError("the survey has not begun")
+        return await self._line.transact(unit, request, response_time_s=response_time_s)
+
+
+def silent_cost_s(request: Request, timing: LineTiming, *, response_time_s: float) -> float:
+    """Return how long it takes to learn that a unit does not answer: a late reply is waited for too."""
+    within_s = reply_within_s(request, timing, response_time_s=response_time_s, allowance_s=ALLOWANCE_S)
+    return timing.silence_s + request_wire_s(request, timing) + within_s + response_time_s

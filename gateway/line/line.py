@@ -1,0 +1,245 @@
+"""One line's loop: the plan decides, the transactor keeps the timing, nothing hides here."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Sequence
+from math import inf
+from typing import Any
+
+from gateway.errors import PortError, PortLostError, PortResetError
+from gateway.line.events import LineListener, OnFrame, Voice
+from gateway.line.port.base import Port, PortOpener
+from gateway.line.port.tty import CountsErrors
+from gateway.line.port_recovery import Deafness
+from gateway.line.rtu.outcome import Silent
+from gateway.line.rtu.request import Preparations
+from gateway.line.rtu.timeouts import ALLOWANCE_S
+from gateway.line.rtu.trace import Trace
+from gateway.line.rtu.transaction import Transactor
+from gateway.line.scheduler.requests import Job, Poll
+from gateway.line.scheduler.scheduler import Plan
+from gateway.line.scheduler.stop_latency import worst_stop_latency_s
+from gateway.line.service import IDLE_WAKE_S, Serving
+from gateway.line.statistics import Figures
+from gateway.line.stop_hold import Doorstep
+from gateway.modbus.timing import LineTiming
+
+logger = logging.getLogger(__name__)
+
+REOPEN_FLOOR_S = 0.5
+REOPEN_CEILING_S = 2.0  # an adapter that is plugged in again is to be found at once
+
+
+class Scheduler:
+    """Serves one line; everything but `__init__` belongs to the loop that `run` runs on."""
+
+    def __init__(
+        self,
+        *,
+        name: str,
+        opener: PortOpener,
+        timing: LineTiming,
+        polls: Sequence[Poll],
+        listener: LineListener,
+        allowance_s: float = ALLOWANCE_S,
+        seed: int = 0,
+        deaf_after_s: float | None = None,
+        hurry: Callable[[], None] | None = None,  # called when what was told before must not wait
+        has_arrived: Callable[[], bool] = lambda: False,  # something that may become a stop
+    ) -> None:
+        self.name = name
+        self.timing = timing
+        self.progress = 0  # grows with each transaction, idle wake-up and attempt to open
+        self._opener = opener
+        self._allowance_s = allowance_s
+        self._plan = Plan(polls, seed=seed)
+        self._trace = Trace(name)
+        self._voice = Voice(name, listener, self._trace, hurry=hurry)
+        self._figures = Figures()
+        self._preparations = Preparations()
+        self._deafness = Deafness(deaf_after_s)
+        self._doorstep = Doorstep(has_arrived)
+        self._time: Callable[[], float] = lambda: -inf
+        self._serving: Serving | None = None  # while the port is open
+        self._is_stopping = False
+        self._is_reopening = False  # after a reset on purpose: jobs wait for the new connection
+        self._earlier_stray_bytes = 0
+
+    async def run(self) -> None:
+        """Serve this line until cancelled; a transaction whose request is sent then still runs to its end."""
+        self._is_stopping = False
+        living = asyncio.create_task(self._live(), name=f"line {self.name}")
+        try:
+            await asyncio.shield(living)
+        except asyncio.CancelledError:
+            self._is_stopping = True
+            if self._serving is not None:
+                self._serving.is_stopping = True
+            if self._serving is None or not self._serving.line.is_on_wire:
+                living.cancel()
+            await asyncio.wait([living])
+            raise
+
+    def submit(self, job: Job) -> None:
+        """Queue a job; without a port it ends at once."""
+        if self._is_reopening:
+            self._plan.submit(job, self._time())
+        elif self._serving is None:
+            job.finish(Silent("port closed", is_sent=False))
+        else:
+            self._serving.submit(job)
+
+    def withdraw(self, job: Job) -> bool:
+        """Take a waiting job back, so that it is never sent; False when it is too late for that."""
+        if self._is_reopening:
+            return self._plan.withdraw(job)
+        return self._serving is not None and self._serving.withdraw(job)
+
+    def add_poll(self, poll: Poll) -> None:
+        """Repeat a request from now on; ValueError when its key is taken."""
+        self._plan.add_poll(poll, self._time())
+        self._wake()
+
+    def remove_poll(self, key: str) -> None:
+        """Ask no more; KeyError when there is no such poll."""
+        self._plan.remove_poll(key)
+        self._preparations.forget(key)
+        self._figures.forget_poll(key)
+
+    def set_every(self, key: str, every_s: float) -> None:
+        """Change a poll's period; KeyError when there is no such poll."""
+        self._plan.set_every(key, every_s, self._time())
+        self._wake()
+
+    def hasten(self, key: str) -> None:
+        """Make a poll due now; KeyError when there is no such poll."""
+        self._plan.hasten(key, self._time())
+        self._wake()
+
+    def set_deadline(self, unit: int, seconds: float | None) -> None:
+        """See to it that a unit is reached within its watchdog's time; None or 0: it has none."""
+        self._plan.set_deadline(unit, seconds)
+        self._wake()
+
+    def expect_silence(self, unit: int, seconds: float) -> None:
+        """Count no misses of this unit for so long."""
+        self._plan.expect_silence(unit, self._time() + seconds)
+
+    def forget(self, unit: int) -> None:
+        """Know nothing of a unit any more, whose polls are removed."""
+        self._plan.forget(unit)
+        self._figures.forget(unit)
+
+    def capture(self, on_frame: OnFrame | None) -> None:
+        """Hand on every frame from now on; None: no more."""
+        self._voice.capture(on_frame)
+
+    def figures(self) -> dict[str, Any]:
+        """Return the counters and times of this line."""
+        polls = self._plan.polls()
+        latency_s = worst_stop_latency_s(polls, self.timing, allowance_s=self._allowance_s)
+        figures = self._figures.to_dict(polls, worst_stop_latency_s=latency_s, now_s=self._time())
+        for unit, counts in figures["units"].items():
+            counts["state"] = self._plan.state_of(unit).value
+        state = {
+            "is_open": self._serving is not None,
+            "stretch": round(self._plan.stretch, 3),
+            "watchdogs": self._plan.watchdog_figures(self._time()),
+        }
+        stray_bytes = self._earlier_stray_bytes + (self._serving.line.stray_bytes if self._serving else 0)
+        errors = self._opener.uart_errors() if isinstance(self._opener, CountsErrors) else None
+        uart = {} if errors is None else {"uart_errors": errors}
+        return {**state, "progress": self.progress, "stray_bytes": stray_bytes, **uart, **figures}
+
+    async def _live(self) -> None:
+        """Serve as long as the line runs; leave nobody waiting."""
+        self._time = asyncio.get_running_loop().time
+        try:
+            await self._keep_open()
+        finally:
+            self._end_jobs()
+
+    async def _keep_open(self) -> None:
+        """Open the port, serve, and reopen when it is lost, ever less often while that is no use."""
+        pause_s = REOPEN_FLOOR_S
+        while True:
+            self.progress += 1
+            tried_s = self._time()
+            try:
+                port = await self._opener()
+            except PortError as error:
+                self._end_jobs()
+                self._voice.tell_port(str(error), is_open=False)
+            else:
+                await self._use(port)
+            if self._is_stopping:
+                return
+            if self._is_reopening:
+                continue
+            if self._time() - tried_s > REOPEN_CEILING_S:
+                pause_s = REOPEN_FLOOR_S
+            await self._pause(pause_s)
+            pause_s = min(2 * pause_s, REOPEN_CEILING_S)
+
+    async def _pause(self, pause_s: float) -> None:
+        """Wait without standing still: whoever watches `progress` must not take a missing port for a hang."""
+        until_s = self._time() + pause_s
+        while (left_s := until_s - self._time()) > 0:
+            await asyncio.sleep(min(left_s, IDLE_WAKE_S))
+            self.progress += 1
+
+    async def _use(self, port: Port) -> None:
+        """Serve on an open port until it is lost or we stop; leave it closed.
+
+        After a reset of ours the jobs wait for the new connection, and nothing is published of it.
+        """
+        self._is_reopening = False
+        line = Transactor(port, self.timing, allowance_s=self._allowance_s, trace=self._trace)
+        serving = self._serving = self._serving_of(line)
+        self._plan.begin(self._time())
+        self._figures.begin(self._time())
+        self._deafness.begin()
+        try:
+            if self._deafness.is_deaf:
+                serving.ask_all_anew()
+            else:
+                self._voice.tell_port("open", is_open=True)
+            await serving.run()
+        except PortResetError as error:
+            logger.info("line=%s %s", self.name, error)
+            self._is_reopening = True
+        except PortLostError as error:
+            self._voice.tell_port(str(error), is_open=False)
+        finally:
+            self._serving = None
+            self._earlier_stray_bytes += line.stray_bytes
+            port.close()
+            if not self._is_reopening:
+                self._end_jobs()
+
+    def _end_jobs(self) -> None:
+        self._is_reopening = False
+        for job in self._plan.take_jobs():
+            job.finish(Silent("port closed", is_sent=False))
+
+    def _serving_of(self, line: Transactor) -> Serving:
+        return Serving(
+            line,
+            port_name=self._opener.name,
+            plan=self._plan,
+            figures=self._figures,
+            deafness=self._deafness,
+            doorstep=self._doorstep,
+            preparations=self._preparations,
+            voice=self._voice,
+            step=self._step,
+        )
+
+    def _step(self) -> None:
+        self.progress += 1
+
+    def _wake(self) -> None:
+        if self._serving is not None:
+            self._serving.wake()

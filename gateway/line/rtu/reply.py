@@ -1,0 +1,93 @@
+"""What was heard after a request: where the reply is in it, and what it says."""
+
+from __future__ import annotations
+
+from gateway.errors import BadFrameError, BadReplyError
+from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused
+from gateway.modbus import adu
+from gateway.modbus.codes import EXCEPTION_BIT
+from gateway.modbus.pdu import Request, exception_code
+
+SHORTEST_REPLY = 5  # bytes: an exception
+
+
+class Hearing:
+    """The bytes received after one request, in any chunks.
+
+    Half-duplex adapters may echo what they send. A copy of the request is set aside, save where the reply
+    repeats the request; there it counts as the reply unless the line is known to echo (`is_echoing`).
+    """
+
+    def __init__(self, request_adu: bytes, *, is_mirrored: bool, is_echoing: bool) -> None:
+        self._request_adu = request_adu
+        self._keeps_copy = is_mirrored and not is_echoing
+        self._received = bytearray()
+
+    @property
+    def received(self) -> bytes:
+        """Everything heard so far."""
+        return bytes(self._received)
+
+    def feed(self, chunk: bytes) -> None:
+        """Take the next bytes."""
+        self._received += chunk
+
+    @property
+    def has_echo(self) -> bool:
+        """Whether it began with an echo of the request, as far as that can be told."""
+        start = self._request_adu * 2 if self._keeps_copy else self._request_adu
+        return self._received.startswith(start)
+
+    def reply(self) -> bytes:
+        """Return what was heard after the echo, if there was one."""
+        is_echo = self._received.startswith(self._request_adu) and not self._keeps_copy
+        return bytes(self._received[len(self._request_adu) :] if is_echo else self._received)
+
+    def may_be_echo(self) -> bool:
+        """Return whether all of it, if anything, may be (part of) an echo."""
+        return not self._keeps_copy and self._request_adu.startswith(self._received)
+
+    def lacking(self) -> int:
+        """Return how many bytes are missing at least before it can be told more than now."""
+        received = self._received
+        if len(received) < SHORTEST_REPLY:
+            return SHORTEST_REPLY - len(received)
+        if self.may_be_echo():
+            return 1
+        reply = self.reply()
+        try:
+            size = adu.reply_adu_size(reply)
+        except BadFrameError:
+            return 1
+        return 1 if size is None else max(size - len(reply), 1)
+
+    def whole_reply(self) -> bytes | None:
+        """Return the frame as soon as it is whole, or can be none; bytes behind its end are left out."""
+        if self.may_be_echo():
+            return None
+        reply = self.reply()
+        try:
+            size = adu.reply_adu_size(reply)
+        except BadFrameError:
+            return reply
+        return reply[:size] if size is not None and len(reply) >= size else None
+
+
+def judge(frame: bytes, unit: int, request: Request, *, at_s: float, response_time_s: float) -> Outcome:
+    """Return what a frame that ended at `at_s` says to this request: CRC, unit, function, length, echo."""
+    try:
+        reply = adu.decode(frame)
+    except BadFrameError as error:
+        return Garbled(str(error), frame)
+    if reply.unit != unit:
+        return Garbled(f"reply of unit {reply.unit}", frame)
+    code = exception_code(request, reply.pdu)
+    if code is not None:
+        return Refused(code, at_s)
+    if reply.pdu[0] & ~EXCEPTION_BIT != request.function:
+        return Garbled(f"reply of function {reply.pdu[0]}", frame)
+    try:
+        value = request.decode_reply(reply.pdu)
+    except BadReplyError as error:
+        return Garbled(str(error), frame)
+    return Answered(value, at_s, response_time_s)

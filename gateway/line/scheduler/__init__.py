@@ -1,0 +1,1 @@
+"""Which request is next; pure. Start at `scheduler`."""

@@ -1,0 +1,280 @@
+"""Keeps the gateway connected to its broker, however often either goes away."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from typing import Protocol
+
+from gateway.errors import BrokerError
+from gateway.mqtt.connection.reconnect import Backoff, Notice, Version, VersionChoice, perhaps_taken_over
+from gateway.mqtt.connection.session import CONNECTION_LOST, Session
+from gateway.mqtt.connection.settings import BrokerSettings
+from gateway.mqtt.connection.unread import Unread
+from gateway.mqtt.contract.commands import Incoming
+from gateway.mqtt.contract.freshness import EVERY_S
+from gateway.mqtt.contract.payloads import Message
+from gateway.mqtt.outbox.outbox import Outgoing
+
+log = logging.getLogger(__name__)
+
+PULSE_EVERY_S = EVERY_S
+PULSE_RETRY_S = 0.1
+FAREWELL_TICKET = 0  # the outbox counts from 1
+SHORT_ONES = 3  # connections in a row that the broker closed soon, until the cause is guessed
+
+
+class Source(Protocol):
+    """Where the messages to publish come from; see `Outbox`."""
+
+    def connected(self, window: int) -> None:
+        """Begin a connection."""
+        ...
+
+    def disconnected(self) -> None:
+        """End a connection."""
+        ...
+
+    def take(self) -> Outgoing | None:
+        """Return the next message to publish now."""
+        ...
+
+    def acked(self, ticket: int, reason_code: int) -> None:
+        """Note the broker's answer."""
+        ...
+
+    @property
+    def is_idle(self) -> bool:
+        """Return whether everything has been acknowledged."""
+        ...
+
+
+class BrokerConnection:
+    """The way to one broker. All calls belong on the loop that runs `run`; no callback may block.
+
+    `will` makes the message that the broker publishes when this gateway vanishes. `on_link` hears of every
+    change: connected or not, and what is wrong (also while connected, when commands cannot arrive).
+    `on_notice` is called for losses that need an event of their own: once, until a connection has held again.
+    `pulse` makes a message of QoS 0 that goes out before all others of a connection and then every
+    PULSE_EVERY_S; it is made when it is sent, and never waits. `on_version` takes each connection's version.
+    """
+
+    def __init__(
+        self,
+        settings: BrokerSettings,
+        source: Source,
+        *,
+        command_filter: str,
+        will: Callable[[], Message | None],
+        on_incoming: Callable[[Incoming], None],
+        on_link: Callable[[bool, str], None],
+        on_notice: Callable[[Notice], None] = lambda _: None,
+        unread: Unread | None = None,
+        pulse: Callable[[], Message] | None = None,
+        on_version: Callable[[Version], None] = lambda _: None,
+    ) -> None:
+        self._settings = settings
+        self._unread = unread or Unread()
+        self._source = source
+        self._command_filter = command_filter
+        self._will = will
+        self._on_incoming = on_incoming
+        self._on_link = on_link
+        self._on_notice = on_notice
+        self._published: set[str] = set()  # the codes of notices, since a connection held
+        self._logged: set[str] = set()  # likewise
+        self._short_ones = 0
+        self._pulse = pulse
+        self._on_version = on_version
+        self._choice = VersionChoice(settings.version)
+        self._backoff = Backoff(
+            first_s=settings.first_retry_s, last_s=settings.last_retry_s, seed=settings.seed
+        )
+        self._session: Session | None = None
+        self._sending: asyncio.Handle | None = None
+        self._beating: asyncio.TimerHandle | None = None
+        self._link: tuple[bool, str] | None = None
+        self._closing = asyncio.Event()
+        self._acknowledged = asyncio.Event()
+        self._is_source_shut = False
+        self._farewell_code: int | None = None
+
+    @property
+    def is_connected(self) -> bool:
+        """Return whether messages go out now."""
+        return self._session is not None
+
+    @property
+    def version(self) -> Version:
+        """Return the version of MQTT in use, or to be tried next."""
+        return self._choice.version
+
+    async def run(self) -> None:
+        """Stay connected until closed or cancelled; never raises for what a network or a broker does."""
+        try:
+            while not self._closing.is_set():
+                if not await self._serve_once():
+                    self._choice.begin()
+                    await self._pause(self._backoff.next_s())
+        finally:
+            if self._sending is not None:
+                self._sending.cancel()
+
+    def wake(self) -> None:
+        """Send what the source has, soon; costs nothing when called often."""
+        if self._session is not None and self._sending is None:
+            self._sending = asyncio.get_running_loop().call_soon(self._send)
+
+    async def close(self, farewell: Message, *, within_s: float = 2.0) -> None:
+        """Send what still waits, then `farewell`, then disconnect; at the latest after `within_s`.
+
+        An unacknowledged farewell drops the connection, which publishes the will. Cancel `run` afterwards.
+        """
+        self._closing.set()
+        session = self._session
+        if session is None:
+            return
+        await self._wait_until(lambda: self._source.is_idle or session.lost.done(), within_s / 2)
+        self._is_source_shut = True
+        await self._wait_until(lambda: _has_room(session) or session.lost.done(), within_s / 4)
+        if _has_room(session):
+            session.publish(FAREWELL_TICKET, farewell)
+            await self._wait_until(
+                lambda: self._farewell_code is not None or session.lost.done(), within_s / 4
+            )
+        if self._farewell_code is not None:
+            await session.disconnect()
+        session.abort()
+
+    async def _serve_once(self) -> bool:
+        """Connect and serve until the loss; return whether to connect again at once."""
+        session = Session(
+            self._settings,
+            self._choice.version,
+            will=self._will(),
+            on_incoming=self._on_incoming,
+            on_ack=self._acked,
+            unread=self._unread,
+        )
+        try:
+            await session.connect()
+            is_subscribed = await session.subscribe(self._command_filter)
+            await self._serve(session, is_deaf=not is_subscribed)
+        except BrokerError as error:
+            if self._choice.failed(session.connack_code, is_closed=session.is_closed_unanswered):
+                log.debug("broker=%s %s; next: MQTT %s", self._settings.address, error, self._choice.version)
+                return True
+            self._tell(str(error), is_connected=False)
+        finally:
+            session.abort()
+        return False
+
+    async def _serve(self, session: Session, *, is_deaf: bool) -> None:
+        loop = asyncio.get_running_loop()
+        since_s = loop.time()
+        self._session = session
+        self._source.connected(session.window)
+        try:
+            self._on_version(self._choice.version)
+            self._tell(self._deaf() if is_deaf else "", is_connected=True)
+            self._beat(session)
+            self.wake()
+            reason = await session.lost
+        finally:
+            self._session = None
+            if self._beating is not None:
+                self._beating.cancel()
+            self._source.disconnected()
+            self._acknowledged.set()
+        if loop.time() - since_s >= self._settings.steady_s:
+            self._backoff.reset()
+            self._published.clear()
+            self._logged.clear()
+            self._short_ones = 0
+        self._tell(f"broker {self._settings.address}: {reason}", is_connected=False)
+        self._notice(session.notice, reason)
+
+    def _notice(self, notice: Notice | None, reason: str) -> None:
+        """Have the cause of a loss published, known or guessed, unless that has been done."""
+        if notice is None and reason == CONNECTION_LOST:
+            self._short_ones += 1
+            if self._short_ones == SHORT_ONES:
+                notice = perhaps_taken_over(self._settings.client_id)
+        if notice is not None and notice.code not in self._published and not self._closing.is_set():
+            self._published.add(notice.code)
+            self._on_notice(notice)
+
+    def beat(self) -> None:
+        """Send the pulse now, where there is a connection: what it said before has become wrong."""
+        if self._session is not None:
+            self._beat(self._session)
+
+    def _beat(self, session: Session) -> None:
+        """Send the pulse, or try again soon; what could not be sent is made anew."""
+        if self._beating is not None:
+            self._beating.cancel()
+        if self._pulse is None or self._is_source_shut:
+            return
+        pause_s = PULSE_EVERY_S if session.publish_now(self._pulse()) else PULSE_RETRY_S
+        self._beating = asyncio.get_running_loop().call_later(pause_s, self._beat, session)
+
+    def _send(self) -> None:
+        self._sending = None
+        while self._session is not None and not self._is_source_shut and not self._session.lost.done():
+            outgoing = self._source.take()
+            if outgoing is None:
+                return
+            refusal = self._session.publish(outgoing.ticket, outgoing.message)
+            if refusal is not None:
+                self._acked(outgoing.ticket, refusal)
+
+    def _acked(self, ticket: int, reason_code: int) -> None:
+        if ticket == FAREWELL_TICKET:
+            self._farewell_code = reason_code
+        else:
+            self._source.acked(ticket, reason_code)
+        self._acknowledged.set()
+        session = self._session
+        # A message for each acknowledgement, one by one, would wake us and the broker for each.
+        if session is not None and session.in_flight <= session.window // 2:
+            self.wake()
+
+    def _tell(self, trouble: str, *, is_connected: bool) -> None:
+        if (is_connected, trouble) == self._link or self._closing.is_set():
+            return
+        self._link = (is_connected, trouble)
+        level = logging.DEBUG if trouble in self._logged else logging.WARNING if trouble else logging.INFO
+        self._logged.add(trouble)  # what repeats while no connection holds is logged once
+        connected = f"broker={self._settings.address} connected, MQTT {self._choice.version}"
+        log.log(level, "%s", trouble or connected)
+        self._on_link(is_connected, trouble)
+
+    def _deaf(self) -> str:
+        error = BrokerError(
+            f"broker {self._settings.address} refuses commands: no subscription to {self._command_filter}",
+            "let this user read it, in the broker's access list",
+        )
+        return str(error)
+
+    async def _pause(self, pause_s: float) -> None:
+        try:
+            async with asyncio.timeout(pause_s):
+                await self._closing.wait()
+        except TimeoutError:
+            return
+
+    async def _wait_until(self, is_true: Callable[[], bool], within_s: float) -> None:
+        """Wait for something that an acknowledgement or a loss may make true, but not for ever."""
+        try:
+            async with asyncio.timeout(within_s):
+                while not is_true():
+                    self._acknowledged.clear()
+                    await self._acknowledged.wait()
+        except TimeoutError:
+            return
+
+
+def _has_room(session: Session) -> bool:
+    """Return whether the broker takes one more message now."""
+    return session.in_flight < session.window

@@ -1,0 +1,225 @@
+"""Sends one command as an operator does, and follows it to its end; no part of the running gateway."""
+
+from __future__ import annotations
+
+import asyncio
+import uuid
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from gateway.errors import BrokerError, GatewayError, NoResultError
+from gateway.mqtt.connection.reconnect import Version, VersionChoice
+from gateway.mqtt.connection.session import Session
+from gateway.mqtt.connection.settings import BrokerSettings
+from gateway.mqtt.contract.commands import Incoming
+from gateway.mqtt.contract.payloads import Message
+from gateway.mqtt.contract.strict_json import read_object, rfc3339, to_payload
+from gateway.mqtt.contract.topics import Topics
+from gateway.records import Phase
+
+STOP = "stop"
+STATUS_WITHIN_S = 5.0  # the retained status comes with the subscription
+STOP_STATUS_WITHIN_S = 0.25  # a stop does not wait for it
+TROUBLED_WITHIN_S = 2.0  # for the result of a stop that was sent although no gateway seemed to be there
+_FINAL = frozenset(phase.value for phase in Phase if phase.is_final)
+_REFUSED = 0x80  # reason codes from here on [MQTT5 2.4]
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """What is asked of whom, and by whom."""
+
+    starter: str
+    client: str  # the level in the topics
+    verb: str
+    args: Mapping[str, Any] = field(default_factory=dict)
+    operator: str | None = None  # a claim
+    reason: str | None = None
+    id: str | None = None  # None: a new one
+    ttl_s: float | None = None  # None: as the gateway has it
+    expect: Mapping[str, Any] = field(default_factory=dict)  # what must be so still, e.g. {"state": "ready"}
+    select: str | None = None  # the token of a selection
+
+
+class Sender:
+    """One command, once."""
+
+    def __init__(self, settings: BrokerSettings, topics: Topics) -> None:
+        self._settings = settings
+        self._topics = topics
+        self._news: asyncio.Queue[Incoming | int | None] = asyncio.Queue()  # int: reason code; None: lost
+
+    async def send(
+        self, order: Order, *, now_s: float, within_s: float, on_phase: Callable[[Mapping[str, Any]], None]
+    ) -> Mapping[str, Any] | None:
+        """Return the final result, None when none came in time; every phase goes to `on_phase` before.
+
+        `now_s` is the wall time. BrokerError when the broker or the gateway is away, or writing is forbidden.
+        """
+        order = replace(order, id=order.id or uuid.uuid4().hex)
+        session, _ = await connected(
+            self._settings,
+            on_incoming=self._news.put_nowait,
+            on_ack=lambda _, code: self._news.put_nowait(code),
+        )
+        session.lost.add_done_callback(lambda _: self._news.put_nowait(None))
+        try:
+            is_answered = await session.subscribe(self._topics.result(order.starter, order.client))
+            proof, trouble = await self._proof(session, order)
+            if not is_answered:
+                trouble = self._forbidden(f"read the results of {order.client}")
+            if trouble is not None and order.verb != STOP:
+                raise trouble
+            message = self._message(order, proof=proof, now_s=now_s)
+            session.publish(1, message)
+            within_s = min(within_s, TROUBLED_WITHIN_S) if trouble is not None else within_s
+            try:
+                async with asyncio.timeout(within_s):
+                    return await self._final(order, message, on_phase)
+            except TimeoutError:
+                if trouble is not None:
+                    raise BrokerError(f"the stop was sent, and nobody answered: {trouble}") from None
+                return None
+        finally:
+            await session.disconnect()
+
+    async def retained(self, topic: str, *, within_s: float) -> Mapping[str, Any] | None:
+        """Return the retained message of a topic, None when there is none; BrokerError as `send`."""
+        session, _ = await connected(
+            self._settings,
+            on_incoming=self._news.put_nowait,
+            on_ack=lambda _, code: self._news.put_nowait(code),
+        )
+        session.lost.add_done_callback(lambda _: self._news.put_nowait(None))
+        try:
+            return await self._retained(session, topic, within_s)
+        finally:
+            await session.disconnect()
+
+    async def _proof(self, session: Session, order: Order) -> tuple[Mapping[str, str], BrokerError | None]:
+        """Return what proves a command fresh; a stop does without, and hears why there is none."""
+        is_stop = order.verb == STOP
+        try:
+            status = await self._told_status(session, STOP_STATUS_WITHIN_S if is_stop else STATUS_WITHIN_S)
+            proof = {"boot": str(status.get("boot"))}
+            if not is_stop:
+                proof["token"] = await self._told_token(session)
+        except BrokerError as error:
+            if not is_stop or session.lost.done():
+                raise
+            return {}, error
+        return proof, None
+
+    async def _told_status(self, session: Session, within_s: float) -> dict[str, Any]:
+        topic = self._topics.gateway_status
+        status = await self._retained(session, topic, within_s)
+        if status is None:
+            raise BrokerError(f"no gateway has told its state in {topic}", "is it running?")
+        if status.get("state") == "offline":
+            raise BrokerError(
+                f"the gateway is offline: {status.get('reason') or 'no reason told'}", "start it"
+            )
+        return status
+
+    async def _told_token(self, session: Session) -> str:
+        """Return the present token; taken last, so that it is as young as can be."""
+        topic = self._topics.gateway_fresh
+        fresh = await self._retained(session, topic, STATUS_WITHIN_S)
+        if fresh is None:
+            raise BrokerError(f"no gateway publishes its token in {topic}", "is it of this version?")
+        return str(fresh.get("token"))
+
+    async def _retained(self, session: Session, topic: str, within_s: float) -> dict[str, Any] | None:
+        """Return the retained message of a topic, or the first that comes; None when none comes in time."""
+        if not await session.subscribe(topic, with_retained=True):
+            raise self._forbidden(f"read {topic}")
+        try:
+            async with asyncio.timeout(within_s):
+                while True:
+                    message = await self._next(topic)
+                    if message is not None:
+                        return message
+        except TimeoutError:
+            return None
+
+    async def _final(
+        self, order: Order, message: Message, on_phase: Callable[[Mapping[str, Any]], None]
+    ) -> Mapping[str, Any]:
+        topic = self._topics.result(order.starter, order.client)
+        wanted = read_object(message.payload)["id"]
+        while True:
+            result = await self._next(topic, order)
+            if result is None or result.get("id") != wanted:
+                continue
+            if result.get("phase") in _FINAL:
+                return result
+            on_phase(result)
+
+    async def _next(self, topic: str, order: Order | None = None) -> dict[str, Any] | None:
+        """Return the next message when it is of this topic and readable, else None."""
+        news = await self._news.get()
+        match news:
+            case None:
+                raise self._lost(order)
+            case int() if news >= _REFUSED and order is not None:
+                raise self._forbidden(
+                    f"write {self._topics.command(order.starter, order.client, order.verb)}"
+                )
+            case Incoming() if news.topic == topic:
+                try:
+                    return read_object(news.payload)
+                except ValueError:
+                    return None
+            case _:
+                return None
+
+    def _message(self, order: Order, *, proof: Mapping[str, str], now_s: float) -> Message:
+        optional = {
+            **proof,
+            "operator": order.operator,
+            "reason": order.reason,
+            "ttl_s": order.ttl_s,
+            "expect": order.expect,
+            "select": order.select,
+        }
+        body = {
+            "id": order.id,
+            "issued_at": rfc3339(now_s),
+            "args": order.args,
+            **{name: value for name, value in optional.items() if value},
+        }
+        topic = self._topics.command(order.starter, order.client, order.verb)
+        return Message(topic, to_payload(body), qos=1, retain=False)
+
+    def _lost(self, order: Order | None) -> GatewayError:
+        text = f"the connection to {self._settings.address} was lost"
+        if order is None:
+            return BrokerError(text, "nothing was sent")
+        return NoResultError(str(order.id), f"{text} before the end was told: look at the starter")
+
+    def _forbidden(self, what: str) -> BrokerError:
+        who = f"user {self._settings.username}" if self._settings.username else "a client without login"
+        mend = "log in as the operator with --username, or look at its access list"
+        return BrokerError(f"broker {self._settings.address} does not let {who} {what}", mend)
+
+
+async def connected(
+    settings: BrokerSettings, *, on_incoming: Callable[[Incoming], None], on_ack: Callable[[int, int], None]
+) -> tuple[Session, Version]:
+    """Connect once, without a will, and return the session with the version that the broker takes.
+
+    BrokerError when it takes none, or cannot be had.
+    """
+    choice = VersionChoice(settings.version)
+    while True:
+        session = Session(settings, choice.version, will=None, on_incoming=on_incoming, on_ack=on_ack)
+        try:
+            await session.connect()
+        except BrokerError:
+            is_closed = session.is_closed_unanswered
+            session.abort()
+            if not choice.failed(session.connack_code, is_closed=is_closed):
+                raise
+        else:
+            return session, choice.version

@@ -1,0 +1,153 @@
+"""When and how to try the broker again: the pause, and the version of MQTT.
+
+Why there is no connection, in words and with the remedy.
+"""
+
+from __future__ import annotations
+
+import enum
+import random
+import socket
+import ssl
+from dataclasses import dataclass
+
+from gateway.errors import BrokerError
+
+UNSUPPORTED_VERSION = 0x84  # CONNACK [MQTT5 3.2.2.2]; paho says the same for code 1 of [MQTT3 3.2.2.3]
+PACKET_TOO_LARGE = 0x95  # [MQTT5 3.4.2.1]
+SESSION_TAKEN_OVER = 0x8E  # DISCONNECT [MQTT5 3.14.2.1]: another client has connected with our client id
+
+_MENDS = {  # CONNACK reason codes [MQTT5 3.2.2.2]; paho translates the codes of [MQTT3 3.2.2.3] into these
+    UNSUPPORTED_VERSION: "set the version of MQTT that the broker speaks",
+    0x85: "choose another client id",
+    0x86: "check username and password",
+    0x87: "check username and password, which some brokers refuse so; else let this user connect",
+    0x8A: "the broker has banned this client",
+}
+
+_OTHER_NAME = "give url the name that stands in the certificate, or have one made for this name"
+_OTHER_TIME = "is this machine's clock right? else renew the certificate"
+_CERTIFICATE_MENDS = {9: _OTHER_TIME, 10: _OTHER_TIME, 62: _OTHER_NAME, 64: _OTHER_NAME}  # X509_V_ERR_...
+
+
+def refused(address: str, reason_code: int, name: str) -> BrokerError:
+    """Return the error for a CONNACK that refuses the connection."""
+    return BrokerError(f"broker {address} refuses the connection: {name}", _MENDS.get(reason_code, ""))
+
+
+def unreachable(address: str, error: OSError | ValueError) -> BrokerError:
+    """Return the error for a TCP or TLS connection that could not be made."""
+    match error:
+        case ssl.SSLCertVerificationError():
+            mend = _CERTIFICATE_MENDS.get(getattr(error, "verify_code", 0), "check ca_file")
+            return BrokerError(f"broker {address}: its certificate: {error.verify_message}", mend)
+        case ssl.SSLError():
+            return BrokerError(f"broker {address}: TLS: {error.reason}", "is this its TLS port?")
+        case socket.gaierror():
+            return BrokerError(f"broker {address}: its name is not known", "check url and the name server")
+        case TimeoutError():
+            return BrokerError(f"broker {address} does not answer", "check url, network and firewall")
+        case ConnectionRefusedError():
+            return BrokerError(f"broker {address}: nothing listens there", "is the broker running?")
+        case _:
+            return BrokerError(f"broker {address}: {error}")
+
+
+@dataclass(frozen=True, slots=True)
+class Notice:
+    """What has an event of its own besides the loss of the connection."""
+
+    code: str
+    text: str
+
+
+def taken_over(client_id: str) -> Notice:
+    """Return what is wrong when another client has connected with this gateway's client id."""
+    return Notice(
+        "client_id_taken",
+        f"another client has connected with the client id {client_id}, and receives the commands meanwhile "
+        "(stop it, or give one of the two another name in [gateway])",
+    )
+
+
+def perhaps_taken_over(client_id: str) -> Notice:
+    """Return what may be wrong when connections end soon; MQTT 3.1.1 and some brokers give no reason."""
+    return Notice(
+        "client_id_taken",
+        f"the broker closes each connection soon: perhaps another client uses the client id {client_id} "
+        "(stop it, or give one of the two another name in [gateway])",
+    )
+
+
+def too_large(size: int, most: int) -> Notice:
+    """Return what is wrong when the broker announces a packet that is not read."""
+    return Notice(
+        "message_too_large",
+        f"the broker announced a packet of {size} bytes, more than {most}: the connection was closed before "
+        "it was read (find who sends that to a command topic, and clear it if it is retained)",
+    )
+
+
+class Version(enum.StrEnum):
+    """A version of MQTT that the gateway speaks."""
+
+    V5 = "5"
+    V311 = "3.1.1"
+
+
+class Backoff:
+    """Pauses that double from `first_s` to `last_s`, each up to a quarter shorter by chance."""
+
+    def __init__(self, *, first_s: float, last_s: float, seed: int) -> None:
+        self._first_s = first_s
+        self._last_s = last_s
+        self._random = random.Random(seed)  # so that many gateways do not come back in step
+        self._next_s = first_s
+
+    def next_s(self) -> float:
+        """Return how long to wait before the next attempt."""
+        pause_s = self._next_s * (1 - 0.25 * self._random.random())
+        self._next_s = min(2 * self._next_s, self._last_s)
+        return max(pause_s, self._first_s)
+
+    def reset(self) -> None:
+        """Begin again with the shortest pause, after a connection that held."""
+        self._next_s = self._first_s
+
+
+class VersionChoice:
+    """Which version to speak: 5 at each attempt to connect, 3.1.1 only to a broker that refuses 5.
+
+    A refusal is a CONNACK that says so, or a connection that the broker closed right upon the CONNECT, CLOSED
+    times in a row, as brokers do that cannot even read a CONNECT of MQTT 5. Closed once, it may have been
+    ended or restarted just then. Silence is never a refusal: a broker that stood still, or a stalled network,
+    knows MQTT 5 as before, and 3.1.1 would hide the retained flag of what it delivers.
+    """
+
+    CLOSED = 2
+
+    def __init__(self, forced: Version | None = None) -> None:
+        self._forced = forced
+        self.version = forced or Version.V5
+        self._closed = 0
+
+    def begin(self) -> None:
+        """Begin another attempt to connect, after a pause."""
+        self.version = self._forced or Version.V5
+        self._closed = 0
+
+    def failed(self, connack_code: int | None, *, is_closed: bool) -> bool:
+        """Note that a connection could not be had; return whether to try at once again, by `version`.
+
+        `connack_code` is None without a CONNACK; `is_closed` says that the broker closed instead.
+        """
+        if self.version is not Version.V5 or self._forced is not None:
+            return False
+        if connack_code is None and is_closed:
+            self._closed += 1
+            if self._closed < self.CLOSED:
+                return True
+        elif connack_code != UNSUPPORTED_VERSION:
+            return False
+        self.version = Version.V311
+        return True

@@ -1,0 +1,359 @@
+"""One connection to the broker, from CONNECT to its loss; the only module that knows paho.
+
+A client that connects a second time replays its queue without regard to any window, so each session has its
+own. The running loop serves its socket; only `connect` blocks, in a thread, and the loop waits for its end.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import select
+import socket
+import ssl
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+from paho.mqtt import client as paho
+from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
+from paho.mqtt.packettypes import PacketTypes
+from paho.mqtt.properties import Properties
+from paho.mqtt.reasoncodes import ReasonCode
+from paho.mqtt.subscribeoptions import SubscribeOptions
+
+from gateway.errors import BrokerError
+from gateway.mqtt.connection.reconnect import (
+    PACKET_TOO_LARGE,
+    SESSION_TAKEN_OVER,
+    Notice,
+    Version,
+    refused,
+    taken_over,
+    too_large,
+    unreachable,
+)
+from gateway.mqtt.connection.settings import BrokerSettings
+from gateway.mqtt.connection.unread import Unread
+from gateway.mqtt.contract.commands import Incoming
+from gateway.mqtt.contract.payloads import Message
+
+MAX_INCOMING_BYTES = 65_536  # asked of the broker, and never read; commands are 4 KB at most
+CONNECTION_LOST = "connection lost"
+CALLBACKS = [f"on_{each}" for each in ("connect", "disconnect", "publish", "subscribe", "message")]
+CALLBACKS += [f"on_socket_{each}" for each in ("open", "close", "register_write", "unregister_write")]
+READS_AT_ONCE = 100  # packets read before other tasks of the loop have their turn
+READ_FOR_S = 0.003  # nor longer than this
+
+
+class _TooLargeError(Exception):
+    """The broker announced more than is read; carries its size. An OSError would not come out of paho."""
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+        super().__init__(size)
+
+
+class _Client(paho.Client):
+    """Reads no packet that is announced too large: MQTT 3.1.1 cannot ask the broker to hold it back."""
+
+    def _sock_recv(self, bufsize: int) -> bytes:
+        """Read so much at most; for a packet's body paho first asks for its whole announced length."""
+        if bufsize > MAX_INCOMING_BYTES:
+            raise _TooLargeError(bufsize)
+        return super()._sock_recv(bufsize)
+
+
+class Session:
+    """One connection; `lost` is done, with the reason, as soon as it is over. A will is optional."""
+
+    def __init__(
+        self,
+        settings: BrokerSettings,
+        version: Version,
+        *,
+        will: Message | None,
+        on_incoming: Callable[[Incoming], None],
+        on_ack: Callable[[int, int], None],
+        unread: Unread | None = None,
+    ) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._settings = settings
+        self._version = version
+        self._will = will
+        self._on_incoming = on_incoming
+        self._on_ack = on_ack
+        self._unread = unread or Unread()
+        self._connack: asyncio.Future[None] = self._loop.create_future()
+        self._suback: asyncio.Future[int] = self._loop.create_future()
+        self._tickets: dict[int, tuple[int, float]] = {}  # by packet id: ticket, time sent
+        self._sock: Any = None  # paho's socket, while the loop serves it
+        self._readable = select.poll()
+        self._misc: asyncio.TimerHandle | None = None
+        self._max_packet: int | None = None
+        self.lost: asyncio.Future[str] = self._loop.create_future()
+        self.notice: Notice | None = None  # about the loss, when that needs an event of its own
+        self.connack_code: int | None = None  # None: the broker never answered
+        self._is_served = False  # the broker's port took the connection
+        self.window = settings.window
+        self._client = self._make_client()
+
+    async def connect(self) -> None:
+        """Connect; BrokerError when the broker is away or refuses. If cancelled, the thread cleans up."""
+        pool = ThreadPoolExecutor(1, thread_name_prefix="mqtt-connect")
+        connecting = pool.submit(self._connect_blocking)
+        pool.shutdown(wait=False)
+        try:
+            await asyncio.wrap_future(connecting)
+        except asyncio.CancelledError:
+            connecting.add_done_callback(lambda _: self._close_socket())
+            raise
+        except (OSError, ValueError) as error:
+            raise unreachable(self._settings.address, error) from error
+        finally:
+            del connecting  # it holds what was raised, whose traceback holds this frame
+        self._serve()
+        await self._answer(self._connack, "CONNACK")
+
+    async def subscribe(self, topic_filter: str, *, with_retained: bool = False) -> bool:
+        """Subscribe and return whether the broker lets us; MQTT 3.1.1 sends retained messages anyway."""
+        self._suback = self._loop.create_future()
+        if self._version is Version.V5:
+            # Retain As Published: live messages show their retained flag too. Retain Handling 2: no old ones.
+            handling = 0 if with_retained else 2
+            options = SubscribeOptions(qos=1, retainAsPublished=True, retainHandling=handling)
+            self._client.subscribe(topic_filter, options=options)
+        else:
+            self._client.subscribe(topic_filter, qos=1)
+        return bool(await self._answer(self._suback, "SUBACK") < 0x80)
+
+    @property
+    def is_closed_unanswered(self) -> bool:
+        """Return whether the broker ended the connection before it had answered CONNECT."""
+        return self._is_served and self.connack_code is None and self.lost.done()
+
+    @property
+    def in_flight(self) -> int:
+        """Return how many messages the broker has not acknowledged yet."""
+        return len(self._tickets)
+
+    def publish_now(self, message: Message) -> bool:
+        """Send a message of QoS 0 at once; return False when the socket has not taken what was before it."""
+        if self.lost.done() or self._client.want_write():
+            return False
+        self._client.publish(message.topic, message.payload, qos=0, retain=message.retain)
+        return True
+
+    def publish(self, ticket: int, message: Message) -> int | None:
+        """Send a message; return a reason code when it cannot be sent at all, else `on_ack` tells its end."""
+        if self.lost.done():
+            return None  # the outbox still has it
+        if self._max_packet is not None and message.packet_size > self._max_packet:
+            return PACKET_TOO_LARGE
+        properties = None
+        if self._version is Version.V5 and message.correlation is not None:
+            properties = _properties(PacketTypes.PUBLISH)
+            properties.CorrelationData = message.correlation
+        sent = self._client.publish(
+            message.topic, message.payload, qos=message.qos, retain=message.retain, properties=properties
+        )
+        if message.qos:
+            self._tickets[sent.mid] = (ticket, self._loop.time())
+        return None
+
+    async def disconnect(self) -> None:
+        """Say goodbye, so that the broker does not publish the will."""
+        self._client.disconnect()
+        await asyncio.wait([self.lost], timeout=1.0)
+        self.abort()
+
+    def abort(self) -> None:
+        """Drop the connection at once; the broker then publishes the will. May be called again."""
+        self._release()
+        self._close_socket()
+        self._lose("closed by the gateway")
+        for answer in (self._connack, self._suback):
+            answer.cancel()
+        for name in CALLBACKS:  # or the two hold each other until the next whole garbage collection
+            setattr(self._client, name, None)
+
+    def _make_client(self) -> paho.Client:
+        is_v5 = self._version is Version.V5
+        client = _Client(
+            CallbackAPIVersion.VERSION2,
+            client_id=self._settings.client_id,
+            clean_session=None if is_v5 else True,
+            protocol=MQTTProtocolVersion.MQTTv5 if is_v5 else MQTTProtocolVersion.MQTTv311,
+            reconnect_on_failure=False,
+        )
+        client.max_inflight_messages_set(0)  # paho knows no Receive Maximum; the outbox keeps to `window`
+        for name in CALLBACKS:
+            setattr(client, name, getattr(self, f"_{name}"))
+        return client
+
+    def _connect_blocking(self) -> None:
+        settings = self._settings
+        if settings.tls is not None:
+            self._client.tls_set_context(settings.tls.context())
+        self._client.username_pw_set(settings.username, settings.password)
+        if self._will is not None:
+            self._client.will_set(self._will.topic, self._will.payload, qos=1, retain=True)
+        if self._version is Version.V311:
+            self._client.connect(settings.host, settings.port, settings.keepalive_s)
+            return
+        properties = _properties(PacketTypes.CONNECT)
+        properties.SessionExpiryInterval = 0  # the broker must not collect commands for an absent gateway
+        properties.MaximumPacketSize = MAX_INCOMING_BYTES
+        self._client.connect(
+            settings.host, settings.port, settings.keepalive_s, clean_start=True, properties=properties
+        )
+
+    def _close_socket(self) -> None:
+        if (sock := self._client.socket()) is not None:
+            sock.close()
+
+    async def _answer(self, answer: asyncio.Future[Any], name: str) -> Any:
+        await asyncio.wait(
+            [answer, self.lost], timeout=self._settings.answer_s, return_when=asyncio.FIRST_COMPLETED
+        )
+        if answer.done():
+            return answer.result()
+        why = f": {self.lost.result()}" if self.lost.done() else f" within {self._settings.answer_s:g} s"
+        raise BrokerError(f"broker {self._settings.address} sent no {name}{why}")
+
+    # The loop's service of the socket.
+
+    def _serve(self) -> None:
+        self._sock = self._client.socket()
+        self._is_served = True
+        self._loop.add_reader(self._sock, self._read)
+        self._unread.watch(self._sock.fileno())
+        self._readable.register(self._sock, select.POLLIN)  # not that of `unread`, which another thread asks
+        self._loop.add_writer(self._sock, self._client.loop_write)  # CONNECT is waiting already
+        self._tick()
+
+    def _release(self) -> None:
+        if self._misc is not None:
+            self._misc.cancel()
+        if self._sock is not None:
+            self._unread.forget()
+            self._loop.remove_reader(self._sock)
+            self._loop.remove_writer(self._sock)
+            self._sock = None
+
+    def _read(self) -> None:
+        self._unread.begin()
+        self._read_on()
+        self._loop.call_soon(self._unread.end)  # after what was received has been handed over
+
+    def _read_on(self) -> None:
+        until_s = self._loop.time() + READ_FOR_S
+        for _ in range(READS_AT_ONCE):
+            try:
+                self._client.loop_read()
+            except _TooLargeError as error:
+                self._lose_with(too_large(error.size, MAX_INCOMING_BYTES))
+                return
+            except Exception as error:  # noqa: BLE001 - this callback's one guard: nonsense ends the session
+                self._lose(f"the broker sent what cannot be read: {error!r}")
+                return
+            if self._sock is None:
+                return
+            # What the TLS layer has decrypted already no longer makes the socket readable.
+            is_decrypted = isinstance(self._sock, ssl.SSLSocket) and self._sock.pending() > 0
+            if not is_decrypted and not self._readable.poll(0):
+                break
+            if self._loop.time() >= until_s:
+                if is_decrypted:
+                    self._loop.call_soon(self._read)
+                break
+        # Else a broker that saves packets (Nagle) keeps the next message back.
+        self._sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
+
+    def _tick(self) -> None:
+        """Let paho send its pings and notice a silent broker; notice one that acknowledges nothing."""
+        self._misc = self._loop.call_later(1.0, self._tick)
+        self._client.loop_misc()
+        oldest_s = min((sent_s for _, sent_s in self._tickets.values()), default=self._loop.time())
+        if self._loop.time() - oldest_s > self._settings.ack_s:
+            self._lose(f"the broker has not acknowledged a message for {self._settings.ack_s:g} s")
+
+    def _lose_with(self, notice: Notice) -> None:
+        self.notice = notice
+        self._lose(notice.text)
+
+    def _lose(self, reason: str) -> None:
+        if not self.lost.done():
+            self.lost.set_result(reason)
+
+    # paho's callbacks; up to the end of `connect` those of the socket come from its thread.
+    def _on_socket_open(self, _client: Any, _userdata: Any, sock: Any) -> None:
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+    def _on_socket_close(self, _client: Any, _userdata: Any, _sock: Any) -> None:
+        self._release()
+
+    def _on_socket_register_write(self, _client: Any, _userdata: Any, _sock: Any) -> None:
+        if self._sock is not None:
+            self._loop.call_soon(self._write)
+
+    def _write(self) -> None:
+        """Hand over what waits, as one piece: each on its own would wake the broker."""
+        if self._sock is not None:
+            self._sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_CORK, 1)
+            self._client.loop_write()
+        if self._sock is not None:
+            self._sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_CORK, 0)
+            if self._client.want_write():  # more than the socket takes
+                self._loop.add_writer(self._sock, self._client.loop_write)
+
+    def _on_socket_unregister_write(self, _client: Any, _userdata: Any, _sock: Any) -> None:
+        if self._sock is not None:
+            self._loop.remove_writer(self._sock)
+
+    def _on_connect(self, _client: Any, _userdata: Any, _flags: Any, code: ReasonCode, told: Any) -> None:
+        self.connack_code = code.value
+        if code.is_failure:
+            self._connack.set_exception(refused(self._settings.address, code.value, str(code)))
+            return
+        self.window = min(self._settings.window, getattr(told, "ReceiveMaximum", 65_535))
+        self._max_packet = getattr(told, "MaximumPacketSize", None)
+        self._connack.set_result(None)
+
+    def _on_subscribe(self, _client: Any, _userdata: Any, _mid: int, codes: Any, _told: Any) -> None:
+        self._suback.set_result(max((code.value for code in codes), default=0))
+
+    def _on_publish(self, _client: Any, _userdata: Any, mid: int, code: ReasonCode, _told: Any) -> None:
+        ticket, _ = self._tickets.pop(mid, (None, 0.0))
+        if ticket is not None:
+            self._on_ack(ticket, code.value)
+
+    def _on_message(self, _client: Any, _userdata: Any, message: paho.MQTTMessage) -> None:
+        try:
+            topic = message.topic
+        except UnicodeDecodeError:
+            return
+        incoming = Incoming(
+            topic=topic,
+            payload=bytes(message.payload),
+            is_retained=bool(message.retain),
+            is_duplicate=message.dup,
+            expiry_s=getattr(message.properties, "MessageExpiryInterval", None),
+            response_topic=getattr(message.properties, "ResponseTopic", None),
+            correlation=getattr(message.properties, "CorrelationData", None),
+        )
+        # Not from within paho: whatever goes wrong with a command must not spoil its parser.
+        self._loop.call_soon(self._on_incoming, incoming)
+
+    def _on_disconnect(self, _client: Any, _userdata: Any, flags: Any, code: ReasonCode, _told: Any) -> None:
+        if flags.is_disconnect_packet_from_server and code.value == SESSION_TAKEN_OVER:
+            self._lose_with(taken_over(self._settings.client_id))
+        elif flags.is_disconnect_packet_from_server:
+            self._lose(f"the broker closed the connection: {code}")
+        elif code.getName() == "Keep alive timeout":
+            self._lose("the broker has stopped answering")
+        else:
+            self._lose(CONNECTION_LOST)
+
+
+def _properties(packet_type: int) -> Properties:
+    return Properties(packet_type)  # type: ignore[no-untyped-call]  # paho leaves it untyped

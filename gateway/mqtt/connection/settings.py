@@ -1,0 +1,74 @@
+"""How to reach the broker, as plain values."""
+
+from __future__ import annotations
+
+import ssl
+from dataclasses import dataclass, field
+
+from gateway.errors import BrokerError
+from gateway.mqtt.connection.reconnect import Version
+
+
+class _TlsSocket(ssl.SSLSocket):
+    """Closes itself when the handshake fails; paho would leave that to the garbage collector."""
+
+    def do_handshake(self, block: bool = False) -> None:  # noqa: FBT001, FBT002 - the overridden signature
+        try:
+            super().do_handshake(block)
+        except OSError:
+            self.close()
+            raise
+
+
+@dataclass(frozen=True, slots=True)
+class TlsSettings:
+    """Files for an encrypted connection; without `ca_file` the system's authorities count."""
+
+    ca_file: str | None = None
+    cert_file: str | None = None  # of the client, with key_file
+    key_file: str | None = None
+
+    def context(self) -> ssl.SSLContext:
+        """Return a context that checks the broker's certificate and name; BrokerError for unusable files."""
+        try:
+            context = ssl.create_default_context(cafile=self.ca_file)
+        except OSError as error:
+            raise BrokerError(
+                f"ca_file {self.ca_file}: {error}", "name a PEM file with the authority"
+            ) from error
+        context.sslsocket_class = _TlsSocket
+        if self.cert_file is not None:
+            try:
+                context.load_cert_chain(self.cert_file, self.key_file)
+            except OSError as error:
+                raise BrokerError(
+                    f"cert_file {self.cert_file}: {error}", "name PEM files of a matching pair"
+                ) from error
+        return context
+
+
+@dataclass(frozen=True, slots=True)
+class BrokerSettings:
+    """One broker and the way to it."""
+
+    host: str
+    port: int
+    client_id: str
+    username: str | None = None
+    password: str | None = field(default=None, repr=False)
+    tls: TlsSettings | None = None
+    version: Version | None = None  # None: 5, or 3.1.1 where the broker refuses 5
+    keepalive_s: int = 15
+    window: int = 20  # unacknowledged messages at most; the broker may ask for less
+    answer_s: float = 10.0  # how long the broker may take for CONNACK and SUBACK
+    ack_s: float = 30.0  # how long for a PUBACK
+    first_retry_s: float = 0.5
+    last_retry_s: float = 4.0  # one client: what SCADA misses weighs more than what a broker has to refuse
+    steady_s: float = 5.0  # a connection that held this long makes the next pause short again
+    seed: int = 0  # of the retries' jitter
+
+    @property
+    def address(self) -> str:
+        """Return `host:port` for texts."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{host}:{self.port}"

@@ -1,0 +1,306 @@
+"""Judges what comes in on a command topic by its form, its retained flag and its age; starters come later."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from gateway.errors import CommandError
+from gateway.mqtt.contract.freshness import (
+    BY_BOOT,
+    BY_TOKEN,
+    DEFAULT_TTL_S,
+    MAX_TTL_S,
+    Moment,
+    Proof,
+    Tokens,
+    decided_s,
+)
+from gateway.mqtt.contract.strict_json import read_object
+from gateway.mqtt.contract.topics import CommandAddress, Malformed, Topics, shortened
+from gateway.records import AuditRecord, Phase, ResultRecord
+from gateway.starters.policy.request import CommandRequest
+from gateway.system.value_demands import demand_of
+
+MALFORMED_TOPIC = "malformed_topic"
+MAX_PAYLOAD_BYTES = 4096
+
+_INSTANT = re.compile(  # RFC 3339 5.6
+    r"\d{4}-\d\d-\d\d[Tt ]\d\d:\d\d:\d\d(\.\d{1,9})?([Zz]|[+-]\d\d:\d\d)", re.ASCII
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Incoming:
+    """A message as the broker delivered it; the last three only with MQTT 5."""
+
+    topic: str
+    payload: bytes
+    is_retained: bool = False
+    is_duplicate: bool = False
+    expiry_s: int | None = None
+    response_topic: str | None = None
+    correlation: bytes | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Rejection:
+    """A command that is not acted on: `code` names the rule, the rest its sender, empty when unknown."""
+
+    starter: str
+    client: str
+    verb: str
+    id: str | None
+    code: str
+    text: str
+    operator: str | None = None
+    args: Mapping[str, Any] = field(default_factory=dict)
+    correlation: bytes | None = None
+    problem: str = ""  # of a malformed topic, in a word
+
+    def to_result(self, time_s: float) -> ResultRecord:
+        """Return the one and final result of this command."""
+        return ResultRecord(
+            starter=self.starter,
+            client=self.client,
+            id=self.id,
+            verb=self.verb,
+            phase=Phase.REJECTED,
+            code=self.code,
+            text=self.text,
+            time_s=time_s,
+            correlation=self.correlation,
+        )
+
+    def to_audit(self, time_s: float, seq: int) -> AuditRecord:
+        """Return the decision for the audit trail."""
+        return AuditRecord(
+            starter=self.starter,
+            client=self.client,
+            operator=self.operator,
+            verb=self.verb,
+            args=self.args,
+            decision=Phase.REJECTED,
+            code=self.code,
+            time_s=time_s,
+            seq=seq,
+        )
+
+
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("must have printable characters only")
+    return text
+
+
+def _instant(text: str) -> str:
+    _utc_s(text)
+    return text
+
+
+_Id = Annotated[str, Field(min_length=1, max_length=64), AfterValidator(_printable)]
+_Instant = Annotated[str, Field(max_length=40), AfterValidator(_instant)]
+_Expected = bool | int | float | Annotated[str, Field(max_length=64)]
+_Reason = Annotated[str, Field(max_length=256), AfterValidator(_printable)]
+
+
+class _Body(BaseModel):
+    """The payload of a command; nothing unknown, nothing converted."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, hide_input_in_errors=True)
+
+    id: _Id | None = None
+    token: _Id | None = None
+    issued_at: _Instant | None = None
+    ttl_s: float = Field(default=DEFAULT_TTL_S, gt=0, le=MAX_TTL_S)
+    boot: _Id | None = None
+    operator: _Id | None = None
+    reason: _Reason | None = None
+    args: dict[str, Any] = Field(default_factory=dict)
+    expect: dict[_Id, _Expected] = Field(default_factory=dict, max_length=16)
+    select: _Id | None = None
+
+
+_ID = TypeAdapter(_Id, config=ConfigDict(strict=True))
+_REASON = TypeAdapter(_Reason, config=ConfigDict(strict=True))
+
+
+def _by_token(_: CommandAddress) -> Collection[str]:
+    return (BY_TOKEN,)
+
+
+class Intake:
+    """Judges incoming messages for one base and one run of the gateway.
+
+    `freshness_of` returns the settings that say what may prove an operator's command fresh.
+    """
+
+    def __init__(
+        self,
+        topics: Topics,
+        tokens: Tokens,
+        *,
+        freshness_of: Callable[[CommandAddress], Collection[str]] = _by_token,
+    ) -> None:
+        self._topics = topics
+        self._tokens = tokens
+        self._freshness_of = freshness_of
+
+    def judge(
+        self, incoming: Incoming, moment: Moment, *, received_s: float | None = None
+    ) -> CommandRequest | Rejection | None:
+        """Return a well-formed, fresh command, or why it is refused; None when it is no command at all.
+
+        `received_s` is when it arrived, on the steady clock: `moment` unless it has waited to be parsed.
+        """
+        received_s = moment.now_s if received_s is None else received_s
+        address = self._topics.parse_command(incoming.topic)
+        if address is None:
+            return None
+        lenient = _read_leniently(incoming.payload)
+        if isinstance(address, Malformed):
+            error = CommandError(MALFORMED_TOPIC, f"nothing was done: {address.text}")
+            return _rejected(address, lenient, incoming, error)
+        try:
+            body, expires_s = self._accepted(address, incoming, lenient, moment, received_s=received_s)
+        except CommandError as error:
+            return _rejected(address, lenient, incoming, error)
+        request = self._request(address, incoming, body=body, received_s=received_s)
+        return replace(request, expires_s=expires_s)
+
+    def _accepted(
+        self,
+        address: CommandAddress,
+        incoming: Incoming,
+        lenient: _Body,
+        moment: Moment,
+        *,
+        received_s: float,
+    ) -> tuple[_Body, float | None]:
+        """Return the body of a command to act on, and until when it may be; CommandError for all others."""
+        if incoming.is_retained:
+            raise CommandError("retained", "a retained command is never acted on; send it without retain")
+        if address.verb == "stop":
+            return lenient, None
+        body = _read_strictly(incoming.payload)
+        if incoming.expiry_s == 0:
+            raise CommandError("expired", "the message's own expiry has passed")
+        since_s = decided_s(
+            _proof(body),
+            verb=address.verb,
+            freshness=self._freshness_of(address),
+            tokens=self._tokens,
+            moment=moment,
+        )
+        expires_s = since_s + body.ttl_s
+        return body, expires_s if incoming.expiry_s is None else min(
+            expires_s, received_s + incoming.expiry_s
+        )
+
+    def _request(
+        self, address: CommandAddress, incoming: Incoming, *, body: _Body, received_s: float
+    ) -> CommandRequest:
+        # Results go to one topic only, so that the broker's ACL decides who reads them.
+        is_ours = incoming.response_topic == self._topics.result(address.starter, address.client)
+        return CommandRequest(
+            starter=address.starter,
+            client=address.client,
+            verb=address.verb,
+            id=body.id,
+            args=body.args if address.verb != "stop" else {},  # nothing in a payload may hold up a stop
+            operator=body.operator,
+            reason=body.reason,
+            received_s=received_s,
+            correlation=incoming.correlation,
+            response_topic=incoming.response_topic if is_ours else None,
+            expect=body.expect,
+            select=body.select,
+            boot=self._lasting_boot(address, body),
+        )
+
+    def _lasting_boot(self, address: CommandAddress, body: _Body) -> str:
+        """Return the boot that proves copies of this command fresh as long as it is the present one."""
+        present = self._tokens.boot.token
+        is_proof = body.boot == present and BY_BOOT in self._freshness_of(address)
+        return present if is_proof else ""
+
+
+def _proof(body: _Body) -> Proof:
+    issued_s = None if body.issued_at is None else _utc_s(body.issued_at)
+    return Proof(token=body.token, issued_s=issued_s, boot=body.boot, ttl_s=body.ttl_s)
+
+
+def _rejected(
+    address: CommandAddress | Malformed, lenient: _Body, incoming: Incoming, error: CommandError
+) -> Rejection:
+    return Rejection(
+        starter=address.starter,
+        client=address.client,
+        verb=address.verb,
+        id=lenient.id,
+        code=error.code,
+        text=error.text,
+        operator=lenient.operator,
+        args=lenient.args,
+        correlation=incoming.correlation,
+        problem=address.problem if isinstance(address, Malformed) else "",
+    )
+
+
+def _read_strictly(payload: bytes) -> _Body:
+    """Return the payload of a command that must be right in every detail."""
+    if len(payload) > MAX_PAYLOAD_BYTES:
+        raise CommandError("too_big", f"{len(payload)} bytes of payload, at most {MAX_PAYLOAD_BYTES}")
+    try:
+        fields = read_object(payload)
+    except ValueError as error:
+        raise CommandError("bad_json", shortened(str(error), 200)) from error
+    try:
+        body = _Body.model_validate(fields)
+    except ValidationError as error:
+        raise CommandError("bad_payload", shortened(_explained(error), 200)) from error
+    if body.id is None:
+        raise CommandError("no_id", "every command but stop needs an id")
+    return body
+
+
+def _read_leniently(payload: bytes) -> _Body:
+    """Return what can be understood of a payload: enough for a stop, and to name a refused command."""
+    if len(payload) > MAX_PAYLOAD_BYTES:
+        return _Body()
+    try:
+        fields = read_object(payload)
+    except ValueError:
+        return _Body()
+    args = fields.get("args")
+    return _Body(
+        id=_valid(_ID, fields.get("id")),
+        operator=_valid(_ID, fields.get("operator")),
+        reason=_valid(_REASON, fields.get("reason")),
+        args=args if isinstance(args, dict) else {},
+    )
+
+
+def _valid(adapter: TypeAdapter[str], value: object) -> str | None:
+    try:
+        return adapter.validate_python(value)
+    except ValidationError:
+        return None
+
+
+def _explained(error: ValidationError) -> str:
+    return "; ".join(
+        f"{'.'.join(map(str, mistake['loc']))} {demand_of(mistake['type'], mistake.get('ctx', {}))}"
+        for mistake in error.errors(include_url=False, include_input=False)
+    )
+
+
+def _utc_s(text: str) -> float:
+    if _INSTANT.fullmatch(text) is None:
+        raise ValueError("must be an RFC 3339 time with an offset, such as 2026-11-21T01:02:03Z")
+    return datetime.fromisoformat(text.upper()).timestamp()

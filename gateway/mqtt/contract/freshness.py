@@ -1,0 +1,160 @@
+"""Whether a command is fresh: the one rule, and the tokens that prove it.
+
+What a command passes on its way (a client's queue, brokers, a bridge, a stalled connection) may hold it for
+any time. So it carries what dates it:
+
+1. `token`: made by this gateway each second, published at once and remembered with its time on the gateway's
+   own steady clock. A command that carries one was decided upon after that time. No other clock takes part.
+2. `issued_at`: the sender's wall clock, compared with ours while ours is synchronised and was not stepped.
+3. `boot`: names the connection, not the age. Alone it is enough for `read`, and for operators with
+   `freshness = "boot"`.
+
+Any right proof is enough, but none saves a command whose own time (`ttl_s`) has run out by another.
+"""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from itertools import islice
+
+from gateway.errors import CommandError
+from gateway.mqtt.contract.run_token import Boot
+
+DEFAULT_TTL_S = 5.0
+MAX_TTL_S = 60.0  # so long a token is remembered
+MAX_AHEAD_S = 2.0  # how far a sender's clock may run before ours
+EVERY_S = 1.0  # between two tokens
+
+BY_TOKEN, BY_ISSUED_AT, BY_BOOT = "token", "issued_at", "boot"  # `freshness` of an operator
+READ = "read"
+
+_TOKEN_BYTES = 12
+_AGAIN = "read B/gateway/fresh and send it again with a new id"
+
+
+def _draw() -> str:
+    return secrets.token_urlsafe(_TOKEN_BYTES)
+
+
+class Tokens:
+    """The tokens of the last MAX_TTL_S; those of before a lost connection or a standstill count no more."""
+
+    def __init__(self, boot: Boot, *, draw: Callable[[], str] = _draw) -> None:
+        self.boot = boot
+        self._draw = draw
+        self._made: dict[str, tuple[float, str]] = {}  # token: when, and the boot of then; oldest first
+
+    def issue(self, now_s: float) -> str:
+        """Return a new token, made now on the steady clock."""
+        for token, (made_s, _) in list(islice(self._made.items(), 2)):  # more go than come
+            if now_s - made_s > MAX_TTL_S + EVERY_S:
+                del self._made[token]
+        token = self._draw()
+        self._made[token] = now_s, self.boot.token
+        return token
+
+    def made_s(self, token: str) -> float | None:
+        """Return when a token was made; None for one that does not count, or never was."""
+        made_s, boot = self._made.get(token, (None, ""))
+        return made_s if boot == self.boot.token else None
+
+
+@dataclass(frozen=True, slots=True)
+class Proof:
+    """What a command carries; `issued_s` is UTC, seconds since 1970."""
+
+    token: str | None
+    issued_s: float | None
+    boot: str | None
+    ttl_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """When a command is judged: on the steady clock, and on the wall's, with what speaks against that one."""
+
+    now_s: float
+    utc_s: float
+    clock_doubt: str | None = None  # None: `issued_at` can be compared with `utc_s`
+
+
+def decided_s(
+    proof: Proof, *, verb: str, freshness: Collection[str], tokens: Tokens, moment: Moment
+) -> float:
+    """Return since when, on the steady clock, a fresh command's time to live runs; CommandError for others.
+
+    `freshness` holds the settings of the operator's entries that give the right; any of them is enough.
+    """
+    made_s = None if proof.token is None else tokens.made_s(proof.token)
+    issued_age_s = None
+    if proof.issued_s is not None and moment.clock_doubt is None:
+        issued_age_s = moment.utc_s - proof.issued_s
+    _require_time_left(proof, made_s, issued_age_s, moment)
+    trouble = _issued_trouble(issued_age_s, tokens, moment)
+    is_proven = (
+        (made_s is not None and not {BY_TOKEN, BY_BOOT}.isdisjoint(freshness))
+        or (issued_age_s is not None and trouble is None)
+        or (
+            proof.boot == tokens.boot.token
+            and (proof.token is None or made_s is not None)  # else it is older than any that is remembered
+            and (verb == READ or BY_BOOT in freshness)
+        )
+    )
+    if not is_proven:
+        raise trouble or _unproven(proof, made_s, tokens, moment)
+    starts_s = [moment.now_s]
+    starts_s += [] if made_s is None else [made_s]
+    starts_s += [] if issued_age_s is None else [moment.now_s - issued_age_s]
+    return min(starts_s)
+
+
+def _require_time_left(
+    proof: Proof, made_s: float | None, issued_age_s: float | None, moment: Moment
+) -> None:
+    """Raise CommandError when a command's own time has run out, by whichever proof says so."""
+    if made_s is not None and moment.now_s - made_s > proof.ttl_s:
+        text = f"its token is {moment.now_s - made_s:.1f} s old, valid for {proof.ttl_s:g} s"
+        raise CommandError("expired", f"{text}: the command or the token was held up; {_AGAIN}")
+    if issued_age_s is not None and issued_age_s > proof.ttl_s:
+        text = f"issued {issued_age_s:.1f} s ago, valid for {proof.ttl_s:g} s"
+        raise CommandError("expired", f"{text}: it was held up on its way; decide again, then send again")
+
+
+def _issued_trouble(issued_age_s: float | None, tokens: Tokens, moment: Moment) -> CommandError | None:
+    """Return why `issued_at`, read by a good clock and not expired, proves nothing."""
+    if issued_age_s is None:
+        return None
+    if issued_age_s < -MAX_AHEAD_S:
+        return CommandError("not_fresh", f"issued_at is {-issued_age_s:.1f} s in the future; set the clock")
+    if tokens.boot.is_before_connection(moment.now_s - issued_age_s):
+        text = "issued before this gateway was connected to its broker; decide again, then send again"
+        return CommandError("before_connection", text)
+    return None
+
+
+def _unproven(proof: Proof, made_s: float | None, tokens: Tokens, moment: Moment) -> CommandError:
+    """Return what is missing, of a command with no proof that can be taken."""
+    if made_s is not None:
+        return CommandError("not_fresh", f"this operator's commands need issued_at{_with(moment)}")
+    if proof.boot not in (None, tokens.boot.token):
+        text = f"boot is not the one in gateway/status; {_AGAIN} and its token"
+        return CommandError("wrong_boot", text)
+    if proof.token is not None:
+        text = (
+            "its token is not known: older than 60 s, or of before the gateway lost its broker or stood still"
+        )
+        return CommandError("not_fresh", f"{text}; {_AGAIN}")
+    if proof.issued_s is not None:
+        return CommandError("not_fresh", f"{moment.clock_doubt}; send the token of B/gateway/fresh instead")
+    if proof.boot is not None:
+        text = "boot proves the connection, not the age; send the token of B/gateway/fresh"
+        return CommandError("not_fresh", text)
+    return CommandError(
+        "not_fresh", "neither token nor issued_at is given; send the token of B/gateway/fresh"
+    )
+
+
+def _with(moment: Moment) -> str:
+    return "" if moment.clock_doubt is None else f", which cannot be used now: {moment.clock_doubt}"

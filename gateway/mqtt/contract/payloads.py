@@ -1,0 +1,352 @@
+"""Records of the starters' floor as messages: topic, payload, quality of service, retained or kept.
+
+The text of values: nearly all that is published is this, so it is put together by hand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any, NamedTuple, assert_never
+
+from gateway.mqtt.contract.run_token import Boot, boot_of
+from gateway.mqtt.contract.strict_json import join_json, rfc3339, to_json, to_payload
+from gateway.mqtt.contract.topics import Topics, to_level
+from gateway.records import (
+    AlarmRecord,
+    AuditRecord,
+    AvailabilityRecord,
+    EventRecord,
+    InfoRecord,
+    LineRecord,
+    LockRecord,
+    Record,
+    ResultRecord,
+    StateRecord,
+    ValueRecord,
+)
+
+
+class ValueText(NamedTuple):
+    """A value as it is told now, and as it is told later."""
+
+    topic: str
+    text: str
+    history_topic: str
+    item: str  # of the history
+
+
+class _Names(NamedTuple):
+    level: str
+    topic: str
+    history_topic: str
+
+
+class ValueTexts:
+    """Writes values; remembers the topics of every point there is."""
+
+    def __init__(self, topics: Topics) -> None:
+        self._topics = topics
+        self._names: dict[tuple[str, str], _Names] = {}
+
+    def of(self, record: ValueRecord) -> ValueText:
+        """Return a value's texts; ValueError when the starter's name is no topic level."""
+        names = self._names.get((record.starter, record.point))
+        if names is None:
+            names = self._names_of(record.starter, record.point)
+        value = to_json(record.value)
+        fate = f'"quality":"{record.quality}","time":{_quoted(record.time_s)},"seq":{record.seq}'
+        label = "" if record.label is None else f',"label":{to_json(record.label)}'
+        reason = f',"reason":{to_json(record.reason)}' if record.reason else ""
+        text = f'{{"value":{value},"unit":{to_json(record.unit)},{fate}{label}{reason}}}'
+        item = f'{{"point":"{names.level}","value":{value},{fate}}}'
+        return ValueText(names.topic, text, names.history_topic, item)
+
+    def _names_of(self, starter: str, point: str) -> _Names:
+        level = to_level(point)
+        names = _Names(level, self._topics.value(starter, level), self._topics.history(starter))
+        self._names[starter, point] = names
+        return names
+
+
+@lru_cache(maxsize=64)  # the points of one reply have one time
+def _quoted(time_s: float | None) -> str:
+    return to_json(rfc3339(time_s))
+
+
+CONTRACT_VERSION = 1
+MAX_HISTORY_ITEMS = 200
+
+
+class HistoryItem(NamedTuple):
+    """A value that may have to be told later: the history topic and the item's JSON."""
+
+    topic: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One publication: kept, in order, until acknowledged, or else only the newest of its topic counts."""
+
+    topic: str
+    payload: bytes
+    qos: int
+    retain: bool
+    is_kept: bool = False
+    is_droppable: bool = False  # goes first when the outbox is full
+    correlation: bytes | None = None  # MQTT 5 only
+    history: HistoryItem | None = None  # told later when a newer one takes its place before it was sent
+    key: str = ""  # of a command's final result, "client/id"
+
+    @property
+    def packet_size(self) -> int:
+        """Return the size of the PUBLISH packet, at most [MQTT5 3.3]."""
+        return 20 + len(self.topic) + len(self.payload) + len(self.correlation or b"")
+
+
+@dataclass(frozen=True, slots=True)
+class Operator:
+    """What one client may do, as configured."""
+
+    client: str
+    may: tuple[str, ...]
+    starters: tuple[str, ...]
+    freshness: str = "token"
+
+
+@dataclass(frozen=True, slots=True)
+class GatewayInfo:
+    """What `gateway/info` tells."""
+
+    version: str
+    starters: tuple[str, ...]
+    lines: tuple[str, ...]
+    operators: tuple[Operator, ...]
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # name -> members, for stop
+    mqtt_version: str | None = None  # of the connection; None before the first
+
+
+class Payloads:
+    """Turns records into messages below one base; `boot` names this run of the gateway."""
+
+    def __init__(self, topics: Topics, boot: Boot | str) -> None:
+        self.topics = topics
+        self._boot = boot_of(boot)
+        self._values = ValueTexts(topics)
+
+    def message(self, record: Record) -> Message:
+        """Return the message of a record; ValueError when a name in it is no topic level."""
+        match record:
+            case ValueRecord():
+                return self._value(record)
+            case StateRecord():
+                return self._state(record)
+            case AvailabilityRecord():
+                return self._availability(record)
+            case AlarmRecord():
+                return self._alarm(record)
+            case InfoRecord():
+                return self._info(record)
+            case EventRecord():
+                return self._event(record)
+            case ResultRecord():
+                return self._result(record)
+            case AuditRecord():
+                return self._audit(record)
+            case LineRecord():
+                return _latest(self.topics.line(record.line), record.figures, qos=0)
+            case _:
+                assert_never(record)
+
+    def status(
+        self, state: str, *, time_s: float | None, since_s: float | None, reason: str | None
+    ) -> Message:
+        """Return the gateway's status; as the will, the times are unknown and so null."""
+        fields = {
+            "state": state,
+            "time": rfc3339(time_s),
+            "boot": self._boot.token,
+            "since": rfc3339(since_s),
+            "reason": reason,
+            "run": self._boot.run,
+        }
+        return _latest(self.topics.gateway_status, fields)
+
+    def fresh(self, token: str, time_s: float) -> Message:
+        """Return the proof of freshness that a command echoes."""
+        fields = {"token": token, "time": rfc3339(time_s)}
+        return _latest(self.topics.gateway_fresh, fields, qos=0)
+
+    def gateway_info(self, info: GatewayInfo) -> Message:
+        """Return what this gateway is."""
+        fields = {
+            "product": "starter-gateway",
+            "version": info.version,
+            "contract": CONTRACT_VERSION,
+            "boot": self._boot.run,
+            "mqtt_version": info.mqtt_version,
+            "starters": info.starters,
+            "lines": info.lines,
+            "operators": [
+                {
+                    "client": operator.client,
+                    "may": operator.may,
+                    "starters": operator.starters,
+                    "freshness": operator.freshness,
+                }
+                for operator in info.operators
+            ],
+            "notice": "not a safety function",
+        }
+        if info.groups:
+            fields["groups"] = dict(info.groups)
+        return _latest(self.topics.gateway_info, fields)
+
+    def outbox(self, figures: Mapping[str, Any]) -> Message:
+        """Return how the outbox does."""
+        return _latest(self.topics.gateway_outbox, figures, qos=0)
+
+    def history(self, topic: str, items: Sequence[str], boot: str) -> Message:
+        """Return a batch of values of a run, told late: at most MAX_HISTORY_ITEMS, each JSON already."""
+        payload = f'{{"boot":{to_json(boot)},"items":{join_json(items)}}}'.encode("utf-8", "replace")
+        return Message(topic, payload, qos=1, retain=False, is_kept=True, is_droppable=True)
+
+    def _value(self, record: ValueRecord) -> Message:
+        told = self._values.of(record)
+        item = HistoryItem(told.history_topic, told.item)
+        return Message(told.topic, told.text.encode("utf-8", "replace"), qos=1, retain=True, history=item)
+
+    def _state(self, record: StateRecord) -> Message:
+        fields: dict[str, Any] = {
+            "state": record.state,
+            "quality": record.quality,
+            "time": rfc3339(record.time_s),
+            "seq": record.seq,
+        }
+        if record.is_lock_told:
+            fields["locked"] = _lock(record.lock)
+        return _latest(self.topics.state(record.starter), _extended(fields, record.flags))
+
+    def _availability(self, record: AvailabilityRecord) -> Message:
+        fields = {"state": record.state, "since": rfc3339(record.since_s), "reason": record.reason}
+        return _latest(self.topics.availability(record.starter), fields)
+
+    def _alarm(self, record: AlarmRecord) -> Message:
+        fields = {
+            "active": record.is_active,
+            "severity": record.severity,
+            "text": record.text,
+            "time": rfc3339(record.time_s),
+            "cleared": rfc3339(record.cleared_s),
+            "count": record.count,
+            "seq": record.seq,
+        }
+        return _latest(self.topics.alarm(record.starter, to_level(record.code)), fields)
+
+    def _info(self, record: InfoRecord) -> Message:
+        fields = {
+            "family": record.family,
+            "model": record.model,
+            "firmware": record.firmware,
+            "serial": record.serial,
+            "hardware": record.hardware,
+            "rated_current_a": record.rated_current_a,
+            "rating": record.rating,
+            "slot": record.slot,
+            "accessories": record.accessories or None,
+            "line": record.line,
+            "address": record.address,
+            "points": {to_level(name): point for name, point in record.points.items()},
+            "commands": record.commands,
+        }
+        return _latest(self.topics.info(record.starter), fields)
+
+    def _event(self, record: EventRecord) -> Message:
+        fields = {
+            "seq": record.seq,
+            "time": rfc3339(record.time_s),
+            "boot": self._boot.run,
+            "code": record.code,
+            "severity": record.severity,
+            "text": record.text,
+            "data": record.data,
+        }
+        return _kept(self.topics.event(record.starter), fields, is_droppable=True)
+
+    def _result(self, record: ResultRecord) -> Message:
+        fields = {
+            "id": record.id,
+            "verb": record.verb,
+            "phase": record.phase,
+            "code": record.code,
+            "text": record.text,
+            "time": rfc3339(record.time_s),
+            "duplicate": record.is_duplicate,
+        }
+        # An accepted response topic is this very topic, so `response_topic` need not be looked at again.
+        topic = self.topics.result(record.starter, record.client)
+        return _kept(topic, _extended(fields, record.values), correlation=record.correlation, key=record.key)
+
+    def _audit(self, record: AuditRecord) -> Message:
+        fields = {
+            "seq": record.seq,
+            "time": rfc3339(record.time_s),
+            "boot": self._boot.run,
+            "starter": record.starter,
+            "client": record.client,
+            "operator": record.operator,
+            "verb": record.verb,
+            "args": record.args,
+            "decision": record.decision,
+            "code": record.code,
+            "before": record.before,
+            "after": record.after,
+            "id": record.id,
+            "reason": record.reason,
+        }
+        return _kept(self.topics.audit, fields, is_droppable=True)
+
+
+def _lock(lock: LockRecord | None) -> dict[str, Any] | None:
+    if lock is None:
+        return None
+    fields = {"by": lock.by, "operator": lock.operator, "since": rfc3339(lock.since_s), "reason": lock.reason}
+    return {**fields, "notice": "replaces no physical lock"}
+
+
+def cleared(topic: str) -> Message:
+    """Return the message that makes the broker forget a retained topic."""
+    return Message(topic, b"", qos=1, retain=True)
+
+
+def _latest(
+    topic: str, fields: Mapping[str, Any], *, qos: int = 1, history: HistoryItem | None = None
+) -> Message:
+    return Message(topic, to_payload(fields), qos=qos, retain=True, history=history)
+
+
+def _kept(
+    topic: str,
+    fields: Mapping[str, Any],
+    *,
+    is_droppable: bool = False,
+    correlation: bytes | None = None,
+    key: str = "",
+) -> Message:
+    return Message(
+        topic,
+        to_payload(fields),
+        qos=1,
+        retain=False,
+        is_kept=True,
+        is_droppable=is_droppable,
+        correlation=correlation,
+        key=key,
+    )
+
+
+def _extended(fields: dict[str, Any], more: Mapping[str, Any]) -> dict[str, Any]:
+    """Return `fields` with what `more` adds; the contract's own keys cannot be overwritten."""
+    return {**fields, **{key: value for key, value in more.items() if key not in fields}}

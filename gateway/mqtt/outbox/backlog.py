@@ -1,0 +1,296 @@
+"""What must reach the broker although it is away: results, events, and values that were overtaken.
+
+All of it waits here until it is acknowledged. A disk, where there is one, knows it too a moment later, and
+holds what is too much for the memory. Nothing here touches the disk: this says what it has yet to learn.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from itertools import chain, islice
+
+from gateway.mqtt.contract.payloads import Message
+from gateway.mqtt.outbox.segment import LOWEST, Entry, Lane, State, Wanted, entry_of, in_order, row_of
+from gateway.storage.spool import Changes, Kind, Loss, Page, Recalled, Refusal, merged
+
+HIGHEST = 2**62
+MOST_AT_ONCE = 500  # rows in one transaction
+MOST_REFUSALS = 100  # that wait for the disk
+MEMORY, STORE = "memory_full", "store_lost"  # why something was lost
+WINDOWS = {Kind.VALUE: 2000, Kind.EVENT: 1000, Kind.RESULT: 1000}  # in memory, when there is more on a disk
+
+
+class Kept:
+    """Six lanes, three of this run and three of earlier ones; memory alone has bounds of its own.
+
+    `on_work` is called when there is something for the disk to do. Times are the steady clock's.
+    """
+
+    def __init__(self, *, boot: str, max_rows: int, max_bytes: int) -> None:
+        self._boot = boot
+        self._max_rows = max_rows
+        self._max_bytes = max_bytes
+        self._old = {kind: Lane(kind, window=WINDOWS[kind], end=1) for kind in Kind}
+        self._new = {kind: Lane(kind, window=WINDOWS[kind], end=HIGHEST) for kind in Kind}
+        self._lanes = (*self._old.values(), *self._new.values())
+        self._out: dict[int, Entry] = {}  # taken and not acknowledged
+        self._out_bytes = 0
+        self._numbers = 0
+        self._has_news = False  # perhaps; asked for each value that is published, so it must cost nothing
+        self._fresh: dict[int, Entry] = {}
+        self._writing: list[Entry] = []
+        self._gone: list[tuple[Kind, int]] = []
+        self._refusals: deque[Refusal] = deque(maxlen=MOST_REFUSALS)
+        self._losses: tuple[Loss, ...] = ()  # of memory; times of the steady clock
+        self._keys: frozenset[str] = frozenset()
+        self.dropped = 0
+        self.is_disk_away: Callable[[], bool] = lambda: True
+        self.on_work: Callable[[], None] = lambda: None
+
+    @property
+    def last_number(self) -> int:
+        """Return the number of the newest entry."""
+        return self._numbers
+
+    @property
+    def is_empty(self) -> bool:
+        """Return whether nothing waits, here or on the disk."""
+        return not self._out and not any(len(lane) or lane.sunk.rows for lane in self._lanes)
+
+    @property
+    def has_history(self) -> bool:
+        """Return whether values wait to be told late."""
+        lanes = (self._old[Kind.VALUE], self._new[Kind.VALUE])
+        return any(not entry.is_held for lane in lanes for entry in lane) or any(
+            lane.sunk.rows for lane in lanes
+        )
+
+    def knows(self, key: str) -> bool:
+        """Return whether an earlier run has left the final result of this key behind."""
+        return key in self._keys
+
+    def put(self, kind: Kind, message: Message, since_s: float, *, is_held: bool = False) -> Entry:
+        """Keep a message, or a value; when memory is full the oldest values go first, results last."""
+        self._numbers += 1
+        entry = Entry(self._numbers, kind, message, self._boot, since_s, self._new[kind], is_held=is_held)
+        entry.lane.add(entry)
+        self._fresh[entry.number] = entry
+        self._has_news |= kind is not Kind.VALUE
+        self._make_room()
+        self.on_work()
+        return entry
+
+    def next(self, late_upto: int) -> Entry | None:
+        """Return the result or event that comes next; what is not `late` does not wait for what is."""
+        if not self._has_news:
+            return None
+        is_away = self.is_disk_away()
+        result = self._first(Kind.RESULT, is_away)
+        event = self._new[Kind.EVENT].first(is_disk_away=is_away)
+        if event is None or event.number <= late_upto:
+            event = self._first(Kind.EVENT, is_away)
+        if result is None or event is None:
+            self._has_news = bool(result or event) or any(lane.sunk.rows for lane in self._lanes)
+            return result or event
+        is_result_late = result.number <= late_upto
+        is_event_first = event.number < result.number and (is_result_late or event.number > late_upto)
+        return event if is_event_first else result
+
+    def take(self, entry: Entry) -> None:
+        """Remove what `next` returned, until it is done or given back."""
+        entry.lane.take(entry)
+        self._fly(entry)
+
+    def take_history(self, most: int) -> list[Entry]:
+        """Remove some values of one run and starter, until they are done or given back."""
+        is_away = self.is_disk_away()
+        for lane in (self._old[Kind.VALUE], self._new[Kind.VALUE]):
+            batch = lane.take_batch(most, is_disk_away=is_away)
+            if batch:
+                for entry in batch:
+                    self._fly(entry)
+                self.on_work()  # another page may be wanted
+                return batch
+        return []
+
+    def done(self, entries: Sequence[Entry]) -> None:
+        """Note that the broker has acknowledged what was taken."""
+        for entry in entries:
+            del self._out[entry.number]
+            self._out_bytes -= entry.size
+            entry.is_gone = True
+            self._tell_gone(entry)
+        self.on_work()
+
+    def cancel(self, entry: Entry) -> None:
+        """Leave out an entry that has become needless: its value was told live."""
+        if not entry.is_gone:
+            entry.lane.cancel(entry)
+            self._tell_gone(entry)
+            self.on_work()
+
+    def release(self, entry: Entry) -> None:
+        """Let the history tell a value that was held because it was to be told live."""
+        entry.is_held = False
+        if entry.is_gone:
+            self._lose(MEMORY, entry)
+
+    def give_back_all(self) -> None:
+        """Put everything that was taken and not done back, in its old order."""
+        for lane in self._lanes:
+            taken = in_order(entry for entry in self._out.values() if entry.lane is lane)
+            lane.give_back(taken)
+        self._out.clear()
+        self._out_bytes = 0
+        self._has_news = True
+
+    def refuse(self, refusal: Refusal) -> None:
+        """Set aside what the broker would not take; its time is the steady clock's."""
+        self._refusals.append(refusal)
+
+    def waiting(self) -> tuple[int, int, float | None]:
+        """Return how many rows wait (here, on their way, and on the disk), how many bytes, and since when."""
+        shares = [lane.sunk for lane in self._lanes if lane.sunk.rows]
+        since_s = [share.first_s for share in shares]
+        since_s += [entry.since_s for entry in chain(*self._lanes, self._out.values())]
+        rows = sum(len(lane) for lane in self._lanes) + len(self._out) + sum(each.rows for each in shares)
+        return rows, self._bytes + sum(each.bytes for each in shares), min(since_s, default=None)
+
+    # What the disk has yet to learn.
+
+    def collect(self, utc_of: Callable[[float], float]) -> Changes | None:
+        """Return what the disk is to do next, None for nothing; `written` or `unwritten` must follow."""
+        self._writing = list(islice(self._fresh.values(), MOST_AT_ONCE))
+        for entry in self._writing:
+            del self._fresh[entry.number]
+            entry.state = State.WRITING
+        changes = Changes(
+            rows=tuple(row_of(entry, utc_of) for entry in self._writing),
+            gone=tuple(self._gone),
+            refusals=tuple(each._replace(time_s=utc_of(each.time_s)) for each in self._refusals),
+        )
+        self._gone.clear()
+        self._refusals.clear()
+        return changes if changes.rows or changes.gone or changes.refusals else None
+
+    def written(self) -> None:
+        """Note that the disk has done what `collect` returned."""
+        for entry in self._writing:
+            entry.state = State.WRITTEN
+            if entry.is_gone:
+                self._tell_gone(entry)
+        self._writing = []
+        for lane in self._lanes:
+            lane.thin()
+
+    def unwritten(self, changes: Changes) -> None:
+        """Note that the disk could not do it."""
+        again = [entry for entry in self._writing if not entry.is_gone]
+        for entry in again:
+            entry.state = State.FRESH
+        self._fresh = {entry.number: entry for entry in again} | self._fresh
+        self._writing = []
+        self._gone[:0] = changes.gone
+        self._refusals.extendleft(reversed(changes.refusals))
+
+    def take_losses(self, utc_of: Callable[[float], float]) -> tuple[Loss, ...]:
+        """Return what memory could not hold since the last time."""
+        losses, self._losses = self._losses, ()
+        return tuple(
+            each._replace(
+                first_s=None if each.first_s is None else utc_of(each.first_s),
+                last_s=None if each.last_s is None else utc_of(each.last_s),
+            )
+            for each in losses
+        )
+
+    # What the disk says.
+
+    def recall(self, recalled: Recalled) -> None:
+        """Begin with what earlier runs have left behind; its times are the steady clock's."""
+        self._keys = recalled.keys
+        self._has_news = True
+        for kind, share in recalled.shares.items():
+            self._old[kind].begin(share)
+
+    def wanted(self) -> Iterator[tuple[Lane, Wanted]]:
+        """Give one by one what is to be read from the disk; `page`, or the lane's `no_page`, must follow."""
+        for lane in self._lanes:
+            if (wanted := lane.wanted()) is not None:
+                yield lane, wanted
+
+    def page(self, lane: Lane, page: Page) -> None:
+        """Take what was read; its times are the steady clock's."""
+        known = {entry.number for entry in lane} | self._out.keys() | {number for _, number in self._gone}
+        entries = [entry_of(row, lane) for row in page.rows if row.number not in known]
+        lost = sum(each.rows for each in page.losses)
+        upto = max((row.number for row in page.rows), default=LOWEST)
+        missing = lane.page(entries, upto=upto, is_last=page.is_last, lost=lost)
+        self.dropped += lost
+        self._has_news = True
+        if missing:
+            self._add_loss(Loss(STORE, lane.kind, missing, None, None))
+
+    def drop(self, loss: Loss) -> None:
+        """Give up what the disk had no room for."""
+        lanes = (self._old[loss.kind], self._new[loss.kind])
+        out = (each for each in self._out.values() if each.lane in lanes and each.state is State.WRITTEN)
+        rest = loss.rows - sum(each.number <= loss.upto for each in out)
+        rest -= sum(lane.forget(loss.upto) for lane in lanes)
+        for lane in lanes:
+            rest -= lane.forget_sunk(max(rest, 0))
+        self.dropped += loss.rows
+
+    def lose_disk(self) -> None:
+        """Declare what was only on the disk; all the rest is written again."""
+        for lane in self._lanes:
+            first_s = lane.sunk.first_s
+            if lost := lane.lose_disk():
+                self._add_loss(Loss(STORE, lane.kind, lost, first_s, None))
+        self._gone.clear()
+        entries = in_order(chain(*self._lanes, self._out.values()))
+        for entry in entries:
+            if entry.state is State.WRITTEN:
+                entry.state = State.FRESH
+        self._fresh = {entry.number: entry for entry in entries if entry.state is State.FRESH}
+        self.on_work()
+
+    # Inside.
+
+    @property
+    def _bytes(self) -> int:
+        return sum(lane.bytes for lane in self._lanes) + self._out_bytes
+
+    def _first(self, kind: Kind, is_away: bool) -> Entry | None:  # noqa: FBT001 - asked once for several
+        old = self._old[kind].first(is_disk_away=is_away)
+        return old or self._new[kind].first(is_disk_away=is_away)
+
+    def _fly(self, entry: Entry) -> None:
+        self._out[entry.number] = entry
+        self._out_bytes += entry.size
+
+    def _make_room(self) -> None:
+        while self._bytes > self._max_bytes or sum(len(lane) for lane in self._lanes) > self._max_rows:
+            victims = (self._first(kind, is_away=True) for kind in Kind)
+            victim = next((each for each in victims if each is not None), None)
+            if victim is None:
+                return
+            victim.lane.take(victim)
+            victim.is_gone = True
+            self._tell_gone(victim)
+            if not victim.is_held:
+                self._lose(MEMORY, victim)
+
+    def _tell_gone(self, entry: Entry) -> None:
+        """Have the disk forget an entry that it knows."""
+        self._fresh.pop(entry.number, None)
+        if entry.state in (State.WRITTEN, State.SUNK):
+            self._gone.append((entry.kind, entry.number))
+
+    def _lose(self, reason: str, entry: Entry) -> None:
+        self._add_loss(Loss(reason, entry.kind, 1, entry.since_s, entry.since_s))
+
+    def _add_loss(self, loss: Loss) -> None:
+        self._losses = merged((*self._losses, loss))
+        self.dropped += loss.rows

@@ -1,0 +1,230 @@
+"""What the starters' floor says to the world: records, which the MQTT floor turns into topics and payloads.
+
+Times are seconds since 1970, UTC. `seq` grows by one with every record of a boot that carries it.
+
+The number that tells records of one boot apart and puts them in order.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+SELECT, CANCEL, LOCK, UNLOCK, ACCEPT = "select", "cancel", "lock", "unlock", "accept"
+READ = "read"  # it writes nothing
+OWN_VERBS = (SELECT, CANCEL, LOCK, UNLOCK, ACCEPT)  # of every family: they concern the gateway alone
+
+
+class Quality(enum.StrEnum):
+    """How far a value can be trusted."""
+
+    GOOD = "good"  # just read
+    STALE = "stale"  # the last good value, with its own old time
+    BAD = "bad"  # never read, refused, impossible, or of a device that contradicts the configuration
+
+
+class Severity(enum.StrEnum):
+    """How much an event matters; `ERROR` means that a person must act."""
+
+    INFO = "info"
+    WARNING = "warning"
+    ERROR = "error"
+
+
+class Phase(enum.StrEnum):
+    """Where a command is; the last four are final, and exactly one of them ends every command."""
+
+    ACCEPTED = "accepted"
+    WRITTEN = "written"
+    CONFIRMED = "confirmed"
+    REJECTED = "rejected"
+    FAILED = "failed"
+    UNCONFIRMED = "unconfirmed"
+
+    @property
+    def is_final(self) -> bool:
+        """Return whether nothing follows this phase."""
+        return self not in (Phase.ACCEPTED, Phase.WRITTEN)
+
+
+@dataclass(frozen=True, slots=True)
+class ValueRecord:
+    """One point's value; `time_s` is None when it was never read."""
+
+    starter: str
+    point: str
+    value: bool | int | float | str | None
+    unit: str
+    quality: Quality
+    time_s: float | None
+    seq: int
+    label: str | None = None  # of an enum
+    reason: str = ""  # why it is bad, where the starter as a whole is the cause
+
+
+@dataclass(frozen=True, slots=True)
+class LockRecord:
+    """A maintenance lock: by whom, since when and why. It replaces no physical lock."""
+
+    by: str  # the client
+    since_s: float
+    reason: str
+    operator: str | None = None  # a claim
+
+
+@dataclass(frozen=True, slots=True)
+class StateRecord:
+    """The state of a starter, with its boolean points beside it."""
+
+    starter: str
+    state: str
+    quality: Quality
+    time_s: float | None
+    seq: int
+    flags: Mapping[str, bool | None] = field(default_factory=dict)
+    is_lock_told: bool = False  # only then does `lock` mean anything
+    lock: LockRecord | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class AvailabilityRecord:
+    """Whether a starter answers: online, offline or disabled."""
+
+    starter: str
+    state: str
+    since_s: float
+    reason: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmRecord:
+    """A fault or alarm that is active or has been cleared."""
+
+    starter: str
+    code: str
+    is_active: bool
+    severity: str
+    text: str
+    time_s: float
+    cleared_s: float | None
+    count: int
+    seq: int
+
+
+@dataclass(frozen=True, slots=True)
+class InfoRecord:
+    """What a starter is: everything but its values."""
+
+    starter: str
+    family: str
+    model: str | None
+    firmware: str | None
+    serial: str | None
+    line: str
+    address: int
+    points: Mapping[str, Mapping[str, Any]]  # name -> unit, type, enum, deadband
+    commands: tuple[str, ...]
+    hardware: str | None = None  # version
+    rated_current_a: float | None = None
+    rating: str | None = None  # SSW900: the currents of its size
+    slot: int | None = None  # SSW900: of the RS-485 accessory
+    accessories: tuple[str, ...] = ()  # SSW900: the kinds in slots 1 and 2
+
+
+@dataclass(frozen=True, slots=True)
+class EventRecord:
+    """Something that happened once; `starter` is empty for the gateway's own events."""
+
+    starter: str
+    code: str
+    severity: Severity
+    text: str
+    time_s: float
+    seq: int
+    data: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class ResultRecord:
+    """One phase of a command's life."""
+
+    starter: str
+    client: str
+    id: str | None
+    verb: str
+    phase: Phase
+    code: str
+    text: str
+    time_s: float
+    is_duplicate: bool = False
+    values: Mapping[str, Any] = field(default_factory=dict)  # value, unit, label, raw, parameter
+    correlation: bytes | None = None  # MQTT 5 correlation data, echoed
+    response_topic: str | None = None  # MQTT 5 response topic, already checked
+
+    @property
+    def key(self) -> str:
+        """Return what names a command's one final result; empty for whatever else is told of a command."""
+        is_sole = self.phase.is_final and not self.is_duplicate
+        return f"{self.client}/{self.id}" if is_sole and self.id else ""
+
+
+@dataclass(frozen=True, slots=True)
+class AuditRecord:
+    """One decision about a command."""
+
+    starter: str
+    client: str
+    operator: str | None  # a claim
+    verb: str
+    args: Mapping[str, Any]
+    decision: str
+    code: str
+    time_s: float
+    seq: int
+    before: Mapping[str, Any] = field(default_factory=dict)
+    after: Mapping[str, Any] = field(default_factory=dict)
+    id: str | None = None
+    reason: str | None = None  # the operator's, a claim
+
+
+@dataclass(frozen=True, slots=True)
+class LineRecord:
+    """How a line does; published every 30 s and on change."""
+
+    line: str
+    figures: Mapping[str, Any]
+
+
+Record = (
+    ValueRecord
+    | StateRecord
+    | AvailabilityRecord
+    | AlarmRecord
+    | InfoRecord
+    | EventRecord
+    | ResultRecord
+    | AuditRecord
+    | LineRecord
+)
+
+
+class Sink(Protocol):
+    """Where records go; must return at once and never raise."""
+
+    def put(self, record: Record) -> None:
+        """Take one record, in order."""
+        ...
+
+
+class SequenceNumbers:
+    """Counts up by one from 1; the gateway has exactly one, used on the application's loop only."""
+
+    def __init__(self) -> None:
+        self._last = 0
+
+    def take(self) -> int:
+        """Return the next number."""
+        self._last += 1
+        return self._last

@@ -1,0 +1,317 @@
+"""Two virtual wires: units, byte times, silences and a record of it all, on the running loop's clock.
+
+What is kept of the bytes on a virtual line: frames, and what the master did wrong.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import random
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+from gateway.errors import BadFrameError
+from gateway.modbus.adu import BROADCAST, Adu, decode, encode
+from gateway.modbus.timing import LineTiming
+from gateway.sim.bus.faults import Babbling, Impairment, Noisy, Reply
+from gateway.sim.core.unit import Unit
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """Bytes that were on the line without a longer silence between them."""
+
+    start_s: float
+    end_s: float
+    sender: int  # 0 = master, else the unit's address
+    data: bytes
+    note: str = ""
+
+    def __str__(self) -> str:
+        arrow = "<<" if self.sender else ">>"
+        note = f"  ({self.note})" if self.note else ""
+        return f"{self.start_s:.4f} {arrow} {self.data.hex(' ').upper()}{note}"
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """Something that the master must not do on a serial line."""
+
+    at_s: float
+    kind: str  # early, collision, broken, turnaround
+    detail: str
+
+    def __str__(self) -> str:
+        return f"{self.at_s:.4f} {self.kind}: {self.detail}"
+
+
+@dataclass(slots=True)
+class IncomingFrame:
+    """A frame of the master as it grows; a silence ends it."""
+
+    timing: LineTiming
+    start_s: float
+    end_s: float
+    data: bytearray = field(default_factory=bytearray)
+    longest_gap_s: float = 0.0
+    spoilt: str = ""  # why nobody can understand it
+
+    def extend(self, data: bytes, *, start_s: float) -> None:
+        """Add bytes that follow on."""
+        self.longest_gap_s = max(self.longest_gap_s, start_s - self.end_s)
+        self.data += data
+        self.end_s = start_s + self.timing.wire_s(len(data))
+
+
+Sink = Callable[[bytes, float], None]  # bytes that arrive at the master, and when the last of them had
+
+SHORTEST_TURNAROUND_S = 0.1  # after a broadcast [SERIAL 2.4.1]
+
+VIOLATIONS_KEPT = 10_000
+
+_GARBAGE = 0xA5  # what a collision makes of a byte
+
+
+@dataclass(slots=True)
+class _Order:
+    """An impairment in force."""
+
+    impairment: Impairment
+    left: int | None  # replies that it still concerns; None = until healed
+    chance: float
+
+
+class Bus:
+    """Several units on two wires, and one master at a time.
+
+    A unit sees a request only when the silence before it was kept; otherwise nobody answers, and the
+    violation is on record. Replies arrive in pieces of `chunk_bytes` (None: whole) at their true times.
+    """
+
+    def __init__(
+        self,
+        timing: LineTiming,
+        units: Iterable[Unit] = (),
+        *,
+        name: str = "simulated",
+        seed: int = 0,
+        chunk_bytes: int | None = 1,
+        tolerance_s: float = 1e-6,
+        frames_kept: int = 1000,
+    ) -> None:
+        self.timing = timing
+        self.name = name
+        self.chunk_bytes = chunk_bytes
+        self.tolerance_s = tolerance_s  # by which a silence may be too short
+        self.noise: Noisy | None = None  # on everything, both ways
+        self.units: list[Unit] = []
+        self.violations: list[Violation] = []
+        self.transcript: deque[Frame] = deque(maxlen=frames_kept)
+        self._dice = random.Random(seed)
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._sink: Sink | None = None
+        self._orders: dict[int, _Order] = {}
+        self._incoming: IncomingFrame | None = None
+        self._frame_timer: asyncio.TimerHandle | None = None
+        self._busy_until_s = float("-inf")  # the last byte of anyone
+        self._garbled_until_s = float("-inf")
+        self._turnaround_until_s = float("-inf")
+        for unit in units:
+            self.add(unit)
+
+    # Who is on the line
+
+    def add(self, unit: Unit) -> None:
+        """Connect a unit, set to this line's speed and framing."""
+        unit.join(self.timing)
+        self.units.append(unit)
+        self._give_time(unit)
+
+    def remove(self, unit: Unit) -> None:
+        """Take a unit off the wires."""
+        self.units.remove(unit)
+
+    def unit(self, address: int) -> Unit:
+        """Return the first unit with this address."""
+        return next(unit for unit in self.units if unit.address == address)
+
+    def impair(
+        self, address: int, impairment: Impairment, *, count: int | None = None, chance: float = 1.0
+    ) -> None:
+        """Spoil the replies of a unit: the next `count`, or until it is healed; each by this chance."""
+        self._orders[address] = order = _Order(impairment, count, chance)
+        if isinstance(impairment, Babbling):
+            self._plan_babble(address, order)
+
+    def heal(self, address: int) -> None:
+        """End a unit's impairment."""
+        self._orders.pop(address, None)
+
+    def advance(self) -> None:
+        """Let all units live up to now."""
+        for unit in self.units:
+            unit.advance(self._now_s())
+
+    # The master's end
+
+    def attach(self, sink: Sink) -> None:
+        """Connect the master of the running loop; what it does not read is lost."""
+        was_idle, self._loop = self._loop is None, asyncio.get_running_loop()
+        self._sink = sink
+        for unit in self.units:
+            self._give_time(unit)
+        if was_idle:
+            for address, order in self._orders.items():
+                self._plan_babble(address, order)
+
+    def detach(self) -> None:
+        """Disconnect the master."""
+        self._sink = None
+
+    def send(self, data: bytes, timing: LineTiming | None = None) -> None:
+        """Put bytes of the master on the wires, behind those that it has not yet sent."""
+        timing = timing or self.timing
+        start_s = max(self._now_s(), self._incoming.end_s if self._incoming else 0.0)
+        frame = self._incoming
+        if frame is not None and start_s - frame.end_s >= timing.silence_s - self.tolerance_s:
+            self._end_frame()
+            frame = None
+        if frame is None:
+            frame = self._incoming = IncomingFrame(timing, start_s, start_s)
+            frame.spoilt = self._judge_start(start_s, timing)
+        frame.extend(data, start_s=start_s)
+        if frame.spoilt == "collision":
+            self._garbled_until_s = frame.end_s
+        self._busy_until_s = max(self._busy_until_s, frame.end_s)
+        if self._frame_timer is not None:
+            self._frame_timer.cancel()
+        self._frame_timer = self._running().call_at(frame.end_s + timing.silence_s, self._end_frame)
+
+    # How a frame of the master is taken
+
+    def _judge_start(self, start_s: float, timing: LineTiming) -> str:
+        """Return why a frame that begins now is lost, and put it on record; "" when it is not."""
+        if start_s < self._turnaround_until_s - self.tolerance_s:
+            self._violate(start_s, "turnaround", "too soon after a broadcast")
+        gap_s = start_s - self._busy_until_s
+        if gap_s < -self.tolerance_s:
+            self._violate(start_s, "collision", "a unit was still sending")
+            return "collision"
+        if gap_s < timing.silence_s - self.tolerance_s:
+            self._violate(
+                start_s, "early", f"{gap_s * 1000:.3f} ms of {timing.silence_s * 1000:.3f} ms silence"
+            )
+            return "early"
+        return ""
+
+    def _end_frame(self) -> None:
+        """Take the master's frame as whole: the silence after it is long enough."""
+        frame, self._incoming = self._incoming, None
+        if self._frame_timer is not None:
+            self._frame_timer.cancel()
+            self._frame_timer = None
+        if frame is None:
+            return
+        data = self.noise.flip(bytes(frame.data), self._dice) if self.noise else bytes(frame.data)
+        self.transcript.append(Frame(frame.start_s, frame.end_s, 0, data, frame.spoilt))
+        adu = None if frame.spoilt else self._decode(frame, data)
+        if adu is None:
+            for unit in self.units:
+                unit.note_reception_error(is_crc=True, byte_count=len(data))
+            return
+        if adu.unit == BROADCAST:
+            self._turnaround_until_s = frame.end_s + SHORTEST_TURNAROUND_S
+        for unit in list(self.units):
+            if adu.unit in (BROADCAST, unit.address) and self._understands(unit, frame):
+                self._ask(unit, adu, frame)
+
+    def _decode(self, frame: IncomingFrame, data: bytes) -> Adu | None:
+        try:
+            return decode(data)
+        except BadFrameError as error:
+            if self.noise is None:
+                self._violate(frame.start_s, "broken", str(error))
+            return None
+
+    def _understands(self, unit: Unit, frame: IncomingFrame) -> bool:
+        characters_s = unit.longest_gap_characters / 3.5 * frame.timing.silence_s
+        is_whole = frame.longest_gap_s <= characters_s + self.tolerance_s
+        return is_whole and unit.listens_to(frame.timing)
+
+    def _ask(self, unit: Unit, adu: Adu, frame: IncomingFrame) -> None:
+        pdu = unit.handle(adu.pdu, self._now_s())
+        if pdu is None or adu.unit == BROADCAST:
+            return
+        reply = Reply(
+            adu=encode(adu.unit, pdu),
+            after_s=unit.response_delay_s(adu.pdu),
+            deadline_s=unit.longest_response_s(adu.pdu),
+        )
+        for each in self._impaired(adu.unit, reply):
+            start_s = max(frame.end_s + each.after_s, self._now_s())
+            self._running().call_at(start_s, self._transmit, adu.unit, each.adu)
+
+    def _impaired(self, address: int, reply: Reply) -> tuple[Reply, ...]:
+        order = self._orders.get(address)
+        if order is None or self._dice.random() >= order.chance:
+            return (reply,)
+        if order.left is not None:
+            order.left -= 1
+            if order.left <= 0:
+                del self._orders[address]
+        return order.impairment.apply(reply, self._dice)
+
+    # What units send
+
+    def _transmit(self, address: int, data: bytes) -> None:
+        """Let a unit send from now on; whatever else is sent meanwhile becomes garbage, as does this."""
+        start_s = self._now_s()
+        end_s = start_s + self.timing.wire_s(len(data))
+        frame = self._incoming
+        if frame is not None:  # the master's bytes, or the silence that should have followed them
+            self._violate(frame.start_s, "collision", f"unit {address} had not yet answered")
+            frame.spoilt = "collision"
+            self._garbled_until_s = max(self._garbled_until_s, frame.end_s)
+        elif start_s < self._busy_until_s - self.tolerance_s:  # another unit is sending
+            self._garbled_until_s = max(self._garbled_until_s, min(self._busy_until_s, end_s))
+        self._busy_until_s = max(self._busy_until_s, end_s)
+        sent = self.noise.flip(data, self._dice) if self.noise else data
+        self.transcript.append(Frame(start_s, end_s, address, sent))
+        size = self.chunk_bytes or len(sent)
+        for at in range(0, len(sent), size):
+            chunk = sent[at : at + size]
+            arrival_s = start_s + self.timing.wire_s(at + len(chunk))
+            self._running().call_at(arrival_s, self._deliver, chunk, arrival_s)
+
+    def _deliver(self, chunk: bytes, arrival_s: float) -> None:
+        if arrival_s <= self._garbled_until_s + self.timing.character_s:
+            chunk = bytes(byte ^ _GARBAGE for byte in chunk)
+        if self._sink is not None:
+            self._sink(chunk, arrival_s)
+
+    def _plan_babble(self, address: int, order: _Order) -> None:
+        if isinstance(order.impairment, Babbling) and self._loop is not None:
+            after_s, burst = order.impairment.babble(self._dice)
+            self._loop.call_later(after_s, self._babble, address, order, burst)
+
+    def _babble(self, address: int, order: _Order, burst: bytes) -> None:
+        if self._orders.get(address) is order:
+            self._transmit(address, burst)
+            self._plan_babble(address, order)
+
+    def _violate(self, at_s: float, kind: str, detail: str) -> None:
+        if len(self.violations) >= VIOLATIONS_KEPT:  # a master that never learns
+            del self.violations[0]
+        self.violations.append(Violation(at_s, kind, detail))
+
+    def _give_time(self, unit: Unit) -> None:
+        if self._loop is not None:
+            unit.clock = self._loop.time
+            unit.advance(self._loop.time())
+
+    def _running(self) -> asyncio.AbstractEventLoop:
+        return self._loop if self._loop is not None else asyncio.get_running_loop()
+
+    def _now_s(self) -> float:
+        return self._running().time()

@@ -1,0 +1,124 @@
+"""What a hand at a simulated starter can do: let it trip, reset it, switch it to local, cut its supply.
+
+Pure: words come in, words go out.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+
+from gateway.errors import UsageError
+from gateway.sim.core.unit import Unit
+from gateway.sim.sst.motion import COIL_OVERCURRENT, ERROR_COILS
+from gateway.sim.sst.unit import Sst
+from gateway.sim.ssw900.unit import Ssw900
+from gateway.sim.weg.command_sources import FAULT_OVERLOAD, Supervised
+from gateway.sim.weg.common import Commanded
+from gateway.sim.weg.ssw06 import Ssw06
+
+_NUMBER = re.compile(r"(?:[aef]|coil)?0*([1-9][0-9]{0,2})", re.IGNORECASE)  # E05, F128, COIL12, 5
+_ON_OFF = {"on": True, "off": False}
+
+
+def turn(unit: Unit, knob: str, setting: str) -> str:
+    """Turn one of `KNOBS` of a starter and return in words what was done; UsageError when it has no such."""
+    action = _ACTIONS.get(knob)
+    if action is None:
+        raise UsageError(f"no knob {knob[:20]!r} (one of {', '.join(_ACTIONS)})")
+    return action(unit, setting.strip())
+
+
+def _trip(unit: Unit, setting: str) -> str:
+    default = COIL_OVERCURRENT if isinstance(unit, Sst) else FAULT_OVERLOAD
+    number = _number(setting, default)
+    if isinstance(unit, Sst) and number not in ERROR_COILS:
+        raise UsageError(f"no error {setting!r} (COIL{ERROR_COILS.start} to COIL{ERROR_COILS.stop - 1})")
+    if isinstance(unit, Supervised) and number > 99:
+        raise UsageError(f"no fault {setting!r} (E01 to E99)")
+    unit.trip(number)
+    return f"tripped: {unit.trips[-1].code}"
+
+
+def _alarm(unit: Unit, setting: str) -> str:
+    if isinstance(unit, Ssw900):
+        number = _number(setting, FAULT_OVERLOAD)
+        unit.set_alarm(number, is_on=True)
+        return f"alarm A{number:03d}"
+    if isinstance(unit, Ssw06):
+        unit.is_alarm = True
+        return "alarm"
+    raise UsageError(f"family {unit.family} has no alarms")
+
+
+def _clear(unit: Unit, _setting: str) -> str:
+    if isinstance(unit, Ssw900):
+        for number in tuple(unit.alarms):
+            unit.set_alarm(number, is_on=False)
+        unit.reset_at_keypad()
+    elif isinstance(unit, Supervised):
+        if isinstance(unit, Ssw06):
+            unit.is_alarm = False
+        unit.reset_at_keypad()
+    elif isinstance(unit, Sst):
+        unit.reset_locally()
+    return "faults and alarms cleared"
+
+
+def _control(unit: Unit, setting: str) -> str:
+    is_remote = _choice(setting, {"remote": True, "local": False})
+    if isinstance(unit, (Supervised, Ssw900)):
+        unit.set_remote(is_remote=is_remote)
+    elif isinstance(unit, Sst):
+        unit.set_control("modbus" if is_remote else "parallel")
+    return f"{setting.lower()} control"
+
+
+def _power(unit: Unit, setting: str) -> str:
+    if _choice(setting, _ON_OFF):
+        unit.power_on()
+    else:
+        unit.power_off()
+    return f"control supply {setting.lower()}"
+
+
+def _mains(unit: Unit, setting: str) -> str:
+    unit.set_mains(is_present=_choice(setting, _ON_OFF))
+    return f"mains {setting.lower()}"
+
+
+def _keypad(unit: Unit, setting: str) -> str:
+    is_start = _choice(setting, {"start": True, "stop": False})
+    if isinstance(unit, Commanded):
+        (unit.keypad_start if is_start else unit.keypad_stop)()
+    elif isinstance(unit, Sst):
+        (unit.local_start if is_start else unit.local_stop)()
+    return f"{setting.lower()} pressed (it counts in local control only)"
+
+
+def _number(setting: str, default: int) -> int:
+    if not setting:
+        return default
+    found = _NUMBER.fullmatch(setting)
+    if found is None:
+        raise UsageError(f"no number {setting[:20]!r} (such as E05, F005, A128, COIL12 or 5)")
+    return int(found[1])
+
+
+def _choice(setting: str, choices: Mapping[str, bool]) -> bool:
+    chosen = choices.get(setting.lower())
+    if chosen is None:
+        raise UsageError(f"not {setting[:20]!r} ({' or '.join(choices)})")
+    return chosen
+
+
+_ACTIONS: dict[str, Callable[[Unit, str], str]] = {
+    "trip": _trip,
+    "alarm": _alarm,
+    "clear": _clear,
+    "control": _control,
+    "power": _power,
+    "mains": _mains,
+    "keypad": _keypad,
+}
+KNOBS = tuple(_ACTIONS)

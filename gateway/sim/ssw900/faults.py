@@ -1,0 +1,104 @@
+"""Faults, alarms and the communication timeout of a simulated SSW900 (ssw900 C8.2.5, S5.4, 9)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gateway.sim.core.power import MotorTrip
+from gateway.sim.core.unit import Trip
+from gateway.sim.ssw900.command_sources import Sources
+from gateway.sim.weg.common import ENABLE, REMOTE, RUN
+
+C8_TIMEOUT, C8_TIMEOUT_MODE, C8_TIMEOUT_ACTION = 734, 740, 741
+
+FAULT_SILENCE, FAULT_OVERLOAD, FAULT_OVERCURRENT = 128, 5, 66  # F128, F005, F066
+
+_MODE_FAULT, _MODE_ALARM = 1, 2  # C8.2.5.1
+
+
+class Faults(Sources):
+    """The part of an SSW900 that trips."""
+
+    def __init__(self, address: int, **options: Any) -> None:
+        self.fault = 0  # D1.1.1
+        self.alarms: list[int] = []  # D2.1.1-D2.1.5
+        self.is_silence_shown = False  # S5.4.1 = 2
+        self.received = self.transmitted = self.crc_errors = self.byte_errors = 0  # S5.4.2-S5.4.5
+        self._cyclic_since_s: float | None = None
+        super().__init__(address, **options)
+
+    # For people and tests
+
+    def set_alarm(self, number: int, *, is_on: bool) -> None:
+        """Show alarm A`number`, or take it away."""
+        self._catch_up()
+        self.alarms = [each for each in self.alarms if each != number]
+        if is_on:
+            self.alarms.append(number)
+
+    def reset_at_keypad(self) -> None:
+        """Reset any fault at the starter itself."""
+        self._catch_up()
+        self._clear_fault()
+
+    def note_reception_error(self, *, is_crc: bool, byte_count: int) -> None:
+        """Count S5.4.4 or S5.4.5."""
+        if is_crc:
+            self.crc_errors += 1
+        else:
+            self.byte_errors += byte_count
+
+    # The timeout C8.2.5
+
+    def _checked_reply(self, reply: bytes) -> bytes | None:
+        self.transmitted += 1
+        return reply
+
+    def _hear(self) -> None:
+        self.received += 1
+        if FAULT_SILENCE in self.alarms:
+            self.alarms.remove(FAULT_SILENCE)
+        self.is_silence_shown = self.fault == FAULT_SILENCE
+        self._watch()
+
+    def _watch(self) -> None:
+        """Count anew; the first valid telegram begins it (C8.2.5)."""
+        is_on = self.setting(C8_TIMEOUT_MODE) in (_MODE_FAULT, _MODE_ALARM) and self.setting(C8_TIMEOUT)
+        if is_on:
+            self._at("C8.2.5", self.now_s + self.setting(C8_TIMEOUT) / 10, self._miss_telegrams)
+        else:
+            self._cancel("C8.2.5")
+
+    def _miss_telegrams(self) -> None:
+        self.is_silence_shown = True
+        self._cyclic_since_s = None
+        if self.setting(C8_TIMEOUT_MODE) == _MODE_FAULT:
+            self._fail(FAULT_SILENCE)
+            return
+        self.alarms.append(FAULT_SILENCE)
+        self.trips.append(Trip(self.now_s, "A128"))
+        action = self.setting(C8_TIMEOUT_ACTION)
+        bits = self.command_words[self.slot]
+        words = {1: bits & ~RUN, 2: bits & ~ENABLE, 3: bits & ~REMOTE, 4: bits | REMOTE}
+        if action in words:
+            self.command_slot(self.slot, words[action])
+
+    def _fail(self, number: int) -> None:
+        self.fault = number
+        self.trips.append(Trip(self.now_s, f"F{number:03d}"))
+        self.motor.cut()
+        self._stopped_otherwise()
+
+    def _clear_fault(self) -> None:
+        self.fault = 0
+        self.is_silence_shown = False
+        self._run_if_commanded()
+
+    def _motor_tripped(self, cause: MotorTrip) -> None:
+        self._fail(FAULT_OVERLOAD if cause is MotorTrip.OVERLOAD else FAULT_OVERCURRENT)
+
+    def _forget(self) -> None:
+        self.fault = 0
+        self.alarms = []
+        self.is_silence_shown = False
+        self._cyclic_since_s = None

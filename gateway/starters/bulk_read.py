@@ -1,0 +1,85 @@
+"""Reads many rows of one starter: what is refused is asked for in halves, until the row is found."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Awaitable, Callable, Iterable
+from dataclasses import dataclass, field
+from typing import assert_never
+
+from gateway.errors import CommandError, PortLostError
+from gateway.families.profile.procedure import Read
+from gateway.families.profile.schema import Profile
+from gateway.families.reading.bulk import halves, rows_in
+from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
+from gateway.modbus.codes import ExceptionCode, exception_name
+from gateway.modbus.pdu import Request
+
+TRIES = 3  # of a request that is not answered, or to which the starter is too busy
+
+Ask = Callable[[Request], Awaitable[Outcome]]
+
+_PASSING = (ExceptionCode.ACKNOWLEDGE, ExceptionCode.SERVER_DEVICE_BUSY)
+
+
+@dataclass(slots=True)
+class BulkReading:
+    """What was read; `refused` says by code what the starter said to the others."""
+
+    rows: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    refused: dict[str, str] = field(default_factory=dict)
+
+
+async def read_in_bulk(
+    ask: Ask,
+    profile: Profile,
+    reads: Iterable[Read],
+    *,
+    tries: int = TRIES,
+    tell: Callable[[Read], None] | None = None,
+) -> BulkReading:
+    """Carry out these reads; `tell` hears of each request once it is done.
+
+    Beside polls `tries` is 1: two misses in a row make a unit count as silent.
+    CommandError("no_answer") when the starter does not answer, PortLostError when the port is gone.
+    """
+    found = BulkReading()
+    waiting = deque(reads)
+    while waiting:
+        read = waiting.popleft()
+        outcome = await _answered(ask, read, tries=tries)
+        if isinstance(outcome, Answered):
+            found.rows |= rows_in(profile, read, outcome.value)
+        else:
+            smaller = halves(profile, read)
+            waiting.extendleft(reversed(smaller))
+            if not smaller:
+                found.refused |= dict.fromkeys(read.codes, exception_name(outcome.code))
+        if tell is not None:
+            tell(read)
+    return found
+
+
+async def _answered(ask: Ask, read: Read, *, tries: int) -> Answered | Refused:
+    reason = ""
+    for _ in range(tries):
+        outcome = await ask(read.request)
+        match outcome:
+            case Answered():
+                return outcome
+            case Refused():
+                if outcome.code not in _PASSING:
+                    return outcome
+                reason = exception_name(outcome.code)
+            case Silent(is_sent=False) | Garbled(is_sent=False):
+                raise PortLostError("of the line", outcome.reason)
+            case Silent() | Garbled():
+                reason = outcome.reason
+            case _:
+                assert_never(outcome)
+    raise CommandError("no_answer", f"the starter does not answer a read of {_span(read)}: {reason}")
+
+
+def _span(read: Read) -> str:
+    first, last = read.codes[0], read.codes[-1]
+    return first if first == last else f"{first} to {last}"

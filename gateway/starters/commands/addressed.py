@@ -1,0 +1,114 @@
+"""Which family's words a stop speaks: those that the device proved to be of, else the configured ones.
+
+Only a stop is ever sent to a device that has not proved to be what is configured, and in another family's
+words it may do harm: 0100h in VB03 stops an SSW-06 by ramp (ssw06-es 4.2.3), but disables an SSW-07 generally
+and sets it to local (ssw07 4.2.2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+
+from gateway.families.profile.identify import Identity
+from gateway.families.profile.load import stop_note, stop_profile
+from gateway.families.profile.schema import Profile, Variant
+from gateway.line.client import LineClient
+from gateway.starters.commands.view import StarterControlView
+from gateway.starters.identity.query import Standing
+from gateway.starters.setup import StarterSetup, merged
+from gateway.starters.telemetry.emitter import Publisher
+from gateway.starters.telemetry.snapshot import Snapshot
+
+
+class Addressed:
+    """A `StarterControlView` for a stop: as configured, until the device proves to be of another family."""
+
+    def __init__(self, starter: StarterControlView) -> None:
+        self._starter = starter
+        self._rows = Snapshot({})  # what was read in another family's words: not for publishing
+
+    def note(self, spoken: Collection[str]) -> str:
+        """Return what the result says of the words of a stop, sent in those of these families."""
+        return stop_note(self._starter.profile, self._starter.identity, spoken)
+
+    @property
+    def profile(self) -> Profile:
+        """The family that is spoken to."""
+        return stop_profile(self._starter.profile, self._starter.identity)
+
+    @property
+    def variant(self) -> Variant:
+        """What is known of it: of another family only what it said itself."""
+        return merged(Variant(), self._starter.identity) if self._is_other else self._starter.variant
+
+    @property
+    def setup(self) -> StarterSetup:
+        """The starter as configured, with the times of the family that is spoken to."""
+        setup = self._starter.setup
+        return replace(setup, profile=self.profile) if self._is_other else setup
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """What was read of it last, by the rows of the family that is spoken to."""
+        return self._rows if self._is_other else self._starter.snapshot
+
+    @property
+    def line(self) -> LineClient:
+        """The line it is on."""
+        return self._starter.line
+
+    @property
+    def publisher(self) -> Publisher:
+        """Its voice, for events."""
+        return self._starter.publisher
+
+    @property
+    def is_answering(self) -> bool:
+        """Whether it is online."""
+        return self._starter.is_answering
+
+    @property
+    def identity(self) -> Identity:
+        """What it said about itself."""
+        return self._starter.identity
+
+    @property
+    def identity_standing(self) -> Standing:
+        """Whether it has proved to be the configured family."""
+        return self._starter.identity_standing
+
+    @property
+    def identity_reason(self) -> str:
+        """In words why the identity is not matching."""
+        return self._starter.identity_reason
+
+    @property
+    def contradiction(self) -> str:
+        """In what the device contradicts the configuration."""
+        return self._starter.contradiction
+
+    @property
+    def status_period_s(self) -> float:
+        """How long two readings of its status are apart at most."""
+        return self._starter.status_period_s
+
+    def note_settings(self, rows: Mapping[str, tuple[int, ...]]) -> None:
+        """Hand over settings that were just read; those of another family are not kept."""
+        if not self._is_other:
+            self._starter.note_settings(rows)
+
+    def set_trouble(self, topic: str, reason: str) -> None:
+        """Publish that a part of the starter cannot be read at present; an empty reason: it can be again."""
+        self._starter.set_trouble(topic, reason)
+
+    def take_rows(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
+        """Keep rows that were just read; those of another family are not published."""
+        if self._is_other:
+            self._rows.keep_rows(rows, at_s=at_s)
+        else:
+            self._starter.take_rows(rows, at_s=at_s)
+
+    @property
+    def _is_other(self) -> bool:
+        return self.profile is not self._starter.profile

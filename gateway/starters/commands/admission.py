@@ -1,0 +1,230 @@
+"""Judges commands as they come in, at once and without reading anything; what must be read comes later.
+
+Answers commands that are too many: one by one while that is bearable, else together, by their number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, replace
+
+from gateway.errors import CommandError
+from gateway.families.command.build import prepare, verbs
+from gateway.families.profile.procedure import Preparation
+from gateway.families.reading.bulk import reads_for
+from gateway.records import CANCEL, OWN_VERBS, READ, SELECT, Phase
+from gateway.starters.commands.command_queue import CommandQueue
+from gateway.starters.commands.ledger import Ledger
+from gateway.starters.commands.lifecycle import STOP, Desk, End, Errand
+from gateway.starters.commands.view import StarterControlView
+from gateway.starters.identity.query import Standing
+from gateway.starters.policy.lock import is_forbidden, refusal
+from gateway.starters.policy.policy import Precautions
+from gateway.starters.policy.preconditions import STATE, Expectation, Guard
+from gateway.starters.policy.request import CommandRequest
+from gateway.starters.policy.rights import Rights
+from gateway.storage.journal import UNAVAILABLE, Journal
+from gateway.system.clock import Clock
+from gateway.system.token_bucket import TELL_EVERY_S, Damped
+
+CAN_WAIT = frozenset({"read", "set", "configure", "output"})  # verbs that move no motor
+LEDGER_FULL = "ledger_full"
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """What is under way when a command comes in."""
+
+    is_busy: bool  # its starter
+    is_leaving: bool  # its starter's configuration is about to change
+    on_line: int  # commands for starters of its line
+    parameters_on_line: int  # those of them that move no motor
+    queue: CommandQueue  # of those among them that take turns with it
+
+
+class Admission:
+    """Every method raises CommandError for a command that must not be."""
+
+    def __init__(
+        self,
+        starters: Mapping[str, StarterControlView],
+        *,
+        rights: Rights,
+        precautions: Precautions,
+        journal: Journal,
+        ledger: Ledger,
+        clock: Clock,
+    ) -> None:
+        self._starters = starters
+        self._rights = rights
+        self._precautions = precautions
+        self._groups = precautions.policy.groups
+        self._journal = journal
+        self._ledger = ledger
+        self._clock = clock
+
+    def take_over(self, rights: Rights) -> None:
+        """Judge by these rights and the precautions' present policy from now on."""
+        self._rights = rights
+        self._groups = self._precautions.policy.groups
+
+    def check_sender(self, request: CommandRequest) -> None:
+        """Demand a starter or group, a verb that it has, this client's right to it, and an id."""
+        if request.starter in self._groups:
+            self._check_group_sender(request)
+            return
+        starter = self._starters.get(request.starter)
+        if starter is None:
+            raise CommandError("unknown_starter", "this gateway has no such starter")
+        self.check_verb(request.starter, request.verb)
+        if not self._may(request):
+            text = f"{request.client} has no right to {request.verb} {request.starter}"
+            raise CommandError("not_allowed", text)
+        if not request.id and request.verb != STOP:
+            raise CommandError("no_id", "every command but stop needs an id")
+
+    def check_verb(self, name: str, verb: str) -> None:
+        """Demand a verb of this starter's family or of the gateway; one that is not configured has any."""
+        starter = self._starters.get(name)
+        if starter is not None and verb not in (*verbs(starter.profile), *OWN_VERBS):
+            raise CommandError("unknown_verb", f"{starter.profile.title} has no verb {verb[:40]!r}")
+
+    def may_stop(self, client: str, starter: str) -> bool:
+        """Return whether a client may stop a starter."""
+        return self._rights.is_allowed(client, verb=STOP, starter=starter)
+
+    def check_journal(self) -> None:
+        """Demand a ledger that can be written and has room."""
+        if self._journal.trouble:
+            text = f"commands are not taken without the ledger: {self._journal.trouble}"
+            raise CommandError(UNAVAILABLE, text)
+        if not self._ledger.has_room(self._clock.now_s()):
+            text = f"{len(self._ledger)} commands could still be repeated; wait a minute, then send a new one"
+            raise CommandError(LEDGER_FULL, text)
+
+    def check(
+        self, request: CommandRequest, starter: StarterControlView, load: Load
+    ) -> tuple[Preparation, Guard]:
+        """Return what to read before the command, and what watches over it."""
+        preparation = self.check_target(request, starter)
+        if load.is_busy:
+            raise CommandError("busy", "another command for this starter is under way")
+        if load.is_leaving:
+            raise CommandError("busy", "the starter's configuration is about to change; send it again then")
+        self._check_room(request, load)
+        expectations = [Expectation(starter.profile, request.expect), *self._selected(request, starter)]
+        guard = self._precautions.guard(request, expectations)
+        known = {code for read in preparation.reads for code in read.codes}
+        more = reads_for(starter.profile, [code for code in guard.codes if code not in known])
+        return replace(preparation, reads=(*preparation.reads, *more)), guard
+
+    def check_target(self, request: CommandRequest, starter: StarterControlView) -> Preparation:
+        """Demand that a command makes sense for a starter that answers, is known and not locked."""
+        self.check_journal()
+        preparation = prepare(starter.profile, starter.variant, request.verb, request.args)
+        lock = self._precautions.logbook.lock_of(request.starter)
+        if lock is not None and is_forbidden(request.verb, request.args):
+            raise refusal(lock)
+        if not starter.is_answering:
+            raise CommandError("offline", "the starter does not answer")
+        if request.verb == READ and starter.contradiction:
+            return preparation  # its raw words are all that is said of it
+        if starter.identity_standing is not Standing.MATCHING:
+            raise CommandError(f"identity_{starter.identity_standing.value}", starter.identity_reason)
+        return preparation
+
+    def _check_room(self, request: CommandRequest, load: Load) -> None:
+        """Demand that a command gets its turn on the line while it is fresh."""
+        limits = self._precautions.policy.limits
+        if load.on_line >= limits.under_way_on_line:
+            most = limits.under_way_on_line
+            raise CommandError(
+                "too_many", f"{load.on_line} commands are under way on this line, at most {most}"
+            )
+        if request.verb in CAN_WAIT and load.parameters_on_line >= limits.parameters_on_line:
+            text = (
+                f"{load.parameters_on_line} reads and settings are under way on this line, as many as may be"
+            )
+            raise CommandError("too_many", text)
+        wait_s = load.queue.wait_s()
+        if request.expires_s is not None and self._clock.now_s() + wait_s > request.expires_s:
+            raise load.queue.refusal(wait_s)
+
+    def _selected(self, request: CommandRequest, starter: StarterControlView) -> tuple[Expectation, ...]:
+        """Use up the selection of a command in two steps; return that the state must be the one seen then."""
+        if request.select is None:
+            if request.verb in self._precautions.rulebook.of(request.starter).two_step:
+                raise CommandError("select_first", f"{request.verb} takes two steps here: select it first")
+            return ()
+        selection = self._precautions.selections.take(
+            request.starter,
+            request.client,
+            request.select,
+            verb=request.verb,
+            args=request.args,
+            now_s=self._clock.now_s(),
+        )
+        return (Expectation(starter.profile, {STATE: selection.state}, code="state_changed"),)
+
+    def _check_group_sender(self, request: CommandRequest) -> None:
+        if request.verb != STOP:
+            raise CommandError("group_only_stop", f"{request.starter} is a group: it can only be stopped")
+        if not any(self.may_stop(request.client, member) for member in self._groups[request.starter]):
+            text = f"{request.client} has no right to stop any member of {request.starter}"
+            raise CommandError("not_allowed", text)
+
+    def _may(self, request: CommandRequest) -> bool:
+        """Return whether the client has the right; who may do something may also select it, and cancel."""
+        verb, client, starter = request.verb, request.client, request.starter
+        if verb == CANCEL:
+            return self._rights.has_any(client, starter=starter)
+        if verb == SELECT:
+            verb = str(request.args.get("verb"))
+        return self._rights.is_allowed(client, verb=verb, starter=starter)
+
+
+TOO_MANY = "too_many"
+
+
+class Excess:
+    """Refuses for each client at most ten times a second, and never under an id that has a result."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        self._refusals = Damped(self._refuse, clock=desk.clock, every_s=TELL_EVERY_S)
+        self._stops = Damped(self._answer_stop, clock=desk.clock, every_s=TELL_EVERY_S)
+
+    def refuse(self, client: Hashable, request: CommandRequest, text: str) -> None:
+        """Refuse a command now, or count it; one whose id is known gets no answer."""
+        if self._desk.ledger.find(request.client, request.id) is None:
+            self._refusals.put(client, (request, text))
+
+    def pass_over(self, client: Hashable, request: CommandRequest) -> None:
+        """Answer a stop whose frame goes out, but which is not followed up to an end of its own."""
+        if self._desk.ledger.find(request.client, request.id) is None:
+            self._stops.put(client, request)
+
+    def close(self) -> None:
+        """Report now what has only been counted."""
+        self._refusals.close()
+        self._stops.close()
+
+    def _refuse(self, refused: tuple[CommandRequest, str], count: int) -> None:
+        request, text = refused
+        if count:
+            request = replace(request, id=None, correlation=None, response_topic=None)
+            text = f"{count} more refused: too many commands at once"
+        end = End(Phase.REJECTED, TOO_MANY, text, values={"count": count} if count else {})
+        Errand(request, self._desk).refuse(end)
+
+    def _answer_stop(self, request: CommandRequest, count: int) -> None:
+        """Say what is known of a stop that was sent: rejected would mean that nothing was written."""
+        if count:
+            request = replace(request, id=None, correlation=None, response_topic=None)
+        which = f"{count} more stops were" if count else "it was"
+        text = f"{which} sent with those that came before, and not followed up: see their results"
+        errand = Errand(request, self._desk, is_kept=False)
+        errand.accept()
+        errand.write()
+        values = {"count": count} if count else {}
+        errand.finish(End(Phase.UNCONFIRMED, TOO_MANY, f"{text}: the motor may be turning", values=values))

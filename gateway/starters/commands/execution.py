@@ -1,0 +1,389 @@
+"""Carries out one command other than a stop: read, judge twice, write once, read back."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from dataclasses import replace
+from math import inf
+from typing import Any, assert_never
+
+from gateway.errors import CommandError
+from gateway.families.command.build import build
+from gateway.families.command.interlock import check
+from gateway.families.profile.decode import decode_row
+from gateway.families.profile.parameters import find
+from gateway.families.profile.procedure import Expect, Preparation, Procedure, WriteStep
+from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
+from gateway.line.scheduler.requests import Lane
+from gateway.modbus.codes import ExceptionCode, exception_name
+from gateway.records import Phase
+from gateway.starters.commands.admission import CAN_WAIT
+from gateway.starters.commands.command_queue import LINE_FULL, Place
+from gateway.starters.commands.lifecycle import End, Errand
+from gateway.starters.commands.starter_io import HaltedError, RefusedError, Rows, Wire
+from gateway.starters.commands.view import StarterControlView
+from gateway.starters.policy.preconditions import Guard
+from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
+
+logger = logging.getLogger(__name__)
+
+MOST_READINGS = 4  # until two in a row agree
+RECENT_PERIODS = 2  # a poll of this age still counts as one of the two readings,
+SLOW_DISK_S = 0.25  # what was read before a disk took this long is read again
+RECENT_AT_MOST_S = 10.0  # however rarely the starter is polled
+DECIDES_FOR_S = 2.0  # after that a reading decides about no motor any more: much can have happened since
+CLEARS_FOR_S = 5.0  # after run = 0: then who commands the motor is changed no more by the same procedure
+WAITS_FOR_S = 10.0  # the same of what moves no motor, and may wait for its turn
+MOST_DECISIONS = 5  # each on new readings, when the line was not free while the ones before counted
+MAY_BE_TURNING = "the motor may be turning"
+LOOK = "look at the starter"
+_NOT_SET_UP = (  # what a write is refused with that the starter is not set up for, or does not have
+    ExceptionCode.ILLEGAL_FUNCTION,
+    ExceptionCode.ILLEGAL_DATA_ADDRESS,
+    ExceptionCode.ILLEGAL_DATA_VALUE,
+)
+
+_NOTHING_ELSE = "nothing else was written; do it at the starter, where the motor can be watched"
+
+HALTED = {
+    "stopped_first": "a stop came first",
+    "locked": "a maintenance lock came first",
+    "shutting_down": "the gateway is shutting down",
+}
+
+
+class _OutdatedError(Exception):
+    """What was decided has not been written, and is to be decided again."""
+
+
+class Conduct:
+    """One accepted command under way; `run` always ends with the command's final result."""
+
+    def __init__(
+        self,
+        errand: Errand,
+        starter: StarterControlView,
+        preparation: Preparation,
+        guard: Guard | None = None,
+        place: Place | None = None,
+        watchdogs: KnownWatchdogs | None = None,
+    ) -> None:
+        self.errand = errand
+        self._starter = starter
+        self._preparation = preparation
+        self._guard = guard  # what the gateway itself demands
+        self._place = place  # among the commands of its line; None: it needs no turn
+        self._watchdogs = watchdogs or KnownWatchdogs()  # of the starters that share its line
+        self.can_wait = errand.request.verb in CAN_WAIT
+        self._lane = Lane.PARAMETERS if self.can_wait else Lane.COMMAND
+        self._wire = Wire(starter, read_back_lane=Lane.PARAMETERS if self.can_wait else Lane.READ_BACK)
+        self._procedure: Procedure | None = None  # once it is being written
+        self._handed_s = 0.0  # when the latest write was handed to the line
+        self._cleared_s = inf  # when run = 0 was taken, as its request was asked
+
+    @property
+    def line(self) -> str:
+        """The name of its starter's line."""
+        return self._starter.setup.line
+
+    def halt(self, code: str) -> None:
+        """Let nothing more of this command go out."""
+        self._wire.halt(code)
+
+    async def run(self) -> None:
+        """Carry the command out; never raises."""
+        try:
+            end = await self._ended()
+        except Exception:  # the guard at the task's top
+            logger.exception("starter=%s command ended by a bug", self.errand.request.starter)
+            end = self._cut("internal", "an error inside the gateway; see its log")
+        self._leave_queue()
+        self._watchdogs.end(self.errand.request.starter)
+        self.errand.finish(end)
+
+    async def _ended(self) -> End:
+        try:
+            if self._place is not None:
+                await self._wire.wait_for(self._place.wait())
+            rows, procedure = await self._decide()
+            if procedure.steps and await self._intend(procedure) > SLOW_DISK_S:
+                rows, procedure = await self._decide()  # what was read has grown old meanwhile
+            if not procedure.steps:
+                return self._unwritten(procedure, rows)
+            self.errand.wear_out(procedure.wears)
+            for _ in range(MOST_DECISIONS):
+                try:
+                    return await self._carry_out(procedure)
+                except _OutdatedError:
+                    rows, procedure = await self._decide()
+                    if not procedure.steps:
+                        return self._unwritten(procedure, rows)
+            return self._too_late()
+        except CommandError as error:
+            return self._cut(error.code, error.text)
+        except RefusedError as error:
+            return End(Phase.FAILED, error.code, str(error))
+        except HaltedError as error:
+            if error.code != "shutting_down":  # nothing is written at shut-down
+                await self._leave_safe()
+            return self._cut(error.code, HALTED.get(error.code, error.code))
+
+    async def _intend(self, procedure: Procedure) -> float:
+        """Have it kept, and admitted, that something is about to be written; return how long that took."""
+        began_s = self.errand.now_s()
+        await self._wire.wait_for(self._watchdogs.admit(self.errand.request.starter, procedure))
+        await self._wire.wait_for(self.errand.intend())
+        if self._guard is not None:
+            await self._wire.wait_for(self._guard.admit())
+        return self.errand.now_s() - began_s
+
+    def _cut(self, code: str, text: str) -> End:
+        """Return the end of a command that something came in the way of."""
+        if self.errand.life.is_written:
+            return End(Phase.UNCONFIRMED, code, f"{text}; it was written before: {self._outlook}")
+        if code == "internal":
+            return End(Phase.FAILED, code, text)
+        return End(Phase.REJECTED, code, f"{text}; nothing was written")
+
+    async def _decide(self) -> tuple[Rows, Procedure]:
+        """Return what to do, once two readings in a row allow it and lead to the same steps."""
+        earlier = self._judge_recent()
+        for _ in range(MOST_READINGS):
+            rows = await self._wire.read(self._preparation.reads, lane=self._lane)
+            self.errand.before = self._points(rows)
+            procedure = self._judge(rows)
+            is_enough = not self._preparation.reads or _only_reads(procedure)
+            if is_enough or procedure == earlier:
+                return rows, procedure
+            earlier = procedure
+        raise CommandError("readings_disagree", "no two readings in a row of the starter agree")
+
+    def _judge_recent(self) -> Procedure | None:
+        """Return what the last polls would lead to; None when they are too old, lack a row or forbid it."""
+        longest_s = min(RECENT_PERIODS * self._starter.status_period_s, RECENT_AT_MOST_S)
+        since_s = self.errand.now_s() - longest_s
+        if self.errand.is_outdated(since_s):
+            return None  # some of it may have been read before the gateway stood still
+        recent = self._starter.snapshot.rows_since(since_s)
+        codes = {code for read in self._preparation.reads for code in read.codes}
+        if not codes <= recent.keys():
+            return None
+        try:
+            return self._judge({code: recent[code] for code in codes})
+        except CommandError:
+            return None
+
+    def _judge(self, rows: Rows) -> Procedure:
+        """Return the steps that follow from these rows; CommandError when a rule forbids them."""
+        profile, request = self._starter.profile, self.errand.request
+        violations = check(profile, self._preparation.requires, self._points(rows))
+        if violations:
+            text = "; ".join(violation.text for violation in violations)
+            raise CommandError(violations[0].code, text)
+        if self._guard is not None:
+            self._guard.check(self._points(rows))
+        return build(profile, self._starter.variant, request.verb, request.args, seen=rows)
+
+    async def _carry_out(self, procedure: Procedure) -> End:
+        """Write each step once, each only after what the one before has to bring about."""
+        self._procedure = procedure
+        for place, step in enumerate(procedure.steps, 1):
+            is_last = all(later.may_be_refused for later in procedure.steps[place:])
+            end = await self._take_step(step, is_last=is_last)
+            if end is not None:
+                return end if step.is_run_off else await self._abandoned(end)
+        if procedure.verify is None:
+            text = f"written, but it cannot be read back: {self._outlook}"
+            return End(Phase.UNCONFIRMED, "not_readable", text)
+        values = await self._wire.see(procedure.verify)
+        if values is None:
+            end = self._not_seen(procedure.verify)
+            return await self._abandoned(replace(end, text=_noted(end.text, procedure)))
+        return self._confirmed(procedure, values)
+
+    async def _take_step(self, step: WriteStep, *, is_last: bool) -> End | None:
+        """Write one step and see what it must bring about; return the end when the next must not follow."""
+        outcome = await self._write(step)
+        is_excused = step.may_be_refused and isinstance(outcome, Refused) and outcome.code in _NOT_SET_UP
+        end = None if is_excused else self._taken(outcome)
+        if step.is_run_off:
+            return await self._run_off(step, outcome, end, is_excused=is_excused)
+        if end is not None:
+            return end
+        if step.then is not None:
+            return None if await self._wire.see(step.then) is not None else self._not_seen(step.then)
+        if is_last or step.is_silence_expected or isinstance(outcome, (Answered, Refused)):
+            return None
+        return self._cut("no_answer", f"a write before the last was not answered ({outcome.reason})")
+
+    async def _run_off(
+        self, step: WriteStep, outcome: Outcome, end: End | None, *, is_excused: bool
+    ) -> End | None:
+        """Return the end when run = 0 was not taken: nothing that lets a run command act may follow."""
+        if isinstance(outcome, Refused) and end is not None:
+            text = (
+                f"the starter refused run = 0 ({exception_name(outcome.code)}): a run command may stand in it"
+            )
+            return End(Phase.FAILED, "run_not_cleared", f"{text}; {_NOTHING_ELSE}")
+        if end is not None:
+            return end
+        self._cleared_s = min(self._cleared_s, self._wire.seen_s)
+        if not is_excused and not isinstance(outcome, (Answered, Refused)):
+            text = f"run = 0 was not answered ({outcome.reason}): a run command may stand in the starter"
+            return End(Phase.UNCONFIRMED, "no_answer", f"{text}; {_NOTHING_ELSE}")
+        if step.then is None or await self._wire.see(step.then) is not None:
+            return None
+        seen = f"{step.then.name} was not seen to take it within {step.then.within_s:g} s"
+        text = f"run = 0 was written, but {seen}"
+        return End(Phase.FAILED, "run_not_cleared", f"{text}; {_NOTHING_ELSE}")
+
+    @property
+    def _outlook(self) -> str:
+        """What may be the case once something was written and not seen to act."""
+        wakes = self._procedure is not None and self._procedure.is_run_cleared
+        return MAY_BE_TURNING if wakes or not self.can_wait else LOOK
+
+    def _not_seen(self, expect: Expect) -> End:
+        within = f"within {expect.within_s:g} s"
+        if self._outlook is LOOK:
+            text = f"{expect.name} does not read as written {within}: it did not follow; {LOOK}"
+            return End(Phase.UNCONFIRMED, "not_followed", text)
+        if self._procedure is not None and self._procedure.is_run_cleared:
+            text = f"{expect.name} as commanded, and the motor at rest, were not both seen {within}"
+            return End(Phase.UNCONFIRMED, "not_seen", f"{text}; run = 0 is written again: {MAY_BE_TURNING}")
+        text = f"{expect.name} did not become what was commanded {within}: {MAY_BE_TURNING}"
+        return End(Phase.UNCONFIRMED, "not_seen", text)
+
+    async def _write(self, step: WriteStep) -> Outcome:
+        """Send one write, once."""
+        if step.is_silence_expected:
+            setup = self._starter.setup
+            self._starter.line.expect_silence(setup.address, setup.profile.timing.restart_s)
+        self._handed_s = self.errand.now_s()
+        try:
+            outcome = await self._hand_over(step)
+        except HaltedError:
+            self.errand.write()  # it may have been on its way already
+            raise
+        self._leave_queue()
+        return outcome
+
+    def _leave_queue(self) -> None:
+        if self._place is not None:
+            self._place.leave()
+
+    async def _hand_over(self, step: WriteStep) -> Outcome:
+        """Give a write to the line, which sends it only while what was read last still decides.
+
+        _OutdatedError when it does not any more and nothing has been written yet. What moves no motor is not
+        left half done: its later writes go out whenever the line is free, unless they choose who commands the
+        motor: a run command may have been given since run = 0 was written.
+        """
+        is_begun = self.errand.life.is_written
+        may_wait = self.can_wait and not (self._procedure is not None and self._procedure.is_source)
+        if is_begun and may_wait:
+            return await self._wire.write(step.request, lane=self._lane)
+        expires_s = inf if is_begun else self._expires_s
+        until_s = self._wire.seen_s + (WAITS_FOR_S if may_wait else DECIDES_FOR_S)
+        until_s = min(until_s, self._cleared_s + CLEARS_FOR_S)
+        outcome: Outcome = Silent(TOO_LATE, is_sent=False)
+        if not self.errand.is_outdated(min(self._wire.seen_s, self._cleared_s)):
+            outcome = await self._wire.write(step.request, lane=self._lane, until_s=min(until_s, expires_s))
+        is_unsent = isinstance(outcome, Silent) and outcome.reason == TOO_LATE and not outcome.is_sent
+        if is_unsent and not is_begun and self.errand.now_s() <= expires_s:
+            raise _OutdatedError
+        return outcome
+
+    def _taken(self, outcome: Outcome) -> End | None:
+        """Take over what became of a write; return the end when it did not go out or was refused."""
+        match outcome:
+            case Answered() | Refused(code=ExceptionCode.ACKNOWLEDGE):
+                self.errand.write()
+                return None
+            case Refused():
+                refusal = RefusedError(outcome.code)
+                return End(Phase.FAILED, refusal.code, str(refusal))
+            case Silent(reason=reason, is_sent=False) if reason == TOO_LATE:
+                return self._too_late()
+            case Silent(is_sent=False) | Garbled(is_sent=False):
+                return self._cut("line_down", f"the write could not be sent: {outcome.reason}")
+            case Silent() | Garbled():
+                self.errand.write()
+                return None  # whether it acted is for the read-back to say
+            case _:
+                assert_never(outcome)
+
+    @property
+    def _expires_s(self) -> float:
+        expires_s = self.errand.request.expires_s
+        return inf if expires_s is None else expires_s
+
+    def _too_late(self) -> End:
+        """Return the end of a command whose write came too late, before or while it waited for the line."""
+        if self._handed_s > self._expires_s or self.errand.is_outdated(self._wire.seen_s):
+            return self._cut("expired", "its own time had passed when it could be written")
+        waited_s = self.errand.now_s() - self._handed_s
+        return self._cut(
+            LINE_FULL, f"the line is full: it had no slot for this command within {waited_s:.1f} s"
+        )
+
+    def _unwritten(self, procedure: Procedure, rows: Rows) -> End:
+        """Return the end of a command that has nothing to write."""
+        values = self._subject(procedure, rows)
+        if procedure.is_unchanged:
+            text = _noted("the starter holds this value already", procedure)
+            return End(Phase.CONFIRMED, "unchanged", text, values)
+        return End(Phase.CONFIRMED, "ok", "read", values)
+
+    def _confirmed(self, procedure: Procedure, values: dict[str, Any]) -> End:
+        subject = self._subject(procedure, values)
+        points = {name: value for name, value in values.items() if not isinstance(value, tuple)}
+        return End(Phase.CONFIRMED, "ok", _noted("read back from the starter", procedure), subject, points)
+
+    def _subject(self, procedure: Procedure, rows: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the rows that were read or set, as a result tells them; nothing for other commands."""
+        if procedure.subjects:
+            return {"values": {code: self._told(code, rows[code]) for code in procedure.subjects}}
+        if procedure.subject not in rows:
+            return {}
+        return {"parameter": procedure.subject, **self._told(procedure.subject, rows[procedure.subject])}
+
+    def _told(self, code: str, words: tuple[int, ...]) -> dict[str, Any]:
+        contradiction = self._starter.contradiction
+        if contradiction:
+            return {"value": None, "unit": "", "raw": list(words), "reason": contradiction}
+        row = find(self._starter.profile, code)
+        decoded = decode_row(self._starter.profile, self._starter.variant, row, words)
+        return {
+            "value": decoded.value,
+            "unit": decoded.unit,
+            "label": decoded.label,
+            "raw": list(decoded.raw),
+        }
+
+    def _points(self, rows: Rows) -> dict[str, Any]:
+        return {name: value for name, value in self._wire.values(rows).items() if name not in rows}
+
+    async def _abandoned(self, end: End) -> End:
+        """Return the end of a command that failed after its first write, once the starter is left safe."""
+        if await self._leave_safe() or end.phase is not Phase.FAILED:
+            return end
+        return End(Phase.UNCONFIRMED, end.code, f"{end.text}; and it could not be left as it was")
+
+    async def _leave_safe(self) -> bool:
+        """Write what the procedure names for this case, if it was begun; return whether that was taken."""
+        if self._procedure is None or not self.errand.life.is_written:
+            return True
+        wire = Wire(self._starter)  # what halts the command does not halt this
+        outcomes = [await wire.write(request, lane=Lane.COMMAND) for request in self._procedure.abandon]
+        return all(isinstance(outcome, Answered) for outcome in outcomes)
+
+
+def _only_reads(procedure: Procedure) -> bool:
+    return not procedure.steps and not procedure.is_unchanged
+
+
+def _noted(text: str, procedure: Procedure) -> str:
+    """Return a result's text with what the operator must know besides."""
+    return f"{text}; {procedure.note}" if procedure.note else text

@@ -1,0 +1,226 @@
+"""The life of a command: which phase may follow which.
+
+One command from its acceptance to its one final result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from math import inf
+from typing import Any
+
+from gateway.errors import CommandError
+from gateway.records import AuditRecord, Phase, ResultRecord, SequenceNumbers, Sink
+from gateway.starters.commands.ledger import Ledger
+from gateway.starters.policy.request import CommandRequest
+from gateway.starters.policy.write_budget import Wear
+from gateway.storage.journal import Journal, NoJournal
+from gateway.system.clock import Clock
+
+NEXT: Mapping[Phase | None, frozenset[Phase]] = {
+    None: frozenset({Phase.ACCEPTED, Phase.REJECTED}),  # just received
+    Phase.ACCEPTED: frozenset(
+        # confirmed without a write: a read, a value that already stood there, a motor that stands still
+        {Phase.WRITTEN, Phase.CONFIRMED, Phase.REJECTED, Phase.FAILED}
+    ),
+    Phase.WRITTEN: frozenset({Phase.CONFIRMED, Phase.FAILED, Phase.UNCONFIRMED}),  # never "nothing written"
+    Phase.CONFIRMED: frozenset(),
+    Phase.REJECTED: frozenset(),
+    Phase.FAILED: frozenset(),
+    Phase.UNCONFIRMED: frozenset(),
+}
+
+
+class Life:
+    """One command's phase; a step that the table does not list is a bug and raises ValueError."""
+
+    def __init__(self, phase: Phase | None = None) -> None:
+        self._phase = phase
+
+    @property
+    def phase(self) -> Phase | None:
+        """Return the present phase; None before the first."""
+        return self._phase
+
+    @property
+    def is_over(self) -> bool:
+        """Return whether the final result has been given."""
+        return self._phase is not None and self._phase.is_final
+
+    @property
+    def is_written(self) -> bool:
+        """Return whether something has, or may have, reached the starter."""
+        return self._phase is Phase.WRITTEN
+
+    @classmethod
+    def resumed(cls, *, may_be_written: bool) -> Life:
+        """Return a life that a crash cut short after its acceptance: as far on as it can have been."""
+        return cls(Phase.WRITTEN if may_be_written else Phase.ACCEPTED)
+
+    def advance(self, phase: Phase) -> None:
+        """Go on to `phase`."""
+        if phase not in NEXT[self._phase]:
+            raise ValueError(f"a command cannot go from {self._phase} to {phase}")
+        self._phase = phase
+
+
+STOP = "stop"
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """How a command ends."""
+
+    phase: Phase
+    code: str
+    text: str
+    values: Mapping[str, Any] = field(default_factory=dict)  # of the result
+    after: Mapping[str, Any] = field(default_factory=dict)  # what was read back, for the audit
+
+
+@dataclass(frozen=True, slots=True)
+class Desk:
+    """What every command is reported with."""
+
+    sink: Sink
+    clock: Clock
+    sequence: SequenceNumbers
+    ledger: Ledger
+    wear: Wear = field(default_factory=Wear)
+    journal: Journal = field(default_factory=NoJournal)
+    stood_still_s: Callable[[], float] = lambda: -inf  # when the latest standstill ended, on the steady clock
+
+
+class Errand:
+    """Reports the phases of one command: each result to its client, each decision to the audit."""
+
+    def __init__(
+        self, request: CommandRequest, desk: Desk, *, is_repeat: bool = False, is_kept: bool = True
+    ) -> None:
+        self.request = request
+        self.life = Life()
+        self.before: Mapping[str, Any] = {}  # what was read before anything was written
+        self._desk = desk
+        self._latest: ResultRecord | None = None  # kept
+        self._is_kept = is_kept  # by the ledger, under its id
+        self._is_repeat = is_repeat  # a stop whose id was used before: done again, and marked as a duplicate
+
+    def now_s(self) -> float:
+        """Return the steady clock's time."""
+        return self._desk.clock.now_s()
+
+    def is_outdated(self, seen_s: float) -> bool:
+        """Return whether the gateway has stood still since that moment: what was read by then is old."""
+        return seen_s < self._desk.stood_still_s()
+
+    def wear_out(self, writes: int) -> None:
+        """Count writes of the starter's non-volatile memory; CommandError when there were too many."""
+        wait_s = self._desk.wear.take(self.request.starter, writes, now_s=self.now_s())
+        if wait_s is not None:
+            raise CommandError("wear_limit", self._desk.wear.refusal(wait_s))
+
+    def accept(self) -> None:
+        """Say that the command will be carried out."""
+        end = End(Phase.ACCEPTED, "ok", "accepted")
+        self._report(end, is_kept=True)
+        self._audit(end)
+
+    async def intend(self) -> None:
+        """Return when it is kept that this command is about to be written; CommandError when it cannot be."""
+        if self._latest is not None:
+            await self._desk.journal.intend(self._latest)
+
+    def write(self) -> None:
+        """Say that something went out to the starter; said once, however much is written."""
+        if not self.life.is_written:
+            self._report(End(Phase.WRITTEN, "ok", "written; being read back"), is_kept=True)
+
+    def finish(self, end: End, *, is_kept: bool = True) -> None:
+        """Give the final result; without `is_kept` a repetition of the command is judged anew."""
+        self._report(end, is_kept=is_kept)
+        self._audit(end)
+
+    def refuse(self, end: End) -> None:
+        """Refuse a command that is not kept on the disk; its id stays refused as long as the gateway runs.
+
+        Else one of its copies could be carried out after its client has read that it was not.
+        """
+        self.finish(end, is_kept=False)
+        self._desk.ledger.store(self.result(end), now_s=self.now_s())
+
+    def inform(self, client: str, end: End) -> None:
+        """Publish to another client what this command did to what is his; a result without an id."""
+        result = self.result(end)
+        self._desk.sink.put(replace(result, client=client, id=None, correlation=None, response_topic=None))
+
+    def result(self, end: End) -> ResultRecord:
+        """Return what the client reads of such an end, or of a phase before it."""
+        request = self.request
+        return ResultRecord(
+            starter=request.starter,
+            client=request.client,
+            id=request.id,
+            verb=request.verb,
+            phase=end.phase,
+            code=end.code,
+            text=end.text,
+            time_s=self._desk.clock.utc_s(),
+            is_duplicate=self._is_repeat,
+            values=end.values,
+            correlation=request.correlation,
+            response_topic=request.response_topic,
+        )
+
+    def _report(self, end: End, *, is_kept: bool) -> None:
+        self.life.advance(end.phase)
+        request, desk = self.request, self._desk
+        result = self.result(end)
+        if not is_kept or not self._is_kept:
+            if request.starter and request.client:  # else there is no topic for a result, only the audit
+                desk.sink.put(result)
+            return
+        self._latest = result
+        if not desk.ledger.store(result, now_s=desk.clock.now_s(), boot=request.boot):
+            self._latest = replace(result, id=None)  # the id stands for what was acted on under it
+        if end.phase is not Phase.WRITTEN and request.verb != STOP:
+            # Kept before it is told: what was accepted is answered for, and two finals would be a lie. That
+            # something may be written is on the disk already, before it is.
+            desk.journal.note(result, then=partial(desk.sink.put, result))
+        else:
+            desk.journal.note(self._latest)
+            desk.sink.put(result)
+
+    def _audit(self, end: End) -> None:
+        decision, before = end.phase, self.before
+        audit(self.request, self._desk, decision=decision, code=end.code, before=before, after=end.after)
+
+
+def audit(
+    request: CommandRequest,
+    desk: Desk,
+    *,
+    decision: str,
+    code: str,
+    before: Mapping[str, Any] | None = None,
+    after: Mapping[str, Any] | None = None,
+) -> None:
+    """Record one decision about a command."""
+    desk.sink.put(
+        AuditRecord(
+            starter=request.starter,
+            client=request.client,
+            operator=request.operator,
+            verb=request.verb,
+            args=request.args,
+            decision=decision,
+            code=code,
+            time_s=desk.clock.utc_s(),
+            seq=desk.sequence.take(),
+            before=before or {},
+            after=after or {},
+            id=request.id,
+            reason=request.reason,
+        )
+    )

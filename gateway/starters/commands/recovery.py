@@ -1,0 +1,83 @@
+"""What is said of a command that the gateway's own end cut short: once, and it is never carried out again."""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import suppress
+from dataclasses import replace
+
+from gateway.families.profile.state import state_of
+from gateway.records import Phase, ResultRecord, Severity
+from gateway.starters.commands.execution import LOOK, MAY_BE_TURNING
+from gateway.starters.commands.lifecycle import Desk, Life, audit
+from gateway.starters.commands.view import StarterControlView
+from gateway.starters.policy.request import CommandRequest
+from gateway.starters.telemetry.transitions import UNKNOWN
+from gateway.storage.journal import Remembered
+
+CRASHED = "crashed"
+STILL = ("read", "output")  # verbs that cannot move a motor whatever became of them
+STATUS_WITHIN_S = 10.0
+LOOK_EVERY_S = 0.25
+
+
+class Aftermath:
+    """One such command; until it is told, the ledger answers repetitions with what is known already."""
+
+    def __init__(self, remembered: Remembered, starter: StarterControlView | None, desk: Desk) -> None:
+        self._remembered = remembered
+        self._starter = starter  # None: it is configured no more
+        self._desk = desk
+        self._hurried = asyncio.Event()
+
+    def hurry(self) -> None:
+        """Wait no longer for a status."""
+        self._hurried.set()
+
+    def result(self) -> ResultRecord:
+        """Return the command's final result as far as it can be told now."""
+        life = Life.resumed(may_be_written=self._remembered.may_be_written)
+        text = "the gateway ended while this command was under way"
+        if life.is_written:
+            outlook = LOOK if self._remembered.result.verb in STILL else MAY_BE_TURNING
+            text += f"; it was written, or about to be: {outlook}"
+            phase = Phase.UNCONFIRMED
+        else:
+            text += "; nothing was written"
+            phase = Phase.REJECTED
+        life.advance(phase)
+        state = self._state()
+        text += f"; the starter is now {state}" if state != UNKNOWN else "; its state is not known yet"
+        earlier = self._remembered.result
+        values = {} if state == UNKNOWN else {"state": state}
+        now_s = self._desk.clock.utc_s()
+        return replace(earlier, phase=phase, code=CRASHED, text=text, time_s=now_s, values=values)
+
+    async def tell(self) -> None:
+        """Wait a while for the starter's status, then tell the client, the audit and whoever is on duty."""
+        until_s = self._desk.clock.now_s() + STATUS_WITHIN_S
+        while self._state() == UNKNOWN and self._starter and self._desk.clock.now_s() < until_s:
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._hurried.wait(), LOOK_EVERY_S)
+                break
+        result = self.result()
+        if self._is_superseded():
+            self._desk.sink.put(result)
+        else:
+            self._desk.ledger.store(result, now_s=self._desk.clock.now_s())
+            self._desk.journal.note(result, then=lambda: self._desk.sink.put(result))
+        request = CommandRequest(result.starter, result.client, result.verb, result.id)
+        audit(request, self._desk, decision=result.phase, code=result.code, after=result.values)
+        if self._starter is not None and result.phase is Phase.UNCONFIRMED:
+            data = {"client": result.client, "id": result.id, "verb": result.verb}
+            self._starter.publisher.event("command_cut_short", Severity.ERROR, result.text, data)
+
+    def _is_superseded(self) -> bool:
+        """Return whether the id stands for something newer by now: a stop that was done again."""
+        latest = self._desk.ledger.find(self._remembered.result.client, self._remembered.result.id)
+        return latest is not None and latest.code != CRASHED
+
+    def _state(self) -> str:
+        if self._starter is None:
+            return UNKNOWN
+        return state_of(self._starter.profile, self._starter.snapshot.good_values())

@@ -1,0 +1,181 @@
+"""One command's way to its starter, which can be cut at any moment."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Coroutine, Iterable, Mapping
+from math import inf
+from typing import Any, TypeVar, assert_never
+
+from gateway.errors import CommandError, GatewayError
+from gateway.families.profile.decode import decode_points
+from gateway.families.profile.procedure import Expect, Read
+from gateway.families.reading.bulk import rows_in
+from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
+from gateway.line.scheduler.requests import Lane
+from gateway.modbus.codes import exception_name
+from gateway.modbus.pdu import Request
+from gateway.starters.commands.view import StarterControlView
+
+T = TypeVar("T")
+
+READ_BACK_PAUSE_S = 0.1
+EQUAL_READINGS = 2  # that must follow one another: a CRC lets one bad frame in some 50,000 pass
+
+Rows = dict[str, tuple[int, ...]]
+
+
+class HaltedError(GatewayError):
+    """The command was cut short; `code` says by what."""
+
+    def __init__(self, code: str) -> None:
+        self.code = code
+        super().__init__(code)
+
+
+class RefusedError(GatewayError):
+    """The starter refused a request with a Modbus exception."""
+
+    def __init__(self, number: int, codes: Iterable[str] = ()) -> None:
+        self.code = exception_code_word(number)
+        named = ", ".join(codes)
+        super().__init__(f"the starter refused{named and f' {named}'}: {exception_name(number)}")
+
+
+class Wire:
+    """Reads and writes of one starter for one command."""
+
+    def __init__(self, starter: StarterControlView, *, read_back_lane: Lane = Lane.READ_BACK) -> None:
+        self._starter = starter
+        self._read_back_lane = read_back_lane
+        self._halted: str | None = None
+        self._handed_over: set[asyncio.Future[Outcome]] = set()
+        self._inner: asyncio.Future[Any] | None = None
+        self.seen_s = inf  # when the oldest of what was read last had been asked for; a write's answer counts
+
+    def halt(self, code: str) -> None:
+        """Let nothing more go out.
+
+        What waits for the line is withdrawn before anything that the caller hands to the line from now on.
+        """
+        self._halted = self._halted or code
+        for asked in tuple(self._handed_over):
+            asked.cancel()
+        if self._inner is not None:
+            self._inner.cancel()
+
+    def hand_over(self, request: Request, *, lane: Lane) -> asyncio.Future[Outcome]:
+        """Hand a request to the line at once; what is to become of it is cancelled when halted."""
+        asked = self._ask(request, lane)
+        self._handed_over.add(asked)
+        asked.add_done_callback(self._handed_over.discard)
+        return asked
+
+    async def write(self, request: Request, *, lane: Lane, until_s: float = inf) -> Outcome:
+        """Send a write once, not later than `until_s`; a HaltedError leaves open whether it went out."""
+        outcome = await self._transact(request, lane, until_s=until_s)
+        if isinstance(outcome, Answered):
+            self.seen_s = _asked_s(outcome)
+        return outcome
+
+    async def read(self, reads: Iterable[Read], *, lane: Lane) -> Rows:
+        """Return freshly read rows, trying twice; CommandError without an answer, RefusedError."""
+        rows: Rows = {}
+        self.seen_s = inf
+        for read in reads:
+            outcome = await self._transact(read.request, lane)
+            if isinstance(outcome, (Silent, Garbled)):
+                outcome = await self._transact(read.request, lane)
+            rows |= self._rows_from(read, outcome)
+        return rows
+
+    async def read_back(self, reads: Iterable[Read]) -> Rows | None:
+        """Return freshly read rows for a read-back; None when a part of them could not be had."""
+        rows: Rows = {}
+        self.seen_s = inf
+        for read in reads:
+            outcome = await self._transact(read.request, self._read_back_lane)
+            if not isinstance(outcome, Answered):
+                return None
+            rows |= self._rows_from(read, outcome)
+        return rows
+
+    async def see(self, expect: Expect) -> dict[str, Any] | None:
+        """Return the values of two readings in a row that show what is expected; None when its time is up."""
+        until_s = asyncio.get_running_loop().time() + expect.within_s
+        count = 0
+        while True:
+            values = self.values(await self.read_back(expect.reads) or {})
+            count = count + 1 if expect.is_met(values) else 0
+            if count == EQUAL_READINGS:
+                return values
+            if count == 0 and asyncio.get_running_loop().time() >= until_s:
+                return None
+            await self.pause(READ_BACK_PAUSE_S)
+
+    def values(self, rows: Mapping[str, tuple[int, ...]]) -> dict[str, Any]:
+        """Return what rows say: points by name, and the raw words by code."""
+        decoded = decode_points(self._starter.profile, self._starter.variant, rows)
+        return {**rows, **{name: point.value for name, point in decoded.items()}}
+
+    async def pause(self, seconds: float) -> None:
+        """Wait, unless halted."""
+        await self._do(asyncio.ensure_future(asyncio.sleep(seconds)))
+
+    async def wait_for(self, work: Coroutine[Any, Any, None]) -> None:
+        """Wait for something that has to be done before a write, unless halted."""
+        await self._do(asyncio.ensure_future(work))
+
+    async def _transact(self, request: Request, lane: Lane, *, until_s: float = inf) -> Outcome:
+        if self._halted is not None:
+            raise HaltedError(self._halted)
+        return await self._do(self._ask(request, lane, until_s=until_s))
+
+    def _ask(self, request: Request, lane: Lane, *, until_s: float = inf) -> asyncio.Future[Outcome]:
+        setup = self._starter.setup
+        return self._starter.line.transact(
+            setup.address,
+            request,
+            response_time_s=setup.response_time_of(request),
+            lane=lane,
+            until_s=until_s,
+        )
+
+    def _rows_from(self, read: Read, outcome: Outcome) -> Rows:
+        match outcome:
+            case Answered():
+                rows = rows_in(self._starter.profile, read, outcome.value)
+                self.seen_s = min(self.seen_s, _asked_s(outcome))
+                self._starter.take_rows(rows, at_s=outcome.at_s)
+                return rows
+            case Refused():
+                raise RefusedError(outcome.code, read.codes)
+            case Silent(is_sent=False) | Garbled(is_sent=False):
+                raise CommandError("line_down", f"the starter cannot be asked: {outcome.reason}")
+            case Silent() | Garbled():
+                raise CommandError("no_answer", f"the starter's status could not be read: {outcome.reason}")
+            case _:
+                assert_never(outcome)
+
+    async def _do(self, inner: asyncio.Future[T]) -> T:
+        if self._halted is not None:
+            inner.cancel()
+        self._inner = inner
+        try:
+            await asyncio.wait((inner,))
+        finally:
+            self._inner = None
+            inner.cancel()  # does nothing to what is done; only when we are cancelled ourselves it is not
+        if inner.cancelled():
+            raise HaltedError(self._halted or "cancelled")
+        return inner.result()
+
+
+def _asked_s(answer: Answered) -> float:
+    """Return when an answer was asked for (its request's end), however late it was taken from the port."""
+    return answer.at_s - answer.response_time_s
+
+
+def exception_code_word(number: int) -> str:
+    """Return a Modbus exception as a result code, e.g. illegal_data_value."""
+    return exception_name(number).replace(" ", "_")

@@ -1,0 +1,399 @@
+"""Stops one starter: frames before everything else, again and again, until read back or the time is up.
+
+1. Each stop message has a frame of its own, handed to the line before anything else is done about it.
+   Beyond `OWN_FRAMES` of one starter, messages that come within 0.1 s share the next frame.
+2. A frame follows the one before after 0.5 s, whatever became of the read-backs, until all are read back.
+3. A message is confirmed by two readings in a row that were asked for after the frame which counts for it:
+   its own, or the first after that which the starter acknowledged.
+
+Stops for a group of starters: each member's own, told apart, and one result for the whole.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from typing import Any, assert_never
+
+from gateway.families.command.build import build
+from gateway.families.profile.procedure import Procedure
+from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
+from gateway.line.scheduler.requests import Lane
+from gateway.records import Phase, Severity
+from gateway.starters.commands.addressed import Addressed
+from gateway.starters.commands.execution import HALTED, MAY_BE_TURNING
+from gateway.starters.commands.lifecycle import Desk, End, Errand
+from gateway.starters.commands.starter_io import (
+    EQUAL_READINGS,
+    READ_BACK_PAUSE_S,
+    HaltedError,
+    RefusedError,
+    Wire,
+)
+from gateway.starters.commands.view import StarterControlView
+from gateway.starters.policy.request import CommandRequest
+from gateway.system.token_bucket import Bucket, Rate
+
+logger = logging.getLogger(__name__)
+
+DEADLINE_S = 10.0  # of each message
+REPEAT_S = 0.5
+OWN_FRAMES = Rate(10.0, 8)  # for messages of one starter: so many a second, so many at once
+SHARED_WITHIN_S = 0.1  # after the frame before: when the frame of messages beyond that is sent
+
+
+@dataclass(slots=True, eq=False)
+class _Order:
+    """One stop message."""
+
+    errand: Errand | None  # None: it gets no answer of its own
+    frame: int  # the number of its own frame
+    until_s: float
+    counts_from: int | None = None  # the first reading that counts; None: its frame has not left yet
+    is_taken: bool = False  # the starter acknowledged its frame, or a later one
+
+    @property
+    def is_written(self) -> bool:
+        return self.counts_from is not None
+
+    def note_written(self, *, next_reading: int, is_taken: bool) -> None:
+        """Take note of a frame that left; until one is acknowledged an earlier start may yet act."""
+        if self.is_taken:
+            return
+        if self.errand is not None and not self.is_written:
+            self.errand.write()
+        self.counts_from, self.is_taken = next_reading, is_taken
+
+
+class Stopping:
+    """One starter's stop under way; every stop message that comes meanwhile joins it."""
+
+    def __init__(self, starter: StarterControlView) -> None:
+        self._starter = Addressed(starter)
+        self._wire = Wire(self._starter, read_back_lane=Lane.FOLLOW_UP)
+        self._time = asyncio.get_running_loop().time
+        self._own_frames = Bucket(OWN_FRAMES)
+        self._orders: list[_Order] = []
+        self._unanswered: _Order | None = None  # the latest message without an answer: it stands for all
+        self._wanted = 0  # the number of the frame that the latest message counts on
+        self._handed = 0  # frames handed to the line
+        self._due_s = 0.0  # when the next frame is due
+        self._timer: asyncio.TimerHandle | None = None
+        self._under_way: set[asyncio.Task[None]] = set()  # frames that wait for the line or their answer
+        self._news = asyncio.Event()  # one of them has left
+        self._readings = 0  # begun
+        self._good_from: int | None = None  # the first of the latest readings in a row that show a stop
+        self._refusal: RefusedError | None = None
+        self._is_answered = False  # the starter answered anything at all since
+        self._spoken: list[str] = []  # the families in whose words frames were sent
+        self._is_over_babble = False  # a frame was sent although the line was not quiet
+        self._is_garbled = False  # something came instead of an answer to a frame
+
+    def ask(self) -> None:
+        """Have a frame sent for one more message, and see it through; it may then join with its command."""
+        if self._own_frames.take(self._time()):
+            self._send(Lane.STOP)
+        else:
+            self._wanted = self._handed + 1
+            self._plan(min(self._due_s, self._time() + SHARED_WITHIN_S))
+        self._unanswered = _Order(None, self._wanted, self._time() + DEADLINE_S)
+
+    def join(self, errand: Errand) -> None:
+        """Take in the stop command, already accepted, for which `ask` was called; its end is reported."""
+        self._unanswered = None  # which stood for this message, and for those before that get no answer
+        self._orders.append(_Order(errand, self._wanted, self._time() + DEADLINE_S))
+        errand.before = self._starter.snapshot.good_values()
+
+    def is_asked_for(self, request: CommandRequest) -> bool:
+        """Return whether the same client's stop, which its answer cannot be told apart from, has joined."""
+        if request.id or request.correlation:
+            return False
+        known = (
+            (order.errand.request.client, order.errand.request.id) for order in self._orders if order.errand
+        )
+        return (request.client, request.id) in known
+
+    @property
+    def count(self) -> int:
+        """Return how many stop commands have joined."""
+        return len(self._orders)
+
+    def halt(self, code: str) -> None:
+        """Let nothing more go out."""
+        self._wire.halt(code)
+
+    async def run(self) -> None:
+        """Stop the motor; never raises, and always ends every stop command that has joined."""
+        try:
+            await self._read_on()
+        except HaltedError as error:
+            self._cut_all(error.code, HALTED.get(error.code, error.code))
+        except Exception:  # the guard at the task's top
+            logger.exception("starter=%s stop ended by a bug", self._starter.setup.name)
+            self._cut_all("internal", "an error inside the gateway; see its log")
+        finally:
+            self._wire.halt("shutting_down")
+            if self._timer is not None:
+                self._timer.cancel()
+
+    # The frames
+
+    def _send(self, lane: Lane) -> None:
+        """Hand one frame to the line."""
+        self._handed += 1
+        self._wanted = max(self._wanted, self._handed)
+        self._plan(self._time() + REPEAT_S)
+        if self._starter.profile.family not in self._spoken:
+            self._spoken.append(self._starter.profile.family)
+        try:
+            asked = [self._wire.hand_over(step.request, lane=lane) for step in self._procedure().steps]
+        except Exception:  # whatever it is, the read-back meets it again and ends the commands
+            logger.exception("starter=%s stop not sent", self._starter.setup.name)
+            self._news.set()
+            return
+        frame = asyncio.get_running_loop().create_task(self._follow(self._handed, asked))
+        self._under_way.add(frame)
+        frame.add_done_callback(self._under_way.discard)
+
+    def _plan(self, due_s: float) -> None:
+        self._due_s = due_s
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer = asyncio.get_running_loop().call_at(due_s, self._send_if_due)
+
+    def _send_if_due(self) -> None:
+        """Send the next frame at its time, unless one is still under way or none is needed."""
+        if self._time() < self._due_s or self._under_way or not self._all():
+            return
+        is_asked_for = self._wanted > self._handed or any(not each.is_written for each in self._all())
+        if is_asked_for or self._good_from is None or not all(each.is_taken for each in self._all()):
+            self._send(Lane.STOP if is_asked_for else Lane.FOLLOW_UP)
+
+    async def _follow(self, number: int, asked: Collection[asyncio.Future[Outcome]]) -> None:
+        """Take note of what became of a frame."""
+        await asyncio.wait(asked)
+        outcomes = [each.result() for each in asked if not each.cancelled()]
+        self._is_over_babble |= any(outcome.is_over_babble for outcome in outcomes)
+        self._is_garbled |= any(isinstance(outcome, Garbled) and outcome.is_sent for outcome in outcomes)
+        self._is_answered |= any(isinstance(outcome, (Answered, Refused)) for outcome in outcomes)
+        refusals = [outcome for outcome in outcomes if isinstance(outcome, Refused)]
+        if refusals:
+            self._refusal = RefusedError(refusals[0].code)
+        if any(_may_have_left(each) for each in asked):
+            is_taken = len(outcomes) == len(asked) and all(isinstance(each, Answered) for each in outcomes)
+            self._note_written(number, is_taken=is_taken)
+        self._news.set()
+        asyncio.get_running_loop().call_soon(self._send_if_due)  # once this frame is no longer under way
+
+    def _note_written(self, number: int, *, is_taken: bool) -> None:
+        for order in self._all():
+            if order.frame <= number:
+                order.note_written(next_reading=self._readings + 1, is_taken=is_taken)
+
+    def _procedure(self) -> Procedure:
+        """Return what stops the starter, from the rows known last, however old."""
+        starter = self._starter
+        return build(starter.profile, starter.variant, "stop", {}, seen=starter.snapshot.rows)
+
+    # The readings
+
+    async def _read_on(self) -> None:
+        """Read the starter back until every message has its end."""
+        while self._all():
+            if any(order.is_written for order in self._all()):
+                self._readings += 1
+                values = await self._see_stopped()
+                if values is None:
+                    self._good_from = None
+                elif self._good_from is None:
+                    self._good_from = self._readings
+                self._end_what_is_over(values or {})
+                self._send_if_due()
+                await self._pause(READ_BACK_PAUSE_S)
+            else:
+                await self._wait_for_a_frame()
+                self._procedure()  # what cannot be built cannot be sent
+                self._end_what_is_over({})
+
+    async def _pause(self, seconds: float) -> None:
+        if self._all():
+            await self._wire.pause(seconds)
+
+    async def _wait_for_a_frame(self) -> None:
+        self._news.clear()
+        over_s = min(order.until_s for order in self._all())
+        timer = asyncio.get_running_loop().call_at(over_s, self._news.set)
+        try:
+            await self._wire.wait_for(_until(self._news))
+        finally:
+            timer.cancel()
+
+    async def _see_stopped(self) -> dict[str, Any] | None:
+        """Return what was read if it shows that the motor stops, else None."""
+        expect = self._procedure().verify
+        rows = None if expect is None else await self._wire.read_back(expect.reads)
+        if expect is None or rows is None:
+            return None
+        self._is_answered = True
+        values = self._wire.values(rows)
+        return values if expect.is_met(values) else None
+
+    def _end_what_is_over(self, values: dict[str, Any]) -> None:
+        """End the messages that are read back, and those whose time is up."""
+        ends: list[tuple[_Order, End]] = []
+        for order in self._all():
+            count, is_over = self._good_readings(order), self._time() >= order.until_s
+            if count >= EQUAL_READINGS and (order.is_taken or is_over):
+                text = f"read back from the starter{self._over_babble()}"
+                ends.append((order, End(Phase.CONFIRMED, "ok", text, after=_points(values))))
+            elif is_over and count == 0:
+                ends.append((order, self._unseen(order)))
+        self._end(ends)
+
+    def _good_readings(self, order: _Order) -> int:
+        """Return how many of the latest readings in a row show a stop, and count for this message."""
+        if self._good_from is None or order.counts_from is None:
+            return 0
+        return max(self._readings + 1 - max(self._good_from, order.counts_from), 0)
+
+    # The ends
+
+    def _all(self) -> list[_Order]:
+        return self._orders if self._unanswered is None else [*self._orders, self._unanswered]
+
+    def _end(self, ends: Collection[tuple[_Order, End]]) -> None:
+        """Give messages their ends; a person is called once for them."""
+        note = self._starter.note(self._spoken)
+        if note:
+            ends = [(order, replace(end, text=f"{end.text}; {note}")) for order, end in ends]
+        for _, end in [each for each in ends if each[1].phase is not Phase.CONFIRMED][:1]:
+            self._call_a_person(end)
+        for order, end in ends:
+            if order is self._unanswered:
+                self._unanswered = None
+            else:
+                self._orders.remove(order)
+            if order.errand is not None:
+                order.errand.finish(end)
+
+    def _cut_all(self, code: str, text: str) -> None:
+        if self._under_way:
+            self._note_written(self._handed, is_taken=False)  # it may have been on its way already
+        self._end([(order, self._cut(order, code, text)) for order in self._all()])
+
+    def _unseen(self, order: _Order) -> End:
+        """Return the end of a stop whose time is up."""
+        if order.is_written and not self._is_answered and not self._is_over_babble:
+            text = f"the starter did not answer for {DEADLINE_S:g} s, neither the stop nor a reading"
+            noise = "; what came instead cannot be read: noise, or something else that sends"
+            text += noise if self._is_garbled else ""
+            return End(Phase.UNCONFIRMED, "no_answer", f"{text}: {MAY_BE_TURNING}")
+        if order.is_written:
+            text = f"the motor was not seen to stop within {DEADLINE_S:g} s{self._over_babble()}"
+            return End(Phase.UNCONFIRMED, "not_seen", f"{text}: {MAY_BE_TURNING}")
+        if self._refusal is not None:
+            return End(Phase.FAILED, self._refusal.code, f"{self._refusal}: {MAY_BE_TURNING}")
+        return self._cut(order, "line_down", "the stop could not be sent")
+
+    def _cut(self, order: _Order, code: str, text: str) -> End:
+        if order.is_written:
+            return End(Phase.UNCONFIRMED, code, f"{text}; a stop was written before: {MAY_BE_TURNING}")
+        phase = Phase.FAILED if code == "internal" else Phase.REJECTED
+        return End(phase, code, f"{text}: {MAY_BE_TURNING}")
+
+    def _over_babble(self) -> str:
+        """Return what a result says of a line that was never quiet."""
+        if not self._is_over_babble:
+            return ""
+        return "; something sends on the line without end, and the stop was written over it"
+
+    def _call_a_person(self, end: End) -> None:
+        data = {"phase": end.phase, "code": end.code}
+        self._starter.publisher.event("stop_unconfirmed", Severity.ERROR, end.text, data)
+
+
+def _may_have_left(asked: asyncio.Future[Outcome]) -> bool:
+    """Return whether a request may have reached its starter; what was cut short may have been on its way."""
+    if asked.cancelled():
+        return True
+    match asked.result():
+        case Refused():
+            return False
+        case Answered():
+            return True
+        case Silent(is_sent=is_sent) | Garbled(is_sent=is_sent):
+            return is_sent
+        case _ as outcome:
+            assert_never(outcome)
+
+
+def _points(values: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if not isinstance(value, tuple)}
+
+
+async def _until(event: asyncio.Event) -> None:
+    await event.wait()
+
+
+class GroupStop:
+    """Gathers the members' results into the group's: confirmed only when all members are."""
+
+    def __init__(self, errand: Errand, members: Collection[str], desk: Desk) -> None:
+        self._errand = errand
+        self._missing = set(members)
+        self._ends: dict[str, End] = {}
+        self._desk = desk
+
+    def member(self, name: str) -> Errand:
+        """Return the stop of one member: reported to the same client, with the same id, but kept nowhere."""
+        request = replace(self._errand.request, starter=name, correlation=None, response_topic=None)
+        return _MemberErrand(request, self._desk, whole=self)
+
+    def note_written(self) -> None:
+        """Take over that something was written to a member."""
+        self._errand.write()
+
+    def note_end(self, name: str, end: End) -> None:
+        """Take over a member's result; the last one ends the whole."""
+        self._ends[name] = end
+        self._missing.discard(name)
+        if not self._missing:
+            self._errand.finish(self._end())
+
+    def _end(self) -> End:
+        names = sorted(self._ends)
+        values = {"members": {n: {"phase": self._ends[n].phase, "code": self._ends[n].code} for n in names}}
+        others = [name for name in names if self._ends[name].phase is not Phase.CONFIRMED]
+        if not others:
+            return End(Phase.CONFIRMED, "ok", f"all {len(names)} read back from their starters", values)
+        told = "; ".join(f"{name}: {self._ends[name].code}, {self._ends[name].text}" for name in others[:5])
+        more = f"; and {len(others) - 5} more" if len(others) > 5 else ""
+        text = f"{len(others)} of {len(names)} not confirmed: {told}{more}"
+        return End(self._phase(others), "not_all", text, values)
+
+    def _phase(self, others: Collection[str]) -> Phase:
+        """Return the whole's phase when not all are confirmed: rejected only when nothing was written."""
+        if self._errand.life.is_written:
+            return Phase.UNCONFIRMED
+        phases = {self._ends[name].phase for name in others}
+        return Phase.REJECTED if phases == {Phase.REJECTED} else Phase.FAILED
+
+
+class _MemberErrand(Errand):
+    """One member's stop, which tells the whole how it goes."""
+
+    def __init__(self, request: CommandRequest, desk: Desk, *, whole: GroupStop) -> None:
+        super().__init__(request, desk, is_kept=False)
+        self._whole = whole
+
+    def write(self) -> None:
+        """Say that something went out to the starter."""
+        super().write()
+        self._whole.note_written()
+
+    def finish(self, end: End, *, is_kept: bool = True) -> None:
+        """Give the final result."""
+        super().finish(end, is_kept=is_kept)
+        self._whole.note_end(self.request.starter, end)

@@ -1,0 +1,90 @@
+"""What a command needs of a starter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+from gateway.families.profile.identify import Identity
+from gateway.families.profile.schema import Profile, Variant
+from gateway.line.client import LineClient
+from gateway.starters.identity.query import Standing
+from gateway.starters.setup import StarterSetup
+from gateway.starters.telemetry.emitter import Publisher
+from gateway.starters.telemetry.snapshot import Snapshot
+
+
+class StarterControlView(Protocol):
+    """One starter, as the commander sees it; `StarterTelemetry` is one."""
+
+    @property
+    def setup(self) -> StarterSetup:
+        """The starter as configured."""
+        ...
+
+    @property
+    def profile(self) -> Profile:
+        """Its family."""
+        ...
+
+    @property
+    def variant(self) -> Variant:
+        """What is known of it by configuration and identification."""
+        ...
+
+    @property
+    def line(self) -> LineClient:
+        """The line it is on."""
+        ...
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """What was read of it last."""
+        ...
+
+    @property
+    def publisher(self) -> Publisher:
+        """Its voice, for events."""
+        ...
+
+    @property
+    def is_answering(self) -> bool:
+        """Whether it is online."""
+        ...
+
+    @property
+    def identity(self) -> Identity:
+        """What the one who answers said about itself."""
+        ...
+
+    @property
+    def identity_standing(self) -> Standing:
+        """Whether the one who answers has proved to be the configured family."""
+        ...
+
+    @property
+    def identity_reason(self) -> str:
+        """In words why the identity is not matching."""
+        ...
+
+    @property
+    def contradiction(self) -> str:
+        """In what the device contradicts the configuration, so that its values mean nothing."""
+        ...
+
+    @property
+    def status_period_s(self) -> float:
+        """How long two readings of its status are apart at most."""
+        ...
+
+    def note_settings(self, rows: Mapping[str, tuple[int, ...]]) -> None:
+        """Hand over settings that were just read: the watchdog's count for its line."""
+        ...
+
+    def set_trouble(self, topic: str, reason: str) -> None:
+        """Publish that a part of the starter cannot be read at present; an empty reason: it can be again."""
+        ...
+
+    def take_rows(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
+        """Hand over rows that were just read for a command."""
+        ...

@@ -1,0 +1,1 @@
+"""Who a starter is: asked (`query`), compared (`fingerprint`), known from earlier runs (`registry`)."""

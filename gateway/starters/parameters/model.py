@@ -1,0 +1,110 @@
+"""The parameters of one starter at one time, and what two such sets differ in."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from gateway.families.diagnosis.factory_settings import factory_settings
+from gateway.families.profile.decode import Value, decode_row
+from gateway.families.profile.parameters import find
+from gateway.families.profile.schema import Profile, Variant
+from gateway.families.reading.bulk import is_setting
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One parameter's value; None where the file or the starter does not tell it."""
+
+    name: str = ""
+    value: Value = None
+    label: str | None = None
+    unit: str = ""
+    raw: tuple[int, ...] | None = None
+
+    @property
+    def shown(self) -> str:
+        """The value for a person, with label and unit."""
+        if self.value is None:
+            return "raw " + " ".join(map(str, self.raw or ()))
+        text = str(self.value).lower() if isinstance(self.value, bool) else str(self.value)
+        return f"{text} {self.unit}".rstrip() + (f" ({self.label})" if self.label else "")
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterSet:
+    """What one starter holds, by the manual's code."""
+
+    starter: str
+    family: str
+    taken: str = ""  # RFC 3339
+    model: str | None = None
+    firmware: str | None = None
+    serial: str | None = None
+    parameters: Mapping[str, Entry] = field(default_factory=dict)
+    refused: Mapping[str, str] = field(default_factory=dict)  # code -> why it could not be read
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """One parameter in which two sets differ; None where one of them does not have it."""
+
+    code: str
+    name: str
+    before: Entry | None
+    after: Entry | None
+
+    @property
+    def text(self) -> str:
+        """The difference in one line."""
+        sides = ["not there" if each is None else each.shown for each in (self.before, self.after)]
+        return f"{self.code} {self.name}: {sides[0]} -> {sides[1]}"
+
+
+def entries_of(profile: Profile, variant: Variant, rows: Mapping[str, tuple[int, ...]]) -> dict[str, Entry]:
+    """Return rows that were read as entries, in the order of the manual; raw-word rows stand last."""
+    order = {code: place for place, code in enumerate(profile.parameters)}
+    found: dict[str, Entry] = {}
+    for code in sorted(rows, key=lambda each: (order.get(each, len(order)), each)):
+        row = find(profile, code)
+        told = decode_row(profile, variant, row, rows[code])
+        found[code] = Entry(row.name, told.value, told.label, told.unit, told.raw)
+    return found
+
+
+def of_factory(profile: Profile, like: ParameterSet) -> tuple[ParameterSet, ParameterSet]:
+    """Return the factory settings that the manual prints, and those rows of a set."""
+    entries = entries_of(
+        profile, Variant(model=like.model, firmware=like.firmware), factory_settings(profile)
+    )
+    held = {code: entry for code, entry in like.parameters.items() if code in entries}
+    factory = {code: entry for code, entry in entries.items() if code in held}
+    return replace(like, parameters=factory), replace(like, parameters=held)
+
+
+def differences(
+    before: ParameterSet, after: ParameterSet, *, profile: Profile, with_readings: bool = False
+) -> tuple[Difference, ...]:
+    """Return in which settings two sets of one family differ; `with_readings`: in which of all rows."""
+    found = []
+    for code in dict.fromkeys((*before.parameters, *after.parameters)):
+        row = profile.parameters.get(code)
+        if not with_readings and (row is None or not is_setting(row)):
+            continue
+        one, other = before.parameters.get(code), after.parameters.get(code)
+        if not _is_same(one, other):
+            name = next((each.name for each in (one, other) if each is not None), "")
+            found.append(Difference(code, name, one, other))
+    return tuple(found)
+
+
+def _is_same(one: Entry | None, other: Entry | None) -> bool:
+    if one is None or other is None:
+        return False
+    if one.raw is not None and other.raw is not None:
+        return one.raw == other.raw
+    if one.value == other.value:
+        return True
+    texts = [each.value.casefold() for each in (one, other) if isinstance(each.value, str)]
+    labels = [each.label.casefold() for each in (one, other) if each.label is not None]
+    return any(text in labels for text in texts)  # an enum given by its label

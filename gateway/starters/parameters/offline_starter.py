@@ -1,0 +1,104 @@
+"""One starter on a line that nobody polls: identified once, then read and set by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+
+from gateway.errors import CommandError
+from gateway.families.profile.identify import Identity, identify, identify_requests, why_not
+from gateway.families.profile.procedure import Read
+from gateway.families.profile.schema import Profile, Variant
+from gateway.line.client import LineClient
+from gateway.line.rtu.outcome import Answered, Outcome, Refused
+from gateway.line.scheduler.requests import Lane
+from gateway.modbus.pdu import Request
+from gateway.records import SequenceNumbers, Sink
+from gateway.starters.bulk_read import BulkReading, read_in_bulk
+from gateway.starters.identity.query import Standing, standing_of
+from gateway.starters.setup import StarterSetup, merged
+from gateway.starters.telemetry.emitter import Publisher
+from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
+from gateway.starters.telemetry.snapshot import Snapshot
+from gateway.system.clock import Clock
+
+
+class Bench:
+    """A `StarterControlView` without polls, so that a command judges only what it has just read itself."""
+
+    def __init__(
+        self,
+        setup: StarterSetup,
+        *,
+        line: LineClient,
+        sink: Sink,
+        clock: Clock,
+        sequence: SequenceNumbers,
+        watchdogs: KnownWatchdogs | None = None,
+    ) -> None:
+        self.setup = setup
+        self.line = line
+        self.variant: Variant = setup.variant
+        self.snapshot = Snapshot({})
+        self.publisher = Publisher(setup.name, sink=sink, clock=clock, sequence=sequence)
+        self.identity = Identity(reason="not yet asked")
+        self._watchdogs = watchdogs or KnownWatchdogs()
+        self.is_answering = False
+        self.status_period_s = 0.0  # no poll vouches for anything
+
+    @property
+    def profile(self) -> Profile:
+        """Return the starter's family."""
+        return self.setup.profile
+
+    @property
+    def identity_standing(self) -> Standing:
+        """Return whether the one who answers has proved to be the configured family."""
+        return standing_of(self.setup, self.identity)
+
+    @property
+    def identity_reason(self) -> str:
+        """Return in words why the identity is not matching; empty when it is."""
+        return why_not(self.profile, self.identity) or ""
+
+    @property
+    def contradiction(self) -> str:
+        """Return nothing: a device that is not the configured one is given up when it is identified."""
+        return ""
+
+    async def identify(self) -> None:
+        """Ask who answers; CommandError when nobody does, or somebody else than configured."""
+        outcomes = {q.tag: await self.ask(q.request) for q in identify_requests(self.profile)}
+        self.is_answering = any(isinstance(outcome, (Answered, Refused)) for outcome in outcomes.values())
+        if not self.is_answering:
+            raise CommandError(
+                "offline", f"{self.setup.name} does not answer at address {self.setup.address}"
+            )
+        answers = {tag: out.value if isinstance(out, Answered) else None for tag, out in outcomes.items()}
+        self.identity = identify(self.profile, answers)
+        standing = self.identity_standing
+        if standing is not Standing.MATCHING:
+            raise CommandError(f"identity_{standing.value}", self.identity_reason)
+        self.variant = merged(self.setup.variant, self.identity)
+
+    async def ask(self, request: Request) -> Outcome:
+        """Send one read and return what became of it."""
+        response_time_s = self.setup.response_time_of(request)
+        return await self.line.transact(
+            self.setup.address, request, response_time_s=response_time_s, lane=Lane.READ_BACK
+        )
+
+    async def read(self, reads: Iterable[Read], *, tell: Callable[[Read], None] | None = None) -> BulkReading:
+        """Carry out many reads; CommandError and PortLostError as `read_in_bulk`."""
+        return await read_in_bulk(self.ask, self.profile, reads, tell=tell)
+
+    def take_rows(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
+        """Keep rows that were just read for a command."""
+        self.snapshot.keep_rows(rows, at_s=at_s)
+        self.note_settings(rows)
+
+    def set_trouble(self, topic: str, reason: str) -> None:
+        """Ignore what cannot be read: the command itself says so."""
+
+    def note_settings(self, rows: Mapping[str, tuple[int, ...]]) -> None:
+        """Record settings that were just read."""
+        self._watchdogs.note(self.setup.name, rows)

@@ -1,0 +1,119 @@
+"""Carries a restore out: one change after the other, each read back, up to the first that fails."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+from gateway.families.command.run_command import CLEARED
+from gateway.families.profile.decode import Value
+from gateway.records import Phase, Record, ResultRecord, SequenceNumbers
+from gateway.starters.commands.execution import Conduct
+from gateway.starters.commands.ledger import Ledger
+from gateway.starters.commands.lifecycle import Desk, Errand
+from gateway.starters.parameters.offline_starter import Bench
+from gateway.starters.parameters.restore_plan import Change, RestorePlan, prepare_change
+from gateway.starters.policy.request import CommandRequest
+from gateway.starters.policy.write_budget import Wear
+from gateway.system.clock import Clock
+
+CLIENT = "parameters"
+INTERRUPTED = "interrupted"
+NO_LIMIT = 1_000_000  # writes an hour: a person restores what a person chose, each row once
+
+
+@dataclass(slots=True)
+class RestoreEnd:
+    """What became of a restore; `failure` is None when everything was written and read back."""
+
+    done: list[Change] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)  # what the results of those done say besides, each once
+    failed: tuple[Change, ...] = ()
+    failure: ResultRecord | None = None
+    untried: tuple[Change, ...] = ()
+
+
+class Restore:
+    """One restore under way."""
+
+    def __init__(self, bench: Bench, plan: RestorePlan, *, clock: Clock) -> None:
+        self._bench = bench
+        self._plan = plan
+        self._finals = _Finals()
+        self._wear = Wear(most_per_hour=NO_LIMIT)
+        self._desk = Desk(
+            sink=self._finals, clock=clock, sequence=SequenceNumbers(), ledger=Ledger(), wear=self._wear
+        )
+        self._conduct: Conduct | None = None
+        self._is_interrupted = False
+
+    @property
+    def writes(self) -> int:
+        """How many writes have gone to the starter's non-volatile memory so far."""
+        return self._wear.total(self._bench.setup.name)
+
+    def interrupt(self) -> None:
+        """Write nothing more, but leave the starter safe."""
+        self._is_interrupted = True
+        if self._conduct is not None:
+            self._conduct.halt(INTERRUPTED)
+
+    async def run(self, tell: Callable[[tuple[Change, ...]], None]) -> RestoreEnd:
+        """Write the changes in their order; `tell` hears of each group before it is written."""
+        end = RestoreEnd()
+        groups = list(_groups(self._plan.changes))
+        for place, group in enumerate(groups):
+            rest = tuple(change for later in groups[place + 1 :] for change in later)
+            if self._is_interrupted:
+                end.untried = (*group, *rest)
+                return end
+            tell(group)
+            result = await self._carry_out(group)
+            if result.phase is not Phase.CONFIRMED:
+                end.failed, end.failure, end.untried = group, result, rest
+                return end
+            end.done += group
+            if CLEARED in result.text and CLEARED not in end.notes:
+                end.notes.append(CLEARED)
+        return end
+
+    async def _carry_out(self, group: tuple[Change, ...]) -> ResultRecord:
+        verb, args = _command(group)
+        bench = self._bench
+        preparation = prepare_change(bench.profile, bench.variant, verb, args)
+        request = CommandRequest(bench.setup.name, CLIENT, verb, uuid.uuid4().hex, args)
+        errand = Errand(request, self._desk)
+        errand.accept()
+        self._conduct = Conduct(errand, bench, preparation)
+        await self._conduct.run()
+        self._conduct = None
+        return self._finals.take()
+
+
+class _Finals:
+    """Keeps the final result of the command under way."""
+
+    def __init__(self) -> None:
+        self._results: list[ResultRecord] = []
+
+    def put(self, record: Record) -> None:
+        if isinstance(record, ResultRecord) and record.phase.is_final:
+            self._results.append(record)
+
+    def take(self) -> ResultRecord:
+        return self._results.pop()
+
+
+def _groups(changes: tuple[Change, ...]) -> Iterator[tuple[Change, ...]]:
+    """Yield what one command writes: each change alone, all configuration registers of an SST together."""
+    together = tuple(change for change in changes if change.is_configuration)
+    if together:
+        yield together
+    yield from ((change,) for change in changes if not change.is_configuration)
+
+
+def _command(group: tuple[Change, ...]) -> tuple[str, Mapping[str, Value]]:
+    if group[0].is_configuration:
+        return "configure", {change.code: change.value for change in group}
+    return "set", {"parameter": group[0].code, "value": group[0].value}

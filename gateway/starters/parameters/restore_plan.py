@@ -1,0 +1,139 @@
+"""What a restore would change: only settings that differ and that may be written, in a safe order."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from decimal import Decimal
+
+from gateway.errors import CommandError
+from gateway.families.command.build import prepare
+from gateway.families.command.interlock import points_needed
+from gateway.families.command.writable import holds, settable_words
+from gateway.families.profile.decode import Value
+from gateway.families.profile.procedure import Preparation
+from gateway.families.profile.schema import Parameter, Profile, Variant
+from gateway.families.profile.word_types import TYPE_LIMITS, from_words
+from gateway.families.reading.bulk import is_setting, reads_for, rows_of_points
+from gateway.starters.parameters.model import Entry, ParameterSet, entries_of
+
+STANDSTILL = "is_stopped"
+
+_TIME = "C8.2.5.3"  # before its mode, or behind it when it becomes 0: 0.0 s must never be active
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One parameter that a restore writes."""
+
+    code: str
+    name: str
+    before: Entry
+    after: Entry
+    value: Value  # what a `set` is given
+    is_configuration: bool  # SST: all of them go through one `configure`
+
+    @property
+    def text(self) -> str:
+        """The change in one line."""
+        return f"{self.code} {self.name}: {self.before.shown} -> {self.after.shown}"
+
+
+@dataclass(frozen=True, slots=True)
+class RestorePlan:
+    """What a restore writes, and by code why it leaves other differences alone."""
+
+    changes: tuple[Change, ...]
+    left: Mapping[str, str]
+
+
+def plan_restore(
+    profile: Profile,
+    variant: Variant,
+    *,
+    wanted: ParameterSet,
+    seen: Mapping[str, tuple[int, ...]],
+    with_sources: bool = False,
+) -> RestorePlan:
+    """Return what makes a starter, of which these rows were just read, hold the wanted settings.
+
+    `with_sources`: also those that say who commands the motor. Where a run command stands at the new source,
+    an input for instance, such a change starts the motor.
+    """
+    changes: list[Change] = []
+    left: dict[str, str] = {}
+    for code, entry in wanted.parameters.items():
+        row = profile.parameters.get(code)
+        if row is None or not is_setting(row):
+            continue
+        if code not in seen:
+            left[code] = "the starter does not give it"
+            continue
+        try:
+            change = _change(profile, variant, row, entry, seen=seen)
+        except CommandError as error:
+            left[code] = error.text
+            continue
+        if change is not None and change.code in profile.protected.command_sources and not with_sources:
+            left[code] = f"{change.before.shown} -> {change.after.shown} would change who commands the motor"
+        elif change is not None:
+            changes.append(change)
+    return RestorePlan(_in_order(profile, changes), left)
+
+
+def restore_codes(profile: Profile, wanted: ParameterSet) -> tuple[str, ...]:
+    """Return the rows that must be read before a restore is planned."""
+    rows = (profile.parameters.get(code) for code in wanted.parameters)
+    return tuple(row.code for row in rows if row is not None and is_setting(row))
+
+
+def prepare_change(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Value]) -> Preparation:
+    """Return what a `set` or `configure` must read and demand, standstill included whatever the row says."""
+    preparation = prepare(profile, variant, verb, args)
+    codes = [code for read in preparation.reads for code in read.codes]
+    codes += rows_of_points(profile, points_needed(profile, (STANDSTILL,)))
+    requires = tuple(dict.fromkeys((*preparation.requires, STANDSTILL)))
+    return replace(preparation, reads=reads_for(profile, codes), requires=requires)
+
+
+def _change(
+    profile: Profile,
+    variant: Variant,
+    row: Parameter,
+    entry: Entry,
+    *,
+    seen: Mapping[str, tuple[int, ...]],
+) -> Change | None:
+    """Return the change of one row, None when the starter holds the value; CommandError when it cannot be."""
+    now = entries_of(profile, variant, {row.code: seen[row.code]})[row.code]
+    if entry.raw == now.raw and entry.value in (None, now.value):
+        return None  # also of a row that can never be set
+    if entry.raw is not None and len(entry.raw) != row.words:
+        raise CommandError("bad_value", f"it has {row.words} words, the file gives {len(entry.raw)}")
+    value = _value(row, entry)
+    words = settable_words(profile, variant, row, value)
+    if entry.value is not None and settable_words(profile, variant, row, entry.value) != words:
+        raise CommandError("bad_value", "value and raw of the file disagree: leave one of them out")
+    if holds(row, words, seen):
+        return None
+    after = entries_of(profile, variant, {row.code: words})[row.code]
+    return Change(row.code, row.name, now, after, value, row.is_configuration)
+
+
+def _value(row: Parameter, entry: Entry) -> Value:
+    """Return what sets the row to a file's entry: its raw number in the row's unit, else the value itself."""
+    if entry.raw is None or row.type not in TYPE_LIMITS:
+        return entry.value
+    return str(Decimal(from_words(row, entry.raw)).scaleb(-(row.decimals or 0)))
+
+
+def _in_order(profile: Profile, changes: list[Change]) -> tuple[Change, ...]:
+    """Return the changes with the command sources last, and the timeout never active at 0.0 s.
+
+    Who may run the motor changes with the command sources: everything else is as it shall be by then.
+    """
+    ends = [change for change in changes if change.code == _TIME and not any(change.after.raw or ())]
+    first = [change for change in changes if change.code == _TIME and change not in ends]
+    last = [change for change in changes if change.code in profile.protected.command_sources]
+    others = [change for change in changes if change not in (*ends, *first, *last)]
+    return (*first, *others, *ends, *last)

@@ -1,0 +1,177 @@
+"""What must be remembered of each starter beyond one run: its starts, its standstill, its maintenance lock.
+
+Inside, times are on the steady clock. Stored, they are UTC beside a reading of all clocks: the next run takes
+their ages by that, and adds what has certainly passed since. No step of the wall clock makes them older.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from gateway.errors import DamagedError
+from gateway.records import LockRecord
+from gateway.system.clock_steps import Reading, certain_s
+
+PRECAUTIONS_FILE = "precautions.json"  # in state_dir
+VERSION = 1
+KEPT_S = 3600.0  # the longest that any rule looks back
+MOST_STARTS = 1000
+OURS_WITHIN_S = 30.0  # a motor that begins to move this soon after our start obeys it
+
+MOVING = frozenset({"starting", "running", "stopping"})
+STANDING = frozenset({"ready", "not_ready", "fault"})
+
+
+@dataclass(slots=True)
+class _Page:
+    """One starter; None is what is not known."""
+
+    starts: list[float] = field(default_factory=list)
+    is_moving: bool | None = None
+    standing_since_s: float | None = None
+    written_s: float | None = None  # our last start, until the motor is seen to move
+    lock: LockRecord | None = None
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+class _KeptLock(_Strict):
+    by: str
+    since: float
+    reason: str
+    operator: str | None
+
+
+class _KeptPage(_Strict):
+    starts: list[float] = Field(max_length=MOST_STARTS)
+    moving: bool | None
+    standing_since: float | None
+    lock: _KeptLock | None
+
+
+class _StoredReading(_Strict):
+    up_s: float
+    utc_s: float
+    boot_id: str
+
+
+class _Kept(_Strict):
+    version: int = Field(ge=VERSION, le=VERSION)
+    at: _StoredReading | None = None  # None: a file of before 0.2.0, whose times only the wall clock dates
+    starters: dict[str, _KeptPage]
+
+
+class Logbook:
+    """The pages of all starters; a starter of an unknown history stands still since it was first seen to."""
+
+    def __init__(self, starters: Iterable[str]) -> None:
+        self._pages = {name: _Page() for name in starters}
+
+    def add(self, starter: str) -> None:
+        """Open a page for a starter; one that it has had before is kept."""
+        self._pages.setdefault(starter, _Page())
+
+    def starts_since(self, starter: str, since_s: float) -> list[float]:
+        """Return when this starter was started from `since_s` on, by whomever; oldest first."""
+        return [start_s for start_s in self._pages[starter].starts if start_s > since_s]
+
+    def standing_since(self, starter: str) -> float | None:
+        """Return since when the motor stands still; None while it moves or was never seen to stand."""
+        return self._pages[starter].standing_since_s
+
+    def lock_of(self, starter: str) -> LockRecord | None:
+        """Return the maintenance lock of a starter."""
+        return self._pages[starter].lock
+
+    def set_lock(self, starter: str, lock: LockRecord | None) -> None:
+        """Set or take away the maintenance lock."""
+        self._pages[starter].lock = lock
+
+    def note_start(self, starter: str, *, now_s: float) -> None:
+        """Count a start that is about to be written."""
+        self._count(self._pages[starter], now_s)
+        self._pages[starter].written_s = now_s
+
+    def note_state(self, starter: str, state: str, *, now_s: float) -> bool:
+        """Take over a state that was read; return whether there is something new to keep.
+
+        What happens while the state is not known leaves no trace here: a motor that stood before and after
+        counts as standing.
+        """
+        page = self._pages.get(starter)
+        if page is None or state not in MOVING | STANDING:
+            return False
+        was_moving, page.is_moving = page.is_moving, state in MOVING
+        if page.is_moving is was_moving:
+            return False
+        if not page.is_moving:
+            page.standing_since_s = now_s
+            return True
+        is_ours = page.written_s is not None and now_s - page.written_s <= OURS_WITHIN_S
+        if was_moving is False and not is_ours:
+            self._count(page, now_s)
+        page.standing_since_s = page.written_s = None
+        return True
+
+    def to_document(self, *, now_s: float, reading: Reading) -> dict[str, Any]:
+        """Return what is to be stored now: `now_s` on the steady clock, `reading` of the machine's."""
+
+        def utc_of(at_s: float) -> float:
+            return reading.utc_s - (now_s - at_s)
+
+        return {
+            "version": VERSION,
+            "at": {"up_s": reading.up_s, "utc_s": reading.utc_s, "boot_id": reading.boot_id},
+            "starters": {name: _to_kept(page, utc_of) for name, page in self._pages.items()},
+        }
+
+    def restore(self, document: Mapping[str, Any], *, now_s: float, reading: Reading) -> None:
+        """Take over what was kept of the starters that are configured; DamagedError when it is not ours."""
+        try:
+            kept = _Kept.model_validate(document)
+        except ValidationError as error:
+            raise DamagedError(f"not what was kept: {error.error_count()} mistakes") from error
+        stored_utc_s, passed_s = reading.utc_s, 0.0
+        if kept.at is not None:
+            before = Reading(kept.at.up_s, kept.at.utc_s, kept.at.boot_id)
+            stored_utc_s, passed_s = before.utc_s, certain_s(before, reading)
+
+        def steady_of(utc_s: float) -> float:
+            return now_s - passed_s - max(stored_utc_s - utc_s, 0.0)
+
+        for name, page in kept.starters.items():
+            if name in self._pages:
+                self._pages[name] = _from_kept(page, steady_of=steady_of)
+
+    def _count(self, page: _Page, now_s: float) -> None:
+        recent = [start_s for start_s in page.starts if start_s > now_s - KEPT_S]
+        page.starts = [*recent, now_s][-MOST_STARTS:]
+
+
+def _to_kept(page: _Page, utc_of: Callable[[float], float]) -> dict[str, Any]:
+    lock, since_s = page.lock, page.standing_since_s
+    return {
+        "starts": [utc_of(start_s) for start_s in page.starts],
+        "moving": page.is_moving,
+        "standing_since": None if since_s is None else utc_of(since_s),
+        "lock": None
+        if lock is None
+        else {"by": lock.by, "since": lock.since_s, "reason": lock.reason, "operator": lock.operator},
+    }
+
+
+def _from_kept(kept: _KeptPage, *, steady_of: Callable[[float], float]) -> _Page:
+    """Return a page; `steady_of` turns a stored time into one of the steady clock."""
+    lock, since = kept.lock, kept.standing_since
+    return _Page(
+        starts=[steady_of(start) for start in kept.starts],
+        is_moving=kept.moving,
+        standing_since_s=None if since is None else steady_of(since),
+        lock=None if lock is None else LockRecord(lock.by, lock.since, lock.reason, lock.operator),
+    )

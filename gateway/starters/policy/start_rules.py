@@ -1,0 +1,120 @@
+"""The gateway's rules for starts: how many, how soon; each refusal with its reading and its mend.
+
+What a site demands of commands beyond what the starters themselves demand, in plain values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from gateway.families.command.arguments import to_switch
+from gateway.families.command.interlock import Violation
+from gateway.starters.policy.motor_history import Logbook
+from gateway.starters.policy.rate_limit import Limits
+
+HOUR_S = 3600.0
+
+RULES: Mapping[str, str] = {
+    "too_many_starts": "there were as many starts in the last hour as allowed",
+    "pause_too_short": "the motor has not stood still for the configured time",
+    "feeder_busy": "another motor of this feeder has just been started",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class RuleSet:
+    """What is configured for one starter; nothing by default, in any family."""
+
+    starts_per_hour: int | None = None  # local ones count as well
+    minimum_pause_s: float = 0.0  # between standstill and the next start
+    feeder: str = ""  # starters that must not start at the same time, on whatever lines
+    stagger_s: float = 0.0  # between another's start on the feeder and one of this starter
+    two_step: frozenset[str] = field(default_factory=frozenset)  # verbs that must be selected first
+
+    @property
+    def is_counting(self) -> bool:
+        """Return whether a start depends on what was kept of earlier ones."""
+        return self.starts_per_hour is not None or self.minimum_pause_s > 0 or self.stagger_s > 0
+
+
+NO_RULES = RuleSet()
+
+
+def is_start(verb: str, args: Mapping[str, Any]) -> bool:
+    """Return whether a command makes the motor turn."""
+    return verb == "start" or (verb == "jog" and not is_release(verb, args))
+
+
+def is_release(verb: str, args: Mapping[str, Any]) -> bool:
+    """Return whether a command only takes a jog or the general enable back."""
+    return verb in ("jog", "general_enable") and to_switch(args.get("value")) is False
+
+
+class Rulebook:
+    """Judges starts by the rules and by what the logbook knows of earlier ones."""
+
+    def __init__(self, rules: Mapping[str, RuleSet], logbook: Logbook) -> None:
+        self._rules = rules
+        self._logbook = logbook
+
+    def of(self, starter: str) -> RuleSet:
+        """Return what is configured for a starter."""
+        return self._rules.get(starter, NO_RULES)
+
+    def check_start(self, starter: str, *, now_s: float) -> Violation | None:
+        """Return the first rule that forbids a start now; None when there is none."""
+        rules = self.of(starter)
+        return (
+            self._too_many(starter, rules, now_s)
+            or self._too_soon(starter, rules, now_s)
+            or self._too_close(starter, rules, now_s)
+        )
+
+    def _too_many(self, starter: str, rules: RuleSet, now_s: float) -> Violation | None:
+        most = rules.starts_per_hour
+        if most is None:
+            return None
+        starts = self._logbook.starts_since(starter, now_s - HOUR_S)
+        if len(starts) < most:
+            return None
+        wait_s = starts[-most] + HOUR_S - now_s
+        reading = f"{len(starts)} in the last hour, of {most}"
+        return _violation("too_many_starts", reading, f"wait {wait_s:.0f} s")
+
+    def _too_soon(self, starter: str, rules: RuleSet, now_s: float) -> Violation | None:
+        if rules.minimum_pause_s <= 0:
+            return None
+        since_s = self._logbook.standing_since(starter)
+        if since_s is None:
+            return _violation("pause_too_short", "it has not been seen to stand still", "wait")
+        wait_s = since_s + rules.minimum_pause_s - now_s
+        if wait_s <= 0:
+            return None
+        reading = f"{now_s - since_s:.0f} s of {rules.minimum_pause_s:g} s"
+        return _violation("pause_too_short", reading, f"wait {wait_s:.0f} s")
+
+    def _too_close(self, starter: str, rules: RuleSet, now_s: float) -> Violation | None:
+        if not rules.feeder or rules.stagger_s <= 0:
+            return None
+        others = [n for n, other in self._rules.items() if other.feeder == rules.feeder and n != starter]
+        for other in others:
+            for start_s in self._logbook.starts_since(other, now_s - rules.stagger_s):
+                reading = f"{other} started {now_s - start_s:.1f} s ago on feeder {rules.feeder}"
+                wait_s = start_s + rules.stagger_s - now_s
+                return _violation("feeder_busy", reading, f"wait {wait_s:.1f} s")
+        return None
+
+
+def _violation(code: str, reading: str, remedy: str) -> Violation:
+    return Violation(rule=code, reading=reading, text=f"{RULES[code]} ({reading}); {remedy}", code=code)
+
+
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """The rules by starter, the groups by name, and what is too much."""
+
+    rules: Mapping[str, RuleSet] = field(default_factory=dict)
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    limits: Limits = field(default_factory=Limits)

@@ -1,0 +1,247 @@
+"""Brings one starter's points onto its mapped words, where the configuration wants it; see `fast_words`."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+from gateway.errors import CommandError, PortLostError
+from gateway.families.command.interlock import check
+from gateway.families.mapped_registers import (
+    RULES,
+    VERB,
+    FastBlock,
+    build_map,
+    fast_block,
+    mapped,
+    prepare_map,
+    probes,
+    rows_from,
+)
+from gateway.families.profile.procedure import Procedure
+from gateway.line.rtu.outcome import Answered, Refused
+from gateway.line.scheduler.requests import Lane
+from gateway.records import AuditRecord, SequenceNumbers, Severity, Sink
+from gateway.starters.commands.starter_io import RefusedError, Rows, Wire
+from gateway.starters.commands.view import StarterControlView
+from gateway.starters.identity.query import Standing
+from gateway.starters.policy.write_budget import Wear
+from gateway.system.clock import Clock
+
+logger = logging.getLogger(__name__)
+
+GATEWAY = "gateway"  # who writes, in the audit
+RETRY_S = 10.0  # until the starter can be asked, or the motor stands
+MOST_WRITINGS = 3  # of a map that does not read back as written
+
+
+class FastStarter(StarterControlView, Protocol):
+    """A starter that can be read by mapped words; `StarterTelemetry` is one."""
+
+    def use_fast_words(self, block: FastBlock | None) -> None:
+        """Read the points of this block in one request from now on; None: as they stand in the starter."""
+        ...
+
+
+class FastLane:
+    """Maps the points of one starter, once it has proved who it is; everything on the app's loop.
+
+    Without `may_write` only a map that stands already is used. What somebody else has changed is not written
+    again as long as the gateway runs: two who write the same map would wear out its memory.
+    """
+
+    def __init__(
+        self,
+        starter: FastStarter,
+        *,
+        wear: Wear,
+        sink: Sink,
+        clock: Clock,
+        sequence: SequenceNumbers,
+        may_write: bool,
+        is_locked: Callable[[], bool] = lambda: False,
+        on_written: Callable[[Mapping[str, tuple[int, ...]]], None] = lambda _: None,
+    ) -> None:
+        self._starter = starter
+        self._wear = wear
+        self._sink = sink
+        self._clock = clock
+        self._sequence = sequence
+        self._may_write = may_write
+        self._is_locked = is_locked
+        self._on_written = on_written
+        self._wire = Wire(starter)
+        self._task: asyncio.Task[None] | None = None
+        self._is_contested = False
+        self._told = ""  # the last event, so that nothing is said twice
+        self._writings = 0  # that did not read back, in a row
+        self._pause_s = RETRY_S
+        self._is_waiting = False  # until it is allowed to write; nothing is asked meanwhile
+
+    def begin(self) -> None:
+        """Look at the map from the beginning, because the starter has just been identified."""
+        if self._task is not None:
+            self._task.cancel()
+        name = f"fast words {self._starter.setup.name}"
+        self._task = asyncio.get_running_loop().create_task(self._run(), name=name)
+
+    def forbid_writing(self) -> None:
+        """Write nothing from now on; a map that stands is still used."""
+        self._may_write = False
+
+    def lose(self, reason: str) -> None:
+        """Take over that the mapped words were found to be wrong, and are not read any more."""
+        self._is_contested = True
+        text = f"the mapped words are not used any more: {reason}; everything is read as before"
+        self._tell("fast_words_changed", Severity.WARNING, text)
+
+    async def close(self) -> None:
+        """Do nothing more, and wait until nothing of it is left."""
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.wait((self._task,))
+
+    async def _run(self) -> None:
+        try:
+            while True:
+                if await self._attempted():
+                    return
+                await asyncio.sleep(self._pause_s)
+        except Exception:  # the guard at the task's top
+            logger.exception("starter=%s fast words ended by a bug", self._starter.setup.name)
+
+    async def _attempted(self) -> bool:
+        """Return whether there is nothing left to try."""
+        if not self._starter.is_answering:
+            return True  # begun anew once it is identified again
+        if self._is_waiting and self._is_forbidden(self._starter.snapshot.good_values()):
+            return False
+        self._pause_s, self._is_waiting = RETRY_S, False
+        try:
+            block = await self._planned()
+            if block is None:
+                self._tell("fast_words_unusable", Severity.WARNING, "there are no points to be mapped")
+                return True
+            return await self._use(block) if await self._stands(block) else self._is_over()
+        except RefusedError as error:
+            self._tell("fast_words_unusable", Severity.WARNING, f"the mapped words cannot be used: {error}")
+            return True
+        except (CommandError, PortLostError):  # the polls tell that it is silent
+            return False
+
+    async def _planned(self) -> FastBlock | None:
+        """Return what to map: only rows that this starter has, since others would read 0."""
+        missing: list[str] = []
+        starter = self._starter
+        for probe in probes(starter.profile, starter.variant):
+            try:
+                await self._wire.read((probe,), lane=Lane.READ_BACK)
+            except RefusedError:
+                missing += probe.codes
+        return fast_block(starter.profile, starter.variant, missing=missing)
+
+    async def _stands(self, block: FastBlock) -> bool:
+        """Return whether the map holds what the block needs, after writing it where that is possible now."""
+        rows, procedure = await self._look(block)
+        if procedure.is_unchanged:
+            return True
+        if not self._may_write or self._is_contested:
+            if not self._is_contested:
+                text = "the points are not mapped; without operators, and by a reload, nothing is written"
+                self._tell("fast_words_unmapped", Severity.WARNING, text)
+            return False
+        if self._is_forbidden(self._wire.values(rows)) or await self._look(block) != (rows, procedure):
+            self._is_waiting = True
+            return False
+        wait_s = self._wear.take(self._starter.setup.name, procedure.wears, now_s=self._clock.now_s())
+        if wait_s is not None:
+            self._pause_s = wait_s
+            self._tell("fast_words_waiting", Severity.WARNING, self._wear.refusal(wait_s))
+            return False
+        return await self._write(block, rows, procedure)
+
+    async def _look(self, block: FastBlock) -> tuple[Rows, Procedure]:
+        profile = self._starter.profile
+        rows = await self._wire.read(prepare_map(profile, block).reads, lane=Lane.READ_BACK)
+        return rows, build_map(profile, block, seen=rows)
+
+    def _is_forbidden(self, points: Mapping[str, Any]) -> bool:
+        """Return whether nothing may be written now: locked, the motor turns, or who answers is in doubt."""
+        if self._is_locked() or self._starter.identity_standing is not Standing.MATCHING:
+            return True
+        return bool(check(self._starter.profile, RULES, points))
+
+    async def _write(self, block: FastBlock, before: Rows, procedure: Procedure) -> bool:
+        """Write what differs, and return whether it reads back; nothing follows a write that failed."""
+        self._writings += 1
+        wanted = mapped(self._starter.profile, block)
+        changed = {code: wanted[code] for code in procedure.subjects}
+        self._on_written(changed)
+        is_seen = False
+        for step in procedure.steps:
+            if not isinstance(await self._wire.write(step.request, lane=Lane.READ_BACK), Answered):
+                break
+        else:
+            is_seen = procedure.verify is not None and await self._wire.see(procedure.verify) is not None
+        self._audit(before, changed, is_seen=is_seen)
+        if is_seen:
+            self._writings = 0
+        return is_seen
+
+    async def _use(self, block: FastBlock) -> bool:
+        """Read all by the mapped words from now on, if they are what they should be."""
+        setup = self._starter.setup
+        response_time_s = setup.response_time_of(block.request)
+        outcome = await self._starter.line.transact(
+            setup.address, block.request, response_time_s=response_time_s, lane=Lane.READ_BACK
+        )
+        if not isinstance(outcome, (Answered, Refused)):
+            return False
+        if isinstance(outcome, Refused) or rows_from(self._starter.profile, block, outcome.value) is None:
+            text = "the starter does not give the mapped words; everything is read as before"
+            self._tell("fast_words_unusable", Severity.WARNING, text)
+            return True
+        self._is_contested = False
+        self._starter.use_fast_words(block)
+        rows, count = len(block.rows), len(block.map)
+        text = f"one request reads {rows} parameters ({count} mapped words)"
+        self._tell("fast_words_used", Severity.INFO, text)
+        return True
+
+    def _is_over(self) -> bool:
+        """Return whether there is no sense in trying again; said when the map takes nothing."""
+        if self._writings >= MOST_WRITINGS:
+            text = f"the map did not take {self._writings} writings; everything is read as before"
+            self._tell("fast_words_unusable", Severity.WARNING, text)
+        return self._writings >= MOST_WRITINGS or self._is_contested or not self._may_write
+
+    def _audit(self, before: Rows, changed: Rows, *, is_seen: bool) -> None:
+        self._sink.put(
+            AuditRecord(
+                starter=self._starter.setup.name,
+                client=GATEWAY,
+                operator=None,
+                verb=VERB,
+                args={code: words[0] for code, words in changed.items()},
+                decision="confirmed" if is_seen else "unconfirmed",
+                code="ok" if is_seen else "not_seen",
+                time_s=self._clock.utc_s(),
+                seq=self._sequence.take(),
+                before={code: list(before[code]) for code in changed},
+                after={code: list(words) for code, words in changed.items()} if is_seen else {},
+            )
+        )
+
+    def _tell(self, code: str, severity: Severity, text: str) -> None:
+        if code == self._told:
+            return
+        self._told = code
+        logger.log(
+            logging.INFO if severity is Severity.INFO else logging.WARNING,
+            "starter=%s %s",
+            self._starter.setup.name,
+            text,
+        )
+        self._starter.publisher.event(code, severity, text)

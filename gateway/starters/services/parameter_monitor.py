@@ -1,0 +1,245 @@
+"""Re-reads a starter's settings in the background, a small block at a time, for the keypad watch.
+
+Who turned the keypad: settings that read otherwise than before, although nobody set them through us.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+from math import inf
+from typing import Any
+
+from gateway.errors import CommandError, PortLostError
+from gateway.families.diagnosis.watchdogs import watchdog_codes
+from gateway.families.profile.parameters import find, to_words
+from gateway.families.profile.procedure import Read
+from gateway.families.profile.schema import Profile, Variant
+from gateway.families.reading.bulk import bulk_reads, is_set_by_people
+from gateway.line.rtu.outcome import Outcome
+from gateway.line.scheduler.requests import Lane
+from gateway.modbus.pdu import Request
+from gateway.records import Severity
+from gateway.starters.bulk_read import read_in_bulk
+from gateway.starters.commands.view import StarterControlView
+from gateway.starters.identity.query import Standing
+from gateway.starters.parameters.model import Entry, entries_of
+from gateway.starters.telemetry.transitions import Change
+
+EVENT = "parameter_changed"
+
+
+def watched_codes(profile: Profile) -> tuple[str, ...]:
+    """Return the settings of a family that change only when somebody sets them."""
+    return tuple(row.code for row in profile.parameters.values() if is_set_by_people(row))
+
+
+class KeypadWatch:
+    """Compares each reading of a setting with the one before it; the first one of all tells nothing."""
+
+    def __init__(self, profile: Profile) -> None:
+        self._profile = profile
+        self._watched = frozenset(watched_codes(profile))
+        self._known: dict[str, tuple[int, ...]] = {}
+        self._ours: dict[str, tuple[int, ...]] = {}  # what we last set, until it is read
+        self._settled: set[str] = set()  # of these, what the command has ended for
+
+    def note_command(self, variant: Variant, verb: str, args: Mapping[str, Any], *, is_over: bool) -> None:
+        """Take over that a `set` or `configure` of ours is under way; `is_over` once it has ended.
+
+        What it wrote is ours up to the first reading after its end.
+        """
+        for code, value in rows_set(verb, args).items():
+            try:
+                row = find(self._profile, code)
+                words = to_words(self._profile, row, value, variant=variant)
+            except CommandError:  # it is refused then
+                continue
+            self._ours[row.code] = words
+            if is_over:
+                self._settled.add(row.code)
+            else:
+                self._settled.discard(row.code)
+
+    def recall(self, rows: Mapping[str, tuple[int, ...]]) -> None:
+        """Take over rows as they were read in an earlier run, as far as nothing newer is known."""
+        self._known = {code: words for code, words in rows.items() if code in self._watched} | self._known
+
+    def note_written(self, rows: Mapping[str, tuple[int, ...]]) -> None:
+        """Take over that the gateway itself writes these rows now."""
+        self._ours.update(rows)
+        self._settled.update(rows)
+
+    def note_reading(self, variant: Variant, rows: Mapping[str, tuple[int, ...]]) -> tuple[Change, ...]:
+        """Take over settings that were just read and return what somebody else has changed."""
+        found = []
+        for code, words in rows.items():
+            if code not in self._watched:
+                continue
+            before = self._known.get(code)
+            self._known[code] = words
+            ours = self._ours.get(code)
+            if code in self._settled:
+                self._settled.discard(code)
+                del self._ours[code]
+            if before not in (None, words) and ours != words:
+                found.append(self._change(variant, code, before or (), words))
+        return tuple(found)
+
+    def _change(self, variant: Variant, code: str, before: tuple[int, ...], after: tuple[int, ...]) -> Change:
+        old = entries_of(self._profile, variant, {code: before})[code]
+        new = entries_of(self._profile, variant, {code: after})[code]
+        text = f"{code} {old.name} was changed at the starter: {old.shown} -> {new.shown}"
+        data = {"parameter": code, "name": old.name, "before": _as_data(old), "after": _as_data(new)}
+        return Change(EVENT, Severity.WARNING, text, data)
+
+
+def rows_set(verb: str, args: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a command sets, by code."""
+    if verb != "set":
+        return dict(args)
+    several = [each for each in args.values() if isinstance(each, Mapping)]
+    wanted = {str(code): value for each in several for code, value in each.items()}
+    return wanted or {str(args.get("parameter")): args.get("value")}
+
+
+def _as_data(entry: Entry) -> dict[str, Any]:
+    return {
+        "value": entry.value,
+        "label": entry.label,
+        "unit": entry.unit,
+        "raw": list(entry.raw or ()),
+    }
+
+
+logger = logging.getLogger(__name__)
+
+VERBS = ("set", "configure")
+EVERY_S = 60.0  # one block; an SSW900's settings are some 20 blocks
+FIRST_LAP_EVERY_S = 10.0  # until all of them are known: what is changed before cannot be noticed
+REFUSALS = 3  # of a row, in as many laps, before it is left out for the rest of the hour
+HOUR_S = 3600.0
+LONGEST_BLOCK = (
+    24  # registers: no request of an identification is shorter on the line, so no stop waits longer
+)
+
+
+class KeypadPatrol:
+    """Walks round the settings of one starter for ever, while it answers and is who it should be."""
+
+    def __init__(
+        self,
+        starter: StarterControlView,
+        *,
+        on_change: Callable[[], None] = lambda: None,
+        every_s: float = EVERY_S,
+    ) -> None:
+        self._starter = starter
+        self._on_change = on_change
+        self._every_s = every_s
+        self._watch = KeypadWatch(starter.profile)
+        self._limit = min(LONGEST_BLOCK, starter.profile.limits.read_registers // 2)
+        self._reads = self._lap()
+        self._left_of_first_lap = len(self._reads)  # blocks: the first lap makes known what there is
+        self._refusals: dict[str, int] = {}  # by row, since the hour began
+        self._hour_began_s = -inf
+        self._task: asyncio.Task[None] | None = None
+
+    def start(self) -> None:
+        """Begin to walk; once."""
+        if self._reads:
+            name = f"keypad {self._starter.setup.name}"
+            self._task = asyncio.get_running_loop().create_task(self._run(), name=name)
+
+    async def close(self) -> None:
+        """Walk no more, and wait until nothing of it is left."""
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.wait((self._task,))
+
+    def note_command(self, verb: str, args: Mapping[str, Any], *, is_over: bool) -> None:
+        """Take over that a command of ours begins or has ended."""
+        if verb in VERBS:
+            self._watch.note_command(self._starter.variant, verb, args, is_over=is_over)
+
+    def note_reading(self, rows: Mapping[str, tuple[int, ...]]) -> None:
+        """Take over settings that were just read on another occasion, and tell what has changed."""
+        self._tell_changes(rows)
+
+    def recall(self, rows: Mapping[str, tuple[int, ...]]) -> None:
+        """Take over settings as they were in an earlier run: what reads otherwise now was changed since."""
+        self._watch.recall(rows)
+
+    def note_written(self, rows: Mapping[str, tuple[int, ...]]) -> None:
+        """Take over that the gateway itself writes these rows now."""
+        self._watch.note_written(rows)
+
+    async def _run(self) -> None:
+        while self._reads:
+            await asyncio.sleep(self._pause_s())
+            starter = self._starter
+            if not starter.is_answering or starter.identity_standing is not Standing.MATCHING:
+                continue
+            self._ask_again_each_hour()
+            read = self._reads.popleft()
+            self._left_of_first_lap -= 1
+            try:
+                self._reads += await self._look(read)
+            except (CommandError, PortLostError):  # the polls tell that it is silent
+                self._reads.append(read)
+            except Exception:  # the guard at the task's top
+                logger.exception("starter=%s keypad patrol met a bug", starter.setup.name)
+                return
+
+    async def _look(self, read: Read) -> tuple[Read, ...]:
+        """Read one block and tell what has changed; return what to read next time."""
+        starter = self._starter
+        found = await read_in_bulk(self._ask, starter.profile, [read], tries=1)
+        starter.note_settings(found.rows)
+        if self._tell_changes(found.rows):
+            self._on_change()
+        if not found.refused:
+            return (read,)
+        again = [code for code in found.refused if self._is_asked_again(code)]
+        return (*self._planned(found.rows), *(each for code in again for each in self._planned([code])))
+
+    def _tell_changes(self, rows: Mapping[str, tuple[int, ...]]) -> bool:
+        """Publish which of these rows were changed at the starter; return whether any was."""
+        starter = self._starter
+        changes = self._watch.note_reading(starter.variant, rows)
+        for change in changes:
+            starter.publisher.change(change)
+        return bool(changes)
+
+    def _pause_s(self) -> float:
+        return min(FIRST_LAP_EVERY_S, self._every_s) if self._left_of_first_lap > 0 else self._every_s
+
+    def _is_asked_again(self, code: str) -> bool:
+        """Return whether a row that was refused, each time a lap apart, is asked for in the next lap."""
+        count = self._refusals[code] = self._refusals.get(code, 0) + 1
+        return count < REFUSALS or code in watchdog_codes(self._starter.profile)
+
+    def _ask_again_each_hour(self) -> None:
+        """Ask for everything again that was refused in the hour before."""
+        now_s = asyncio.get_running_loop().time()
+        if now_s - self._hour_began_s < HOUR_S:
+            return
+        self._hour_began_s = now_s
+        if self._refusals:
+            self._refusals.clear()
+            self._reads = self._lap()
+
+    def _lap(self) -> deque[Read]:
+        return deque(self._planned(watched_codes(self._starter.profile)))
+
+    def _planned(self, codes: Iterable[str]) -> tuple[Read, ...]:
+        return bulk_reads(self._starter.profile, codes, longest=self._limit)
+
+    async def _ask(self, request: Request) -> Outcome:
+        setup = self._starter.setup
+        response_time_s = setup.response_time_of(request)
+        return await self._starter.line.transact(
+            setup.address, request, response_time_s=response_time_s, lane=Lane.PARAMETERS
+        )

@@ -1,0 +1,144 @@
+"""Tells of an identified starter whether it is ready to be run from afar, and which watchdog acts when."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import logging
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from gateway.errors import CommandError, PortLostError
+from gateway.families.diagnosis.findings import Finding, Weight
+from gateway.families.diagnosis.readiness import readiness, readiness_codes, refuses_start
+from gateway.families.diagnosis.watchdogs import watchdog_codes, watchdogs
+from gateway.families.reading.bulk import bulk_reads
+from gateway.line.rtu.outcome import Outcome
+from gateway.line.scheduler.requests import Lane
+from gateway.modbus.pdu import Request
+from gateway.records import Severity
+from gateway.starters.bulk_read import BulkReading, read_in_bulk
+from gateway.starters.commands.view import StarterControlView
+
+logger = logging.getLogger(__name__)
+
+EVENT = "readiness"
+PAUSES_S = (0.0, 5.0, 30.0, 120.0)  # before each attempt to read the settings
+WATCHDOG_TOPIC = "watchdog"  # of what keeps a starter from being read whole
+
+_SEVERITIES = {Weight.NOTE: Severity.INFO, Weight.WARNING: Severity.WARNING, Weight.ERROR: Severity.ERROR}
+
+
+class ReadinessWatch:
+    """Looks at one starter's settings whenever it is told to; says only what it has not just said."""
+
+    def __init__(
+        self,
+        starter: StarterControlView,
+        *,
+        on_rows: Callable[[Mapping[str, tuple[int, ...]]], None] = lambda _: None,
+    ) -> None:
+        self._starter = starter
+        self._on_rows = on_rows
+        self._task: asyncio.Task[None] | None = None
+        self._said: object = None  # what the last event was told from
+
+    def begin(self) -> None:
+        """Look, in a task of its own; the starter is identified."""
+        self._cancel()
+        name = f"readiness {self._starter.setup.name}"
+        self._task = asyncio.get_running_loop().create_task(self._run(), name=name)
+
+    async def close(self) -> None:
+        """Look no more, and wait until nothing of it is left."""
+        task = self._task
+        self._cancel()
+        if task is not None:
+            await asyncio.wait((task,))
+
+    def _cancel(self) -> None:
+        if self._task is not None:
+            self._task.cancel()
+            self._task = None
+
+    async def _run(self) -> None:
+        try:
+            await self._look_until_read()
+        except Exception:  # the guard at the task's top
+            logger.exception("starter=%s readiness ended by a bug", self._starter.setup.name)
+
+    async def _look_until_read(self) -> None:
+        """Look, and again after ever longer pauses until the starter has given the rows of its watchdog."""
+        for pause_s in itertools.chain(PAUSES_S, itertools.repeat(PAUSES_S[-1])):
+            await asyncio.sleep(pause_s)
+            if not self._starter.is_answering:
+                return  # its identification begins this anew
+            try:
+                found = await self._read()
+            except (CommandError, PortLostError) as error:
+                logger.info("starter=%s readiness is not known: %s", self._starter.setup.name, error)
+            else:
+                rows = found.rows
+                self._starter.note_settings(rows)
+                self._on_rows(rows)
+                self._tell(rows)
+                if not self._tell_refused_watchdog(found):
+                    return
+
+    def _tell_refused_watchdog(self, found: BulkReading) -> bool:
+        """Return whether a row is refused without which the watchdog is not known, and say so."""
+        profile = self._starter.profile
+        missing = {
+            code: why
+            for code, why in found.refused.items()
+            if code in watchdog_codes(profile) and profile.parameters[code].is_sure
+        }
+        why = "; ".join(f"{code} is refused ({reason})" for code, reason in missing.items())
+        self._starter.set_trouble(WATCHDOG_TOPIC, f"its watchdog is not known: {why}" if why else "")
+        return bool(missing)
+
+    async def _read(self) -> BulkReading:
+        profile = self._starter.profile
+        reads = bulk_reads(profile, readiness_codes(profile))
+        return await read_in_bulk(self._ask, profile, reads, tries=1)
+
+    def _tell(self, rows: dict[str, tuple[int, ...]]) -> None:
+        starter = self._starter
+        findings = readiness(
+            starter.profile,
+            starter.variant,
+            rows,
+            gap_s=starter.status_period_s or None,
+            watchdog_s=starter.setup.watchdog_s,
+        )
+        said = (tuple(sorted(rows.items())), tuple(finding.weight for finding in findings))
+        if said == self._said or not findings:
+            return
+        self._said = said
+        data = {
+            "would_refuse_start": refuses_start(findings),
+            "findings": [_as_data(finding) for finding in findings],
+            "watchdogs": [
+                {"parameter": each.code, "after_s": each.after_s, "does": each.does}
+                for each in watchdogs(starter.profile, starter.variant, rows)
+            ],
+        }
+        severity = _SEVERITIES[findings[0].weight]  # the gravest comes first
+        starter.publisher.event(EVENT, severity, summary(findings), data)
+
+    async def _ask(self, request: Request) -> Outcome:
+        setup = self._starter.setup
+        response_time_s = setup.response_time_of(request)
+        return await self._starter.line.transact(
+            setup.address, request, response_time_s=response_time_s, lane=Lane.PARAMETERS
+        )
+
+
+def summary(findings: Iterable[Finding]) -> str:
+    """Return the findings that bite in one line, or that there is none."""
+    biting = [finding.text for finding in findings if finding.weight is not Weight.NOTE]
+    return "; ".join(biting) if biting else "ready for remote control"
+
+
+def _as_data(finding: Finding) -> dict[str, Any]:
+    return {"topic": finding.topic.value, "weight": finding.weight.value, "text": finding.text}

@@ -1,0 +1,282 @@
+"""The communication watchdogs of all starters as last known: read, being written, or from an earlier run.
+
+The line keeps a starter from the shortest of: the watchdog that the configuration states, the one last read
+from the starter, and the one that a command of ours is writing. What is not known shortens nothing; what was
+read in an earlier run counts until it is read again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from math import isinf
+from typing import Any, TypeVar
+
+from gateway.errors import CommandError, DamagedError
+from gateway.families.diagnosis.watchdogs import shortest_s, watchdog_codes, written_rows
+from gateway.families.profile.procedure import Procedure
+from gateway.line.capacity.deadline_check import (
+    Limits,
+    Missed,
+    missed_deadlines,
+    newly_missed,
+    shortest_limit_s,
+)
+from gateway.line.client import LineClient
+from gateway.line.scheduler.requests import Poll
+from gateway.starters.setup import StarterSetup
+from gateway.starters.telemetry.polling import polls_of
+from gateway.storage.json_file import Memory, NoMemory, Saver
+
+WATCHDOGS_FILE = "watchdogs.json"  # in state_dir
+UNKEPT = "watchdog_unkept"
+KEPT_WITHIN_S = 1.0
+
+Rows = Mapping[str, tuple[int, ...]]  # raw words by code
+T = TypeVar("T")
+InThread = Callable[[Callable[[], T]], Awaitable[T]]
+
+
+async def _at_once(work: Callable[[], Any]) -> Any:
+    return work()
+
+
+@dataclass(slots=True)
+class _Known:
+    """What is known of one starter, whether it is configured at present or not."""
+
+    rows: dict[str, tuple[int, ...]] = field(default_factory=dict)  # as last read
+    written: dict[str, tuple[int, ...]] = field(default_factory=dict)  # by us, and not read since
+    is_being_written: bool = False
+
+
+class KnownWatchdogs:
+    """Keeps the lines' deadlines; the file is read when this is made. All calls on the app's loop.
+
+    `in_thread` carries out computations of some tenths of a second.
+    """
+
+    def __init__(
+        self,
+        *,
+        memory: Memory | None = None,
+        in_thread: InThread[Any] = _at_once,
+        on_trouble: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        self._in_thread = in_thread
+        self._known: dict[str, _Known] = {}
+        self._setups: dict[str, StarterSetup] = {}  # of those configured at present, in their lines' order
+        self._lines: dict[str, LineClient | None] = {}  # by starter
+        self._codes: dict[str, frozenset[str]] = {}  # by starter: the rows that say what its watchdog is
+        self._kept_s: dict[str, float | None] = {}  # by starter: what its line was given
+        self._saver = Saver(memory or NoMemory(), self.to_document, on_trouble=on_trouble)
+        self.damage = self._restore(memory or NoMemory())  # why nothing is known from earlier; empty: it is
+
+    def add(self, setup: StarterSetup, line: LineClient | None = None) -> None:
+        """Keep the watchdog of a starter on its line from now on."""
+        self._setups[setup.name], self._lines[setup.name] = setup, line
+        self._codes[setup.name] = frozenset(watchdog_codes(setup.profile))
+        self._kept_s.pop(setup.name, None)
+
+    def remove(self, name: str) -> None:
+        """Know nothing more of a starter than what would be kept for it."""
+        self._setups.pop(name, None)
+        self._lines.pop(name, None)
+
+    def rows(self, name: str) -> Rows:
+        """Return the settings as last read, in this run or an earlier one, without what we wrote since."""
+        known = self._known.get(name, _Known())
+        return {code: words for code, words in known.rows.items() if code not in known.written}
+
+    def is_known(self, setup: StarterSetup) -> bool:
+        """Return whether something is known of a starter's watchdog, if only that it is off."""
+        return setup.watchdog_s is not None or setup.name in self._known
+
+    def limit_s(self, setup: StarterSetup) -> float | None:
+        """Return the time of the watchdog that a starter must be kept from; None when none is known."""
+        known = self._known.get(setup.name)
+        if known is None:
+            return setup.watchdog_s or None
+        rows = [known.rows, {**known.rows, **known.written}]
+        return _least(setup.watchdog_s, *(_shortest_s(setup, each) for each in rows))
+
+    def polls(self, setup: StarterSetup) -> tuple[Poll, ...]:
+        """Return the polls with which a starter begins, with the deadline that they must keep."""
+        limit_s = self.limit_s(setup)
+        return tuple(replace(poll, deadline_s=limit_s) for poll in polls_of(setup))
+
+    def note(self, name: str, rows: Rows) -> None:
+        """Record settings that were just read, among others the watchdog's."""
+        setup = self._setups.get(name)
+        if setup is None or self._codes[name].isdisjoint(rows):
+            return
+        codes = self._codes[name] & rows.keys()
+        known = self._known.setdefault(name, _Known())
+        changed = any(known.rows.get(code) != rows[code] for code in codes)
+        known.rows |= {code: rows[code] for code in codes}
+        if not known.is_being_written and not codes.isdisjoint(known.written):
+            known.written = {code: words for code, words in known.written.items() if code not in codes}
+            changed = True
+        if changed:
+            self._saver.touch()
+        self._keep(setup)
+
+    async def admit(self, name: str, procedure: Procedure) -> None:
+        """Demand that the line can keep the watchdog that a procedure sets; it counts from now on.
+
+        CommandError, with the figures, when it cannot; `end` must follow in any case.
+        """
+        setup = self._setups.get(name)
+        written = {} if setup is None else written_rows(setup.profile, (s.request for s in procedure.steps))
+        if setup is None or not written:
+            return
+        await self._check(setup, written)
+        self._keep(setup)
+        self._saver.touch()
+        await self._saver.kept(within_s=KEPT_WITHIN_S)
+
+    async def check(self, name: str, rows: Rows) -> None:
+        """Demand that the line could keep a starter whose settings were these; CommandError."""
+        setup = self._setups.get(name)
+        written = {code: words for code, words in rows.items() if code in self._codes.get(name, ())}
+        if setup is None or not written:
+            return
+        try:
+            await self._check(setup, written)
+        finally:
+            self._known[name].written, self._known[name].is_being_written = {}, False
+
+    def end(self, name: str) -> None:
+        """Record that a command is over; what it wrote and was not read yet counts until it is read."""
+        known = self._known.get(name)
+        if known is None or not known.is_being_written:
+            return
+        known.is_being_written = False
+        known.written = {
+            code: words for code, words in known.written.items() if known.rows.get(code) != words
+        }
+        self._saver.touch()
+        if name in self._setups:
+            self._keep(self._setups[name])
+
+    async def missed_on(self, setups: Iterable[StarterSetup]) -> dict[str, str]:
+        """Return by name, in words, the watchdogs that a line with these starters would miss."""
+        found = [setup for setup in setups if setup.is_enabled]
+        limits_s = {setup.address: self.limit_s(setup) for setup in found}
+        missed: dict[str, str] = await self._in_thread(partial(_missed_on, found, limits_s))
+        return missed
+
+    def to_document(self) -> dict[str, Any]:
+        """Return what must outlive the gateway."""
+        return {
+            "starters": {
+                name: {
+                    "rows": {code: list(words) for code, words in known.rows.items()},
+                    "written": {code: list(words) for code, words in known.written.items()},
+                }
+                for name, known in self._known.items()
+            }
+        }
+
+    async def close(self) -> None:
+        """Save what is left to be saved, and then do nothing more."""
+        await self._saver.close(within_s=KEPT_WITHIN_S)
+
+    async def _check(self, setup: StarterSetup, written: Rows) -> None:
+        """Reserve the line's time for what is to be written, or give it back and refuse."""
+        known = self._known.setdefault(setup.name, _Known())
+        before_s = self._limits_s(setup.line)
+        earlier = dict(known.written)
+        known.written, known.is_being_written = {**known.written, **written}, True
+        after_s = self._limits_s(setup.line)
+        if after_s == before_s or setup.timing is None:
+            return
+        on_line = [each for each in self._setups.values() if each.line == setup.line]
+        text = await self._in_thread(partial(_refusal, setup, on_line, before_s=before_s, after_s=after_s))
+        if text:
+            known.written, known.is_being_written = earlier, False
+            raise CommandError(UNKEPT, text)
+
+    def _limits_s(self, line: str) -> dict[int, float | None]:
+        on_line = (setup for setup in self._setups.values() if setup.line == line and setup.is_enabled)
+        return {setup.address: self.limit_s(setup) for setup in on_line}
+
+    def _keep(self, setup: StarterSetup) -> None:
+        line, limit_s = self._lines[setup.name], self.limit_s(setup)
+        if line is None or not setup.is_enabled or self._kept_s.get(setup.name, -1.0) == limit_s:
+            return
+        self._kept_s[setup.name] = limit_s
+        line.set_deadline(setup.address, limit_s)
+
+    def _restore(self, memory: Memory) -> str:
+        try:
+            starters = (memory.load() or {}).get("starters", {})
+            for name, kept in starters.items():
+                self._known[name] = _Known(_rows_in(kept["rows"]), _rows_in(kept["written"]))
+        except DamagedError as error:
+            memory.set_aside()
+            return f"{error}: watchdogs are not known until they are read"
+        except (AttributeError, KeyError, TypeError, ValueError):
+            self._known.clear()
+            memory.set_aside()
+            return "the file of the watchdogs is damaged: they are not known until they are read"
+        return ""
+
+
+def _rows_in(kept: Mapping[str, list[int]]) -> dict[str, tuple[int, ...]]:
+    rows = {str(code): tuple(words) for code, words in kept.items()}
+    if any(type(word) is not int or not 0 <= word <= 0xFFFF for words in rows.values() for word in words):
+        raise ValueError(rows)
+    return rows
+
+
+def _shortest_s(setup: StarterSetup, rows: Rows) -> float | None:
+    """Return the watchdog by those rows that this family has: another starter may have had the name."""
+    parameters = setup.profile.parameters
+    fitting = {
+        code: words
+        for code, words in rows.items()
+        if code in parameters and len(words) == parameters[code].words
+    }
+    return shortest_s(setup.profile, setup.variant, fitting)
+
+
+def _least(*limits_s: float | None) -> float | None:
+    return min((limit_s for limit_s in limits_s if limit_s), default=None)
+
+
+def _why(missed: Missed) -> str:
+    if isinf(missed.gap_s):
+        need = f"the watchdogs on this line would need {missed.load:.0%} of its time"
+        return f"a watchdog of {missed.limit_s:g} s cannot be kept: {need}"
+    return f"a watchdog of {missed.limit_s:g} s is missed: {missed.gap_s:.2f} s may pass between two requests"
+
+
+def _missed_on(setups: Sequence[StarterSetup], limits_s: Limits) -> dict[str, str]:
+    if not setups or setups[0].timing is None:
+        return {}
+    polls = [poll for setup in setups for poll in polls_of(setup)]
+    names = {setup.address: setup.name for setup in setups}
+    missed = missed_deadlines(polls, setups[0].timing, allowance_s=setups[0].allowance_s, limits_s=limits_s)
+    return {names[each.unit]: _why(each) for each in missed}
+
+
+def _refusal(
+    setup: StarterSetup, on_line: Iterable[StarterSetup], *, before_s: Limits, after_s: Limits
+) -> str:
+    """Return why a line cannot keep a starter's new watchdog, and the shortest it can; empty when it can."""
+    names = {each.address: each.name for each in on_line}
+    polls = [poll for each in on_line for poll in polls_of(each)]
+    if setup.timing is None:
+        return ""
+    allowance_s = setup.allowance_s
+    missed = newly_missed(polls, setup.timing, allowance_s=allowance_s, before_s=before_s, after_s=after_s)
+    if not missed:
+        return ""
+    first = min(missed, key=lambda each: each.unit != setup.address)  # its own goes before others'
+    shortest_s = shortest_limit_s(
+        polls, setup.timing, allowance_s=allowance_s, before_s=before_s, unit=setup.address
+    )
+    advice = "turn it off" if shortest_s is None else f"the shortest that can be kept is {shortest_s:g} s"
+    return f"{names[first.unit]}: {_why(first)}; for {setup.name} {advice}"

@@ -1,0 +1,315 @@
+"""Which rows of one starter are asked for again and again, how often, and which of them are overdue."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+from gateway.families.mapped_registers import FastBlock, fast_block, plan_with
+from gateway.families.profile.schema import Variant
+from gateway.families.reading.poll_blocks import Block, split
+from gateway.line.client import LineClient
+from gateway.line.scheduler.requests import Poll
+from gateway.starters.setup import StarterSetup
+from gateway.starters.telemetry.degraded import AGAIN_AFTER_S, ENOUGH, IN_ROW, Refusals, Splits, vital_codes
+
+FAST_S = 0.25  # period while the motor starts, stops or is in fault
+IDLE_FACTOR = 3  # values are read so many times less often while it stands, the status is not
+SLOWEST_FACTOR = 10  # slow rows are asked for ten times less often,
+SLOW_AT_LEAST_S = 10.0  # and never more often than this
+OVERDUE_PERIODS = 3  # a value that was not read for so many periods is stale,
+UNKNOWN_GAP_S = 3.0  # how long a round may take before one has been seen
+OVERDUE_GRACE_S = 1.0  # with this much patience for a loaded line
+
+
+def polls_of(setup: StarterSetup) -> tuple[Poll, ...]:
+    """Return the polls with which a starter's line begins, status first; none for a disabled starter."""
+    if not setup.is_enabled:
+        return ()
+    return tuple(_poll(setup, block) for block in _planned(setup, setup.variant))
+
+
+def fast_polls_of(setup: StarterSetup) -> tuple[Poll, ...]:
+    """Return the polls of a starter whose points are all mapped; those of `polls_of` where none can be."""
+    fast = fast_block(setup.profile, setup.variant)
+    blocks = plan_with(setup.profile, setup.variant, fast, timing=setup.timing)
+    return tuple(_poll(setup, block) for block in blocks)
+
+
+@dataclass(slots=True)
+class _Polled:
+    """One block under way; times on the steady clock."""
+
+    block: Block
+    every_s: float
+    last_s: float | None = None  # of the last answer; None since the starter was lost
+    gap_s: float | None = None  # between the last two answers, which an over-full line puts off
+    is_overdue: bool = False
+    refusals: Refusals = field(default_factory=Refusals)
+    whole: Block | None = None  # of which this is one row, since it was refused
+
+    @property
+    def is_refused(self) -> bool:
+        """Return whether it was refused so often in a row that it is not by chance."""
+        return self.refusals.in_row >= (IN_ROW if self.whole is None else 1)
+
+    def overdue_s(self) -> float:
+        """Return when the values of this block are stale unless it is answered before."""
+        if self.last_s is None or self.is_overdue:
+            return math.inf
+        gap_s = UNKNOWN_GAP_S if self.gap_s is None else self.gap_s
+        return self.last_s + OVERDUE_PERIODS * max(self.every_s, gap_s) + OVERDUE_GRACE_S
+
+    def forget(self) -> None:
+        """Be as if it had never been answered."""
+        self.last_s, self.gap_s, self.is_overdue = None, None, False
+        self.refusals.clear()
+
+
+class Polling:
+    """The polls of one starter; begins with those of `polls_of`, which the line has already."""
+
+    def __init__(self, setup: StarterSetup, line: LineClient) -> None:
+        self._setup = setup
+        self._line = line
+        self._is_fast = self._is_idle = False
+        self._variant = setup.variant
+        self._fast_words: FastBlock | None = None
+        self._plan = _planned(setup, setup.variant) if setup.is_enabled else ()
+        self.is_withdrawn = not setup.is_enabled  # nothing is asked, whatever comes
+        self._polled = {_key(setup, block): self._begin(block) for block in self._plan}
+        self._soonest_overdue_s = math.inf  # nothing becomes overdue before
+        self._vital = vital_codes(setup.profile)
+        self._splits: dict[str, Splits] = {}  # by block
+        self._given_up_s: float | None = None  # when a row was given up last; None when all are asked for
+
+    def block(self, key: str) -> Block | None:
+        """Return what a poll asks for; None when it is no longer ours."""
+        polled = self._polled.get(key)
+        return None if polled is None else polled.block
+
+    def note_answer(self, key: str, *, at_s: float) -> None:
+        """Take over that a poll was answered."""
+        polled = self._polled[key]
+        if polled.last_s is not None:
+            polled.gap_s = at_s - polled.last_s
+        polled.last_s, polled.is_overdue = at_s, False
+        self._soonest_overdue_s = min(self._soonest_overdue_s, polled.overdue_s())
+        if polled.refusals.in_row:
+            polled.refusals.clear()
+            self._keep_pace()
+        if polled.whole is not None:
+            self._rejoin(polled.whole, at_s)
+        self._try_given_up(at_s)
+
+    def note_refusal(self, key: str, *, at_s: float) -> tuple[str, ...]:
+        """Record that a poll was refused; return the codes of which nothing is known any more."""
+        polled = self._polled[key]
+        polled.refusals.note(at_s)
+        if not polled.is_refused:
+            self._line.hasten(key)
+            return ()
+        if len(polled.block.codes) > 1:
+            if not isinstance(polled.block, FastBlock):  # which has to be given up as a whole
+                self._split(key, at_s)
+            return ()
+        is_vital = not self._vital.isdisjoint(polled.block.codes)
+        if is_vital or polled.refusals.apart < ENOUGH or len(self._polled) == 1:
+            self._keep_pace()
+        else:
+            self._given_up_s = at_s
+            del self._polled[key]
+            self._line.remove_poll(key)
+        return polled.block.codes
+
+    def is_refused(self, key: str) -> bool:
+        """Return whether a poll was refused so often in a row that it is not by chance."""
+        return self._polled[key].is_refused
+
+    def refused_vital(self) -> tuple[str, ...]:
+        """Return the rows that decide state, fault or watchdog and are refused alone."""
+        return tuple(
+            code
+            for polled in self._polled.values()
+            for code in polled.block.codes
+            if polled.is_refused and len(polled.block.codes) == 1 and code in self._vital
+        )
+
+    def _split(self, key: str, now_s: float) -> None:
+        """Ask row by row for a block that is refused."""
+        block = self._polled.pop(key).block
+        self._line.remove_poll(key)
+        self._splits.setdefault(block.name, Splits()).note(now_s)
+        for single in split(block):
+            self._add(single, whole=block)
+
+    def _rejoin(self, whole: Block, now_s: float) -> None:
+        """Ask for a block as a whole again once each of its rows was answered alone."""
+        parts = {key: polled for key, polled in self._polled.items() if polled.whole is whole}
+        codes = {code for polled in parts.values() for code in polled.block.codes}
+        is_answered = all(p.last_s is not None and not p.refusals.in_row for p in parts.values())
+        if not is_answered or codes != set(whole.codes) or not self._splits[whole.name].is_over(now_s):
+            return
+        last_s = min(polled.last_s for polled in parts.values() if polled.last_s is not None)
+        for key in parts:
+            del self._polled[key]
+            self._line.remove_poll(key)
+        self._add(whole)
+        self._polled[_key(self._setup, whole)].last_s = last_s
+        self._soonest_overdue_s = -math.inf
+
+    def _try_given_up(self, now_s: float) -> None:
+        """Ask again for everything that was given up, an hour after the last of it."""
+        if self._given_up_s is not None and now_s - self._given_up_s >= AGAIN_AFTER_S:
+            self.restore()
+
+    def note_silence(self) -> None:
+        """Take over that the starter is lost: nothing is overdue until it answers again."""
+        for polled in self._polled.values():
+            polled.forget()
+
+    def set_every(self, every_s: float) -> None:
+        """Take over another period for the status and the electrical values."""
+        self._setup = replace(self._setup, every_s=every_s)
+        self._keep_pace()
+
+    def withdraw(self) -> None:
+        """Ask for nothing, from now on for ever."""
+        self.is_withdrawn = True
+        for key in self._polled:
+            self._line.remove_poll(key)
+        self._polled.clear()
+
+    def restore(self) -> None:
+        """Ask for everything again that had been given up."""
+        self._given_up_s = None
+        self._replace(self._plan)
+
+    def replan(self, variant: Variant) -> None:
+        """Ask for what a starter of this variant has."""
+        self._variant = variant
+        plan = plan_with(self._setup.profile, variant, self._fast_words, timing=self._setup.timing)
+        if plan != self._plan:
+            self._plan = plan
+            self._replace(plan)
+
+    def use_fast_words(self, block: FastBlock | None) -> None:
+        """Read these rows in one request from now on; None: all rows as they stand in the starter."""
+        if self.is_withdrawn:
+            return
+        self._fast_words = block
+        before = {code: polled.last_s for polled in self._polled.values() for code in polled.block.codes}
+        self.replan(self._variant)
+        for polled in self._polled.values():  # what was read before becomes overdue as it would have
+            times_s = [last_s for code in polled.block.codes if (last_s := before.get(code)) is not None]
+            if polled.last_s is None and times_s:
+                polled.last_s = min(times_s)
+                self._soonest_overdue_s = -math.inf
+
+    def hurry(self, *, is_fast: bool, is_idle: bool = False) -> None:
+        """Read status and values faster while something happens, values more slowly while nothing can."""
+        if (is_fast, is_idle) == (self._is_fast, self._is_idle):
+            return
+        self._is_fast, self._is_idle = is_fast, is_idle
+        self._keep_pace()
+
+    def _keep_pace(self) -> None:
+        for key, polled in self._polled.items():
+            every_s = max(self._every_s(polled.block), polled.refusals.pause_s)
+            if every_s != polled.every_s:
+                polled.every_s = every_s
+                self._soonest_overdue_s = -math.inf
+                self._line.set_every(key, every_s)
+
+    def hasten(self) -> None:
+        """Have everything read now."""
+        for key in self._polled:
+            self._line.hasten(key)
+
+    def hasten_status(self) -> None:
+        """Have the status read now."""
+        for key, polled in self._polled.items():
+            if polled.block.group == "status":
+                self._line.hasten(key)
+
+    def take_overdue(self, now_s: float) -> tuple[str, ...]:
+        """Return the codes that have become overdue, once."""
+        if now_s < self._soonest_overdue_s:
+            return ()
+        codes: list[str] = []
+        for polled in self._polled.values():
+            if polled.overdue_s() <= now_s:
+                polled.is_overdue = True
+                codes += polled.block.codes
+        self._soonest_overdue_s = min(
+            (polled.overdue_s() for polled in self._polled.values()), default=math.inf
+        )
+        return tuple(codes)
+
+    def next_overdue_s(self) -> float:
+        """Return when to look for overdue blocks again, at times a little early; infinite for never."""
+        return self._soonest_overdue_s
+
+    @property
+    def status_period_s(self) -> float:
+        """Return the longest time that passes between two readings of the status, as far as it is known."""
+        periods = [max(p.every_s, p.gap_s or 0.0) for p in self._polled.values() if p.block.group == "status"]
+        return max(periods, default=self._setup.every_s)
+
+    @property
+    def patience_s(self) -> float:
+        """Return the age up to which a row of the status is still current."""
+        return OVERDUE_PERIODS * self.status_period_s + OVERDUE_GRACE_S
+
+    def _begin(self, block: Block) -> _Polled:
+        return _Polled(block, self._every_s(block))
+
+    def _add(self, block: Block, *, whole: Block | None = None) -> None:
+        key = _key(self._setup, block)
+        if key not in self._polled:
+            self._polled[key] = self._begin(block)
+            self._polled[key].whole = whole
+            poll = _poll(self._setup, block, every_s=self._polled[key].every_s)
+            self._line.add_poll(replace(poll, deadline_s=None))  # the line has it, and may have a newer one
+
+    def _replace(self, plan: tuple[Block, ...]) -> None:
+        wanted = {_key(self._setup, block): block for block in plan}
+        for key in [key for key, polled in self._polled.items() if wanted.get(key) != polled.block]:
+            del self._polled[key]
+            self._line.remove_poll(key)
+        for block in plan:
+            self._add(block)
+
+    def _every_s(self, block: Block) -> float:
+        every_s = _every_s(self._setup, block)
+        if self._is_fast and block.group != "slow":
+            return min(every_s, FAST_S)
+        return every_s * IDLE_FACTOR if self._is_idle and block.group == "values" else every_s
+
+
+def _planned(setup: StarterSetup, variant: Variant) -> tuple[Block, ...]:
+    return plan_with(setup.profile, variant, None, timing=setup.timing)  # status first
+
+
+def _key(setup: StarterSetup, block: Block) -> str:
+    return (
+        f"{setup.name}/{block.name}" if setup.edition == 0 else f"{setup.name}/{block.name}/{setup.edition}"
+    )
+
+
+def _every_s(setup: StarterSetup, block: Block) -> float:
+    return max(SLOW_AT_LEAST_S, SLOWEST_FACTOR * setup.every_s) if block.group == "slow" else setup.every_s
+
+
+def _poll(setup: StarterSetup, block: Block, *, every_s: float | None = None) -> Poll:
+    return Poll(
+        key=_key(setup, block),
+        unit=setup.address,
+        request=block.request,
+        every_s=_every_s(setup, block) if every_s is None else every_s,
+        response_time_s=setup.response_time_of(block.request),
+        response_floor_s=setup.response_floor_of(block.request),
+        deadline_s=setup.watchdog_s,
+        group=block.group,
+        is_urgent=block.group == "status",
+    )

@@ -1,0 +1,119 @@
+"""Report by exception: which readings are due to be published, and when the next one will be.
+
+A reading goes out when it differs from the one sent last by more than the point's deadband, or in quality; at
+the soonest 0.25 s after that one and at the latest 30 s after it. What is sent is always the newest reading.
+To wake up for each point on its own would cost more than to send it, so old ones go out together.
+
+The one timer of a starter.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from gateway.starters.telemetry.snapshot import Reading
+from gateway.system.clock import Clock
+
+TICK_S = 0.25  # all starters' timers run out on ticks, so that the loop wakes up once for many of them
+
+
+class Waker:
+    """Calls back when it is time, up to a tick later, or sooner: whoever is called looks and asks anew."""
+
+    def __init__(self, clock: Clock, call: Callable[[], None]) -> None:
+        self._clock = clock
+        self._call = call
+        self._timer: asyncio.TimerHandle | None = None
+        self._due_s = 0.0
+
+    def at(self, due_s: float) -> None:
+        """Call at `due_s`; a timer that runs out before that is left as it is, since most are put off."""
+        if due_s == math.inf or (self._timer is not None and self._due_s <= due_s):
+            return
+        self.cancel()
+        now_s = self._clock.now_s()
+        self._due_s = math.ceil(max(due_s, now_s) / TICK_S) * TICK_S
+        self._timer = asyncio.get_running_loop().call_later(self._due_s - now_s, self._run)
+
+    def cancel(self) -> None:
+        """Call no more."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _run(self) -> None:
+        self._timer = None
+        self._call()
+
+
+SOONEST_S = 0.25
+LATEST_S = 30.0 - TICK_S  # whoever is to wake up for it may do so a tick late
+TOGETHER = 0.1  # of that time: so much sooner readings go out that were sent long ago, with one that must
+
+
+@dataclass(slots=True)
+class _Entry:
+    reading: Reading
+    sent: Reading | None
+    due_s: float
+    sent_s: float = -math.inf
+
+
+class Report:
+    """The readings of one starter on their way out."""
+
+    def __init__(
+        self, deadbands: Mapping[str, float], *, soonest_s: float = SOONEST_S, latest_s: float = LATEST_S
+    ) -> None:
+        self._deadbands = deadbands  # in the point's unit; a missing one is 0
+        self._soonest_s = soonest_s
+        self._latest_s = latest_s
+        self._together_s = latest_s * TOGETHER
+        self._entries: dict[str, _Entry] = {}
+        self._next_due_s = math.inf  # no reading is due before
+
+    def offer(self, readings: Mapping[str, Reading], *, now_s: float) -> None:
+        """Take over readings that are new; a point that is new here is due at once."""
+        for name, reading in readings.items():
+            entry = self._entries.get(name)
+            if entry is None:
+                self._entries[name] = _Entry(reading, None, now_s)
+                self._next_due_s = min(self._next_due_s, now_s)
+                continue
+            if entry.reading is reading:
+                continue
+            entry.reading = reading
+            if entry.sent is not None and is_news(entry.sent, reading, self._deadbands.get(name, 0.0)):
+                entry.due_s = min(entry.due_s, max(now_s, entry.sent_s + self._soonest_s))
+                self._next_due_s = min(self._next_due_s, entry.due_s)
+
+    def take_due(self, now_s: float) -> dict[str, Reading]:
+        """Return what is to be published now, and count it as sent."""
+        due: dict[str, Reading] = {}
+        if now_s < self._next_due_s:
+            return due
+        old_s = now_s - self._latest_s + self._together_s
+        for name, entry in self._entries.items():
+            if entry.due_s <= now_s or entry.sent_s <= old_s:
+                due[name] = entry.sent = entry.reading
+                entry.sent_s = now_s
+                entry.due_s = now_s + self._latest_s
+        self._next_due_s = min((entry.due_s for entry in self._entries.values()), default=math.inf)
+        return due
+
+    def next_due_s(self) -> float:
+        """Return when the next reading is due; infinite when there is none."""
+        return self._next_due_s
+
+
+def is_news(sent: Reading, now: Reading, deadband: float) -> bool:
+    """Return whether a reading differs enough from the one sent last to be published before its time."""
+    marks = (sent.quality, sent.label, sent.reason), (now.quality, now.label, now.reason)
+    if marks[0] != marks[1] or type(sent.value) is not type(now.value):
+        return True
+    if isinstance(sent.value, (str, bool)) or sent.value is None or now.value is None:
+        return sent.value != now.value
+    return abs(float(now.value) - float(sent.value)) > deadband

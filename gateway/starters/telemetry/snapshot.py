@@ -1,0 +1,130 @@
+"""What is known of one starter, point by point and row by row, and how far it can be trusted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+from gateway.families.profile.decode import Decoded
+from gateway.records import Quality
+
+Value = bool | int | float | str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One point's value with where and when it comes from."""
+
+    value: Value
+    unit: str
+    quality: Quality
+    label: str | None = None  # of an enum
+    at_s: float | None = None  # steady clock; None when never read
+    time_s: float | None = None  # the same moment, UTC
+    reason: str = ""  # why a value is bad, where that is not the point's own matter
+
+
+class Snapshot:
+    """The readings of one starter; every point is there from the beginning, bad until it is read."""
+
+    def __init__(self, units: Mapping[str, str]) -> None:
+        self._readings = {name: Reading(None, unit, Quality.BAD) for name, unit in units.items()}
+        self._changed = dict(self._readings)  # since `take_changed`
+        self.standing = 0  # grows whenever anything but a measured quantity says something else
+        self._rows: dict[str, tuple[int, ...]] = {}
+        self._rows_at_s: dict[str, float] = {}
+        self._distrust = ""
+
+    @property
+    def readings(self) -> Mapping[str, Reading]:
+        """Return all points' readings by name."""
+        return self._readings
+
+    @property
+    def rows(self) -> Mapping[str, tuple[int, ...]]:
+        """Return the raw words read last, by the manual's code, however old."""
+        return self._rows
+
+    def apply(self, decoded: Mapping[str, Decoded], *, at_s: float, time_s: float) -> None:
+        """Take over points just read; a value that cannot be told is bad, an older one is ignored."""
+        for name, new in decoded.items():
+            old = self._readings[name]
+            if old.at_s is not None and old.at_s > at_s:
+                continue
+            quality = Quality.BAD if new.value is None else Quality.GOOD
+            reading = Reading(new.value, new.unit, quality, new.label, at_s, time_s)
+            self._put(name, self._without_value(reading) if self._distrust else reading)
+
+    def distrust(self, reason: str) -> bool:
+        """Make every value bad for this reason until it is empty; return whether that is new.
+
+        The raw words are kept all the same. Once the reason is empty, each value is good when it is read.
+        """
+        if reason == self._distrust:
+            return False
+        self._distrust = reason
+        for name, reading in list(self._readings.items()):
+            self._put(name, self._without_value(reading))
+        return True
+
+    def keep_rows(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
+        """Take over raw words that have just been read; older ones than those known are ignored."""
+        for code, words in rows.items():
+            if self._rows_at_s.get(code, -math.inf) <= at_s:
+                self._rows[code] = words
+                self._rows_at_s[code] = at_s
+
+    def refuse(self, points: Iterable[str]) -> None:
+        """Mark points that the starter will not give as bad, without a value."""
+        for name in points:
+            self._put(name, self._without_value(self._readings[name]))
+
+    def mark_stale(self, points: Iterable[str] | None = None) -> None:
+        """Mark good readings (all, or of these points) as no longer current; value and time stay."""
+        for name in list(self._readings) if points is None else points:
+            reading = self._readings[name]
+            if reading.quality is Quality.GOOD:
+                self._put(name, replace(reading, quality=Quality.STALE))
+
+    def take_changed(self) -> dict[str, Reading]:
+        """Return the readings that are new since the last call; in the first one that is all of them."""
+        changed, self._changed = self._changed, {}
+        return changed
+
+    def has_good(self) -> bool:
+        """Return whether anything is good."""
+        return any(known.quality is Quality.GOOD for known in self._readings.values())
+
+    def good_values(self) -> dict[str, Value]:
+        """Return the values that were just read, by point."""
+        return good_values(self._readings)
+
+    def age_s(self, point: str, *, now_s: float) -> float:
+        """Return how long ago a point was read; infinite when it never was."""
+        at_s = self._readings[point].at_s
+        return math.inf if at_s is None else now_s - at_s
+
+    def rows_since(self, since_s: float) -> dict[str, tuple[int, ...]]:
+        """Return the raw words of all rows that were read at `since_s` or later."""
+        return {code: words for code, words in self._rows.items() if self._rows_at_s[code] >= since_s}
+
+    def _without_value(self, reading: Reading) -> Reading:
+        return replace(reading, value=None, label=None, quality=Quality.BAD, reason=self._distrust)
+
+    def _put(self, name: str, new: Reading) -> None:
+        old = self._readings[name]
+        self._readings[name] = self._changed[name] = new
+        is_other = old.value != new.value and not isinstance(new.value, float)
+        if is_other or old.quality is not new.quality:
+            self.standing += 1
+
+
+def good_values(readings: Mapping[str, Reading]) -> dict[str, Value]:
+    """Return the values of those readings that are good, by point."""
+    return {name: known.value for name, known in readings.items() if known.quality is Quality.GOOD}
+
+
+def as_flag(value: Value) -> bool | None:
+    """Return a boolean value; None for one that is not known."""
+    return value if isinstance(value, bool) else None

@@ -1,0 +1,231 @@
+"""What happened between one status and the next: a start, a stop, a fault, a switch to local operation.
+
+Only what two readings in a row say has happened (`Settled`).
+
+The faults and alarms that one starter has shown: which are active, how often they came, when they went.
+
+Which standing faults were published as events, so that the next run repeats none and leaves none out.
+
+A fault counts as published once it has stood for `LASTING_S`: by then its event is in the outbox on the disk.
+What is killed before that publishes it once more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from gateway.errors import DamagedError
+from gateway.families.profile.schema import Alarm
+from gateway.records import Severity
+from gateway.storage.json_file import Memory, NoMemory, Saver
+
+UNKNOWN = "unknown"
+STARTED = frozenset({"starting", "running"})
+TURNING = STARTED | {"stopping"}
+AT_REST = frozenset({"ready", "not_ready"})
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """Something that happened to a starter."""
+
+    code: str
+    severity: Severity
+    text: str
+    data: Mapping[str, Any] = field(default_factory=dict)
+
+
+class Settled:
+    """Points as two readings one after the other have given them; what is not known now is in neither."""
+
+    def __init__(self) -> None:
+        self._values: dict[str, Any] = {}
+        self._waiting: dict[str, tuple[Any, float]] = {}  # values that were read once, with their time
+
+    def note(self, readings: Mapping[str, tuple[Any, float]]) -> None:
+        """Take over all points that are known now, each with the time of its reading."""
+        for name in self._values.keys() - readings.keys():
+            del self._values[name]
+        waiting: dict[str, tuple[Any, float]] = {}
+        for name, (value, at_s) in readings.items():
+            if name in self._values and self._values[name] == value:
+                continue
+            before = self._waiting.get(name)
+            if before is None or before[0] != value:
+                waiting[name] = (value, at_s)
+            elif at_s > before[1]:
+                self._values[name] = value
+            else:
+                waiting[name] = before
+        self._waiting = waiting
+
+    def is_waiting_for(self, names: Iterable[str]) -> bool:
+        """Return whether one of these points must be read once more."""
+        return not self._waiting.keys().isdisjoint(names)
+
+    @property
+    def is_waiting(self) -> bool:
+        """Return whether some point must be read once more."""
+        return bool(self._waiting)
+
+    @property
+    def values(self) -> Mapping[str, Any]:
+        """Return the settled values; a point whose value is about to change keeps the one before."""
+        return self._values
+
+
+class Watch:
+    """Compares each settled status with the last one; a fault that stands at the first look is told too.
+
+    `is_known` says that the fault was told in an earlier run.
+    """
+
+    def __init__(self) -> None:
+        self._state: str | None = None
+        self._remote: bool | None = None
+        self._started_s: float | None = None
+
+    def note(
+        self, state: str, *, remote: bool | None, time_s: float, is_known: bool = False
+    ) -> tuple[Change, ...]:
+        """Take over a status read at `time_s` (UTC) and return what happened since the last one."""
+        changes = [*self._of_remote(remote), *self._of_state(state, time_s, is_known=is_known)]
+        self._remote = self._remote if remote is None else remote
+        self._state = self._state if state == UNKNOWN else state
+        return tuple(changes)
+
+    @property
+    def has_looked(self) -> bool:
+        """Return whether a state was known ever."""
+        return self._state is not None
+
+    def _of_state(self, state: str, time_s: float, *, is_known: bool) -> list[Change]:
+        before = self._state
+        if before is None and state == "fault" and not is_known:
+            at_first: dict[str, Any] = {"from": None, "to": state}
+            return [Change("fault", Severity.ERROR, "fault, found at the first reading", at_first)]
+        if before is None or state in (before, UNKNOWN):
+            return []
+        data: dict[str, Any] = {"from": before, "to": state}
+        if state == "fault":
+            return [Change("fault", Severity.ERROR, f"fault, was {before}", data | self._duration(time_s))]
+        if state in STARTED and before not in STARTED:
+            self._started_s = time_s
+            return [Change("started", Severity.INFO, f"the motor was started, was {before}", data)]
+        if state in AT_REST and before in TURNING:
+            return [Change("stopped", Severity.INFO, "the motor has stopped", data | self._duration(time_s))]
+        return []
+
+    def _duration(self, time_s: float) -> dict[str, Any]:
+        """Return how long the motor has been on, once per start that was seen."""
+        started_s, self._started_s = self._started_s, None
+        return {} if started_s is None else {"run_s": round(time_s - started_s, 3)}
+
+    def _of_remote(self, remote: bool | None) -> list[Change]:  # noqa: FBT001 - a reading, not an option
+        if self._remote is None or remote is None or remote is self._remote:
+            return []
+        if remote:
+            return [Change("remote_operation", Severity.INFO, "the starter takes commands from remote again")]
+        return [Change("local_operation", Severity.INFO, "the starter was switched to local operation")]
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """One alarm as it stands."""
+
+    alarm: Alarm
+    is_active: bool
+    raised_s: float  # UTC, the last time it came
+    cleared_s: float | None  # UTC, None while it is active
+    count: int  # how often it came
+
+
+class AlarmBook:
+    """Remembers every alarm that was active once since the gateway's start."""
+
+    def __init__(self) -> None:
+        self._standings: dict[str, Standing] = {}
+
+    def update(self, active: Iterable[Alarm], *, time_s: float) -> tuple[Standing, ...]:
+        """Take over which alarms are active now, and return those that came or went."""
+        by_code = {alarm.code: alarm for alarm in active}
+        changed = [
+            self._raise(alarm, time_s) for alarm in by_code.values() if not self._is_active(alarm.code)
+        ]
+        changed += [
+            self._clear(standing, time_s)
+            for standing in self._standings.values()
+            if standing.is_active and standing.alarm.code not in by_code
+        ]
+        return tuple(changed)
+
+    def active_codes(self, severity: str) -> tuple[str, ...]:
+        """Return the codes of this severity that are active, in their order."""
+        return tuple(
+            sorted(
+                s.alarm.code for s in self._standings.values() if s.is_active and s.alarm.severity == severity
+            )
+        )
+
+    def _is_active(self, code: str) -> bool:
+        standing = self._standings.get(code)
+        return standing is not None and standing.is_active
+
+    def _raise(self, alarm: Alarm, time_s: float) -> Standing:
+        earlier = self._standings.get(alarm.code)
+        count = 1 if earlier is None else earlier.count + 1
+        standing = Standing(alarm, is_active=True, raised_s=time_s, cleared_s=None, count=count)
+        self._standings[alarm.code] = standing
+        return standing
+
+    def _clear(self, standing: Standing, time_s: float) -> Standing:
+        cleared = replace(standing, is_active=False, cleared_s=time_s)
+        self._standings[standing.alarm.code] = cleared
+        return cleared
+
+
+FAULTS_FILE = "faults.json"  # in state_dir
+LASTING_S = 5.0
+KEPT_WITHIN_S = 1.0
+
+
+class ToldFaults:
+    """The standing faults of all starters; the file is read when this is made."""
+
+    def __init__(self, *, memory: Memory | None = None) -> None:
+        self._codes: dict[str, tuple[str, ...]] = {}
+        self._saver = Saver(memory or NoMemory(), self.to_document, on_trouble=lambda _: None)
+        self._restore(memory or NoMemory())
+
+    def is_told(self, starter: str, codes: tuple[str, ...]) -> bool:
+        """Return whether an earlier run has published the fault that these alarm codes name."""
+        return bool(codes) and self._codes.get(starter) == codes
+
+    def note(self, starter: str, codes: tuple[str, ...]) -> None:
+        """Record the fault that stands and was published; none when there is no fault."""
+        if self._codes.get(starter, ()) == codes:
+            return
+        if codes:
+            self._codes[starter] = codes
+        else:
+            del self._codes[starter]
+        self._saver.touch()
+
+    def to_document(self) -> dict[str, Any]:
+        """Return what must outlive the gateway."""
+        return {"faults": {starter: list(codes) for starter, codes in self._codes.items()}}
+
+    async def close(self) -> None:
+        """Save what is left to be saved, and then do nothing more."""
+        await self._saver.close(within_s=KEPT_WITHIN_S)
+
+    def _restore(self, memory: Memory) -> None:
+        try:
+            faults = (memory.load() or {}).get("faults", {})
+            if not isinstance(faults, Mapping):
+                raise DamagedError("no faults in it")  # noqa: TRY301 - set aside as any other damage is
+            self._codes = {str(name): tuple(str(code) for code in codes) for name, codes in faults.items()}
+        except (DamagedError, TypeError):
+            memory.set_aside()  # then a fault that stands is published once more

@@ -1,0 +1,1 @@
+"""The audit log: a hash chain in segment files. Start at `log`; `chain` verifies."""

@@ -1,0 +1,139 @@
+"""The audit, kept on the disk by a thread of its own: whoever puts an entry never waits."""
+
+from __future__ import annotations
+
+import logging
+import queue
+import threading
+import time
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from gateway.records import AuditRecord
+from gateway.storage.audit.writer import MOST_SEGMENTS, SEGMENT_BYTES, AuditWriter
+
+log = logging.getLogger(__name__)
+
+MOST_WAITING = 5_000  # entries that wait for a disk that is away; what is more is lost, and counted
+MOST_AT_ONCE = 200
+RETRY_S = 5.0
+
+
+class AuditLog:
+    """Takes entries in order; `on_trouble` is called in its thread: why nothing can be written, or empty."""
+
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        boot: str,
+        on_trouble: Callable[[str], None],
+        segment_bytes: int = SEGMENT_BYTES,
+        most_segments: int = MOST_SEGMENTS,
+        retry_s: float = RETRY_S,
+    ) -> None:
+        self._boot = boot
+        self._on_trouble = on_trouble
+        self._writer = AuditWriter(folder, segment_bytes, most_segments)
+        self._retry_s = retry_s
+        self._queue: queue.SimpleQueue[Mapping[str, Any] | None] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._run, name="audit", daemon=True)
+        self._closing = threading.Event()
+        self._lost = 0
+        self._trouble = ""
+
+    def start(self) -> None:
+        """Begin, in the thread."""
+        self._thread.start()
+
+    def put(self, record: AuditRecord) -> None:
+        """Take a decision about a command; returns at once."""
+        self._take(
+            {
+                "kind": "command",
+                "boot": self._boot,
+                "seq": record.seq,
+                "time": stamp(record.time_s),
+                "starter": record.starter,
+                "client": record.client,
+                "claimed_operator": record.operator,
+                "claimed_reason": record.reason,
+                "id": record.id,
+                "verb": record.verb,
+                "args": record.args,
+                "decision": record.decision,
+                "code": record.code,
+                "before": record.before,
+                "after": record.after,
+            }
+        )
+
+    def note(self, code: str, text: str) -> None:
+        """Take something that an auditor should know; returns at once."""
+        self._take(self._note(code, text))
+
+    def close(self, *, within_s: float) -> bool:
+        """Write what waits and end; return whether there was time for it."""
+        self._closing.set()
+        self._queue.put(None)
+        if self._thread.ident is not None:
+            self._thread.join(within_s)
+        return not self._thread.is_alive()
+
+    def _take(self, entry: Mapping[str, Any]) -> None:
+        if self._queue.qsize() >= MOST_WAITING:
+            self._lost += 1  # told as soon as there is room
+        else:
+            self._queue.put(entry)
+
+    def _note(self, code: str, text: str) -> dict[str, Any]:
+        return {"kind": "note", "boot": self._boot, "time": stamp(time.time()), "code": code, "text": text}
+
+    def _run(self) -> None:
+        waiting: list[Mapping[str, Any]] = []
+        is_over = False
+        while not is_over:
+            is_over = self._fetch(waiting)
+            if self._lost:
+                lost, self._lost = self._lost, 0
+                waiting.append(self._note("entries_lost", f"{lost} entries could not be kept"))
+            if self._write(waiting):
+                waiting.clear()
+            elif self._closing.wait(self._retry_s):
+                is_over = True  # a disk that is still away is not waited for
+        self._writer.close()
+
+    def _fetch(self, waiting: list[Mapping[str, Any]]) -> bool:
+        """Take what waits, at least one entry when there is none; return whether the end has come."""
+        try:
+            while len(waiting) < MOST_AT_ONCE:
+                entry = self._queue.get_nowait() if waiting else self._queue.get()
+                if entry is None:
+                    return True
+                waiting.append(entry)
+        except queue.Empty:
+            pass
+        return False
+
+    def _write(self, entries: list[Mapping[str, Any]]) -> bool:
+        trouble = ""
+        try:
+            self._writer.append(entries, note=self._note)
+        except OSError as error:
+            self._writer.close()
+            trouble = f"{error.filename or self._writer.folder}: {error.strerror or error}"
+        except Exception:  # the guard at the thread's top: what cannot be written is not tried for ever
+            log.exception("audit=%s entries=%d cannot be written", self._writer.folder, len(entries))
+            self._lost += len(entries)
+        if trouble != self._trouble:
+            self._trouble = trouble
+            self._on_trouble(trouble)
+        return not trouble
+
+
+def stamp(time_s: float) -> str:
+    """Return UTC as RFC 3339 with milliseconds."""
+    moment = datetime.fromtimestamp(round(time_s, 3), UTC).replace(tzinfo=None)
+    return f"{moment.isoformat(timespec='milliseconds')}Z"

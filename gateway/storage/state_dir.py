@@ -1,0 +1,147 @@
+"""Everything that a gateway keeps in its state directory: the ledger of commands, and the audit."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from gateway.records import AuditRecord, Record, ResultRecord, Severity, Sink
+from gateway.storage.audit.log import AuditLog
+from gateway.storage.audit.segments import FOLDER
+from gateway.storage.journal import Remembered
+from gateway.storage.ledger import StoredJournal
+from gateway.storage.ledger_table import LedgerTable
+from gateway.storage.worker import RETRY_S, News, Store
+from gateway.system.clock import Clock
+
+log = logging.getLogger(__name__)
+
+FILE = "gateway.sqlite"
+CLOSE_WITHIN_S = 2.0
+SETTLE_WITHIN_S = 2.0
+
+Tell = Callable[[str, Severity, str], None]  # code, severity, text of an event
+
+
+class Keeper:
+    """The store, the journal in it, and the audit; none of them ever prevents the gateway's start or stop.
+
+    All calls on the app's loop. `tell` publishes an event; `hold_s` is how long an old command might still
+    pass for a new one. Where nobody may give commands, it is no error when nothing can be kept.
+    """
+
+    def __init__(
+        self,
+        state_dir: Path,
+        *,
+        boot: str,
+        clock: Clock,
+        hold_s: float,
+        is_read_only: bool,
+        tell: Tell,
+        on_recalled: Callable[[Sequence[Remembered]], None],
+        retry_s: float = RETRY_S,
+        on_untold: Callable[[Sequence[ResultRecord]], None] = lambda _: None,
+    ) -> None:
+        self._tell = tell
+        self._severity = _severity(is_read_only=is_read_only)
+        self._loop: asyncio.AbstractEventLoop | None = None
+        table = LedgerTable()
+        self._store = Store(state_dir / FILE, [table], on_news=self._from_store, retry_s=retry_s)
+        self._audit = AuditLog(state_dir / FOLDER, boot=boot, on_trouble=self._from_audit, retry_s=retry_s)
+        self._is_ledger_away = self._is_audit_away = False
+        self.journal = StoredJournal(
+            self._store,
+            table,
+            clock=clock,
+            hold_s=hold_s,
+            on_recalled=on_recalled,
+            on_slow=self._slow,
+            on_untold=on_untold,
+        )
+
+    def start(self, version: str) -> None:
+        """Begin; the files are opened in threads of their own."""
+        self._loop = asyncio.get_running_loop()
+        self._store.start()
+        self._audit.start()
+        self._audit.note("gateway_started", f"version {version}")
+
+    def sink(self, sink: Sink) -> Sink:
+        """Return a sink that passes everything on to `sink`, and keeps what belongs into the audit."""
+        return _AuditingSink(self._audit, sink)
+
+    def take_over(self, *, is_read_only: bool) -> None:
+        """Go on by another configuration, and let the audit know from when."""
+        self._severity = _severity(is_read_only=is_read_only)
+        self._audit.note("gateway_reloaded", "by another configuration from now on")
+
+    async def settle(self) -> None:
+        """Let the last results be written, as far as the disk lets us, so that they can be told."""
+        await self.journal.settle(SETTLE_WITHIN_S)
+
+    async def close(self, reason: str) -> None:
+        """Write what waits, as far as the disk lets us."""
+        self._audit.note("gateway_ended", reason)
+        closings = (self._store.close, self._audit.close)
+        tasks = (asyncio.to_thread(close, within_s=CLOSE_WITHIN_S) for close in closings)
+        if not all(await asyncio.gather(*tasks)):
+            log.error("the disk took too long: the last commands may be missing in the ledger and the audit")
+
+    def _from_store(self, news: News, text: str) -> None:
+        self._on_loop(lambda: self._hear(news, text))
+
+    def _from_audit(self, trouble: str) -> None:
+        self._on_loop(lambda: self._hear_audit(trouble))
+
+    def _on_loop(self, call: Callable[[], None]) -> None:
+        if self._loop is not None:
+            with suppress(RuntimeError):  # the loop is closed: nobody is left to tell
+                self._loop.call_soon_threadsafe(call)
+
+    def _hear(self, news: News, text: str) -> None:
+        match news:
+            case News.OPEN:
+                log.info("store %s", text)
+                self.journal.resume()
+                if self._is_ledger_away:
+                    self._tell("ledger_available", Severity.INFO, "the ledger is kept again")
+                self._is_ledger_away = False
+            case News.AWAY:
+                self._say("ledger_unavailable", f"no command but stop is taken, without a ledger: {text}")
+                self._is_ledger_away = True
+            case News.LOST:
+                self._say("ledger_lost", f"the ledger was lost: {text}")
+
+    def _hear_audit(self, trouble: str) -> None:
+        if trouble:
+            self._say("audit_unavailable", f"the audit cannot be written: {trouble}")
+        elif self._is_audit_away:
+            self._tell("audit_available", Severity.INFO, "the audit is written again")
+        self._is_audit_away = bool(trouble)
+
+    def _slow(self, text: str) -> None:
+        self._say("ledger_slow", text)
+
+    def _say(self, code: str, text: str) -> None:
+        self._tell(code, self._severity, text)
+
+
+def _severity(*, is_read_only: bool) -> Severity:
+    """Return how bad it is when nothing can be kept: where nobody may give commands, it is no error."""
+    return Severity.WARNING if is_read_only else Severity.ERROR
+
+
+class _AuditingSink:
+    def __init__(self, audit: AuditLog, sink: Sink) -> None:
+        self._audit = audit
+        self._sink = sink
+
+    def put(self, record: Record) -> None:
+        """Take one record."""
+        if isinstance(record, AuditRecord):
+            self._audit.put(record)
+        self._sink.put(record)

@@ -1,0 +1,100 @@
+"""Passes on what comes too often at a bounded rate, so that nothing is lost without a count."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from gateway.system.clock import Clock
+
+TELL_EVERY_S = 0.1  # refusals to one client
+
+T = TypeVar("T")
+
+
+class Damped(Generic[T]):
+    """Of each key at most one item in `every_s`; keys must come from a bounded set.
+
+    `pass_on` gets an item with 0, or the last of several with their number.
+    """
+
+    def __init__(self, pass_on: Callable[[T, int], None], *, clock: Clock, every_s: float) -> None:
+        self._pass_on = pass_on
+        self._clock = clock
+        self._every_s = every_s
+        self._damper = Damper(every_s)
+        self._last: dict[Hashable, T] = {}  # of those that were only counted
+        self._timers: dict[Hashable, asyncio.TimerHandle] = {}
+
+    def put(self, key: Hashable, item: T) -> None:
+        """Pass an item on now, or count it."""
+        if self._damper.passes(key, now_s=self._clock.now_s()):
+            self._pass_on(item, 0)
+            return
+        self._last[key] = item
+        if key not in self._timers:
+            loop = asyncio.get_running_loop()
+            self._timers[key] = loop.call_later(self._every_s, self._pass_number_on, key)
+
+    def close(self) -> None:
+        """Pass on now what has only been counted."""
+        for key, timer in tuple(self._timers.items()):
+            timer.cancel()
+            self._pass_number_on(key)
+
+    def _pass_number_on(self, key: Hashable) -> None:
+        del self._timers[key]
+        self._pass_on(self._last.pop(key), self._damper.take(key, now_s=self._clock.now_s()))
+
+
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """So many a second on average, so many at once."""
+
+    per_s: float
+    burst: int
+
+
+class Bucket:
+    """A token bucket: full at the beginning."""
+
+    def __init__(self, rate: Rate) -> None:
+        self._rate = rate
+        self._tokens = float(rate.burst)
+        self._at_s: float | None = None
+
+    def take(self, now_s: float) -> bool:
+        """Take a token; return whether there was one."""
+        if self._at_s is not None:
+            gained = (now_s - self._at_s) * self._rate.per_s
+            self._tokens = min(self._tokens + gained, float(self._rate.burst))
+        self._at_s = now_s
+        if self._tokens < 1.0:
+            return False
+        self._tokens -= 1.0
+        return True
+
+
+class Damper:
+    """Lets one refusal for each client pass in an interval and counts the others."""
+
+    def __init__(self, every_s: float = TELL_EVERY_S) -> None:
+        self._every_s = every_s
+        self._told_s: dict[Hashable, float] = {}
+        self._untold: dict[Hashable, int] = {}
+
+    def passes(self, client: Hashable, *, now_s: float) -> bool:
+        """Return whether a refusal is told by itself; otherwise it is counted."""
+        told_s = self._told_s.get(client)
+        if client not in self._untold and (told_s is None or now_s - told_s >= self._every_s):
+            self._told_s[client] = now_s
+            return True
+        self._untold[client] = self._untold.get(client, 0) + 1
+        return False
+
+    def take(self, client: Hashable, *, now_s: float) -> int:
+        """Return how many refusals were counted since the last was told, and count from none again."""
+        self._told_s[client] = now_s
+        return self._untold.pop(client)
