@@ -16,7 +16,7 @@ from typing import Any
 
 from gateway.config.schema import split_url
 from gateway.errors import NoResultError, UsageError
-from gateway.mqtt.connection.command_client import Order, Sender
+from gateway.mqtt.connection.command_client import CommandClient, Order
 from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
 from gateway.mqtt.contract.topics import Topics, is_level
 from gateway.records import Phase
@@ -118,7 +118,7 @@ class Client:
             select=select,
         )
         tell = on_phase or (lambda _: None)
-        final = await Sender(self._settings(), self._topics).send(
+        final = await CommandClient(self._settings(), self._topics).send(
             order, now_s=time.time(), within_s=within_s, on_phase=lambda fields: tell(_result(fields))
         )
         if final is None:

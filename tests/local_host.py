@@ -8,8 +8,8 @@ from typing import Any
 
 from gateway.line.client import LineClient, LocalLineClient
 from gateway.line.events import LineListener
-from gateway.line.line import Scheduler
-from gateway.line.loop_bridge import CarriedListener, Courier
+from gateway.line.line import Line
+from gateway.line.loop_bridge import CarriedListener, LoopBridge
 from gateway.line.port.base import PortOpener
 from gateway.line.scheduler.requests import Poll
 from gateway.modbus.timing import LineTiming
@@ -20,7 +20,7 @@ class LocalHost:
 
     def __init__(self, listener: LineListener) -> None:
         self._listener = listener
-        self._courier = Courier()
+        self._courier = LoopBridge()
         self._courier.loop = asyncio.get_running_loop()
         self._lines: dict[str, tuple[asyncio.Task[None], CarriedListener]] = {}
         self._ending: set[asyncio.Task[None]] = set()
@@ -37,7 +37,7 @@ class LocalHost:
         deaf_after_s: float,
     ) -> LineClient:
         listener = CarriedListener(self._listener, self._courier)
-        scheduler = Scheduler(
+        scheduler = Line(
             name=name,
             opener=opener,
             timing=timing,
@@ -63,7 +63,7 @@ class LocalHost:
         for name in tuple(self._lines):
             await self.remove_line(name)
 
-    async def _run(self, scheduler: Scheduler, earlier: Sequence[asyncio.Task[None]]) -> None:
+    async def _run(self, scheduler: Line, earlier: Sequence[asyncio.Task[None]]) -> None:
         if earlier:
             await asyncio.wait(earlier)
         await scheduler.run()

@@ -15,9 +15,9 @@ from gateway.config.load import parse
 from gateway.config.schema import Config, LineTable
 from gateway.records import AvailabilityRecord, SequenceNumbers, Severity, StateRecord
 from gateway.sim.bus.port import SimulatedLine, SimulatedOpener
-from gateway.sim.core.unit import Unit
-from gateway.starters.policy.policy import Precautions
-from gateway.starters.services.services import Companions
+from gateway.sim.core.unit import SimulatedUnit
+from gateway.starters.policy.policy import Policy
+from gateway.starters.services.services import StarterServices
 from tests.local_host import LocalHost
 from tests.starters.fakes import RecordingSink
 from tests.torture.starters import SILENCE_TRIPS, watching_unit
@@ -60,7 +60,7 @@ class Here:
     told: list[str] = field(default_factory=list)
     forgotten: list[str] = field(default_factory=list)
     plant: Plant = field(init=False)
-    companions: Companions = field(init=False)
+    companions: StarterServices = field(init=False)
 
     # PlantListener
 
@@ -84,7 +84,7 @@ class Here:
     def opener(self, table: LineTable) -> SimulatedOpener:
         return self.buses[table.port].opener(timing=timing_of(table))
 
-    def unit(self, port: str, address: int) -> Unit:
+    def unit(self, port: str, address: int) -> SimulatedUnit:
         return self.buses[f"/dev/{port}"].unit(address)
 
     def connect(self, port: str, address: int, family: str) -> None:
@@ -141,7 +141,7 @@ async def running(settled_s: float = 30.0, *changes: tuple[str, str]) -> AsyncIt
         *(("yard", 1, "ssw900"), ("yard", 2, "sst")),
     ):
         here.connect(port, address, family)
-    precautions = Precautions(
+    precautions = Policy(
         policy_of(here.config),
         ["pump", "fan", "mill", "belt"],
         rights=rights_of(here.config),
@@ -149,7 +149,7 @@ async def running(settled_s: float = 30.0, *changes: tuple[str, str]) -> AsyncIt
         clock=clock,
         sequence=sequence,
     )
-    companions = here.companions = Companions(
+    companions = here.companions = StarterServices(
         here.sink, patrol_every_s=3600.0
     )  # both would look at the same instant
     plant = here.plant = Plant(

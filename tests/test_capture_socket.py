@@ -14,7 +14,7 @@ import pytest
 from gateway.app import capture_socket
 from gateway.app.capture_socket import CaptureSocket
 from gateway.line.events import OnFrame
-from gateway.system.clock_steps import Reading
+from gateway.system.clock_steps import ClockReading
 from tests.virtual_time import EPOCH_S
 
 LONG_S = 10.0
@@ -27,8 +27,8 @@ class Clock:
     def utc_s(self, at_s: float | None = None) -> float:
         return EPOCH_S + (at_s or 0.0)
 
-    def reading(self) -> Reading:
-        return Reading(0.0, EPOCH_S)
+    def reading(self) -> ClockReading:
+        return ClockReading(0.0, EPOCH_S)
 
 
 class Lines:

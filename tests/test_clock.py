@@ -17,7 +17,7 @@ from gateway.system.clock import (
     is_synchronised_state,
     read_clocks,
 )
-from gateway.system.clock_steps import STEP_S, Reading
+from gateway.system.clock_steps import STEP_S, ClockReading
 
 
 def never() -> bool:
@@ -39,8 +39,8 @@ class Machine:
         self.watch.recall(before)
         self.watch.on_change = self.changes.append
 
-    def read(self) -> Reading:
-        return Reading(self.up_s, self.utc_s, self.boot_id)
+    def read(self) -> ClockReading:
+        return ClockReading(self.up_s, self.utc_s, self.boot_id)
 
     def wait(self, seconds: float) -> None:
         for _ in range(int(seconds * 4)):
@@ -67,7 +67,7 @@ def test_a_clock_that_was_never_stepped_is_what_the_configuration_says() -> None
 
 def test_the_kernel_is_asked_at_most_every_ten_seconds() -> None:
     up_s, answers = [0.0], [True, False]
-    watch = ClockWatch(ask=lambda: answers.pop(0), read=lambda: Reading(up_s[0], 1.8e9 + up_s[0]))
+    watch = ClockWatch(ask=lambda: answers.pop(0), read=lambda: ClockReading(up_s[0], 1.8e9 + up_s[0]))
 
     assert watch.doubt() is None
     up_s[0] = 9.9

@@ -11,9 +11,9 @@ import pytest
 
 from gateway.app.clock_memory import CLOCK_FILE, SAVE_EVERY_S, ClockMemory
 from gateway.records import Severity
-from gateway.storage.json_file import FileMemory
+from gateway.storage.json_file import JsonFile
 from gateway.system.clock import ClockWatch
-from gateway.system.clock_steps import Reading
+from gateway.system.clock_steps import ClockReading
 from tests.starters.rig import virtually
 
 Event = tuple[str, Severity, str]
@@ -41,9 +41,9 @@ class Wall:
     def __init__(self) -> None:
         self.epoch_s = 1.8e9
 
-    def read(self) -> Reading:
+    def read(self) -> ClockReading:
         now_s = asyncio.get_running_loop().time()
-        return Reading(now_s, self.epoch_s + now_s, "boot-1")
+        return ClockReading(now_s, self.epoch_s + now_s, "boot-1")
 
 
 def run_of(wall: Wall, memory: Documents, events: list[Event]) -> tuple[ClockWatch, ClockMemory]:
@@ -111,7 +111,7 @@ async def test_a_damaged_file_is_put_aside_and_the_clock_counts_as_configured(
     (tmp_path / CLOCK_FILE).write_text(content, "utf-8")
     watch = ClockWatch("trusted")
 
-    ClockMemory(watch, FileMemory(tmp_path / CLOCK_FILE), tell=lambda *_: None)
+    ClockMemory(watch, JsonFile(tmp_path / CLOCK_FILE), tell=lambda *_: None)
 
     assert watch.doubt() is None
     assert (tmp_path / f"{CLOCK_FILE}.damaged").exists()

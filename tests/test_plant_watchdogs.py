@@ -21,10 +21,10 @@ from gateway.sim.bus.port import SimulatedLine, SimulatedOpener
 from gateway.sim.factory import make_unit
 from gateway.sim.ssw900.faults import C8_TIMEOUT, C8_TIMEOUT_MODE
 from gateway.sim.weg.command_sources import ACTION_NONE, P_ACTION, P_TIMEOUT
-from gateway.starters.commands.dispatcher import Commander
-from gateway.starters.policy.policy import Precautions
+from gateway.starters.commands.dispatcher import Dispatcher
+from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.request import CommandRequest
-from gateway.starters.services.services import Companions
+from gateway.starters.services.services import StarterServices
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from tests.local_host import LocalHost
 from tests.plant_rig import Here
@@ -115,7 +115,7 @@ class Run:
 
     bus: SimulatedLine
     plant: Plant
-    commander: Commander
+    commander: Dispatcher
     sink: WatchedSink
     watchdogs: KnownWatchdogs
 
@@ -147,7 +147,7 @@ async def running(
     """Run the plant with its commander from the opening of the port to its closing."""
     clock, sequence, sink = VirtualClock(asyncio.get_running_loop()), SequenceNumbers(), WatchedSink()
     watchdogs = KnownWatchdogs(memory=memory)
-    precautions = Precautions(
+    precautions = Policy(
         policy_of(config),
         [starter.name for starter in config.lines[0].starters],
         rights=rights_of(config),
@@ -160,7 +160,7 @@ async def running(
     def opener(table: LineTable) -> SimulatedOpener:
         return bus.opener(timing=timing_of(table))
 
-    companions = Companions(sink, patrol_every_s=lap_s)
+    companions = StarterServices(sink, patrol_every_s=lap_s)
     listener: Any = Here(config=config)
     plant = Plant(
         listener,
@@ -172,7 +172,7 @@ async def running(
     )
     host = LocalHost(plant)
     plant.build(host, config.lines)
-    commander = Commander(
+    commander = Dispatcher(
         plant.starters,
         rights=rights_of(config),
         sink=companions,

@@ -11,19 +11,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.app.incoming import Reception
+from gateway.app.incoming import IncomingCommands
 from gateway.mqtt.connection.inbox import Inbox
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.freshness import Tokens
 from gateway.mqtt.contract.payloads import Payloads
-from gateway.mqtt.contract.run_token import Boot
+from gateway.mqtt.contract.run_token import RunToken
 from gateway.mqtt.contract.strict_json import rfc3339
 from gateway.mqtt.contract.topics import Topics
 from gateway.records import AuditRecord, ResultRecord, Severity
 from gateway.starters.policy.rights import Operator
 from gateway.system.clock import ClockWatch
-from gateway.system.clock_steps import Reading
-from gateway.system.suspend_watch import StandstillWatch
+from gateway.system.clock_steps import ClockReading
+from gateway.system.suspend_watch import SuspendWatch
 from tests.starters.plant import OPERATORS, Plant
 from tests.starters.rig import virtually
 from tests.virtual_time import VirtualTimeLoop, run_virtually
@@ -34,13 +34,13 @@ class Desk:
 
     def __init__(self, plant: Plant) -> None:
         self.plant = plant
-        self.boot = Boot("run")
+        self.boot = RunToken("run")
         self._tokens = Tokens(self.boot)
         self.boot.connected(plant.clock.now_s())
         self.asleep_s = 0.0
         self.tokens: list[str] = []  # as told again
         self.events: list[tuple[Any, ...]] = []
-        self.reception = Reception(
+        self.reception = IncomingCommands(
             Topics("b"),
             self._tokens,
             commander=plant.commander,
@@ -54,13 +54,13 @@ class Desk:
     def token(self) -> str:
         return self._tokens.issue(self.plant.clock.now_s())
 
-    def _read_clocks(self) -> Reading:
+    def _read_clocks(self) -> ClockReading:
         clock = self.plant.clock
-        return Reading(clock.now_s() + self.asleep_s, clock.utc_s())
+        return ClockReading(clock.now_s() + self.asleep_s, clock.utc_s())
 
-    def _watch(self, on_standstill: Callable[[float], None]) -> StandstillWatch:
+    def _watch(self, on_standstill: Callable[[float], None]) -> SuspendWatch:
         clock = self.plant.clock
-        return StandstillWatch(on_standstill, up_s=lambda: clock.now_s() + self.asleep_s, utc_s=clock.utc_s)
+        return SuspendWatch(on_standstill, up_s=lambda: clock.now_s() + self.asleep_s, utc_s=clock.utc_s)
 
     def take(self, verb: str, id_: str, starter: str = "pump-1", **fields: Any) -> None:
         payload = json.dumps({"id": id_, **fields}).encode()

@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from gateway.system.suspend_watch import LIMIT_S, LOOK_EVERY_S, StandstillWatch, up_s
+from gateway.system.suspend_watch import LIMIT_S, LOOK_EVERY_S, SuspendWatch, up_s
 from tests.virtual_time import run_virtually
 
 
@@ -16,7 +16,7 @@ class Clocks:
     def __init__(self) -> None:
         self.up_s, self.utc_s = 1000.0, 1.8e9
         self.told_s: list[float] = []
-        self.watch = StandstillWatch(self.told_s.append, up_s=lambda: self.up_s, utc_s=lambda: self.utc_s)
+        self.watch = SuspendWatch(self.told_s.append, up_s=lambda: self.up_s, utc_s=lambda: self.utc_s)
         self.watch.look()
 
     def pass_by(self, up_s: float, utc_s: float) -> list[float]:
@@ -56,7 +56,7 @@ def test_it_looks_often_enough_not_to_take_its_own_pauses_for_standstills() -> N
 
     async def scenario() -> None:
         loop = asyncio.get_running_loop()
-        watch = StandstillWatch(told_s.append, up_s=loop.time, utc_s=loop.time)
+        watch = SuspendWatch(told_s.append, up_s=loop.time, utc_s=loop.time)
         looking = asyncio.create_task(watch.run(also=lambda: looks.append(loop.time())))
         await asyncio.sleep(60.0)
         looking.cancel()

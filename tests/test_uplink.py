@@ -16,7 +16,7 @@ from gateway.app.uplink import Uplink
 from gateway.config.load import parse
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.freshness import Tokens
-from gateway.mqtt.contract.run_token import Boot
+from gateway.mqtt.contract.run_token import RunToken
 from gateway.records import AvailabilityRecord
 from gateway.system.clock import SystemClock
 from tests.conftest import StartMosquitto
@@ -60,7 +60,7 @@ async def uplink(
     incoming: list[Incoming] = []
     up = Uplink(
         first,
-        Tokens(Boot("run")),
+        Tokens(RunToken("run")),
         clock=SystemClock(),
         on_incoming=incoming.append,
         on_link=links.note,

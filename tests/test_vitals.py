@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from gateway.app.health import Vitals
+from gateway.app.health import Health
 from gateway.line.client import LineClient
 from gateway.records import LineRecord, Severity
 from gateway.system.hang_dump import HangWatch
@@ -74,9 +74,9 @@ class World:
     def tell(self, code: str, severity: Severity, text: str) -> None:
         self.told.append((code, severity))
 
-    def vitals(self) -> Vitals:
+    def vitals(self) -> Health:
         line: LineClient = self.line  # type: ignore[assignment] # all that is asked of it
-        return Vitals(
+        return Health(
             [line],
             progress=self.progress,
             publisher=self,  # type: ignore[arg-type] # all that is asked of it
@@ -200,7 +200,7 @@ class Fans(Line):
 def test_other_lines_are_watched_when_they_have_come_and_those_that_are_gone_no_more() -> None:
     world = World(lag=LagMeter())
     lines = {"pumps": 0}
-    vitals: Vitals
+    vitals: Health
 
     def progress() -> dict[str, int]:
         for name in lines:

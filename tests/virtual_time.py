@@ -7,7 +7,7 @@ import selectors
 from collections.abc import Coroutine
 from typing import Any, TypeVar
 
-from gateway.system.clock_steps import Reading
+from gateway.system.clock_steps import ClockReading
 
 T = TypeVar("T")
 
@@ -60,8 +60,8 @@ class VirtualClock:
     def utc_s(self, at_s: float | None = None) -> float:
         return self.epoch_s + (self._loop.time() if at_s is None else at_s)
 
-    def reading(self) -> Reading:
-        return Reading(self.now_s(), self.utc_s(), "boot-1")
+    def reading(self) -> ClockReading:
+        return ClockReading(self.now_s(), self.utc_s(), "boot-1")
 
 
 def run_virtually(main: Coroutine[Any, Any, T]) -> T:

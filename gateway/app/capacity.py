@@ -21,7 +21,7 @@ from gateway.starters.telemetry.polling import polls_of
 
 
 @dataclass(frozen=True, slots=True)
-class StarterProspect:
+class StarterCapacity:
     """One starter's share of a line."""
 
     table: StarterTable
@@ -31,21 +31,21 @@ class StarterProspect:
 
 
 @dataclass(frozen=True, slots=True)
-class LineProspect:
+class LineCapacity:
     """One line."""
 
     table: LineTable
     forecast: Forecast
     stop_latency_s: float  # at the worst, while starters are being identified too
-    starters: tuple[StarterProspect, ...]  # the enabled ones
+    starters: tuple[StarterCapacity, ...]  # the enabled ones
 
 
-def prospects_of(config: Config) -> tuple[LineProspect, ...]:
+def prospects_of(config: Config) -> tuple[LineCapacity, ...]:
     """Return what every line of a configuration will be like."""
     return tuple(_line(line) for line in config.lines)
 
 
-def computed_of(line: LineProspect) -> dict[str, Any]:
+def computed_of(line: LineCapacity) -> dict[str, Any]:
     """Return a line's figures as they should be at the worst, for `B/gateway/line/{line}`."""
     margins_s = [each.margin_s for each in line.starters if each.margin_s is not None]
     ages_s: dict[str, float] = {}
@@ -62,7 +62,7 @@ def computed_of(line: LineProspect) -> dict[str, Any]:
     }
 
 
-def missed_deadlines(prospects: Iterable[LineProspect]) -> list[Mistake]:
+def missed_deadlines(prospects: Iterable[LineCapacity]) -> list[Mistake]:
     """Return the watchdogs that would trip although everything works; of a site's lines in their order."""
     mistakes = []
     for index, line in enumerate(prospects):
@@ -75,7 +75,7 @@ def missed_deadlines(prospects: Iterable[LineProspect]) -> list[Mistake]:
     return mistakes
 
 
-def _miss(line: LineProspect, starter: StarterProspect) -> str:
+def _miss(line: LineCapacity, starter: StarterCapacity) -> str:
     limit_s, gap_s = starter.table.watchdog_s, starter.gap_s
     if limit_s is None or isinf(gap_s):
         share = f"{line.forecast.watchdog_load:.0%} of the line's time"
@@ -84,13 +84,13 @@ def _miss(line: LineProspect, starter: StarterProspect) -> str:
     return f"{starter.table.name}: {missed}: a gap may be {gap_s:.2f} s"
 
 
-def _line(line: LineTable) -> LineProspect:
+def _line(line: LineTable) -> LineCapacity:
     timing = timing_of(line)
     setups = setups_of(line)
     polls = [poll for setup in setups for poll in polls_of(setup)]
     whole = forecast(polls, timing, allowance_s=line.adapter_allowance_s)
     asked = [*polls, *(poll for setup in setups if setup.is_enabled for poll in _identification(setup))]
-    return LineProspect(
+    return LineCapacity(
         table=line,
         forecast=whole,
         stop_latency_s=worst_stop_latency_s(asked, timing, allowance_s=line.adapter_allowance_s),
@@ -102,13 +102,13 @@ def _line(line: LineTable) -> LineProspect:
     )
 
 
-def _starter(table: StarterTable, setup: StarterSetup, whole: Forecast) -> StarterProspect:
+def _starter(table: StarterTable, setup: StarterSetup, whole: Forecast) -> StarterCapacity:
     ages_s: dict[str, float] = {}
     for each in whole.polls:
         if each.poll.unit == setup.address:
             ages_s[each.poll.group] = max(ages_s.get(each.poll.group, 0.0), each.age_s)
     gap_s = longest_gap_s(whole, setup.address)
-    return StarterProspect(table, ages_s, gap_s, table.watchdog_s - gap_s if table.watchdog_s else None)
+    return StarterCapacity(table, ages_s, gap_s, table.watchdog_s - gap_s if table.watchdog_s else None)
 
 
 def _identification(setup: StarterSetup) -> list[Poll]:

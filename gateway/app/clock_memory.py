@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from gateway.errors import DamagedError
 from gateway.records import Severity
-from gateway.storage.json_file import Memory, Saver
+from gateway.storage.json_file import JsonStore, Saver
 from gateway.system.clock import ClockWatch
 from gateway.system.clock_steps import SETTLED_S
 
@@ -23,7 +23,7 @@ class ClockMemory:
     """Saves at the start, at every step and its end, every ten minutes and in an orderly end."""
 
     def __init__(
-        self, watch: ClockWatch, memory: Memory, *, tell: Callable[[str, Severity, str], None]
+        self, watch: ClockWatch, memory: JsonStore, *, tell: Callable[[str, Severity, str], None]
     ) -> None:
         self._watch = watch
         self._memory = memory

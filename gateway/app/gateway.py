@@ -11,32 +11,32 @@ from typing import Any
 from gateway import __version__
 from gateway.app.capture_socket import capture_of
 from gateway.app.clock_memory import CLOCK_FILE, ClockMemory
-from gateway.app.health import Vitals
-from gateway.app.incoming import Reception
+from gateway.app.health import Health
+from gateway.app.incoming import IncomingCommands
 from gateway.app.plant import Plant
 from gateway.app.record_log import RecordLog
 from gateway.app.site import Site
 from gateway.app.uplink import Uplink
 from gateway.config.convert import least_watchdog_s, policy_of, rights_of, setups_of
-from gateway.config.diff import Changes, changes_of, fixed
+from gateway.config.diff import ConfigChanges, changes_of, fixed
 from gateway.config.schema import Config
 from gateway.errors import ConfigError, Problem
 from gateway.line.thread import LineHost
 from gateway.mqtt.connection.inbox import Inbox
 from gateway.mqtt.contract.freshness import MAX_AHEAD_S, MAX_TTL_S, Tokens
-from gateway.mqtt.contract.run_token import Boot
+from gateway.mqtt.contract.run_token import RunToken
 from gateway.records import EventRecord, SequenceNumbers, Severity
-from gateway.starters.commands.dispatcher import Commander
+from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.commands.ledger import Proofs
 from gateway.starters.identity.registry import IDENTITIES_FILE
 from gateway.starters.policy.motor_history import PRECAUTIONS_FILE
-from gateway.starters.policy.policy import Precautions
+from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.write_budget import WEAR_FILE
-from gateway.starters.services.services import Companions
+from gateway.starters.services.services import StarterServices
 from gateway.starters.telemetry.known_watchdogs import WATCHDOGS_FILE, KnownWatchdogs
-from gateway.starters.telemetry.transitions import FAULTS_FILE, ToldFaults
-from gateway.storage.json_file import FileMemory, SwitchedMemory
-from gateway.storage.state_dir import Keeper
+from gateway.starters.telemetry.transitions import FAULTS_FILE, PublishedFaults
+from gateway.storage.json_file import JsonFile, SwitchedStore
+from gateway.storage.state_dir import StateDir
 from gateway.system.clock import Clock, ClockWatch, SystemClock
 from gateway.system.systemd import Notifier
 
@@ -61,7 +61,7 @@ class App:
         self._clock = clock or SystemClock()
         self._clock_watch = ClockWatch(site.config.gateway.clock)
         self._sequence = SequenceNumbers()
-        self._boot = Boot(secrets.token_hex(8))
+        self._boot = RunToken(secrets.token_hex(8))
         self._tokens = Tokens(self._boot)
         self._uplink = Uplink(
             site,
@@ -76,7 +76,7 @@ class App:
         self._clock_memory = self._build_clock_memory()
         self._watchdogs = self._build_watchdogs()
         self._precautions = self._build_precautions()
-        self._companions = Companions(self._records)
+        self._companions = StarterServices(self._records)
         self._plant = Plant(
             self,
             precautions=self._precautions,
@@ -183,7 +183,7 @@ class App:
         """Hear that a line's port is open (empty) or away (why)."""
         self._vitals.note_port(line, trouble)
 
-    def _take_over(self, site: Site, changes: Changes) -> Awaitable[None]:
+    def _take_over(self, site: Site, changes: ConfigChanges) -> Awaitable[None]:
         """Do everything that must happen at one instant; what is returned ends what was replaced."""
         config, operators = site.config, bool(site.config.operators)
         self._site = site
@@ -207,10 +207,10 @@ class App:
         self._uplink.tell_info(config)
         return ended
 
-    def _build_precautions(self) -> Precautions:
+    def _build_precautions(self) -> Policy:
         config = self._site.config
         memory, identities_memory, wear_memory, _ = self._memories
-        return Precautions(
+        return Policy(
             policy_of(config),
             [starter.name for line in config.lines for starter in line.starters],
             rights=rights_of(config),
@@ -221,13 +221,13 @@ class App:
             identities_memory=identities_memory,
             wear_memory=wear_memory,
             watchdogs=self._watchdogs,
-            told_faults=ToldFaults(memory=FileMemory(self._site.state_dir / FAULTS_FILE)),
+            told_faults=PublishedFaults(memory=JsonFile(self._site.state_dir / FAULTS_FILE)),
         )
 
     def _build_watchdogs(self) -> KnownWatchdogs:
         """Return the watchdogs as last known; also where nobody may give commands, they can be changed."""
         return KnownWatchdogs(
-            memory=FileMemory(self._site.state_dir / WATCHDOGS_FILE),
+            memory=JsonFile(self._site.state_dir / WATCHDOGS_FILE),
             in_thread=asyncio.to_thread,
             on_trouble=self._tell_watchdogs_trouble,
         )
@@ -239,8 +239,8 @@ class App:
         else:
             self.tell("memory_back", Severity.INFO, "the starters' watchdogs are saved again")
 
-    def _build_keeper(self) -> Keeper:
-        return Keeper(
+    def _build_keeper(self) -> StateDir:
+        return StateDir(
             self._site.state_dir,
             boot=self._boot.run,
             clock=self._clock,
@@ -254,7 +254,7 @@ class App:
     def _build_clock_memory(self) -> ClockMemory:
         return ClockMemory(self._clock_watch, self._memories[-1], tell=self.tell)
 
-    def _build_commander(self) -> Commander:
+    def _build_commander(self) -> Dispatcher:
         sink = self._keeper.sink(self._companions)
         self._companions.add_fast_lanes(
             precautions=self._precautions,
@@ -263,7 +263,7 @@ class App:
             sequence=self._sequence,
             may_write=bool(self._site.config.operators),
         )
-        return Commander(
+        return Dispatcher(
             self._plant.starters,
             rights=rights_of(self._site.config),
             sink=sink,
@@ -279,8 +279,8 @@ class App:
         self._boot.renew()
         self._uplink.publisher.restate()
 
-    def _build_reception(self) -> Reception:
-        return Reception(
+    def _build_reception(self) -> IncomingCommands:
+        return IncomingCommands(
             self._uplink.topics,
             self._tokens,
             commander=self._commander,
@@ -290,8 +290,8 @@ class App:
             tell=self.tell,
         )
 
-    def _build_vitals(self, notifier: Notifier, watchdog_every_s: float | None) -> Vitals:
-        return Vitals(
+    def _build_vitals(self, notifier: Notifier, watchdog_every_s: float | None) -> Health:
+        return Health(
             self._plant.lines.values(),
             progress=self._host.progress,
             publisher=self._uplink.publisher,
@@ -314,10 +314,10 @@ class App:
         self._vitals.note_link(trouble)
 
 
-def _memories_of(site: Site) -> list[SwitchedMemory]:
+def _memories_of(site: Site) -> list[SwitchedStore]:
     """Return what is kept in small files; without operators nothing is."""
     files = (site.state_dir / name for name in (PRECAUTIONS_FILE, IDENTITIES_FILE, WEAR_FILE, CLOCK_FILE))
-    return [SwitchedMemory(FileMemory(file), is_on=bool(site.config.operators)) for file in files]
+    return [SwitchedStore(JsonFile(file), is_on=bool(site.config.operators)) for file in files]
 
 
 async def _newly_missed(watchdogs: KnownWatchdogs, old: Config, new: Config) -> list[Problem]:

@@ -83,7 +83,7 @@ LAG_QUIET_S = 60.0  # a loop that was in time for so long may be told of again
 Tell = Callable[[str, Severity, str], None]
 
 
-class Vitals:
+class Health:
     """Watches the lines and speaks for them; all calls on the app's loop."""
 
     def __init__(

@@ -7,14 +7,14 @@ from collections.abc import Callable, Mapping
 from math import inf
 from typing import Any, Protocol
 
-from gateway.mqtt.contract.commands import MALFORMED_TOPIC, Incoming, Intake, Rejection
+from gateway.mqtt.contract.commands import MALFORMED_TOPIC, CommandParser, Incoming, Rejection
 from gateway.mqtt.contract.freshness import Moment, Tokens
 from gateway.mqtt.contract.topics import CommandAddress, Topics, shortened
 from gateway.records import Severity
-from gateway.starters.commands.dispatcher import Commander
+from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.policy.request import CommandRequest
 from gateway.system.clock import Clock, ClockWatch
-from gateway.system.suspend_watch import StandstillWatch
+from gateway.system.suspend_watch import SuspendWatch
 from gateway.system.token_bucket import Damped
 
 log = logging.getLogger(__name__)
@@ -32,7 +32,7 @@ class Tell(Protocol):
         ...
 
 
-class Reception:
+class IncomingCommands:
     """All calls on the app's loop; `restate` publishes the boot token anew, `tell` an event."""
 
     def __init__(
@@ -40,14 +40,14 @@ class Reception:
         topics: Topics,
         tokens: Tokens,
         *,
-        commander: Commander,
+        commander: Dispatcher,
         clock: Clock,
         clock_watch: ClockWatch,
         restate: Callable[[], None],
         tell: Tell,
-        standstill: Callable[[Callable[[float], None]], StandstillWatch] = StandstillWatch,
+        standstill: Callable[[Callable[[float], None]], SuspendWatch] = SuspendWatch,
     ) -> None:
-        self._intake = Intake(topics, tokens, freshness_of=self._freshness_of)
+        self._intake = CommandParser(topics, tokens, freshness_of=self._freshness_of)
         self._boot = tokens.boot
         self._commander = commander
         self._clock = clock

@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any, Protocol
 
 from gateway.config.convert import setups_of, timing_of
-from gateway.config.diff import Changes, Comers
+from gateway.config.diff import Additions, ConfigChanges
 from gateway.config.schema import LineTable
 from gateway.line.capacity.outage import start_order
 from gateway.line.client import LineClient
@@ -21,8 +21,8 @@ from gateway.line.rtu.outcome import Outcome
 from gateway.line.scheduler.requests import Poll
 from gateway.modbus.timing import LineTiming
 from gateway.records import SequenceNumbers, Severity
-from gateway.starters.policy.policy import Precautions
-from gateway.starters.services.services import Companions
+from gateway.starters.policy.policy import Policy
+from gateway.starters.services.services import StarterServices
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.telemetry import StarterTelemetry
 from gateway.system.clock import Clock
@@ -86,8 +86,8 @@ class Plant:
         self,
         listener: PlantListener,
         *,
-        precautions: Precautions,
-        companions: Companions,
+        precautions: Policy,
+        companions: StarterServices,
         clock: Clock,
         sequence: SequenceNumbers,
         make_opener: Callable[[LineTable], PortOpener] = serial_opener,
@@ -114,7 +114,7 @@ class Plant:
         """Publish what is known before the first answers are told; once, on the app's loop."""
         await _introduce(self.starters.values())
 
-    def apply(self, changes: Changes) -> Coroutine[Any, Any, None]:
+    def apply(self, changes: ConfigChanges) -> Coroutine[Any, Any, None]:
         """Change everything at this instant; await what is returned, which tells of it.
 
         What the changes do not name goes on as if nothing had happened.
@@ -201,7 +201,7 @@ class Plant:
         )
         return [self._add_starter(setup) for setup in setups]
 
-    def _join(self, comers: Comers) -> list[StarterTelemetry]:
+    def _join(self, comers: Additions) -> list[StarterTelemetry]:
         """Add starters to a line that runs; each is asked its first question at once."""
         names = {each.name for each in comers.starters}
         come = [self._add_starter(setup) for setup in self._setups(comers.line) if setup.name in names]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
-from gateway.app.capacity import LineProspect, computed_of, missed_deadlines, prospects_of
+from gateway.app.capacity import LineCapacity, computed_of, missed_deadlines, prospects_of
 from gateway.config.load import load
 from gateway.config.mistakes import Mistake
 from gateway.config.schema import Config
@@ -21,7 +21,7 @@ class Site:
     config: Config
     folder: Path  # the configuration's: relative paths begin there
     password: str | None = field(repr=False)
-    prospects: tuple[LineProspect, ...]  # what its lines will be like
+    prospects: tuple[LineCapacity, ...]  # what its lines will be like
 
     @classmethod
     def of(cls, config: Config, *, folder: Path, password: str | None) -> Self:
@@ -34,7 +34,7 @@ class Site:
 
         This alone decides whether a configuration can be used, for `run`, a reload and `check`.
         """
-        prospects: tuple[LineProspect, ...] = ()
+        prospects: tuple[LineCapacity, ...] = ()
 
         def check(config: Config) -> list[Mistake]:
             nonlocal prospects

@@ -20,9 +20,9 @@ from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
 from gateway.mqtt.connection.unread import Unread
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.freshness import Tokens
-from gateway.mqtt.contract.payloads import GatewayInfo, Message, Operator, Payloads
+from gateway.mqtt.contract.payloads import GatewayInfo, Message, OperatorInfo, Payloads
 from gateway.mqtt.contract.topics import Topics
-from gateway.mqtt.outbox.disk_sync import Spooler, Tell
+from gateway.mqtt.outbox.disk_sync import DiskSync, Tell
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher
 from gateway.records import ResultRecord, Severity
@@ -72,7 +72,7 @@ class Uplink:
         self.outbox = Outbox(
             last_topic=self.topics.gateway_status, pack=self._payloads.history, boot=tokens.boot.run
         )
-        self.spooler = Spooler(
+        self.spooler = DiskSync(
             self.outbox,
             OutboxDisk(site.state_dir),
             clock=clock,
@@ -95,7 +95,7 @@ class Uplink:
                 starters=tuple(starter.name for line in config.lines for starter in line.starters),
                 lines=tuple(line.name for line in config.lines),
                 operators=tuple(
-                    Operator(each.client, each.may, each.starters, each.freshness)
+                    OperatorInfo(each.client, each.may, each.starters, each.freshness)
                     for each in config.operators
                 ),
                 groups=policy_of(config).groups,

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from gateway.app.advice import fast_gains, fast_lines, relief_of
-from gateway.app.capacity import LineProspect, StarterProspect
+from gateway.app.capacity import LineCapacity, StarterCapacity
 from gateway.app.site import Site
 from gateway.cli.command import Subparsers
 from gateway.config.convert import timing_of
@@ -35,7 +35,7 @@ from gateway.line.capacity.outage import (
 SHORTEST_LIMIT_S = 2.0  # of the service watchdog: a slow line needs most of a second for one transaction
 
 
-def gaps_of_starter(line: LineProspect, starter: StarterProspect, restart: Restart | None = None) -> Gaps:
+def gaps_of_starter(line: LineCapacity, starter: StarterCapacity, restart: Restart | None = None) -> Gaps:
     """Return the longest gaps of a starter, with the shipped unit's times unless others are given."""
     limits_s = {each.address: each.watchdog_s for each in line.table.starters if each.watchdog_s}
     polls = start_order((each.poll for each in line.forecast.polls), limits_s)
@@ -44,7 +44,7 @@ def gaps_of_starter(line: LineProspect, starter: StarterProspect, restart: Resta
     return gaps_of(starter.gap_s, first_s, restart)
 
 
-def print_gaps(line: LineProspect) -> None:
+def print_gaps(line: LineCapacity) -> None:
     """Print the longest gaps of every starter beside its watchdog."""
     if not line.starters:
         return
@@ -57,7 +57,7 @@ def print_gaps(line: LineProspect) -> None:
         print(f"  {starter.table.name:{width}}  {times}   {_judged(starter, gaps)}")
 
 
-def tight_watchdogs(prospects: tuple[LineProspect, ...]) -> Iterator[str]:
+def tight_watchdogs(prospects: tuple[LineCapacity, ...]) -> Iterator[str]:
     """Tell the starters whose watchdog would act on a failure of the gateway, and what would help."""
     for line in prospects:
         for starter in line.starters:
@@ -75,13 +75,13 @@ def tight_watchdogs(prospects: tuple[LineProspect, ...]) -> Iterator[str]:
                 yield f"{what} hangs: {gap} (make it {for_hang_s:.1f} s{_shorter(limit_s, gaps)})"
 
 
-def as_json(line: LineProspect, starter: StarterProspect) -> dict[str, float]:
+def as_json(line: LineCapacity, starter: StarterCapacity) -> dict[str, float]:
     """Return the gaps after failures for `check --json`."""
     gaps = gaps_of_starter(line, starter)
     return {"crash_gap_s": round(gaps.crash_s, 4), "hang_gap_s": round(gaps.hang_s, 4)}
 
 
-def _judged(starter: StarterProspect, gaps: Gaps) -> str:
+def _judged(starter: StarterCapacity, gaps: Gaps) -> str:
     limit_s = starter.table.watchdog_s
     if limit_s is None:
         return "(not stated)"
@@ -157,7 +157,7 @@ def _count(number: int, what: str) -> str:
     return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
-def _print_line(line: LineProspect) -> None:
+def _print_line(line: LineCapacity) -> None:
     table, whole = line.table, line.forecast
     print(f"\nline {table.name}: {table.port}, {table.baud} {table.framing}")
     stop = f"a stop waits at most {line.stop_latency_s:.3f} s"
@@ -178,7 +178,7 @@ def _age(age_s: float | None) -> str:
     return "       -" if age_s is None else f"{age_s:6.2f} s"
 
 
-def _watchdog(starter: StarterProspect) -> str:
+def _watchdog(starter: StarterCapacity) -> str:
     if starter.table.watchdog_s is None:
         return f"not stated, must be above {starter.gap_s:.2f} s"
     if starter.margin_s is None:
@@ -186,7 +186,7 @@ def _watchdog(starter: StarterProspect) -> str:
     return f"{starter.table.watchdog_s:g} s, {starter.margin_s:.2f} s to spare"
 
 
-def _overloads(prospects: tuple[LineProspect, ...]) -> Iterator[str]:
+def _overloads(prospects: tuple[LineCapacity, ...]) -> Iterator[str]:
     """Say which lines are asked for more than their time: before all else, since nothing else then holds."""
     for line in prospects:
         whole = line.forecast
@@ -196,7 +196,7 @@ def _overloads(prospects: tuple[LineProspect, ...]) -> Iterator[str]:
             yield f"line {line.table.name}: {what} ({relief_of(line.table) or 'use more lines'})"
 
 
-def _line_warnings(prospects: tuple[LineProspect, ...]) -> Iterator[str]:
+def _line_warnings(prospects: tuple[LineCapacity, ...]) -> Iterator[str]:
     for line in prospects:
         yield from _segment_warnings(line.table)
         for starter in line.starters:
@@ -235,7 +235,7 @@ def _problems(error: ConfigError) -> list[dict[str, Any]]:
     return [{"line": p.line, "key": p.key, "what": p.what, "mend": p.mend} for p in error.problems]
 
 
-def _as_json(line: LineProspect) -> dict[str, Any]:
+def _as_json(line: LineCapacity) -> dict[str, Any]:
     return {
         "line": line.table.name,
         "load": round(line.forecast.load, 4),

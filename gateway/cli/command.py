@@ -14,7 +14,7 @@ class Subparsers(Protocol):
         ...
 
 
-class Command(Protocol):
+class CommandModule(Protocol):
     """A module of this package that is a command."""
 
     def add_parser(self, subparsers: Subparsers) -> None:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import NoReturn, cast
 
 from gateway import __version__
-from gateway.cli.command import Command
+from gateway.cli.command import CommandModule
 from gateway.errors import ConfigError, GatewayError, UsageError
 
 PROGRAM = "starter-gateway"
@@ -103,8 +103,8 @@ def _parse(parser: argparse.ArgumentParser, arguments: list[str]) -> argparse.Na
     return args
 
 
-def _load(name: str) -> Command:
-    return cast(Command, importlib.import_module(f"gateway.cli.{name}"))
+def _load(name: str) -> CommandModule:
+    return cast(CommandModule, importlib.import_module(f"gateway.cli.{name}"))
 
 
 def _complete(parser: argparse.ArgumentParser) -> None:

@@ -16,7 +16,7 @@ from gateway.cli.operator_login import add_login, checked_client, settings_of, u
 from gateway.config.load import load
 from gateway.config.schema import Config
 from gateway.errors import UsageError
-from gateway.mqtt.connection.command_client import Order, Sender
+from gateway.mqtt.connection.command_client import CommandClient, Order
 from gateway.mqtt.contract.topics import Topics, is_level
 from gateway.records import SELECT, Phase
 
@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
     settings = settings_of(
         config, folder, tool="send", username=args.username, password_file=args.password_file
     )
-    sender = Sender(settings, Topics(config.base))
+    sender = CommandClient(settings, Topics(config.base))
     sending = sender.send(order, now_s=time.time(), within_s=args.timeout, on_phase=_show)
     result = asyncio.run(sending)
     if result is None:

@@ -10,7 +10,7 @@ from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.starters.policy.rights import Operator, Rights
-from gateway.starters.policy.start_rules import Policy, RuleSet
+from gateway.starters.policy.start_rules import PolicySettings, RuleSet
 from gateway.starters.setup import StarterSetup
 
 
@@ -29,10 +29,10 @@ def rights_of(config: Config) -> Rights:
     return Rights(Operator(each.client, each.may, each.starters, each.freshness) for each in config.operators)
 
 
-def policy_of(config: Config) -> Policy:
+def policy_of(config: Config) -> PolicySettings:
     """Return what is demanded of commands, and which starters stop together."""
     starters = [starter for line in config.lines for starter in line.starters]
-    return Policy(
+    return PolicySettings(
         rules={starter.name: _rules(config, starter) for starter in starters},
         groups={
             group.name: tuple(starter.name for starter in starters if _is_among(starter, group.starters))

@@ -12,7 +12,7 @@ RESTART = "restart the gateway for that: systemctl restart starter-gateway"
 
 
 @dataclass(frozen=True, slots=True)
-class Comers:
+class Additions:
     """Starters that come to a line which stays open."""
 
     line: LineTable
@@ -20,13 +20,13 @@ class Comers:
 
 
 @dataclass(frozen=True, slots=True)
-class Changes:
+class ConfigChanges:
     """Lines and starters that end and begin; what changes is in both, what stays as it is in neither."""
 
     lines_gone: tuple[str, ...]
     lines_new: tuple[LineTable, ...]  # with all their starters
     starters_gone: tuple[str, ...]  # with those of the lines that end
-    starters_new: tuple[Comers, ...]
+    starters_new: tuple[Additions, ...]
     paces: tuple[tuple[str, float], ...]  # starters of which only `every_s` is another: they stay
     lines_forgotten: tuple[str, ...]  # configured no more under any port
     starters_forgotten: tuple[str, ...]
@@ -62,7 +62,7 @@ def fixed(old: Config, new: Config) -> list[Problem]:
     ]
 
 
-def changes_of(old: Config, new: Config) -> Changes:
+def changes_of(old: Config, new: Config) -> ConfigChanges:
     """Return what must be done to lines and starters; the order of tables changes nothing."""
     before = {line.name: line for line in old.lines}
     after = {line.name: line for line in new.lines}
@@ -75,9 +75,9 @@ def changes_of(old: Config, new: Config) -> Changes:
         starters_gone += gone
         paces += paced
         if came:
-            comers.append(Comers(after[name], came))
+            comers.append(Additions(after[name], came))
     still = {each.name for each in _starters(new)}
-    return Changes(
+    return ConfigChanges(
         lines_gone=tuple(ended),
         lines_new=tuple(line for name, line in after.items() if name not in kept),
         starters_gone=tuple(starters_gone),

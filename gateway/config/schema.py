@@ -47,13 +47,13 @@ TwoStepVerb = Literal[
 ]  # never stop
 
 
-class Table(BaseModel):
+class ConfigTable(BaseModel):
     """What all tables share: no unknown key, no silent conversion, nothing changes after loading."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
-class GatewayTable(Table):
+class GatewayTable(ConfigTable):
     """`[gateway]`: who this gateway is and where it keeps what must outlive it."""
 
     name: Name  # a level in the topics, and the MQTT client id
@@ -61,7 +61,7 @@ class GatewayTable(Table):
     clock: Literal["auto", "trusted", "untrusted"] = "auto"  # auto: synchronised when the kernel says so
 
 
-class MqttTable(Table):
+class MqttTable(ConfigTable):
     """`[mqtt]`: the broker and the way to it; file names are relative to the configuration's folder."""
 
     url: Text  # mqtt://host[:1883] or mqtts://host[:8883]
@@ -92,7 +92,7 @@ class MqttTable(Table):
         return urlsplit(self.url).scheme == "mqtts"
 
 
-class RulesTable(Table):
+class RulesTable(ConfigTable):
     """`[line.starter.rules]`: what the gateway demands of commands to one starter; nothing by default."""
 
     starts_per_hour: int | None = Field(default=None, ge=1, le=1000)  # local starts count as well
@@ -108,14 +108,14 @@ class SharedRulesTable(RulesTable):
     starters: tuple[Glob, ...] = Field(strict=False, min_length=1)  # names, * and ? as in a shell
 
 
-class GroupTable(Table):
+class GroupTable(ConfigTable):
     """`[[group]]`: starters that can be stopped by one command; no other verb works on a group."""
 
     name: Name  # stands where a starter's name stands in command and result topics
     starters: tuple[Glob, ...] = Field(strict=False, min_length=1)
 
 
-class SimulatedTable(Table):
+class SimulatedTable(ConfigTable):
     """`[line.starter.simulated]`: what `simulate` makes of a starter; the gateway itself takes no notice."""
 
     firmware: Annotated[str, Field(pattern=FIRMWARE_PATTERN)] | None = None  # e.g. "1.30"
@@ -123,7 +123,7 @@ class SimulatedTable(Table):
     braking_s: float = Field(default=0.0, ge=0, le=600)  # SSW-06, SSW-07: DC braking at each stop; 0: none
 
 
-class StarterTable(Table):
+class StarterTable(ConfigTable):
     """`[[line.starter]]`: one machine on a line."""
 
     name: Name
@@ -140,7 +140,7 @@ class StarterTable(Table):
     simulated: SimulatedTable = SimulatedTable()
 
 
-class LineTable(Table):
+class LineTable(ConfigTable):
     """`[[line]]`: one RS-485 line and its starters."""
 
     name: Name
@@ -153,7 +153,7 @@ class LineTable(Table):
     starters: tuple[StarterTable, ...] = Field(alias="starter", strict=False, min_length=1)
 
 
-class OperatorTable(Table):
+class OperatorTable(ConfigTable):
     """`[[operator]]`: what one client may ask of which starters."""
 
     client: Name  # the level in the command topic
@@ -163,7 +163,7 @@ class OperatorTable(Table):
     freshness: Literal["token", "issued_at", "boot"] = "token"
 
 
-class Config(Table):
+class Config(ConfigTable):
     """A site, whole."""
 
     gateway: GatewayTable

@@ -35,13 +35,13 @@ _FAST_GROUPS = ("status", "values")
 
 
 @dataclass(frozen=True, slots=True)
-class FastBlock(Block):
+class MappedBlock(Block):
     """One read of mapped words: those of the rows first, then as many of the map itself."""
 
     map: tuple[int, ...] = ()  # what the map must hold; the second half of a reply says its first half
 
 
-def fast_block(profile: Profile, variant: Variant, *, missing: Collection[str] = ()) -> FastBlock | None:
+def fast_block(profile: Profile, variant: Variant, *, missing: Collection[str] = ()) -> MappedBlock | None:
     """Return the one read of as many often-read rows as fit, the status first; None when there is none.
 
     Rows that are `missing` in this starter are left out: a mapped parameter that does not exist reads 0
@@ -62,11 +62,11 @@ def fast_block(profile: Profile, variant: Variant, *, missing: Collection[str] =
     values = tuple(row.address for row in rows for _ in range(row.words))  # twice the same id: low word first
     proof = range(layout.map, layout.map + len(values))
     request = ReadHoldingRegisters(layout.read, 2 * len(values))
-    return FastBlock("status:fast_words", "status", request, tuple(rows), (*values, *proof))
+    return MappedBlock("status:fast_words", "status", request, tuple(rows), (*values, *proof))
 
 
 def plan_with(
-    profile: Profile, variant: Variant, fast: FastBlock | None, *, timing: LineTiming | None = None
+    profile: Profile, variant: Variant, fast: MappedBlock | None, *, timing: LineTiming | None = None
 ) -> tuple[Block, ...]:
     """Return all reads of a starter, the fast one first where there is one, as `plan_blocks` does."""
     if fast is None:
@@ -76,7 +76,7 @@ def plan_with(
 
 def rows_from(profile: Profile, block: Block, value: Sequence[Any]) -> dict[str, tuple[int, ...]] | None:
     """Return the raw words by code of any block's answer; None when the map is not ours any more."""
-    if not isinstance(block, FastBlock):
+    if not isinstance(block, MappedBlock):
         return rows_of(profile, block, value)
     half = len(block.map) // 2
     if tuple(value[half:]) != block.map[:half]:
@@ -96,14 +96,14 @@ def probes(profile: Profile, variant: Variant) -> tuple[Read, ...]:
     return () if block is None else tuple(read_of(profile, code) for code in block.codes)
 
 
-def prepare_map(profile: Profile, block: FastBlock) -> Preparation:
+def prepare_map(profile: Profile, block: MappedBlock) -> Preparation:
     """Return what to read before the map is written: the map, and whether the motor stands."""
     codes = (row.code for row, _ in _wanted(profile, block))
     standstill = rows_of_points(profile, points_needed(profile, RULES))
     return Preparation(VERB, reads=reads_for(profile, (*codes, *standstill)), requires=RULES)
 
 
-def build_map(profile: Profile, block: FastBlock, *, seen: Seen) -> Procedure:
+def build_map(profile: Profile, block: MappedBlock, *, seen: Seen) -> Procedure:
     """Return the writes that make the map what the block needs; only what differs is written."""
     wanted = _wanted(profile, block)
     changes = [(row, words) for row, words in wanted if not holds(row, words, seen)]
@@ -117,12 +117,12 @@ def build_map(profile: Profile, block: FastBlock, *, seen: Seen) -> Procedure:
     )
 
 
-def mapped(profile: Profile, block: FastBlock) -> dict[str, tuple[int, ...]]:
+def mapped(profile: Profile, block: MappedBlock) -> dict[str, tuple[int, ...]]:
     """Return what the rows of the map must hold, by code."""
     return {row.code: words for row, words in _wanted(profile, block)}
 
 
-def _wanted(profile: Profile, block: FastBlock) -> list[tuple[Parameter, tuple[int, ...]]]:
+def _wanted(profile: Profile, block: MappedBlock) -> list[tuple[Parameter, tuple[int, ...]]]:
     layout = profile.fast_words
     start = 0 if layout is None else layout.map
     return [

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from math import inf
 from typing import Any, Protocol
 
-from gateway.line.line import Scheduler
+from gateway.line.line import Line
 from gateway.line.rtu.outcome import Outcome
-from gateway.line.scheduler.requests import Job, Lane, Poll
+from gateway.line.scheduler.requests import Job, Poll, Priority
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
 
@@ -28,7 +28,7 @@ class LineClient(Protocol):
         ...
 
     def transact(
-        self, unit: int, request: Request, *, response_time_s: float, lane: Lane, until_s: float = inf
+        self, unit: int, request: Request, *, response_time_s: float, lane: Priority, until_s: float = inf
     ) -> asyncio.Future[Outcome]:
         """Hand a request to the line now, to be sent once, and return what is to become of it.
 
@@ -100,7 +100,7 @@ def settled(outcome: Outcome) -> asyncio.Future[Outcome]:
 class LocalLineClient:
     """A LineClient of a scheduler that runs on the same loop."""
 
-    def __init__(self, scheduler: Scheduler) -> None:
+    def __init__(self, scheduler: Line) -> None:
         self._scheduler = scheduler
 
     @property
@@ -114,7 +114,7 @@ class LocalLineClient:
         return self._scheduler.timing
 
     def transact(
-        self, unit: int, request: Request, *, response_time_s: float, lane: Lane, until_s: float = inf
+        self, unit: int, request: Request, *, response_time_s: float, lane: Priority, until_s: float = inf
     ) -> asyncio.Future[Outcome]:
         """Hand a request to the line now, to be sent once; when cancelled before it is sent, it never is."""
         asked = _Asked(lambda: self._to_line(lambda: self._scheduler.withdraw(job)))

@@ -13,12 +13,12 @@ from typing import Self
 
 from gateway.errors import PortLostError
 from gateway.line.client import LineClient, LocalLineClient
-from gateway.line.line import Scheduler
+from gateway.line.line import Line
 from gateway.line.port.base import ClosesLate, Port, PortOpener
 from gateway.line.rtu.outcome import Outcome
 from gateway.line.rtu.timeouts import ALLOWANCE_S, reply_within_s, request_wire_s
 from gateway.line.rtu.trace import Trace
-from gateway.line.rtu.transaction import Transactor
+from gateway.line.rtu.transaction import RtuMaster
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
 
@@ -33,7 +33,7 @@ async def exclusive_line(
     """
     port = await opener()
     listener = _Listener()
-    scheduler = Scheduler(
+    scheduler = Line(
         name=name,
         opener=_Once(opener.name, port),
         timing=timing,
@@ -101,12 +101,12 @@ class Survey:
         self._opener = opener
         self._allowance_s = allowance_s
         self._port: Port | None = None
-        self._line: Transactor | None = None
+        self._line: RtuMaster | None = None
 
     async def __aenter__(self) -> Self:
         self._port = await self._opener()
         trace = Trace(self._opener.name)
-        self._line = Transactor(self._port, self.timing, allowance_s=self._allowance_s, trace=trace)
+        self._line = RtuMaster(self._port, self.timing, allowance_s=self._allowance_s, trace=trace)
         return self
 
     async def __aexit__(

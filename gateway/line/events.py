@@ -9,7 +9,7 @@ import logging
 from collections.abc import Callable
 from typing import Any, Protocol
 
-from gateway.line.rtu.bus_faults import Trouble
+from gateway.line.rtu.bus_faults import BusFault
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Silent
 from gateway.line.rtu.trace import Trace
 from gateway.line.scheduler.requests import Job, Poll
@@ -43,7 +43,7 @@ OnFrame = Callable[[str, float, str, bytes], None]  # line, then as `trace.Tap`
 logger = logging.getLogger(__name__)
 
 
-class Voice:
+class Notifications:
     """Speaks for one line; what happened in a turn is told in order, once the next request is on its way.
 
     What others do with an answer would else take the interpreter while the silence runs out.
@@ -87,7 +87,7 @@ class Voice:
 
         self._waiting.append(tell)
 
-    def tell_trouble(self, trouble: Trouble) -> None:
+    def tell_trouble(self, trouble: BusFault) -> None:
         """Tell what is wrong on the line, soon, with the frames that showed it."""
         frames = self._trace.frames()
 

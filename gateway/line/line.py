@@ -9,21 +9,21 @@ from math import inf
 from typing import Any
 
 from gateway.errors import PortError, PortLostError, PortResetError
-from gateway.line.events import LineListener, OnFrame, Voice
+from gateway.line.events import LineListener, Notifications, OnFrame
 from gateway.line.port.base import Port, PortOpener
 from gateway.line.port.tty import CountsErrors
-from gateway.line.port_recovery import Deafness
+from gateway.line.port_recovery import PortRecovery
 from gateway.line.rtu.outcome import Silent
-from gateway.line.rtu.request import Preparations
+from gateway.line.rtu.request import RequestCache
 from gateway.line.rtu.timeouts import ALLOWANCE_S
 from gateway.line.rtu.trace import Trace
-from gateway.line.rtu.transaction import Transactor
+from gateway.line.rtu.transaction import RtuMaster
 from gateway.line.scheduler.requests import Job, Poll
-from gateway.line.scheduler.scheduler import Plan
+from gateway.line.scheduler.scheduler import Scheduler
 from gateway.line.scheduler.stop_latency import worst_stop_latency_s
-from gateway.line.service import IDLE_WAKE_S, Serving
-from gateway.line.statistics import Figures
-from gateway.line.stop_hold import Doorstep
+from gateway.line.service import IDLE_WAKE_S, LineService
+from gateway.line.statistics import Statistics
+from gateway.line.stop_hold import StopHold
 from gateway.modbus.timing import LineTiming
 
 logger = logging.getLogger(__name__)
@@ -32,7 +32,7 @@ REOPEN_FLOOR_S = 0.5
 REOPEN_CEILING_S = 2.0  # an adapter that is plugged in again is to be found at once
 
 
-class Scheduler:
+class Line:
     """Serves one line; everything but `__init__` belongs to the loop that `run` runs on."""
 
     def __init__(
@@ -54,15 +54,15 @@ class Scheduler:
         self.progress = 0  # grows with each transaction, idle wake-up and attempt to open
         self._opener = opener
         self._allowance_s = allowance_s
-        self._plan = Plan(polls, seed=seed)
+        self._plan = Scheduler(polls, seed=seed)
         self._trace = Trace(name)
-        self._voice = Voice(name, listener, self._trace, hurry=hurry)
-        self._figures = Figures()
-        self._preparations = Preparations()
-        self._deafness = Deafness(deaf_after_s)
-        self._doorstep = Doorstep(has_arrived)
+        self._voice = Notifications(name, listener, self._trace, hurry=hurry)
+        self._figures = Statistics()
+        self._preparations = RequestCache()
+        self._deafness = PortRecovery(deaf_after_s)
+        self._doorstep = StopHold(has_arrived)
         self._time: Callable[[], float] = lambda: -inf
-        self._serving: Serving | None = None  # while the port is open
+        self._serving: LineService | None = None  # while the port is open
         self._is_stopping = False
         self._is_reopening = False  # after a reset on purpose: jobs wait for the new connection
         self._earlier_stray_bytes = 0
@@ -196,7 +196,7 @@ class Scheduler:
         After a reset of ours the jobs wait for the new connection, and nothing is published of it.
         """
         self._is_reopening = False
-        line = Transactor(port, self.timing, allowance_s=self._allowance_s, trace=self._trace)
+        line = RtuMaster(port, self.timing, allowance_s=self._allowance_s, trace=self._trace)
         serving = self._serving = self._serving_of(line)
         self._plan.begin(self._time())
         self._figures.begin(self._time())
@@ -224,8 +224,8 @@ class Scheduler:
         for job in self._plan.take_jobs():
             job.finish(Silent("port closed", is_sent=False))
 
-    def _serving_of(self, line: Transactor) -> Serving:
-        return Serving(
+    def _serving_of(self, line: RtuMaster) -> LineService:
+        return LineService(
             line,
             port_name=self._opener.name,
             plan=self._plan,

@@ -13,7 +13,7 @@ from gateway.line.rtu.outcome import Outcome
 SOON_S = 0.1  # for answers to polls on their way to the app's loop
 
 
-class Courier:
+class LoopBridge:
     """Carries calls from the lines' loop to the app's, in order, many at a time."""
 
     def __init__(self) -> None:
@@ -56,7 +56,7 @@ class Courier:
 class CarriedListener:
     """Hands every call on to the app's loop, until it is muted there: then also none that is under way."""
 
-    def __init__(self, listener: LineListener, courier: Courier) -> None:
+    def __init__(self, listener: LineListener, courier: LoopBridge) -> None:
         self._listener = listener
         self._courier = courier
         self._is_muted = False  # belongs to the app's loop

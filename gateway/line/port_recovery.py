@@ -15,7 +15,7 @@ ASK_EVERY_S = 2.0  # all that are silent, while nobody answers: there is nobody 
 DEAF = "deaf: it is open, but no starter answers"  # the reason that is told
 
 
-class Deafness:
+class PortRecovery:
     """Told of every outcome on a line; `after_s` None or 0: never deaf."""
 
     def __init__(self, after_s: float | None) -> None:

@@ -8,35 +8,35 @@ from dataclasses import replace
 from math import inf
 
 from gateway.errors import PortLostError, PortResetError
-from gateway.line.events import Voice
-from gateway.line.port_recovery import DEAF, Deafness
+from gateway.line.events import Notifications
+from gateway.line.port_recovery import DEAF, PortRecovery
 from gateway.line.rtu.outcome import TOO_LATE, Garbled, Outcome, Silent
-from gateway.line.rtu.request import Preparations
-from gateway.line.rtu.transaction import Transactor
-from gateway.line.scheduler.requests import Job, Lane
-from gateway.line.scheduler.scheduler import Plan, Turn
-from gateway.line.statistics import Figures
-from gateway.line.stop_hold import LOOK_EVERY_S, Doorstep
+from gateway.line.rtu.request import RequestCache
+from gateway.line.rtu.transaction import RtuMaster
+from gateway.line.scheduler.requests import Job, Priority, Slot
+from gateway.line.scheduler.scheduler import Scheduler
+from gateway.line.statistics import Statistics
+from gateway.line.stop_hold import LOOK_EVERY_S, StopHold
 
 RESET = "reset: a write was not answered in time, and must not act later"
 IDLE_WAKE_S = 1.0  # an idle line looks at its port so often
 GAP_WITHIN_S = 0.1  # so long a stop waits for a gap between two frames of somebody who sends without end
 
 
-class Serving:
+class LineService:
     """Serves a line on a port as long as it is open; belongs to the loop that `run` runs on."""
 
     def __init__(
         self,
-        line: Transactor,
+        line: RtuMaster,
         *,
         port_name: str,
-        plan: Plan,
-        figures: Figures,
-        deafness: Deafness,
-        doorstep: Doorstep,
-        preparations: Preparations,
-        voice: Voice,
+        plan: Scheduler,
+        figures: Statistics,
+        deafness: PortRecovery,
+        doorstep: StopHold,
+        preparations: RequestCache,
+        voice: Notifications,
         step: Callable[[], None],
     ) -> None:
         self.line = line
@@ -50,7 +50,7 @@ class Serving:
         self._voice = voice
         self._step = step  # called whenever the loop gets on
         self._time = asyncio.get_running_loop().time
-        self._turn: Turn | None = None  # chosen, not yet sent
+        self._turn: Slot | None = None  # chosen, not yet sent
         self._is_overtaken = False  # by a job that came since
         self._has_stop = False  # which came since
         self._gave_way = False  # a poll, once already since the last one was sent
@@ -69,9 +69,9 @@ class Serving:
     def submit(self, job: Job) -> None:
         """Queue a job: a stop goes before whatever has been chosen, others before a poll, not for ever."""
         self._plan.submit(job, self._time())
-        if job.lane <= Lane.FOLLOW_UP:
+        if job.lane <= Priority.FOLLOW_UP:
             self._is_overtaken = True
-            self._has_stop = self._has_stop or job.lane is Lane.STOP or job.request.is_write
+            self._has_stop = self._has_stop or job.lane is Priority.STOP or job.request.is_write
         elif self._turn is not None and self._turn.poll is not None and not self._gave_way:
             self._is_overtaken = self._gave_way = True
         self.wake()
@@ -126,7 +126,7 @@ class Serving:
         self._is_overtaken = self._has_stop = False
         self._turn = self._plan.pick(when_s)
 
-    def _chosen(self) -> Turn | None:
+    def _chosen(self) -> Slot | None:
         """Return what is to be sent now: what was chosen, unless a stop came since or there was nothing."""
         if self._turn is not None and self._is_overtaken:
             self._plan.put_back(self._turn, self._turn.since_s)
@@ -158,7 +158,7 @@ class Serving:
         self._doorstep.waited(began_s, now_s)
         return True
 
-    async def _take(self, turn: Turn, noise: Garbled | None) -> Outcome:
+    async def _take(self, turn: Slot, noise: Garbled | None) -> Outcome:
         """Do one transaction, unless too late or on too noisy a line; a job ends even when this does not.
 
         A stop goes out on any line, between or over what others send.
@@ -191,7 +191,7 @@ class Serving:
                     self._voice.finish(job, Silent("port lost", is_sent=self.line.is_on_wire))
         return outcome if noise is None else replace(outcome, is_over_babble=True)
 
-    def _record(self, turn: Turn, outcome: Outcome, *, took_s: float) -> None:
+    def _record(self, turn: Slot, outcome: Outcome, *, took_s: float) -> None:
         """Plan on, and have it told to whoever waits for this outcome."""
         now_s = self._time()
         self._figures.note(turn, outcome, took_s=took_s, now_s=now_s)
@@ -207,10 +207,10 @@ class Serving:
         if turn.poll is not None:
             self._voice.tell_poll(turn.poll, outcome)
 
-    async def _put_back(self, turn: Turn, until_s: float) -> None:
+    async def _put_back(self, turn: Slot, until_s: float) -> None:
         """Let the unit's late reply come first; nothing but a new job is worth ending that wait for."""
         self._plan.put_back(turn, until_s)
-        if turn.job is not None and turn.lane is not Lane.FOLLOW_UP:
+        if turn.job is not None and turn.lane is not Priority.FOLLOW_UP:
             await self._wait_for_work(until_s)
 
     async def _wait_for_work(self, until_s: float) -> None:
@@ -231,7 +231,7 @@ class Serving:
             self._waker = None
 
 
-def _may_act_late(turn: Turn, outcome: Outcome) -> bool:
+def _may_act_late(turn: Slot, outcome: Outcome) -> bool:
     """Return whether a write that must not act late was sent, and it is not known that it arrived."""
     is_unsure = isinstance(outcome, Silent | Garbled) and outcome.is_sent
     return is_unsure and turn.job is not None and turn.job.must_not_act_late

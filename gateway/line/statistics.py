@@ -8,9 +8,8 @@ from math import inf
 from typing import Any
 
 from gateway.line.rtu.outcome import Answered, Outcome, Refused
-from gateway.line.rtu.response_time import Learnt
-from gateway.line.scheduler.requests import Lane, Poll
-from gateway.line.scheduler.scheduler import Turn
+from gateway.line.rtu.response_time import ResponseTimeEstimator
+from gateway.line.scheduler.requests import Poll, Priority, Slot
 
 _UTILISATION_WINDOW = 30  # samples, a second apart or more
 _COUNTED_AT_ONCE = 64
@@ -19,14 +18,14 @@ _RECKONED_EVERY_S = 10.0
 _OUTCOMES = ("answered", "silent", "garbled", "refused")
 
 
-class Figures:
+class Statistics:
     """Counters since the start; utilisation of about the last half minute."""
 
     def __init__(self) -> None:
-        self._pending: list[tuple[Turn, Outcome, float]] = []  # not yet counted
+        self._pending: list[tuple[Slot, Outcome, float]] = []  # not yet counted
         self._turns: Counter[str] = Counter()
-        self._units: dict[int, _UnitFigures] = {}
-        self._learnt = Learnt()
+        self._units: dict[int, _UnitStatistics] = {}
+        self._learnt = ResponseTimeEstimator()
         self._took_s: dict[str, float] = {}
         self._busy_s = 0.0
         self._reckoned = 0  # so many units' response times, since the start
@@ -38,7 +37,7 @@ class Figures:
         self._samples.clear()
         self._samples.append((now_s, self._busy_s))
 
-    def response_time_s(self, turn: Turn) -> float:
+    def response_time_s(self, turn: Slot) -> float:
         """Return how long to wait for a reply's first byte, by what was learnt as far as that is allowed."""
         poll = turn.poll
         if poll is None or poll.response_floor_s is None:
@@ -50,7 +49,7 @@ class Figures:
             floor_s=poll.response_floor_s,
         )
 
-    def note(self, turn: Turn, outcome: Outcome, *, took_s: float, now_s: float) -> None:
+    def note(self, turn: Slot, outcome: Outcome, *, took_s: float, now_s: float) -> None:
         """Count one turn that kept the line busy for `took_s`, its silence included."""
         self._pending.append((turn, outcome, took_s))
         self._busy_s += took_s
@@ -59,9 +58,9 @@ class Figures:
         if len(self._pending) >= _COUNTED_AT_ONCE or not isinstance(outcome, Answered):
             self._count()
 
-    def note_sent(self, turn: Turn, written_s: float) -> None:
+    def note_sent(self, turn: Slot, written_s: float) -> None:
         """Measure how long a stop waited for its first byte."""
-        if turn.lane is Lane.STOP:
+        if turn.lane is Priority.STOP:
             self._worst_stop_latency_s = max(self._worst_stop_latency_s or 0.0, written_s - turn.since_s)
 
     def forget(self, unit: int) -> None:
@@ -102,7 +101,7 @@ class Figures:
             turns[name] += 1
             unit = self._units.get(turn.unit)
             if unit is None:
-                unit = self._units[turn.unit] = _UnitFigures()
+                unit = self._units[turn.unit] = _UnitStatistics()
             unit.note(name)
             if isinstance(outcome, Answered):
                 self._learnt.note_answer(turn.unit, turn.request.function, outcome.response_time_s)
@@ -128,7 +127,7 @@ class Figures:
                 }
 
 
-class _UnitFigures:
+class _UnitStatistics:
     """One unit's counters, and its response times when they were last reckoned."""
 
     def __init__(self) -> None:

@@ -13,7 +13,7 @@ SHARE = 0.01  # of the line's time: whatever keeps arriving does not slow it dow
 CREDIT_S = 0.01  # as much may be saved up
 
 
-class Doorstep:
+class StopHold:
     """Decides for one line; `has_arrived` tells whether there is such a thing."""
 
     def __init__(self, has_arrived: Callable[[], bool]) -> None:

@@ -15,16 +15,16 @@ from typing import Any
 
 from gateway.line.client import LineClient, LocalLineClient, settled
 from gateway.line.events import LineListener, OnFrame
-from gateway.line.line import Scheduler
-from gateway.line.loop_bridge import CarriedListener, Courier
+from gateway.line.line import Line
+from gateway.line.loop_bridge import CarriedListener, LoopBridge
 from gateway.line.port.base import ClosesLate, PortOpener
 from gateway.line.port.event_loop import new_precise_loop
 from gateway.line.rtu.outcome import Outcome, Silent
 from gateway.line.rtu.timeouts import ALLOWANCE_S
-from gateway.line.scheduler.requests import Lane, Poll
+from gateway.line.scheduler.requests import Poll, Priority
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
-from gateway.system.gc_tuning import SparedCollector
+from gateway.system.gc_tuning import TunedCollector
 from gateway.system.loop_lag import LagMeter
 
 RESTART_PAUSE_S = 1.0  # after a bug has ended a line's loop
@@ -39,7 +39,7 @@ logger = logging.getLogger(__name__)
 class _Hosted:
     """One line in the thread."""
 
-    scheduler: Scheduler
+    scheduler: Line
     opener: PortOpener
     listener: CarriedListener
     crashes: int = 0
@@ -62,8 +62,8 @@ class LineHost:
         self._is_unread = is_unread
         self._handed = self._taken = 0  # calls, by the app's thread and the lines'
         self._listener = listener
-        self._courier = Courier()
-        self._collector = SparedCollector()
+        self._courier = LoopBridge()
+        self._collector = TunedCollector()
         self._lines: dict[str, _Hosted] = {}
         self._ending: set[asyncio.Task[None]] = set()  # of lines that were removed; of the lines' loop
         self._on_frame: OnFrame | None = None
@@ -84,7 +84,7 @@ class LineHost:
     ) -> LineClient:
         """Add a line, which begins with `start`, or at once: as soon as those removed before have ended."""
         listener = CarriedListener(self._listener, self._courier)
-        scheduler = Scheduler(
+        scheduler = Line(
             name=name,
             opener=opener,
             timing=timing,
@@ -249,7 +249,7 @@ class _HostedLineClient(LocalLineClient):
         self._host = host
 
     def transact(
-        self, unit: int, request: Request, *, response_time_s: float, lane: Lane, until_s: float = inf
+        self, unit: int, request: Request, *, response_time_s: float, lane: Priority, until_s: float = inf
     ) -> asyncio.Future[Outcome]:
         """Hand a request to the line; without a running line nothing is sent."""
         if not self._host.is_running():

@@ -18,7 +18,7 @@ _PRINTABLE = range(0x20, 0x7F)  # ASCII
 
 
 @dataclass(frozen=True, slots=True)
-class Identification:
+class DeviceIdentification:
     """The objects of one reply: 0 maker, 1 product code, 2 revision, and what the maker adds."""
 
     objects: dict[int, str]
@@ -46,7 +46,7 @@ class ReadDeviceIdentification:
         """Return the request PDU."""
         return bytes((*self._head(), self.object_id))
 
-    def decode_reply(self, pdu: bytes) -> Identification:
+    def decode_reply(self, pdu: bytes) -> DeviceIdentification:
         """Return the objects of a reply to this read code; objects that its frame lacks are left out.
 
         The conformity level is not checked: the SSW-07's own example has none that exists (ssw07 5.4.7).
@@ -58,9 +58,9 @@ class ReadDeviceIdentification:
         is_foreign = self.read_code == ONE_OBJECT_CODE and objects.keys() - {self.object_id}
         if end != len(pdu) or is_foreign:
             raise mismatch(self, pdu)
-        return Identification(objects=objects, more_follows=more != 0, next_object=next_object)
+        return DeviceIdentification(objects=objects, more_follows=more != 0, next_object=next_object)
 
-    def encode_reply(self, identification: Identification, *, conformity: int = CONFORMITY) -> bytes:
+    def encode_reply(self, identification: DeviceIdentification, *, conformity: int = CONFORMITY) -> bytes:
         """Return the reply PDU; ValueError when it is longer than a PDU may be."""
         objects = identification.objects
         more = 0xFF if identification.more_follows else 0x00

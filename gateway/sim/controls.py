@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Mapping
 
 from gateway.errors import UsageError
-from gateway.sim.core.unit import Unit
+from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.sst.motion import COIL_OVERCURRENT, ERROR_COILS
 from gateway.sim.sst.unit import Sst
 from gateway.sim.ssw900.unit import Ssw900
@@ -21,7 +21,7 @@ _NUMBER = re.compile(r"(?:[aef]|coil)?0*([1-9][0-9]{0,2})", re.IGNORECASE)  # E0
 _ON_OFF = {"on": True, "off": False}
 
 
-def turn(unit: Unit, knob: str, setting: str) -> str:
+def turn(unit: SimulatedUnit, knob: str, setting: str) -> str:
     """Turn one of `KNOBS` of a starter and return in words what was done; UsageError when it has no such."""
     action = _ACTIONS.get(knob)
     if action is None:
@@ -29,7 +29,7 @@ def turn(unit: Unit, knob: str, setting: str) -> str:
     return action(unit, setting.strip())
 
 
-def _trip(unit: Unit, setting: str) -> str:
+def _trip(unit: SimulatedUnit, setting: str) -> str:
     default = COIL_OVERCURRENT if isinstance(unit, Sst) else FAULT_OVERLOAD
     number = _number(setting, default)
     if isinstance(unit, Sst) and number not in ERROR_COILS:
@@ -40,7 +40,7 @@ def _trip(unit: Unit, setting: str) -> str:
     return f"tripped: {unit.trips[-1].code}"
 
 
-def _alarm(unit: Unit, setting: str) -> str:
+def _alarm(unit: SimulatedUnit, setting: str) -> str:
     if isinstance(unit, Ssw900):
         number = _number(setting, FAULT_OVERLOAD)
         unit.set_alarm(number, is_on=True)
@@ -51,7 +51,7 @@ def _alarm(unit: Unit, setting: str) -> str:
     raise UsageError(f"family {unit.family} has no alarms")
 
 
-def _clear(unit: Unit, _setting: str) -> str:
+def _clear(unit: SimulatedUnit, _setting: str) -> str:
     if isinstance(unit, Ssw900):
         for number in tuple(unit.alarms):
             unit.set_alarm(number, is_on=False)
@@ -65,7 +65,7 @@ def _clear(unit: Unit, _setting: str) -> str:
     return "faults and alarms cleared"
 
 
-def _control(unit: Unit, setting: str) -> str:
+def _control(unit: SimulatedUnit, setting: str) -> str:
     is_remote = _choice(setting, {"remote": True, "local": False})
     if isinstance(unit, (Supervised, Ssw900)):
         unit.set_remote(is_remote=is_remote)
@@ -74,7 +74,7 @@ def _control(unit: Unit, setting: str) -> str:
     return f"{setting.lower()} control"
 
 
-def _power(unit: Unit, setting: str) -> str:
+def _power(unit: SimulatedUnit, setting: str) -> str:
     if _choice(setting, _ON_OFF):
         unit.power_on()
     else:
@@ -82,12 +82,12 @@ def _power(unit: Unit, setting: str) -> str:
     return f"control supply {setting.lower()}"
 
 
-def _mains(unit: Unit, setting: str) -> str:
+def _mains(unit: SimulatedUnit, setting: str) -> str:
     unit.set_mains(is_present=_choice(setting, _ON_OFF))
     return f"mains {setting.lower()}"
 
 
-def _keypad(unit: Unit, setting: str) -> str:
+def _keypad(unit: SimulatedUnit, setting: str) -> str:
     is_start = _choice(setting, {"start": True, "stop": False})
     if isinstance(unit, Commanded):
         (unit.keypad_start if is_start else unit.keypad_stop)()
@@ -112,7 +112,7 @@ def _choice(setting: str, choices: Mapping[str, bool]) -> bool:
     return chosen
 
 
-_ACTIONS: dict[str, Callable[[Unit, str], str]] = {
+_ACTIONS: dict[str, Callable[[SimulatedUnit, str], str]] = {
     "trip": _trip,
     "alarm": _alarm,
     "clear": _clear,

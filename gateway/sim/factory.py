@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-from gateway.sim.core.unit import Unit
+from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.sst.motion import SstMotion
 from gateway.sim.sst.unit import Sst
 from gateway.sim.ssw900.unit import Ssw900
@@ -17,7 +17,9 @@ from gateway.sim.weg.ssw07 import Ssw07
 _CURRENT = re.compile(r"(\d+(?:\.\d+)?)A?")  # a word of "SSW-07 85.0A", "SSW-06 820 A", "85"
 
 
-def make_unit(family: str, address: int, *, seed: int = 0, model: str | None = None, **options: Any) -> Unit:
+def make_unit(
+    family: str, address: int, *, seed: int = 0, model: str | None = None, **options: Any
+) -> SimulatedUnit:
     """Return a starter; `options` are those of the family's class. ValueError for an unknown family."""
     maker = _MAKERS.get(family)
     if maker is None:

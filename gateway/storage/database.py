@@ -34,7 +34,7 @@ class FullError(StoreError):
     """The file has reached its bound, or the disk its end."""
 
 
-class Table(Protocol):
+class SqlTable(Protocol):
     """One caller's tables; called within a transaction."""
 
     def create(self, connection: Connection) -> None:
@@ -49,7 +49,7 @@ class Table(Protocol):
 class Database:
     """The file, open or not; all calls belong to one thread."""
 
-    def __init__(self, path: Path, tables: Sequence[Table], max_bytes: int) -> None:
+    def __init__(self, path: Path, tables: Sequence[SqlTable], max_bytes: int) -> None:
         self.path = path
         self.lost_s: float | None = None
         self._tables = tables

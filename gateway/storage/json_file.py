@@ -19,7 +19,7 @@ MOST_BYTES = 16 * 2**20
 RETRY_S = 5.0
 
 
-class Memory(Protocol):
+class JsonStore(Protocol):
     """Where the document is kept."""
 
     def load(self) -> Mapping[str, Any] | None:
@@ -35,7 +35,7 @@ class Memory(Protocol):
         ...
 
 
-class NoMemory:
+class NoStore:
     """Keeps nothing."""
 
     def load(self) -> Mapping[str, Any] | None:
@@ -49,7 +49,7 @@ class NoMemory:
         """Forget it."""
 
 
-class FileMemory:
+class JsonFile:
     """A JSON file, replaced in one step; a damaged one is set aside as `<name>.damaged`."""
 
     def __init__(self, path: Path) -> None:
@@ -111,10 +111,10 @@ class FileMemory:
             raise StoreError(f"{self._path} cannot be written: {error.strerror}") from error
 
 
-class SwitchedMemory:
+class SwitchedStore:
     """A memory that can be told to keep nothing new: where nobody may give commands, nothing need be kept."""
 
-    def __init__(self, memory: Memory, *, is_on: bool) -> None:
+    def __init__(self, memory: JsonStore, *, is_on: bool) -> None:
         self._memory = memory
         self.is_on = is_on
 
@@ -136,7 +136,11 @@ class Saver:
     """Has the present document saved after each change: one save at a time, again after a failure."""
 
     def __init__(
-        self, memory: Memory, document: Callable[[], Mapping[str, Any]], *, on_trouble: Callable[[str], None]
+        self,
+        memory: JsonStore,
+        document: Callable[[], Mapping[str, Any]],
+        *,
+        on_trouble: Callable[[str], None],
     ) -> None:
         self._memory = memory
         self._document = document

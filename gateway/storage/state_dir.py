@@ -26,7 +26,7 @@ SETTLE_WITHIN_S = 2.0
 Tell = Callable[[str, Severity, str], None]  # code, severity, text of an event
 
 
-class Keeper:
+class StateDir:
     """The store, the journal in it, and the audit; none of them ever prevents the gateway's start or stop.
 
     All calls on the app's loop. `tell` publishes an event; `hold_s` is how long an old command might still

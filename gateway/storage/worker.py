@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from gateway.errors import DamagedError, StoreError, UnstorableError
-from gateway.storage.database import Connection, Database, FullError, Table
+from gateway.storage.database import Connection, Database, FullError, SqlTable
 
 log = logging.getLogger(__name__)
 
@@ -48,7 +48,7 @@ class Store:
     def __init__(
         self,
         path: Path,
-        tables: Sequence[Table],
+        tables: Sequence[SqlTable],
         *,
         on_news: Callable[[News, str], None],
         max_bytes: int = MAX_BYTES,

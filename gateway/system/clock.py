@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
-from gateway.system.clock_steps import SETTLED_S, ClockSteps, Reading
+from gateway.system.clock_steps import SETTLED_S, ClockReading, ClockSteps
 
 ASK_EVERY_S = 10.0
 FORBIDDEN = -1  # adjtimex(2): no answer
@@ -37,7 +37,7 @@ class Clock(Protocol):
         """Return the wall time (seconds since 1970, UTC) of now, or of `at_s` on the steady clock."""
         ...
 
-    def reading(self) -> Reading:
+    def reading(self) -> ClockReading:
         """Return the machine's clocks at this moment, by which the next run knows how long ago it was."""
         ...
 
@@ -54,7 +54,7 @@ class SystemClock:
         age_s = 0.0 if at_s is None else time.monotonic() - at_s
         return time.time() - age_s
 
-    def reading(self) -> Reading:
+    def reading(self) -> ClockReading:
         """Return `read_clocks()`."""
         return read_clocks()
 
@@ -102,7 +102,7 @@ def is_synchronised_state(state: int, status: int) -> bool:
     return 0 <= state != TIME_ERROR and not status & STA_UNSYNC
 
 
-def read_clocks() -> Reading:
+def read_clocks() -> ClockReading:
     """Return both clocks of this machine, read as if at one moment."""
     for _ in range(3):  # a process that is held up between the readings must not look like a step
         before_s = time.clock_gettime(time.CLOCK_BOOTTIME)
@@ -110,7 +110,7 @@ def read_clocks() -> Reading:
         after_s = time.clock_gettime(time.CLOCK_BOOTTIME)
         if after_s - before_s < READ_WITHIN_S:
             break
-    return Reading(after_s, utc_s, _boot_id())
+    return ClockReading(after_s, utc_s, _boot_id())
 
 
 @functools.cache
@@ -132,7 +132,7 @@ class ClockWatch:
         trust: Trust = "auto",
         *,
         ask: Callable[[], bool] = is_kernel_clock_synchronised,
-        read: Callable[[], Reading] = read_clocks,
+        read: Callable[[], ClockReading] = read_clocks,
     ) -> None:
         self._trust = trust
         self._ask = ask

@@ -21,7 +21,7 @@ SETTLED_S = 60.0  # as long as a command can be valid
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class ClockReading:
     """Both clocks at one moment."""
 
     up_s: float  # since boot, sleep included
@@ -34,7 +34,7 @@ class Reading:
         return self.utc_s - self.up_s
 
 
-def certain_s(before: Reading, now: Reading) -> float:
+def certain_s(before: ClockReading, now: ClockReading) -> float:
     """Return how long ago `before` was at least, whatever has been done to the wall clock since.
 
     Over a restart of the machine that is the time since its boot; how long it was off, no other clock says.
@@ -50,10 +50,10 @@ class ClockSteps:
 
     def __init__(self) -> None:
         self.doubt: str | None = None
-        self._last: Reading | None = None
+        self._last: ClockReading | None = None
         self._steady_since_s: float | None = None
 
-    def recall(self, document: Mapping[str, Any] | None, now: Reading) -> None:
+    def recall(self, document: Mapping[str, Any] | None, now: ClockReading) -> None:
         """Compare with what an earlier run has stored; a document of another shape counts as none."""
         self._last = now
         try:
@@ -66,7 +66,7 @@ class ClockSteps:
         if step_s is not None:
             self.doubt = f"this gateway's clock was set {_by(step_s)} between two runs"
 
-    def look(self, now: Reading, *, is_synchronised: Callable[[], bool]) -> bool:
+    def look(self, now: ClockReading, *, is_synchronised: Callable[[], bool]) -> bool:
         """Take a reading and return whether `doubt` has changed; `is_synchronised` is asked only in doubt."""
         before_s, last, self._last = self.doubt, self._last or now, now
         step_s = now.offset_s - last.offset_s
@@ -75,16 +75,16 @@ class ClockSteps:
             self._steady_since_s = None
         else:
             # Steps of less than STEP_S add up, so what is compared with stays the same.
-            self._last = Reading(now.up_s, last.offset_s + now.up_s, now.boot_id)
+            self._last = ClockReading(now.up_s, last.offset_s + now.up_s, now.boot_id)
         if self.doubt is not None:
             self._settle(now, is_synchronised=is_synchronised)
         return self.doubt != before_s
 
-    def document(self, now: Reading) -> dict[str, Any]:
+    def document(self, now: ClockReading) -> dict[str, Any]:
         """Return what the next run must know."""
         return {"utc_s": now.utc_s, "up_s": now.up_s, "boot_id": now.boot_id, "doubt": self.doubt}
 
-    def _settle(self, now: Reading, *, is_synchronised: Callable[[], bool]) -> None:
+    def _settle(self, now: ClockReading, *, is_synchronised: Callable[[], bool]) -> None:
         if not is_synchronised():
             self._steady_since_s = None
             return
@@ -95,7 +95,7 @@ class ClockSteps:
             self._steady_since_s = None
 
 
-def _step_between_runs_s(before: Reading, now: Reading) -> float | None:
+def _step_between_runs_s(before: ClockReading, now: ClockReading) -> float | None:
     """Return by how much the clock was set since an earlier run, at least; None when nothing shows it."""
     moved_s = now.offset_s - before.offset_s
     if abs(moved_s) <= STEP_S:
@@ -106,8 +106,8 @@ def _step_between_runs_s(before: Reading, now: Reading) -> float | None:
     return booted_after_s if booted_after_s < -STEP_S else None
 
 
-def _reading(document: Mapping[str, Any]) -> Reading:
-    return Reading(float(document["up_s"]), float(document["utc_s"]), str(document["boot_id"]))
+def _reading(document: Mapping[str, Any]) -> ClockReading:
+    return ClockReading(float(document["up_s"]), float(document["utc_s"]), str(document["boot_id"]))
 
 
 def _by(step_s: float) -> str:

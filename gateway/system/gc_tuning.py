@@ -11,7 +11,7 @@ THRESHOLDS = (100, 20, 100)
 SETTLED_S = (60.0, 180.0)  # after a start: all starters are identified by then; what is known of them stays
 
 
-class SparedCollector:
+class TunedCollector:
     """Keeps what lives as long as the gateway out of garbage collection; belongs to the app's loop."""
 
     def __init__(self) -> None:

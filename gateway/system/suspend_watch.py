@@ -15,7 +15,7 @@ def up_s() -> float:
     return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
-class StandstillWatch:
+class SuspendWatch:
     """Looks at two clocks again and again: a gap between two looks was a standstill.
 
     A stopped process (SIGSTOP, a debugger, a starved machine) and one that slept with its machine show on the

@@ -28,7 +28,7 @@ from gateway.modbus.reads import ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.server import decode_request
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil
-from gateway.sim.core.unit import Unit
+from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
 from tests.bench.account import Law, Seen
 
@@ -71,7 +71,7 @@ class _Tap:
     number: int
     ours: int
     theirs: int  # kept open: without any opener our end could not be read
-    units: dict[int, Unit]
+    units: dict[int, SimulatedUnit]
     received: bytearray = field(default_factory=bytearray)
     began_s: float = -inf  # first byte of the request under way
     quiet_s: float = -inf  # last byte of whatever was on the wire
@@ -120,7 +120,7 @@ class Judge:
         ours, theirs = os.openpty()
         tty.setraw(theirs)
         spec = self._spec
-        units: dict[int, Unit] = {}
+        units: dict[int, SimulatedUnit] = {}
         if spec.family:
             units = {n: make_unit(spec.family, n, seed=n) for n in range(1, spec.units + 1)}
             for unit in units.values():

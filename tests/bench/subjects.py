@@ -70,7 +70,7 @@ class _Clock:
 async def line(task: Task) -> Span:
     """Our line floor as the gateway runs it: a thread of its own, outcomes carried over to the app's loop."""
     from gateway.line.port.opener import SerialOpener
-    from gateway.line.scheduler.requests import Lane, Poll
+    from gateway.line.scheduler.requests import Poll, Priority
     from gateway.line.thread import LineHost
     from gateway.modbus.reads import ReadHoldingRegisters
     from gateway.modbus.timing import Framing, LineTiming
@@ -103,7 +103,7 @@ async def line(task: Task) -> Span:
         now_s = time.monotonic()
         stops.append(Submitted(now_s, now_s, unit))
         await clients[0].transact(
-            unit, WriteCoil(100, False), response_time_s=task.response_s, lane=Lane.STOP
+            unit, WriteCoil(100, False), response_time_s=task.response_s, lane=Priority.STOP
         )
     await asyncio.sleep(max(end_s - time.monotonic(), 0.0))
     span = clock.span()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from gateway.cli.doctor.finding import Remark
+from gateway.cli.doctor.finding import DoctorFinding
 
 SITE = """
 [gateway]
@@ -37,5 +37,5 @@ def site(*families: str, folder: str = "/tmp", port: int = 1, login: str = "") -
     return SITE.format(folder=folder, port=port, login=login, starters="\n".join(starters))
 
 
-def biting(remarks: Iterable[Remark]) -> list[str]:
+def biting(remarks: Iterable[DoctorFinding]) -> list[str]:
     return [f"{remark.where}: {remark.text}" for remark in remarks if remark.bites]

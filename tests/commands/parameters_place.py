@@ -16,8 +16,8 @@ from gateway.families.profile.schema import Variant
 from gateway.line.rtu.timeouts import ALLOWANCE_S
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.sim.bus.port import SimulatedLine
-from gateway.sim.core.unit import Unit
-from gateway.starters.parameters.model import Entry, ParameterSet
+from gateway.sim.core.unit import SimulatedUnit
+from gateway.starters.parameters.model import ParameterEntry, ParameterSet
 from gateway.starters.setup import StarterSetup
 from tests.virtual_time import VirtualClock
 
@@ -29,7 +29,7 @@ RUNNERS: list[asyncio.Runner] = []  # that of the present test, see conftest.py
 class Place:
     """One simulated starter on a line of its own, and what is said of it."""
 
-    def __init__(self, unit: Unit, *, family: str = "", address: int = 1) -> None:
+    def __init__(self, unit: SimulatedUnit, *, family: str = "", address: int = 1) -> None:
         self.unit: Any = unit
         self.timing = SST_TIMING if unit.family == "sst" else TIMING
         self.bus = SimulatedLine(self.timing, [unit], frames_kept=100_000)
@@ -59,7 +59,7 @@ class Place:
         return saved
 
     def restore(self, wanted: dict[str, Any], *, model: str | None = None, **options: Any) -> int:
-        entries = {code: Entry(value=value) for code, value in wanted.items()}
+        entries = {code: ParameterEntry(value=value) for code, value in wanted.items()}
         file = ParameterSet("other", self.setup.profile.family, model=model, parameters=entries)
         code: int = self.run(lambda live, progress: restore(live, file, progress, **options))
         return code

@@ -12,7 +12,7 @@ import pytest
 from gateway.app.capacity import prospects_of
 from gateway.cli.doctor import doctor
 from gateway.cli.doctor.broker import BrokerAccess
-from gateway.cli.doctor.finding import Remark
+from gateway.cli.doctor.finding import DoctorFinding
 from gateway.cli.doctor.starters import LineCheckup
 from gateway.cli.main import main
 from gateway.config.convert import timing_of
@@ -21,7 +21,7 @@ from gateway.config.schema import Config
 from gateway.errors import BrokerError, PortError
 from gateway.families.diagnosis.findings import Weight
 from gateway.sim.bus.port import SimulatedLine
-from gateway.sim.core.unit import Unit
+from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
 from tests.commands.doctor_site import biting, site
 from tests.virtual_time import VirtualClock, run_virtually
@@ -59,15 +59,15 @@ class Refusing:
 
 def examine(
     text: str,
-    *units: Unit,
+    *units: SimulatedUnit,
     opener: Any = None,
     rows: dict[str, int] | Exception | None = None,
     spoil: Callable[[SimulatedLine], object] = lambda _: None,
     state_dir: Path = Path("of no gateway"),
-) -> list[Remark]:
+) -> list[DoctorFinding]:
     """Return what is said of the one line of a site."""
     config = parse(text, "site.toml")
-    found: list[Remark] = []
+    found: list[DoctorFinding] = []
 
     async def run() -> None:
         (prospect,) = prospects_of(config)
@@ -197,14 +197,14 @@ def test_the_exit_code_says_whether_anything_bites(
     class Checkup:
         def __init__(self, *_: object, **__: object) -> None: ...
 
-        async def run(self, tell: Callable[[Remark], None]) -> None:
-            tell(Remark("line hall", "is odd", Weight.WARNING if bites else Weight.NOTE))
+        async def run(self, tell: Callable[[DoctorFinding], None]) -> None:
+            tell(DoctorFinding("line hall", "is odd", Weight.WARNING if bites else Weight.NOTE))
 
-    async def no_remarks(_self: BrokerAccess) -> list[Remark]:
+    async def no_remarks(_self: BrokerAccess) -> list[DoctorFinding]:
         return []
 
     monkeypatch.setattr(doctor, "LineCheckup", Checkup)
-    monkeypatch.setattr(doctor, "clock_remark", lambda: Remark("clock", "is synchronised"))
+    monkeypatch.setattr(doctor, "clock_remark", lambda: DoctorFinding("clock", "is synchronised"))
     monkeypatch.setattr(BrokerAccess, "remarks", no_remarks)
 
     assert main(["doctor", str(path)]) == (1 if bites else 0)

@@ -9,7 +9,7 @@ import pytest
 
 from gateway.cli.doctor import broker as doctor_broker
 from gateway.cli.doctor.broker import BrokerAccess
-from gateway.cli.doctor.finding import Remark
+from gateway.cli.doctor.finding import DoctorFinding
 from gateway.config.load import parse
 from gateway.errors import BrokerError
 from gateway.mqtt.connection import command_client as sender
@@ -17,7 +17,7 @@ from tests.commands.doctor_site import biting, site
 from tests.conftest import StartMosquitto
 
 
-def remarks_of(text: str, folder: Path) -> list[Remark]:
+def remarks_of(text: str, folder: Path) -> list[DoctorFinding]:
     access = BrokerAccess(parse(text, "site.toml"), folder)
     return asyncio.run(access.remarks())
 
@@ -90,7 +90,7 @@ def test_the_doctor_logs_in_as_the_operator_that_is_named(
         (tmp_path / name).chmod(0o600)
     config = parse(site(port=broker.port, login='username = "g"\npassword_file = "password"'), "site.toml")
 
-    def remarks(file: str) -> list[Remark]:
+    def remarks(file: str) -> list[DoctorFinding]:
         path = str(tmp_path / file)
         access = BrokerAccess(config, tmp_path, client="alice", username="alice", password_file=path)
         return asyncio.run(access.remarks())

@@ -11,13 +11,13 @@ from gateway.cli.parameters.restore import lock_trouble
 from gateway.errors import CommandError
 from gateway.records import LockRecord
 from gateway.sim.factory import make_unit
-from gateway.starters.policy.motor_history import PRECAUTIONS_FILE, Logbook
+from gateway.starters.policy.motor_history import PRECAUTIONS_FILE, MotorHistory
 from gateway.system.clock import read_clocks
 from tests.commands.parameters_place import Place
 
 
 def kept(folder: Path, starter: str = "pump") -> Path:
-    logbook = Logbook([starter])
+    logbook = MotorHistory([starter])
     logbook.set_lock(starter, LockRecord("alice", 5.0, "belt is off", "Alice A."))
     (folder / PRECAUTIONS_FILE).write_text(
         json.dumps(logbook.to_document(now_s=0.0, reading=read_clocks())), "utf-8"

@@ -12,7 +12,7 @@ from gateway.cli.parameters import parameters
 from gateway.cli.parameters.live import LiveStarter
 from gateway.cli.progress import Progress
 from gateway.sim.factory import make_unit
-from gateway.starters.parameters.model import Entry, ParameterSet
+from gateway.starters.parameters.model import ParameterEntry, ParameterSet
 from tests.commands.parameters_place import Place
 
 SAVED = '[starter]\nname = "p"\nfamily = "{family}"\n[parameters]\nP314 = {seconds}\n'
@@ -92,7 +92,9 @@ def test_a_set_is_saved_to_a_new_file_or_to_stdout(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def save_live(_live: LiveStarter, _progress: Progress, **_: Any) -> ParameterSet:
-        return ParameterSet("pump", "ssw07", parameters={"P314": Entry(value=3)}, refused={"P1": "no"})
+        return ParameterSet(
+            "pump", "ssw07", parameters={"P314": ParameterEntry(value=3)}, refused={"P1": "no"}
+        )
 
     monkeypatch.setattr(parameters, "save_live", save_live)
 

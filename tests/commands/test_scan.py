@@ -25,7 +25,7 @@ from gateway.modbus.adu import decode
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.sim.bus.faults import Impairment, Reply
 from gateway.sim.bus.port import SimulatedLine, SimulatedPort
-from gateway.sim.core.unit import Unit
+from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
 from tests.virtual_time import run_virtually
 
@@ -33,7 +33,7 @@ TIMING = LineTiming(19200, Framing.parse("8N2"))
 READS = {3, 4, 43}  # what every family allows
 
 
-def four_units() -> list[Unit]:
+def four_units() -> list[SimulatedUnit]:
     return [make_unit(family, address) for address, family in enumerate(FAMILIES, 3)]
 
 

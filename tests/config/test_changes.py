@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.config.diff import Changes, changes_of, fixed
+from gateway.config.diff import ConfigChanges, changes_of, fixed
 from gateway.config.load import parse
 from tests.config.sites import SITE, site
 
@@ -29,7 +29,7 @@ def between(more: str, *changes: tuple[str, str]) -> dict[str, list[str]]:
     return found(more, *changes).to_dict()
 
 
-def found(more: str, *changes: tuple[str, str]) -> Changes:
+def found(more: str, *changes: tuple[str, str]) -> ConfigChanges:
     text = SITE + more
     for old, new in changes:
         assert old in text

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from gateway.storage.audit.chain import Head, Verdict, read_line, verify
+from gateway.storage.audit.chain import Head, Verification, read_line, verify
 from gateway.storage.audit.segments import (
     ANCHOR,
     Anchor,
@@ -39,7 +39,7 @@ def write(folder: Path, count: int, **options: int) -> None:
             one.append([{"what": f"entry {number}"}], note=note)
 
 
-def check(folder: Path) -> Verdict:
+def check(folder: Path) -> Verification:
     return verify(lines(folder), after=read_anchor(folder).head)
 
 

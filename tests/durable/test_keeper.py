@@ -12,7 +12,7 @@ from gateway.records import AuditRecord, Phase, Record, ResultRecord, Severity
 from gateway.storage.audit.chain import read_line
 from gateway.storage.audit.segments import lines
 from gateway.storage.journal import Remembered
-from gateway.storage.state_dir import FILE, Keeper
+from gateway.storage.state_dir import FILE, StateDir
 from gateway.system.clock import SystemClock
 
 PATIENCE_S = 10.0
@@ -28,7 +28,7 @@ class Gateway:
         self.records: list[Record] = []
         self.recalled: list[Remembered] | None = None
         self._changed = asyncio.Event()
-        self.keeper = Keeper(
+        self.keeper = StateDir(
             state_dir,
             boot="boot-1",
             clock=SystemClock(),

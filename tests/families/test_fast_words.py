@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gateway.families.mapped_registers import (
-    FastBlock,
+    MappedBlock,
     build_map,
     fast_block,
     mapped,
@@ -17,7 +17,7 @@ from gateway.families.mapped_registers import (
 from gateway.families.profile.consistency import contradictions
 from gateway.families.profile.decode import decode_points
 from gateway.families.profile.load import FAMILIES, load_profile
-from gateway.families.profile.schema import Confidence, FastWords, Profile, Variant
+from gateway.families.profile.schema import Confidence, MappedWords, Profile, Variant
 from gateway.families.reading.bulk import rows_in
 from gateway.families.reading.poll_blocks import plan_blocks, rows_of
 from gateway.modbus.pdu import Request
@@ -30,13 +30,13 @@ PROFILE = load_profile("ssw900")
 VARIANT = Variant(slot=1)
 
 
-def planned(profile: Profile = PROFILE) -> FastBlock:
+def planned(profile: Profile = PROFILE) -> MappedBlock:
     block = fast_block(profile, VARIANT)
     assert block is not None
     return block
 
 
-def map_requests(block: FastBlock, seen: dict[str, tuple[int, ...]]) -> list[Request]:
+def map_requests(block: MappedBlock, seen: dict[str, tuple[int, ...]]) -> list[Request]:
     return [step.request for step in build_map(PROFILE, block, seen=seen).steps]
 
 
@@ -85,7 +85,7 @@ def test_a_row_that_the_manual_does_not_vouch_for_is_not_mapped() -> None:
 
 
 def test_what_does_not_fit_is_read_as_before_and_the_status_goes_first() -> None:
-    profile = changed(fast_words=FastWords(read=1500, map=1300, words=20))
+    profile = changed(fast_words=MappedWords(read=1500, map=1300, words=20))
 
     block = planned(profile)
     plan = plan_with(profile, VARIANT, block)
@@ -148,7 +148,7 @@ def test_before_the_map_is_written_map_and_standstill_are_read() -> None:
     assert preparation.requires == ("is_stopped",)
 
 
-def mapped_starter() -> tuple[Talk, FastBlock]:
+def mapped_starter() -> tuple[Talk, MappedBlock]:
     """Return a simulated starter with its points mapped."""
     talk, block = Talk(make_unit("ssw900", 1)), planned()
     for request in map_requests(block, {}):
@@ -205,13 +205,13 @@ def test_the_read_back_of_a_map_is_met_by_the_map_and_by_nothing_else() -> None:
 
 def test_a_map_on_registers_that_are_no_writable_rows_is_a_mistake_of_the_profile() -> None:
     assert contradictions(PROFILE) == []
-    assert contradictions(changed(fast_words=FastWords(read=1500, map=1349, words=2))) == [
+    assert contradictions(changed(fast_words=MappedWords(read=1500, map=1349, words=2))) == [
         "fast_words: register 1350 of the map is no writable row of one word"
     ]
 
 
 def test_a_map_needs_a_layout() -> None:
     profile = load_profile("ssw07")
-    block = FastBlock("x", "status", ReadHoldingRegisters(0, 2), (), ())
+    block = MappedBlock("x", "status", ReadHoldingRegisters(0, 2), (), ())
 
     assert mapped(profile, block) == {}

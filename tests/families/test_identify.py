@@ -7,15 +7,15 @@ import pytest
 from gateway.families.profile.identify import Identity, identify, identify_requests, matches, why_not
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
-from gateway.modbus.device_id import Identification
+from gateway.modbus.device_id import DeviceIdentification
 from gateway.starters.setup import StarterSetup, merged
 from gateway.starters.telemetry.emitter import info_of
 
 SST_NAME = b"SST130i-140-M-ES"
 
 
-def weg(product: str, revision: str = "V1.20") -> Identification:
-    return Identification(objects={0: "WEG", 1: product, 2: revision})
+def weg(product: str, revision: str = "V1.20") -> DeviceIdentification:
+    return DeviceIdentification(objects={0: "WEG", 1: product, 2: revision})
 
 
 def identity(family: str, **answers: Any) -> Identity:
@@ -218,6 +218,6 @@ def test_info_gives_them_and_the_rated_current() -> None:
 def test_model_and_firmware_are_printable_characters_only(filling: str) -> None:
     objects = {0: "WEG", 1: f"SSW-07 85.0A{filling}", 2: f"V1.60{filling}"}
 
-    seen = identity("ssw07", fc43=Identification(objects))
+    seen = identity("ssw07", fc43=DeviceIdentification(objects))
 
     assert (seen.model, seen.firmware) == ("SSW-07 85.0A", "1.60")

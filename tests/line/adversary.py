@@ -13,8 +13,7 @@ from math import ceil, inf
 
 from gateway.line.capacity.forecast import Forecast
 from gateway.line.rtu.timeouts import ALLOWANCE_S
-from gateway.line.scheduler.requests import Poll
-from gateway.line.scheduler.scheduler import Turn
+from gateway.line.scheduler.requests import Poll, Slot
 from gateway.modbus.timing import LineTiming
 from tests.line.ideal_line import IdealLine, cost_s
 
@@ -136,7 +135,7 @@ class _Trial:
         if self._storm_s < inf and len(line.gaps_s[self._victim.key]) == before:
             line.plan.hasten(longest.key, line.now_s)
 
-    def _took_s(self, turn: Turn) -> float:
+    def _took_s(self, turn: Slot) -> float:
         """Let all others be asked for while the last request before the storm's moment is under way."""
         assert turn.poll is not None
         is_quick = self._is_quick and turn.poll.key == self._victim.key

@@ -10,11 +10,11 @@ from math import inf
 
 from gateway.errors import PortError, PortLostError
 from gateway.line.client import LocalLineClient
-from gateway.line.line import Scheduler
+from gateway.line.line import Line
 from gateway.line.rtu.outcome import Outcome
 from gateway.line.rtu.trace import Trace
-from gateway.line.rtu.transaction import Transactor
-from gateway.line.scheduler.requests import Lane, Poll
+from gateway.line.rtu.transaction import RtuMaster
+from gateway.line.scheduler.requests import Poll, Priority
 from gateway.modbus import adu
 from gateway.modbus.codes import Function
 from gateway.modbus.pdu import Request, encode_exception
@@ -183,8 +183,8 @@ def words_of(request: ReadHoldingRegisters) -> tuple[int, ...]:
     return tuple((request.address + i) & 0xFFFF for i in range(request.count))
 
 
-def transactor(port: FakePort) -> Transactor:
-    return Transactor(port, port.timing, trace=Trace("line"))
+def transactor(port: FakePort) -> RtuMaster:
+    return RtuMaster(port, port.timing, trace=Trace("line"))
 
 
 async def ask(port: FakePort, request: Request, unit: int = 1) -> Outcome:
@@ -255,7 +255,7 @@ class Rig:
     ) -> None:
         self.listener = Listener()
         self.opener = FakeOpener(lambda: FakePort(answer, timing))
-        self.scheduler = Scheduler(
+        self.scheduler = Line(
             name="pumps",
             opener=self.opener,
             timing=timing,
@@ -282,7 +282,7 @@ class Rig:
         if not self.task.cancelled():
             self.task.result()
 
-    async def transact(self, unit: int, request: Request, lane: Lane = Lane.COMMAND) -> Outcome:
+    async def transact(self, unit: int, request: Request, lane: Priority = Priority.COMMAND) -> Outcome:
         return await self.client.transact(unit, request, response_time_s=RESPONSE_TIME_S, lane=lane)
 
 

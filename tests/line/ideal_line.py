@@ -10,8 +10,8 @@ from math import inf
 
 from gateway.line.rtu.outcome import Answered, Outcome, Silent
 from gateway.line.rtu.timeouts import reply_within_s, request_wire_s
-from gateway.line.scheduler.requests import Poll
-from gateway.line.scheduler.scheduler import Plan, Turn
+from gateway.line.scheduler.requests import Poll, Slot
+from gateway.line.scheduler.scheduler import Scheduler
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
 
@@ -32,16 +32,16 @@ class IdealLine:
     def __init__(
         self,
         polls: Iterable[Poll],
-        took_s: Callable[[Turn], float],
-        outcome_of: Callable[[Turn, float], Outcome] | None = None,
+        took_s: Callable[[Slot], float],
+        outcome_of: Callable[[Slot, float], Outcome] | None = None,
         *,
         seed: int = 0,
     ) -> None:
         self.polls = tuple(polls)
-        self.plan = Plan(self.polls, seed=seed)
+        self.plan = Scheduler(self.polls, seed=seed)
         self.plan.begin(0.0)
         self.now_s = 0.0
-        self.turns: list[tuple[float, Turn]] = []  # when each began
+        self.turns: list[tuple[float, Slot]] = []  # when each began
         self.answered_s: dict[str, float] = {}
         self.gaps_s: defaultdict[str, list[float]] = defaultdict(list)  # between two answers of a poll
         self.heard_s: dict[int, float] = {}  # the start of the latest request that a unit was reached by
@@ -50,7 +50,7 @@ class IdealLine:
         self._took_s = took_s
         self._outcome_of = outcome_of or (lambda turn, at_s: Answered((), at_s, 0.0))
 
-    def step(self, until_s: float = inf) -> Turn | None:
+    def step(self, until_s: float = inf) -> Slot | None:
         """Do one turn, or wait for the next, at most until then."""
         turn = self.plan.pick(self.now_s)
         if turn is None:
@@ -79,7 +79,7 @@ class IdealLine:
         while (len(self.gaps_s[key]), self.answered_s.get(key)) == before:
             self.step()
 
-    def _note_answer(self, turn: Turn, began_s: float) -> None:
+    def _note_answer(self, turn: Slot, began_s: float) -> None:
         if turn.unit in self.heard_s:
             gap_s = began_s - self.heard_s[turn.unit]
             self.unheard_s[turn.unit] = max(self.unheard_s[turn.unit], gap_s)

@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 from gateway.line.rtu.late_replies import KEPT_ENOUGH
 from gateway.line.rtu.outcome import Answered
 from gateway.line.rtu.trace import Trace
-from gateway.line.rtu.transaction import LATE_FACTOR, Transactor
+from gateway.line.rtu.transaction import LATE_FACTOR, RtuMaster
 from gateway.modbus import adu
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters, ReadInputRegisters
@@ -130,7 +130,7 @@ def ask_for_long(transactions: int, *, seed: int, baud: int = 19200) -> Tally:
         share = chance.uniform(0.02, 0.10)
         limit_s = chance.choice((0.010, 0.020, 0.100))
         wire = LateWire(LineTiming(baud, Framing.parse("8E1")), chance, late_share=share, limit_s=limit_s)
-        line = Transactor(wire, wire._timing, allowance_s=ALLOWANCE_S, trace=Trace("late"), time=wire.time)
+        line = RtuMaster(wire, wire._timing, allowance_s=ALLOWANCE_S, trace=Trace("late"), time=wire.time)
         requests = _requests(chance)
         for _ in range(min(5000, transactions - asked)):
             unit, request = _next(line, requests, wire.now_s)
@@ -160,7 +160,7 @@ def _requests(chance: random.Random) -> list[tuple[int, Request]]:
     return [(unit, kind) for kind in chance.sample(kinds, chance.choice((1, 2))) for unit in units]
 
 
-def _next(line: Transactor, requests: list[tuple[int, Request]], now_s: float) -> tuple[int, Request]:
+def _next(line: RtuMaster, requests: list[tuple[int, Request]], now_s: float) -> tuple[int, Request]:
     """Return the next request that may be sent at once, as the plan lets others pass; else the first."""
     for at, (unit, request) in enumerate(requests):
         if line.free_from_s(unit, request) <= now_s:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import itertools
 
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome
-from gateway.line.scheduler.requests import Job, Lane, Poll
-from gateway.line.scheduler.scheduler import Plan, Turn
+from gateway.line.scheduler.requests import Job, Poll, Priority, Slot
+from gateway.line.scheduler.scheduler import Scheduler
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteRegister
@@ -17,22 +17,22 @@ ANSWERED = Answered((1,), at_s=0.0, response_time_s=0.005)
 GARBLED = Garbled("bad CRC", b"\x01")
 
 
-def job(lane: Lane = Lane.COMMAND, unit: int = 1, request: Request = WRITE) -> Job:
+def job(lane: Priority = Priority.COMMAND, unit: int = 1, request: Request = WRITE) -> Job:
     return Job(unit, request, 0.01, lane, lambda outcome: None)
 
 
-def key_of(turn: Turn | None) -> str | None:
+def key_of(turn: Slot | None) -> str | None:
     return None if turn is None or turn.poll is None else turn.poll.key
 
 
-def take(plan: Plan, now_s: float, outcome: Outcome = ANSWERED) -> Turn | None:
+def take(plan: Scheduler, now_s: float, outcome: Outcome = ANSWERED) -> Slot | None:
     turn = plan.pick(now_s)
     if turn is not None:
         plan.record(turn, outcome, now_s)
     return turn
 
 
-def ask_times(plan: Plan, outcomes: list[Outcome]) -> list[float]:
+def ask_times(plan: Scheduler, outcomes: list[Outcome]) -> list[float]:
     """Return when a unit is asked when it always answers so, on an otherwise idle line."""
     times_s = []
     for outcome in outcomes:
@@ -46,7 +46,7 @@ def gaps(times_s: list[float]) -> list[float]:
     return [later - earlier for earlier, later in itertools.pairwise(times_s)]
 
 
-def begun(*polls: Poll, jitter: float = 0.0, seed: int = 0) -> Plan:
-    plan = Plan(polls, jitter=jitter, seed=seed)
+def begun(*polls: Poll, jitter: float = 0.0, seed: int = 0) -> Scheduler:
+    plan = Scheduler(polls, jitter=jitter, seed=seed)
     plan.begin(0.0)
     return plan

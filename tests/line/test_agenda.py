@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Silent
 from gateway.line.scheduler import poll_queue as rota
 from gateway.line.scheduler import watchdogs
-from gateway.line.scheduler.edf_queue import NOWHERE, Agenda, Listed
-from gateway.line.scheduler.requests import Job, Lane, Poll
-from gateway.line.scheduler.scheduler import Plan, Turn
+from gateway.line.scheduler.edf_queue import NOWHERE, EdfQueue, Listed
+from gateway.line.scheduler.requests import Job, Poll, Priority, Slot
+from gateway.line.scheduler.scheduler import Scheduler
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteRegister
 from tests.line.list_agenda import ListAgenda
@@ -20,7 +20,7 @@ TIMES_S = st.sampled_from([0.0, 0.5, 1.0, 2.0, 3.0])
 
 
 def test_the_earliest_deadline_of_what_is_released_comes_first() -> None:
-    agenda: Agenda[Listed] = Agenda(itertools.count(1))
+    agenda: EdfQueue[Listed] = EdfQueue(itertools.count(1))
     late, soon, not_yet = (
         Listed(release_s=0.0, deadline_s=9.0),
         Listed(release_s=1.0, deadline_s=5.0),
@@ -36,7 +36,7 @@ def test_the_earliest_deadline_of_what_is_released_comes_first() -> None:
 
 
 def test_of_equal_deadlines_what_was_put_first_comes_first() -> None:
-    agenda: Agenda[Listed] = Agenda(itertools.count(1))
+    agenda: EdfQueue[Listed] = EdfQueue(itertools.count(1))
     things = [Listed(release_s=0.0, deadline_s=1.0) for _ in range(3)]
     for thing in things:
         agenda.put(thing)
@@ -48,8 +48,8 @@ def test_of_equal_deadlines_what_was_put_first_comes_first() -> None:
 
 def test_what_is_put_on_another_agenda_leaves_the_first() -> None:
     places = itertools.count(1)
-    one: Agenda[Listed] = Agenda(places)
-    other: Agenda[Listed] = Agenda(places)
+    one: EdfQueue[Listed] = EdfQueue(places)
+    other: EdfQueue[Listed] = EdfQueue(places)
     thing = Listed(release_s=0.0, deadline_s=1.0)
     one.put(thing)
 
@@ -60,7 +60,7 @@ def test_what_is_put_on_another_agenda_leaves_the_first() -> None:
 
 
 def test_changing_ones_mind_often_costs_no_memory() -> None:
-    agenda: Agenda[Listed] = Agenda(itertools.count(1))
+    agenda: EdfQueue[Listed] = EdfQueue(itertools.count(1))
     thing = Listed(release_s=5.0, deadline_s=6.0)
 
     for _ in range(10_000):
@@ -82,7 +82,7 @@ def test_changing_ones_mind_often_costs_no_memory() -> None:
     )
 )
 def test_it_does_what_a_plain_list_does(steps: list[tuple[object, ...]]) -> None:
-    agenda, plain = Agenda[Listed](itertools.count(1)), ListAgenda[Listed](itertools.count(1))
+    agenda, plain = EdfQueue[Listed](itertools.count(1)), ListAgenda[Listed](itertools.count(1))
     pairs = [(Listed(), Listed()) for _ in range(6)]
     one_of = {id(one): at for at, pair in enumerate(pairs) for one in pair}
     now_s = 0.0
@@ -120,7 +120,7 @@ OPERATIONS = st.lists(
         st.tuples(st.just("set every"), KEYS, st.sampled_from([0.0, 0.2, 5.0])),
         st.tuples(st.just("hasten"), KEYS),
         st.tuples(st.just("deadline"), st.integers(1, 4), st.sampled_from([None, 0.5, 2.0])),
-        st.tuples(st.just("job"), st.sampled_from(Lane)),
+        st.tuples(st.just("job"), st.sampled_from(Priority)),
         st.tuples(
             st.just("begin"),
         ),
@@ -131,7 +131,7 @@ OPERATIONS = st.lists(
 
 def follow(operations: list[tuple[object, ...]]) -> list[object]:
     """Return everything that a plan says while these operations are done."""
-    plan = Plan((_poll(f"{unit}/0", 0.3 * unit) for unit in range(1, 4)), seed=1)
+    plan = Scheduler((_poll(f"{unit}/0", 0.3 * unit) for unit in range(1, 4)), seed=1)
     plan.begin(0.0)
     keys = {f"{unit}/0" for unit in range(1, 4)}
     now_s, said = 0.0, list[object]()
@@ -162,7 +162,7 @@ def follow(operations: list[tuple[object, ...]]) -> list[object]:
                 plan.hasten(key, now_s)
             case "deadline", int(unit), float() | None as limit_s:
                 plan.set_deadline(unit, limit_s)
-            case "job", Lane() as lane:
+            case "job", Priority() as lane:
                 plan.submit(Job(1, WriteRegister(1, 2), 0.01, lane, lambda outcome: None), now_s)
             case ("begin",):
                 plan.begin(now_s)
@@ -174,7 +174,7 @@ def _poll(key: str, every_s: float) -> Poll:
     return Poll(key, int(key[0]), ReadHoldingRegisters(0, 1), every_s, 0.01)
 
 
-def _name(turn: Turn | None) -> object:
+def _name(turn: Slot | None) -> object:
     if turn is None:
         return None
     return turn.poll.key if turn.poll is not None else turn.job and turn.job.lane
@@ -202,14 +202,14 @@ def test_a_plan_is_never_late_to_say_what_is_due(operations: list[tuple[object, 
 def looks(operations: list[tuple[object, ...]]) -> list[tuple[float, float, object, float]]:
     """Return for each choice: when, what was due when beforehand, what was chosen, what is due afterwards."""
     seen = []
-    pick = Plan.pick
+    pick = Scheduler.pick
 
-    def look(plan: Plan, now_s: float) -> Turn | None:
+    def look(plan: Scheduler, now_s: float) -> Slot | None:
         due_before_s = plan.next_due_s()
         turn = pick(plan, now_s)
         seen.append((now_s, due_before_s, turn, plan.next_due_s()))
         return turn
 
-    with mock.patch.object(Plan, "pick", look):
+    with mock.patch.object(Scheduler, "pick", look):
         follow(operations)
     return seen

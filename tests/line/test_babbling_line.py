@@ -9,7 +9,7 @@ import pytest
 
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Silent
 from gateway.line.rtu.transaction import BABBLE_LIMIT_S, STOP_PATIENCE_S
-from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.requests import Priority
 from gateway.line.service import GAP_WITHIN_S
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteRegister
@@ -28,7 +28,7 @@ def babble(port: FakePort, seconds: float = 3.0) -> None:
     port.say(Said(b"\x55" * count, 0.0, in_chunks_of=1))
 
 
-async def stop(rig: Rig, lane: Lane = Lane.STOP) -> tuple[float, Outcome]:
+async def stop(rig: Rig, lane: Priority = Priority.STOP) -> tuple[float, Outcome]:
     """Stop a motor; return after what time its frame went out, and what became of it."""
     asked_s = asyncio.get_running_loop().time()
     outcome = await rig.transact(1, STOP, lane)
@@ -37,9 +37,9 @@ async def stop(rig: Rig, lane: Lane = Lane.STOP) -> tuple[float, Outcome]:
 
 
 @pytest.mark.parametrize("after_s", [0.0, 0.4, 0.9])
-@pytest.mark.parametrize("lane", [Lane.STOP, Lane.FOLLOW_UP])
+@pytest.mark.parametrize("lane", [Priority.STOP, Priority.FOLLOW_UP])
 def test_a_stop_goes_out_over_the_babble_after_a_bounded_wait_and_its_outcome_says_so(
-    after_s: float, lane: Lane
+    after_s: float, lane: Priority
 ) -> None:
     async def scenario() -> tuple[float, Outcome]:
         async with Rig(Units({1}), [poll("a", every_s=0.0)]) as rig:
@@ -63,7 +63,7 @@ def test_every_repeat_of_a_stop_goes_out_over_the_babble() -> None:
             babble(rig.port, 7.0)
             await asyncio.sleep(0.05)
             waited_s = []
-            for lane in [Lane.STOP, *[Lane.FOLLOW_UP] * 10]:
+            for lane in [Priority.STOP, *[Priority.FOLLOW_UP] * 10]:
                 waited_s.append((await stop(rig, lane))[0])
                 await asyncio.sleep(0.1)
             return waited_s
@@ -91,9 +91,9 @@ def test_a_stop_goes_out_between_two_frames_where_there_is_a_gap() -> None:
 
 
 @pytest.mark.parametrize(
-    ("request_", "lane"), [(READ, Lane.FOLLOW_UP), (STOP, Lane.COMMAND), (READ, Lane.READ_BACK)]
+    ("request_", "lane"), [(READ, Priority.FOLLOW_UP), (STOP, Priority.COMMAND), (READ, Priority.READ_BACK)]
 )
-def test_nothing_but_a_stop_is_sent_into_the_babble(request_: WriteRegister, lane: Lane) -> None:
+def test_nothing_but_a_stop_is_sent_into_the_babble(request_: WriteRegister, lane: Priority) -> None:
     async def scenario() -> tuple[Outcome, int]:
         async with Rig(Units({1}), [poll("a", every_s=0.0)]) as rig:
             await asyncio.sleep(1.0)
@@ -139,7 +139,7 @@ def test_stops_are_as_many_over_the_babble_as_without_it() -> None:
             await asyncio.sleep(1.0)
             babble(rig.port, 11.0)
             for _ in range(20):
-                rig.client.transact(1, STOP, response_time_s=0.01, lane=Lane.FOLLOW_UP)
+                rig.client.transact(1, STOP, response_time_s=0.01, lane=Priority.FOLLOW_UP)
                 await asyncio.sleep(0.5)
             return [at_s for at_s, frame in rig.port.sent if frame[1] == 6]
 
@@ -155,7 +155,7 @@ def test_a_port_that_is_lost_while_a_stop_waits_for_a_gap_ends_the_stop_unsent()
             await asyncio.sleep(1.0)
             babble(rig.port)
             await asyncio.sleep(0.05)
-            waiting = asyncio.create_task(rig.transact(1, STOP, Lane.STOP))
+            waiting = asyncio.create_task(rig.transact(1, STOP, Priority.STOP))
             await asyncio.sleep(STOP_PATIENCE_S + GAP_WITHIN_S / 2)
             rig.port.hang_up()
             return await asyncio.wait_for(waiting, 5.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import gc
 
-from gateway.system.gc_tuning import SETTLED_S, THRESHOLDS, SparedCollector
+from gateway.system.gc_tuning import SETTLED_S, THRESHOLDS, TunedCollector
 from tests.virtual_time import run_virtually
 
 
@@ -19,7 +19,7 @@ def is_looked_through(thing: object) -> bool:
 
 def test_what_is_there_when_all_is_settled_is_not_looked_through_any_more() -> None:
     async def scenario() -> list[bool]:
-        collector = SparedCollector()
+        collector = TunedCollector()
         collector.spare()
         thing = Kept()
         looked = [is_looked_through(thing)]
@@ -33,7 +33,7 @@ def test_what_is_there_when_all_is_settled_is_not_looked_through_any_more() -> N
 
 def test_afterwards_collection_is_as_it_was_before() -> None:
     async def scenario() -> tuple[int, int, int]:
-        collector = SparedCollector()
+        collector = TunedCollector()
         collector.spare()
         meanwhile = gc.get_threshold()
         collector.end()

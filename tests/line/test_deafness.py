@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 import pytest
 
-from gateway.line.port_recovery import ASK_EVERY_S, DEAF, LONGEST_S, Deafness
+from gateway.line.port_recovery import ASK_EVERY_S, DEAF, LONGEST_S, PortRecovery
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from tests.line.fakes import Rig, Said, Units, poll
 from tests.virtual_time import run_virtually
@@ -16,7 +16,7 @@ from tests.virtual_time import run_virtually
 ANSWERED = Answered((1,), at_s=0.0, response_time_s=0.005)
 
 
-def cures_s(deafness: Deafness, *, until_s: float, outcome: Outcome | None = None) -> list[float]:
+def cures_s(deafness: PortRecovery, *, until_s: float, outcome: Outcome | None = None) -> list[float]:
     """Return when a port would be opened afresh on which every second brings this outcome."""
     found = []
     for second in range(int(until_s)):
@@ -27,18 +27,18 @@ def cures_s(deafness: Deafness, *, until_s: float, outcome: Outcome | None = Non
 
 
 def test_silence_of_all_is_cured_ever_less_often() -> None:
-    assert cures_s(Deafness(15.0), until_s=200.0) == [15.0, 46.0, 107.0]
+    assert cures_s(PortRecovery(15.0), until_s=200.0) == [15.0, 46.0, 107.0]
 
 
 def test_the_pause_between_two_cures_has_an_end() -> None:
-    times_s = cures_s(Deafness(300.0), until_s=4000.0)
+    times_s = cures_s(PortRecovery(300.0), until_s=4000.0)
 
     assert [after - before for before, after in itertools.pairwise(times_s)][-1] == LONGEST_S + 1
 
 
 @pytest.mark.parametrize("outcome", [ANSWERED, Refused(2, 0.0)])
 def test_any_answer_ends_it(outcome: Outcome) -> None:
-    deafness = Deafness(15.0)
+    deafness = PortRecovery(15.0)
     assert cures_s(deafness, until_s=16.0) == [15.0]
     assert deafness.is_deaf
 
@@ -51,12 +51,12 @@ def test_any_answer_ends_it(outcome: Outcome) -> None:
 
 
 def test_garbage_is_no_answer() -> None:
-    assert cures_s(Deafness(15.0), until_s=16.0, outcome=Garbled("noise", b"\x00")) == [15.0]
+    assert cures_s(PortRecovery(15.0), until_s=16.0, outcome=Garbled("noise", b"\x00")) == [15.0]
 
 
 @pytest.mark.parametrize("after_s", [None, 0.0])
 def test_it_can_be_switched_off(after_s: float | None) -> None:
-    assert cures_s(Deafness(after_s), until_s=1e4) == []
+    assert cures_s(PortRecovery(after_s), until_s=1e4) == []
 
 
 class DeafAdapter:
@@ -125,7 +125,7 @@ def test_after_a_flood_everybody_is_asked_at_once() -> None:
 
 
 def test_who_answers_first_after_a_while_of_silence_makes_everybody_be_asked_again() -> None:
-    deafness = Deafness(15.0)
+    deafness = PortRecovery(15.0)
     deafness.take(Silent(), 0.0)
     assert not deafness.is_time_to_ask(ASK_EVERY_S - 0.1)
     assert deafness.is_time_to_ask(ASK_EVERY_S)
@@ -136,7 +136,7 @@ def test_who_answers_first_after_a_while_of_silence_makes_everybody_be_asked_aga
 
 
 def test_an_answer_after_a_short_silence_is_nothing_special() -> None:
-    deafness = Deafness(15.0)
+    deafness = PortRecovery(15.0)
     deafness.take(Silent(), 0.0)
 
     deafness.take(ANSWERED, ASK_EVERY_S - 0.1)

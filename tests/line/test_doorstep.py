@@ -6,8 +6,8 @@ import asyncio
 
 import pytest
 
-from gateway.line.scheduler.requests import Lane
-from gateway.line.stop_hold import CREDIT_S, GRACE_S, LOOK_EVERY_S, SHARE, Doorstep
+from gateway.line.scheduler.requests import Priority
+from gateway.line.stop_hold import CREDIT_S, GRACE_S, LOOK_EVERY_S, SHARE, StopHold
 from gateway.modbus.writes import WriteRegister
 from tests.line.fakes import DELAY_S, TIMING, Rig, Units, poll
 from tests.virtual_time import run_virtually
@@ -48,10 +48,14 @@ def sent_s(rig: Rig) -> list[float]:
 
 @pytest.mark.parametrize(
     ("request_", "lane", "taken_s"),
-    [(STOP, Lane.STOP, 0.0004), (STOP, Lane.STOP, GRACE_S - LOOK_EVERY_S), (START, Lane.COMMAND, 0.0008)],
+    [
+        (STOP, Priority.STOP, 0.0004),
+        (STOP, Priority.STOP, GRACE_S - LOOK_EVERY_S),
+        (START, Priority.COMMAND, 0.0008),
+    ],
 )
 def test_a_stop_that_is_still_being_read_when_the_silence_ends_goes_before_the_poll(
-    request_: WriteRegister, lane: Lane, taken_s: float
+    request_: WriteRegister, lane: Priority, taken_s: float
 ) -> None:
     arrivals = Arrivals()
     rig = Rig(Units({1}), [poll("a", every_s=0.0)], has_arrived=arrivals)
@@ -77,7 +81,7 @@ def test_a_stop_goes_as_soon_as_it_is_there_although_more_keeps_arriving() -> No
         async with rig:
             await let_arrive(arrivals, rig, 0.0005)
             asked_s = asyncio.get_running_loop().time()
-            await rig.transact(1, STOP, Lane.STOP)
+            await rig.transact(1, STOP, Priority.STOP)
             return asked_s
 
     asked_s = run_virtually(scenario())
@@ -119,14 +123,14 @@ def test_what_never_ends_to_arrive_takes_a_hundredth_of_the_line_at_most() -> No
 
 
 def test_a_request_is_held_back_for_three_milliseconds_at_most() -> None:
-    doorstep = Doorstep(lambda: True)
+    doorstep = StopHold(lambda: True)
     assert doorstep.is_worth_waiting(10.0)
     assert doorstep.is_worth_waiting(10.0 + GRACE_S - 0.0001, began_s=10.0)
     assert not doorstep.is_worth_waiting(10.0 + GRACE_S, began_s=10.0)
 
 
 def test_the_right_to_hold_requests_back_is_used_up_and_comes_again() -> None:
-    doorstep = Doorstep(lambda: True)
+    doorstep = StopHold(lambda: True)
     assert doorstep.is_worth_waiting(10.0)
     doorstep.waited(10.0, 10.0 + 1.1 * CREDIT_S)
 

@@ -7,7 +7,7 @@ import pytest
 from gateway.errors import PortError
 from gateway.line.direct import Survey, exclusive_line, silent_cost_s
 from gateway.line.rtu.outcome import Answered, Silent
-from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.requests import Priority
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteRegister
@@ -28,7 +28,7 @@ async def test_a_line_for_oneself_carries_what_is_asked_and_nothing_else() -> No
     bus = make_bus()
 
     async with exclusive_line("pumps", bus.opener(), TIMING) as line:
-        outcome = await line.transact(1, READ, response_time_s=0.05, lane=Lane.READ_BACK)
+        outcome = await line.transact(1, READ, response_time_s=0.05, lane=Priority.READ_BACK)
 
     assert isinstance(outcome, Answered)
     assert len(bus.transcript) == 2
@@ -52,10 +52,10 @@ async def test_a_port_that_is_lost_stays_lost() -> None:
     bus = make_bus()
     async with exclusive_line("pumps", bus.opener(), TIMING) as line:
         bus.unplug()
-        await line.transact(1, READ, response_time_s=0.05, lane=Lane.READ_BACK)
+        await line.transact(1, READ, response_time_s=0.05, lane=Priority.READ_BACK)
         bus.plug_in()
 
-        outcome = await line.transact(1, READ, response_time_s=0.05, lane=Lane.READ_BACK)
+        outcome = await line.transact(1, READ, response_time_s=0.05, lane=Priority.READ_BACK)
 
     assert isinstance(outcome, Silent)
     assert not outcome.is_sent

@@ -14,8 +14,7 @@ import pytest
 
 from gateway.line.capacity.forecast import forecast
 from gateway.line.rtu.timeouts import ALLOWANCE_S, longest_s
-from gateway.line.scheduler.requests import Job, Lane, Poll
-from gateway.line.scheduler.scheduler import Turn
+from gateway.line.scheduler.requests import Job, Poll, Priority, Slot
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil
@@ -184,7 +183,7 @@ def test_a_stop_waits_no_longer_than_foretold_and_about_that_long_at_the_worst(s
     chance = random.Random(seed)
     waits_s = []
 
-    def take(turn: Turn) -> float:
+    def take(turn: Slot) -> float:
         if turn.poll is None:
             waits_s.append(line.now_s + timing.silence_s - turn.since_s)
             return timing.silence_s
@@ -199,4 +198,4 @@ def test_a_stop_waits_no_longer_than_foretold_and_about_that_long_at_the_worst(s
 
 
 def stop() -> Job:
-    return Job(1, WriteCoil(0, True), 0.02, Lane.STOP, lambda outcome: None)
+    return Job(1, WriteCoil(0, True), 0.02, Priority.STOP, lambda outcome: None)

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from gateway.line.rtu.outcome import Answered, Silent
-from gateway.line.rtu.response_time import ENOUGH, Learnt
-from gateway.line.scheduler.scheduler import Plan, Turn
+from gateway.line.rtu.response_time import ENOUGH, ResponseTimeEstimator
+from gateway.line.scheduler.requests import Slot
+from gateway.line.scheduler.scheduler import Scheduler
 from gateway.line.scheduler.units import UnitState
-from gateway.line.statistics import Figures
+from gateway.line.statistics import Statistics
 from tests.line.fakes import poll
 
 SILENT = Silent()
 LIMIT_S = 0.1
 
 
-def silenced(plan: Plan) -> None:
+def silenced(plan: Scheduler) -> None:
     """Let the unit of the only poll go silent."""
     now_s = 0.0
     while plan.state_of(1) is not UnitState.SILENT:
@@ -24,7 +25,7 @@ def silenced(plan: Plan) -> None:
 
 
 def test_who_takes_a_silent_units_place_is_asked_at_once_and_is_news() -> None:
-    plan = Plan([poll("a")])
+    plan = Scheduler([poll("a")])
     plan.begin(0.0)
     silenced(plan)
 
@@ -41,7 +42,7 @@ def test_who_takes_a_silent_units_place_is_asked_at_once_and_is_news() -> None:
 
 
 def test_a_unit_that_still_has_polls_is_not_forgotten() -> None:
-    plan = Plan([poll("a")])
+    plan = Scheduler([poll("a")])
     plan.begin(0.0)
     silenced(plan)
 
@@ -52,7 +53,7 @@ def test_a_unit_that_still_has_polls_is_not_forgotten() -> None:
 
 
 def test_the_watchdog_of_a_forgotten_unit_has_nobody_asked() -> None:
-    plan = Plan([poll("a")])
+    plan = Scheduler([poll("a")])
     plan.begin(0.0)
     plan.set_deadline(1, 4.0)
     first = plan.pick(0.0)
@@ -66,10 +67,10 @@ def test_the_watchdog_of_a_forgotten_unit_has_nobody_asked() -> None:
 
 
 def test_what_was_learnt_and_counted_of_a_unit_is_dropped_with_it() -> None:
-    figures = Figures()
+    figures = Statistics()
     figures.begin(0.0)
     read = poll("a")
-    turn = Turn(1, read.request, read.response_time_s, 0.0, poll=read)
+    turn = Slot(1, read.request, read.response_time_s, 0.0, poll=read)
     figures.note(turn, Answered((), at_s=0.1, response_time_s=0.01), took_s=0.02, now_s=0.1)
 
     figures.forget(1)
@@ -82,7 +83,7 @@ def test_what_was_learnt_and_counted_of_a_unit_is_dropped_with_it() -> None:
 
 
 def test_a_forgotten_unit_is_waited_for_as_long_as_it_may_take() -> None:
-    learnt = Learnt()
+    learnt = ResponseTimeEstimator()
     for _ in range(ENOUGH):
         learnt.note_answer(1, 3, 0.01)
     learnt.note_miss(2)

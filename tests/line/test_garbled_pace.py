@@ -7,7 +7,7 @@ from itertools import pairwise
 import pytest
 
 from gateway.line.rtu.outcome import Garbled, Outcome, Silent
-from gateway.line.scheduler.scheduler import Plan
+from gateway.line.scheduler.scheduler import Scheduler
 from tests.line.fakes import poll
 
 COST_S = 0.05
@@ -15,7 +15,7 @@ COST_S = 0.05
 
 def asked_s(outcome: Outcome, *, until_s: float) -> list[float]:
     """Return when a unit is asked whose every request ends so."""
-    plan = Plan([poll("a", every_s=1.0)], jitter=0.0)
+    plan = Scheduler([poll("a", every_s=1.0)], jitter=0.0)
     plan.begin(0.0)
     now_s, times_s = 0.0, []
     while now_s < until_s:

@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.scheduler.units import TRANSITIONS, Sign, UnitHealth, UnitState
+from gateway.line.scheduler.units import TRANSITIONS, Evidence, UnitHealth, UnitState
 
 ANSWERED = Answered((1,), at_s=0.0, response_time_s=0.005)
 GARBLED = Garbled("bad CRC", b"\x01")
@@ -19,7 +19,7 @@ def state_after(*outcomes: Outcome) -> UnitState:
 
 
 def test_the_table_lists_every_pair() -> None:
-    assert set(TRANSITIONS) == set(itertools.product(UnitState, Sign))
+    assert set(TRANSITIONS) == set(itertools.product(UnitState, Evidence))
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,7 @@ def test_an_expected_silence_does_not_count() -> None:
 
     signs = [health.take(Silent(), at_s) for at_s in (1.0, 2.0, 4.9)]
 
-    assert signs == [Sign.MISS] * 3
+    assert signs == [Evidence.MISS] * 3
     assert health.state is UnitState.NEW
     health.take(Silent(), 5.0)
     assert health.state is UnitState.SUSPECT

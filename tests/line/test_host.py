@@ -14,10 +14,10 @@ import pytest
 
 from gateway.line import thread as host_module
 from gateway.line.client import LineClient
-from gateway.line.line import Scheduler
-from gateway.line.loop_bridge import Courier
+from gateway.line.line import Line
+from gateway.line.loop_bridge import LoopBridge
 from gateway.line.rtu.outcome import Answered, Outcome, Silent
-from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.requests import Priority
 from gateway.line.thread import SWITCH_INTERVAL_S, LineHost
 from gateway.modbus.reads import ReadHoldingRegisters
 from tests.line.fakes import RESPONSE_TIME_S, TIMING, FakeOpener, FakePort, Listener, Units, poll, until
@@ -84,7 +84,7 @@ def add(host: LineHost, opener: FakeOpener, name: str = "pumps", every_s: float 
 
 
 async def ask(line: LineClient) -> Outcome:
-    return await line.transact(1, READ, response_time_s=RESPONSE_TIME_S, lane=Lane.COMMAND)
+    return await line.transact(1, READ, response_time_s=RESPONSE_TIME_S, lane=Priority.COMMAND)
 
 
 async def test_the_app_transacts_on_lines_that_run_in_a_thread_of_their_own() -> None:
@@ -199,7 +199,7 @@ async def test_polls_are_changed_from_the_app() -> None:
 
 async def test_a_call_that_fails_in_the_app_does_not_hold_up_the_calls_behind_it() -> None:
     loop = asyncio.get_running_loop()
-    courier = Courier()
+    courier = LoopBridge()
     heard: list[int] = []
     failures: list[str] = []
     loop.set_exception_handler(lambda _, context: failures.append(str(context["exception"])))
@@ -216,7 +216,7 @@ async def test_a_call_that_fails_in_the_app_does_not_hold_up_the_calls_behind_it
 
 
 def test_calls_to_a_closed_app_are_dropped() -> None:
-    courier = Courier()
+    courier = LoopBridge()
     courier.loop = asyncio.new_event_loop()
     courier.loop.close()
 
@@ -252,7 +252,7 @@ async def test_what_was_handed_over_has_arrived_until_the_lines_thread_takes_it(
 ) -> None:
     asked: list[Callable[[], bool]] = []
 
-    class Spied(Scheduler):
+    class Spied(Line):
         def __init__(self, *, has_arrived: Callable[[], bool], **given: Any) -> None:
             asked.append(has_arrived)
             super().__init__(has_arrived=has_arrived, **given)

@@ -1,10 +1,10 @@
 from __future__ import annotations
 
-from gateway.line.port.buffered import FIRST_S, LEAST_S, MOST_S, Lead
+from gateway.line.port.buffered import FIRST_S, LEAST_S, MOST_S, EarlyWakeUp
 
 
 def test_a_wait_that_was_woken_too_late_is_woken_earlier_the_next_time_up_to_a_limit() -> None:
-    lead = Lead()
+    lead = EarlyWakeUp()
 
     lead.learn(-0.00001)
 
@@ -15,7 +15,7 @@ def test_a_wait_that_was_woken_too_late_is_woken_earlier_the_next_time_up_to_a_l
 
 
 def test_one_that_was_woken_in_time_is_woken_later_down_to_a_limit() -> None:
-    lead = Lead()
+    lead = EarlyWakeUp()
 
     lead.learn(0.00006)
 
@@ -26,7 +26,7 @@ def test_one_that_was_woken_in_time_is_woken_later_down_to_a_limit() -> None:
 
 
 def test_one_write_in_five_is_left_late() -> None:
-    lead = Lead()
+    lead = EarlyWakeUp()
     lates = 0
 
     for number in range(9000):

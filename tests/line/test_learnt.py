@@ -4,20 +4,27 @@ import random
 
 import pytest
 
-from gateway.line.rtu.response_time import ENOUGH, FACTOR, MARGIN_S, Learnt, ResponseTimes, quantile_s
+from gateway.line.rtu.response_time import (
+    ENOUGH,
+    FACTOR,
+    MARGIN_S,
+    ResponseTimeEstimator,
+    ResponseTimes,
+    quantile_s,
+)
 
 READ, WRITE = 3, 6
 LIMIT_S = 0.1
 
 
-def learnt(times_s: list[float], unit: int = 1, function: int = READ) -> Learnt:
-    made = Learnt()
+def learnt(times_s: list[float], unit: int = 1, function: int = READ) -> ResponseTimeEstimator:
+    made = ResponseTimeEstimator()
     for time_s in times_s:
         made.note_answer(unit, function, time_s)
     return made
 
 
-def wait_s(made: Learnt, *, floor_s: float | None = 0.001, function: int = READ) -> float:
+def wait_s(made: ResponseTimeEstimator, *, floor_s: float | None = 0.001, function: int = READ) -> float:
     return made.response_time_s(1, function, limit_s=LIMIT_S, floor_s=floor_s)
 
 
@@ -34,8 +41,8 @@ def test_quantiles_are_right_to_five_percent(share: float) -> None:
 
 def test_of_nothing_there_is_no_quantile() -> None:
     assert quantile_s((), 0.5) is None
-    assert Learnt().quantiles(1) == {"p50": None, "p99": None}
-    assert Learnt().functions(1) == {}
+    assert ResponseTimeEstimator().quantiles(1) == {"p50": None, "p99": None}
+    assert ResponseTimeEstimator().functions(1) == {}
 
 
 def test_quantiles_are_told_for_a_unit_and_for_each_of_its_functions() -> None:
@@ -74,7 +81,7 @@ def test_nothing_is_concluded_without_leave_or_from_too_few_answers_or_from_anot
     assert wait_s(learnt([0.005] * ENOUGH), floor_s=None) == LIMIT_S
     assert wait_s(learnt([0.005] * (ENOUGH - 1))) == LIMIT_S
     assert wait_s(learnt([0.005] * ENOUGH), function=WRITE) == LIMIT_S
-    assert wait_s(Learnt()) == LIMIT_S
+    assert wait_s(ResponseTimeEstimator()) == LIMIT_S
 
 
 def test_a_unit_that_did_not_answer_is_given_all_its_time_until_it_does() -> None:

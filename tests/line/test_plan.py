@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from gateway.line.rtu.outcome import Outcome, Silent
 from gateway.line.scheduler.load import FREE_ROOM
-from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.requests import Priority
 from gateway.line.scheduler.scheduler import JOBS_IN_ROW, Verdict
 from tests.line.fakes import poll
 from tests.line.planned import ANSWERED, GARBLED, ask_times, begun, gaps, job, key_of, take
@@ -164,10 +164,10 @@ def test_wrong_keys_are_refused() -> None:
 @given(
     periods_s=st.lists(st.sampled_from([0.0, 0.05, 0.3, 1.0, 5.0]), min_size=1, max_size=12),
     jobs=st.lists(
-        st.tuples(st.integers(0, 300), st.sampled_from([Lane.COMMAND, Lane.READ_BACK])), max_size=80
+        st.tuples(st.integers(0, 300), st.sampled_from([Priority.COMMAND, Priority.READ_BACK])), max_size=80
     ),
 )
-def test_no_poll_starves(periods_s: list[float], jobs: list[tuple[int, Lane]]) -> None:
+def test_no_poll_starves(periods_s: list[float], jobs: list[tuple[int, Priority]]) -> None:
     plan = begun(*(poll(str(at), unit=at + 1, every_s=every_s) for at, every_s in enumerate(periods_s)))
     by_step = Counter(jobs)
     last_s = dict.fromkeys(map(str, range(len(periods_s))), 0.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import inf
 
 from gateway.line.rtu.outcome import Garbled
-from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.requests import Priority
 from gateway.line.scheduler.scheduler import JOBS_IN_ROW, Verdict
 from gateway.line.scheduler.units import UnitState
 from tests.line.fakes import poll
@@ -15,27 +15,27 @@ from tests.line.planned import GARBLED, READ, WRITE, begun, job, key_of, take
 def test_jobs_come_before_polls_and_lanes_in_their_order() -> None:
     plan = begun(poll("a", every_s=0.0))
     take(plan, 0.0)
-    jobs = {lane: job(lane) for lane in reversed(Lane)}
+    jobs = {lane: job(lane) for lane in reversed(Priority)}
     for waiting in jobs.values():
         plan.submit(waiting, 0.0)
 
     assert plan.next_due_s() == -inf
     turns = [take(plan, 0.0) for _ in range(6)]
 
-    assert [turn.job for turn in turns if turn] == [jobs[lane] for lane in sorted(Lane)] + [None]
+    assert [turn.job for turn in turns if turn] == [jobs[lane] for lane in sorted(Priority)] + [None]
 
 
 def test_every_units_first_poll_waits_for_stops_and_commands_only() -> None:
     plan = begun(poll("a"), poll("b", unit=2), poll("c"))
-    jobs = {lane: job(lane) for lane in Lane}
+    jobs = {lane: job(lane) for lane in Priority}
     for waiting in jobs.values():
         plan.submit(waiting, 0.0)
 
     turns = [take(plan, 0.0) for _ in range(8)]
 
     assert [key_of(turn) or (turn and turn.job) for turn in turns] == [
-        *(jobs[Lane.STOP], jobs[Lane.FOLLOW_UP], jobs[Lane.COMMAND], "a", "b"),
-        *(jobs[Lane.READ_BACK], jobs[Lane.PARAMETERS], "c"),
+        *(jobs[Priority.STOP], jobs[Priority.FOLLOW_UP], jobs[Priority.COMMAND], "a", "b"),
+        *(jobs[Priority.READ_BACK], jobs[Priority.PARAMETERS], "c"),
     ]
 
 
@@ -61,7 +61,7 @@ def test_jobs_go_on_while_no_poll_is_due() -> None:
 def test_a_stop_overtakes_an_overdue_poll_however_many_jobs_there_were() -> None:
     plan = begun(poll("a", every_s=0.0))
     for _ in range(10):
-        plan.submit(job(Lane.STOP), 0.0)
+        plan.submit(job(Priority.STOP), 0.0)
 
     turns = [take(plan, 0.0) for _ in range(11)]
 
@@ -83,7 +83,7 @@ def test_a_waiting_job_can_be_withdrawn_and_one_under_way_cannot() -> None:
 
 def test_all_waiting_jobs_can_be_taken_out() -> None:
     plan = begun()
-    jobs = [job(Lane.READ_BACK), job(Lane.STOP)]
+    jobs = [job(Priority.READ_BACK), job(Priority.STOP)]
     for waiting in jobs:
         plan.submit(waiting, 0.0)
 
@@ -112,7 +112,7 @@ def test_a_garbled_poll_is_repeated_once_at_once_and_counts_when_it_was_no_use()
 
 def test_a_garbled_read_job_is_repeated_before_the_others_of_its_lane() -> None:
     plan = begun()
-    read, other = job(Lane.READ_BACK, request=READ), job(Lane.READ_BACK, request=READ)
+    read, other = job(Priority.READ_BACK, request=READ), job(Priority.READ_BACK, request=READ)
     plan.submit(read, 0.0)
     plan.submit(other, 0.0)
 

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Silent
 from gateway.line.scheduler.backoff import SAVED_S, SILENT_SHARE, SilenceBudget
 from gateway.line.scheduler.polls import NEIGHBOUR_S
-from gateway.line.scheduler.requests import Poll
-from gateway.line.scheduler.scheduler import Plan, Turn
+from gateway.line.scheduler.requests import Poll, Slot
+from gateway.line.scheduler.scheduler import Scheduler
 from tests.line.fakes import poll
 from tests.line.ideal_line import IdealLine
 
@@ -29,14 +29,14 @@ class Plant(IdealLine):
         self.dead_s = 0.0  # of the line's time, after a unit was noticed to be silent
         super().__init__(polls, self._time_of, self._outcome_of, seed=seed)
 
-    def _time_of(self, turn: Turn) -> float:
+    def _time_of(self, turn: Slot) -> float:
         if turn.unit not in self.dead:
             return ANSWER_S
         if self.plan.state_of(turn.unit).value == "silent":
             self.dead_s += SILENCE_S
         return SILENCE_S
 
-    def _outcome_of(self, turn: Turn, at_s: float) -> Outcome:
+    def _outcome_of(self, turn: Slot, at_s: float) -> Outcome:
         return Silent() if turn.unit in self.dead else Answered((), at_s, 0.0)
 
 
@@ -118,7 +118,7 @@ def test_a_silence_is_not_followed_by_another_while_a_living_unit_is_due() -> No
 
 
 def test_a_unit_that_missed_once_is_not_asked_again_before_one_that_answers() -> None:
-    plan = Plan([poll("a", 1), poll("b", 1), poll("c", 2)])
+    plan = Scheduler([poll("a", 1), poll("b", 1), poll("c", 2)])
     plan.begin(0.0)
     first = plan.pick(0.0)
     assert first is not None
@@ -202,7 +202,7 @@ class NoisyLine(IdealLine):
         self.unreached_s = 0.0  # the longest time between two of these
         super().__init__(polls, lambda turn: 0.06, self._outcome_of_noise, seed=seed)
 
-    def _outcome_of_noise(self, turn: Turn, at_s: float) -> Outcome:
+    def _outcome_of_noise(self, turn: Slot, at_s: float) -> Outcome:
         if self.chance.random() > 0.97**8:
             return Silent()
         self.unreached_s = max(self.unreached_s, at_s - self.reached_s.get(turn.unit, at_s))
@@ -232,7 +232,7 @@ def test_the_budget_saves_up_no_more_than_its_limit() -> None:
 
 
 def test_a_halted_machine_is_not_taken_for_a_long_silence() -> None:
-    plan = Plan([poll("a", 1)], jitter=0.0)
+    plan = Scheduler([poll("a", 1)], jitter=0.0)
     plan.begin(0.0)
     now_s = 0.0
     for _ in range(3):

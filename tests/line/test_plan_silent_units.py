@@ -8,7 +8,7 @@ from math import inf
 import pytest
 
 from gateway.line.rtu.outcome import Silent
-from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.requests import Priority
 from gateway.line.scheduler.scheduler import Verdict
 from gateway.line.scheduler.units import UnitState
 from tests.line.fakes import poll
@@ -215,7 +215,7 @@ def test_after_an_outage_a_silent_unit_is_still_asked_by_its_probe_only() -> Non
 
 def test_after_an_outage_the_first_poll_of_each_unit_comes_before_what_we_ask_of_our_own_accord() -> None:
     plan = begun(poll("a", unit=1), poll("b", unit=1), poll("c", unit=2))
-    plan.submit(job(Lane.READ_BACK), 0.0)
+    plan.submit(job(Priority.READ_BACK), 0.0)
 
     assert [key_of(take(plan, 0.0)) for _ in range(3)] == ["a", "c", None]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import inf
 
 from gateway.line.scheduler.job_queue import SHARED_AFTER_S
-from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.requests import Priority
 from gateway.line.scheduler.scheduler import FOLLOW_UPS_IN_ROW_S, WATCHDOGS_IN_ROW
 from tests.line.fakes import poll
 from tests.line.planned import ANSWERED, READ, begun, job, key_of, take
@@ -15,7 +15,7 @@ LATE_S = 2 * SHARED_AFTER_S
 
 def test_a_stop_that_has_waited_for_long_is_sent_for_later_ones_of_its_unit_only() -> None:
     plan = begun()
-    first, rider, other = job(Lane.STOP), job(Lane.STOP), job(Lane.STOP, unit=2)
+    first, rider, other = job(Priority.STOP), job(Priority.STOP), job(Priority.STOP, unit=2)
     plan.submit(first, 0.0)
     plan.submit(rider, LATE_S)
     plan.submit(other, LATE_S)
@@ -27,7 +27,7 @@ def test_a_stop_that_has_waited_for_long_is_sent_for_later_ones_of_its_unit_only
 
 def test_a_stop_that_has_only_just_come_is_not_shared() -> None:
     plan = begun()
-    jobs = [job(Lane.STOP), job(Lane.STOP)]
+    jobs = [job(Priority.STOP), job(Priority.STOP)]
     for each in jobs:
         plan.submit(each, 0.0)
 
@@ -38,7 +38,7 @@ def test_a_stop_that_has_only_just_come_is_not_shared() -> None:
 
 def test_of_a_shared_stop_each_job_can_be_withdrawn_alone() -> None:
     plan = begun()
-    first, second, third = (job(Lane.STOP) for _ in range(3))
+    first, second, third = (job(Priority.STOP) for _ in range(3))
     plan.submit(first, 0.0)
     plan.submit(second, LATE_S)
     plan.submit(third, LATE_S)
@@ -50,7 +50,7 @@ def test_of_a_shared_stop_each_job_can_be_withdrawn_alone() -> None:
 
 def test_a_follow_up_whose_unit_may_not_be_asked_yet_lets_others_pass() -> None:
     plan = begun(poll("a"))
-    held, other = job(Lane.FOLLOW_UP, request=READ), job(Lane.FOLLOW_UP, unit=2, request=READ)
+    held, other = job(Priority.FOLLOW_UP, request=READ), job(Priority.FOLLOW_UP, unit=2, request=READ)
     plan.submit(held, 0.0)
     turn = plan.pick(0.0)
     assert turn is not None
@@ -69,7 +69,7 @@ def test_a_follow_up_whose_unit_may_not_be_asked_yet_lets_others_pass() -> None:
 
 def test_a_held_follow_up_can_be_withdrawn_and_taken_out() -> None:
     plan = begun()
-    first, second = job(Lane.FOLLOW_UP, request=READ), job(Lane.FOLLOW_UP, request=READ)
+    first, second = job(Priority.FOLLOW_UP, request=READ), job(Priority.FOLLOW_UP, request=READ)
     for each in (first, second):
         plan.submit(each, 0.0)
         turn = plan.pick(0.0)
@@ -87,7 +87,7 @@ def test_follow_ups_go_before_watchdogs_for_a_while_and_then_let_some_of_them_pa
         plan.set_deadline(unit, 10.0)
         take(plan, 0.0)
     for _ in range(40):
-        plan.submit(job(Lane.FOLLOW_UP, request=READ), 8.0)
+        plan.submit(job(Priority.FOLLOW_UP, request=READ), 8.0)
 
     now_s, kinds = 8.0, ""
     for _ in range(40):

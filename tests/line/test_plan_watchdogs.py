@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from gateway.line.capacity.forecast import forecast, longest_gap_s
 from gateway.line.rtu.outcome import Answered, Outcome, Silent
 from gateway.line.rtu.timeouts import ALLOWANCE_S, longest_s
-from gateway.line.scheduler.requests import Job, Lane, Poll
-from gateway.line.scheduler.scheduler import WATCHDOGS_IN_ROW, Plan, Turn
+from gateway.line.scheduler.requests import Job, Poll, Priority, Slot
+from gateway.line.scheduler.scheduler import WATCHDOGS_IN_ROW, Scheduler
 from gateway.line.scheduler.units import UnitState
 from gateway.modbus.timing import Framing, LineTiming
 from tests.line.fakes import poll
@@ -23,24 +23,24 @@ TIMING = LineTiming(19200, Framing.parse("8E1"))
 ANSWERED = Answered((1,), at_s=0.0, response_time_s=0.005)
 
 
-def job(lane: Lane = Lane.COMMAND, unit: int = 99) -> Job:
+def job(lane: Priority = Priority.COMMAND, unit: int = 99) -> Job:
     return Job(unit, READ, 0.01, lane, lambda outcome: None)
 
 
-def begun(*polls: Poll) -> Plan:
-    plan = Plan(polls, jitter=0.0)
+def begun(*polls: Poll) -> Scheduler:
+    plan = Scheduler(polls, jitter=0.0)
     plan.begin(0.0)
     return plan
 
 
-def take(plan: Plan, now_s: float, outcome: Outcome = ANSWERED) -> Turn | None:
+def take(plan: Scheduler, now_s: float, outcome: Outcome = ANSWERED) -> Slot | None:
     turn = plan.pick(now_s)
     if turn is not None:
         plan.record(turn, outcome, now_s)
     return turn
 
 
-def key_of(turn: Turn | None) -> str | None:
+def key_of(turn: Slot | None) -> str | None:
     return None if turn is None or turn.poll is None else turn.poll.key
 
 
@@ -56,7 +56,7 @@ def test_a_unit_is_asked_ahead_of_its_turn_when_half_of_its_watchdogs_time_has_p
 def test_any_request_that_a_unit_answered_counts() -> None:
     plan = begun(replace(poll("a", every_s=60.0), deadline_s=10.0))
     take(plan, 0.0)
-    plan.submit(job(Lane.READ_BACK, unit=1), 4.0)
+    plan.submit(job(Priority.READ_BACK, unit=1), 4.0)
     take(plan, 4.0)
 
     assert plan.pick(8.9) is None
@@ -75,7 +75,7 @@ def test_a_broadcast_counts_for_nobody() -> None:
 def test_a_watchdog_goes_before_commands_and_after_stops() -> None:
     plan = begun(replace(poll("a", every_s=60.0), deadline_s=10.0))
     take(plan, 0.0)
-    jobs = [job(), job(Lane.STOP)]
+    jobs = [job(), job(Priority.STOP)]
     for each in jobs:
         plan.submit(each, 5.0)
 
@@ -206,10 +206,10 @@ def test_a_unit_that_was_silent_has_not_been_left() -> None:
     limits_s=st.lists(st.sampled_from([1.0, 2.0, 3.5, 5.0, 30.0, None]), min_size=1, max_size=40),
     every_s=st.sampled_from([0.0, 0.1, 1.0, 60.0]),
     registers=st.integers(1, 60),
-    flood=st.sampled_from([None, Lane.COMMAND, Lane.READ_BACK]),
+    flood=st.sampled_from([None, Priority.COMMAND, Priority.READ_BACK]),
 )
 def test_a_watchdog_that_can_be_kept_is_kept(
-    limits_s: list[float | None], every_s: float, registers: int, flood: Lane | None
+    limits_s: list[float | None], every_s: float, registers: int, flood: Priority | None
 ) -> None:
     polls = [
         replace(poll(f"{unit}/{at}", unit, every_s, count=count), deadline_s=limit_s)
@@ -220,7 +220,7 @@ def test_a_watchdog_that_can_be_kept_is_kept(
     gaps_s = {unit: longest_gap_s(prospect, unit) for unit in range(1, len(limits_s) + 1)}
     longest = max(longest_s(each.request, TIMING, response_time_s=each.response_time_s) for each in polls)
 
-    def took_s(turn: Turn) -> float:
+    def took_s(turn: Slot) -> float:
         if flood is not None:
             line.plan.submit(job(flood), line.now_s)
             line.plan.submit(job(flood), line.now_s)
@@ -236,16 +236,16 @@ def test_a_watchdog_that_can_be_kept_is_kept(
                 assert line.unheard_s[unit] <= gaps_s[unit] + 1e-9
 
 
-@pytest.mark.parametrize("lane", [Lane.COMMAND, Lane.READ_BACK])
-def test_a_flood_of_jobs_keeps_neither_a_stop_nor_a_poll_waiting(lane: Lane) -> None:
+@pytest.mark.parametrize("lane", [Priority.COMMAND, Priority.READ_BACK])
+def test_a_flood_of_jobs_keeps_neither_a_stop_nor_a_poll_waiting(lane: Priority) -> None:
     polls = [poll(f"{unit}", unit=unit, every_s=1.0) for unit in range(1, 6)]
     waits_s = []
 
-    def took_s(turn: Turn) -> float:
-        if turn.job is not None and turn.job.lane is Lane.STOP:
+    def took_s(turn: Slot) -> float:
+        if turn.job is not None and turn.job.lane is Priority.STOP:
             waits_s.append(line.now_s - turn.since_s)
         elif len(line.turns) % 7 == 0:
-            line.plan.submit(job(Lane.STOP), line.now_s)
+            line.plan.submit(job(Priority.STOP), line.now_s)
         line.plan.submit(job(lane), line.now_s)
         line.plan.submit(job(lane), line.now_s)
         return 0.03

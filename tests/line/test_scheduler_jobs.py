@@ -9,7 +9,7 @@ from collections.abc import Iterable
 import pytest
 
 from gateway.line.rtu.outcome import Garbled, Outcome, Silent
-from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.requests import Priority
 from gateway.modbus.writes import WriteRegister
 from tests.line.fakes import TIMING, Rig, Said, Units, nobody, poll
 from tests.line.served import NO_PORT, READ, WRITE, run_for
@@ -31,7 +31,7 @@ def test_a_stop_waits_for_one_transaction_at_the_most_and_goes_before_every_othe
                 others = [asyncio.create_task(rig.transact(2, WRITE)) for _ in range(3)]
                 await asyncio.sleep(0)
                 submitted_s = loop.time()
-                stop = asyncio.create_task(rig.transact(1, WriteRegister(5003, 0), Lane.STOP))
+                stop = asyncio.create_task(rig.transact(1, WriteRegister(5003, 0), Priority.STOP))
                 await asyncio.gather(stop, *others)
                 waits_s.append(
                     next(
@@ -64,7 +64,7 @@ def test_a_stop_does_not_wait_for_a_late_reply_of_another_unit_either() -> None:
                 await asyncio.sleep(chance.uniform(0.0, 0.3))
                 read = asyncio.create_task(rig.transact(1, READ))
                 await asyncio.sleep(chance.uniform(0.0, 0.1))
-                await rig.transact(2, WRITE, Lane.STOP)
+                await rig.transact(2, WRITE, Priority.STOP)
                 await read
 
     run_virtually(scenario())

@@ -10,7 +10,7 @@ import pytest
 
 from gateway.line.line import REOPEN_CEILING_S, REOPEN_FLOOR_S
 from gateway.line.rtu.outcome import Answered, Outcome, Silent
-from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.requests import Priority
 from gateway.modbus.writes import WriteRegister
 from tests.line.fakes import TIMING, Answer, FakeConnection, Rig, Said, Units, nobody, poll
 from tests.line.served import NO_PORT, READ, WRITE
@@ -23,7 +23,7 @@ def test_a_port_that_cannot_be_opened_is_told_once_per_reason_and_tried_ever_les
 
     async def scenario() -> Outcome:
         async with rig:
-            outcome = await rig.transact(1, WRITE, Lane.STOP)
+            outcome = await rig.transact(1, WRITE, Priority.STOP)
             await asyncio.sleep(30.0)
             rig.opener.failure = "busy"
             await asyncio.sleep(20.0)
@@ -109,10 +109,11 @@ def connection_rig(answer: Answer = silent_to_writes) -> Rig:
 
 
 @pytest.mark.parametrize(
-    ("lane", "resets"), [(Lane.COMMAND, 1), (Lane.PARAMETERS, 1), (Lane.READ_BACK, 1), (Lane.STOP, 0)]
+    ("lane", "resets"),
+    [(Priority.COMMAND, 1), (Priority.PARAMETERS, 1), (Priority.READ_BACK, 1), (Priority.STOP, 0)],
 )
 def test_a_write_without_an_answer_resets_a_connection_at_once_but_a_stop_does_not(
-    lane: Lane, resets: int
+    lane: Priority, resets: int
 ) -> None:
     rig = connection_rig()
 
@@ -154,7 +155,7 @@ def test_what_waits_behind_a_write_that_resets_the_connection_goes_out_on_the_ne
 
     async def scenario() -> list[Outcome]:
         async with rig:
-            jobs = [rig.transact(1, WRITE), rig.transact(1, READ), rig.transact(1, STOP, Lane.STOP)]
+            jobs = [rig.transact(1, WRITE), rig.transact(1, READ), rig.transact(1, STOP, Priority.STOP)]
             return list(await asyncio.gather(*jobs))
 
     written, read, _ = run_virtually(scenario())

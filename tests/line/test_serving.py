@@ -7,9 +7,9 @@ import asyncio
 import pytest
 
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Outcome, Silent
-from gateway.line.rtu.request import Preparations
+from gateway.line.rtu.request import RequestCache
 from gateway.line.rtu.response_time import ENOUGH
-from gateway.line.scheduler.requests import Job, Lane, Poll
+from gateway.line.scheduler.requests import Job, Poll, Priority
 from gateway.line.scheduler.scheduler import JOBS_IN_ROW
 from gateway.modbus import adu
 from gateway.modbus.reads import ReadHoldingRegisters
@@ -37,9 +37,9 @@ def functions(rig: Rig) -> list[int]:
     return [frame[1] for _, frame in rig.port.sent]
 
 
-@pytest.mark.parametrize(("request_", "lane"), [(STOP, Lane.STOP), (WRITE, Lane.COMMAND)])
+@pytest.mark.parametrize(("request_", "lane"), [(STOP, Priority.STOP), (WRITE, Priority.COMMAND)])
 def test_what_comes_in_the_silence_goes_before_the_poll_that_was_chosen(
-    request_: WriteRegister, lane: Lane
+    request_: WriteRegister, lane: Priority
 ) -> None:
     rig = Rig(Units({1}), [poll("a", every_s=0.0)])
 
@@ -61,7 +61,7 @@ def test_a_stop_that_comes_in_the_silence_goes_before_the_command_that_was_chose
             await into_a_silence(rig)
             waiting = asyncio.create_task(rig.transact(1, WRITE))
             await asyncio.sleep(TIMING.silence_s / 4)
-            return list(await asyncio.gather(rig.transact(1, STOP, Lane.STOP), waiting))
+            return list(await asyncio.gather(rig.transact(1, STOP, Priority.STOP), waiting))
 
     outcomes = run_virtually(scenario())
 
@@ -77,7 +77,7 @@ def test_commands_that_come_in_every_silence_do_not_keep_polls_from_the_line() -
         async with rig:
             await into_a_silence(rig)
             for _ in range(30):
-                rig.scheduler.submit(Job(1, READ, RESPONSE_TIME_S, Lane.COMMAND, lambda outcome: None))
+                rig.scheduler.submit(Job(1, READ, RESPONSE_TIME_S, Priority.COMMAND, lambda outcome: None))
                 await asyncio.sleep(ONE_S)
 
     run_virtually(scenario())
@@ -107,7 +107,7 @@ def test_a_chosen_command_that_is_given_up_before_it_is_sent_is_never_sent() -> 
     rig = Rig(Units({1}), [poll("a", every_s=0.0)])
 
     async def scenario() -> bool:
-        job = Job(1, WRITE, RESPONSE_TIME_S, Lane.COMMAND, lambda outcome: None)
+        job = Job(1, WRITE, RESPONSE_TIME_S, Priority.COMMAND, lambda outcome: None)
         async with rig:
             rig.scheduler.submit(job)
             rig.scheduler.submit(job)
@@ -226,7 +226,7 @@ def test_every_frame_is_handed_on_while_somebody_captures() -> None:
 
 
 def test_a_poll_is_reckoned_once_and_again_when_its_key_means_something_else() -> None:
-    preparations = Preparations()
+    preparations = RequestCache()
     other = ReadHoldingRegisters(5, 1)
 
     first = preparations.of("a", 1, READ)
@@ -246,7 +246,7 @@ def test_a_job_whose_time_is_over_when_its_turn_comes_is_never_sent() -> None:
         async with rig:
             await into_a_silence(rig)
             now_s = asyncio.get_running_loop().time()
-            client, asked = rig.client, {"response_time_s": RESPONSE_TIME_S, "lane": Lane.COMMAND}
+            client, asked = rig.client, {"response_time_s": RESPONSE_TIME_S, "lane": Priority.COMMAND}
             too_late = client.transact(1, WRITE, until_s=now_s, **asked)
             in_time = client.transact(1, WRITE, until_s=now_s + ONE_S, **asked)
             return await asyncio.gather(too_late, in_time)

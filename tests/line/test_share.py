@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.line.scheduler.job_queue import JOBS_SHARE, PARAMETERS_SHARE, Share
-from gateway.line.scheduler.requests import Job, Lane, Poll
-from gateway.line.scheduler.scheduler import JOBS_IN_ROW, Plan, Turn
+from gateway.line.scheduler.job_queue import JOBS_SHARE, PARAMETERS_SHARE, BandwidthShare
+from gateway.line.scheduler.requests import Job, Poll, Priority, Slot
+from gateway.line.scheduler.scheduler import JOBS_IN_ROW, Scheduler
 from gateway.modbus.reads import ReadHoldingRegisters
 from tests.line.fakes import poll
 from tests.line.ideal_line import IdealLine
@@ -22,11 +22,11 @@ READ = ReadHoldingRegisters(0, 1)
 FLOODING, SINGLE = 99, 100  # units: another job follows each of the first one's
 
 
-def job(lane: Lane, unit: int = FLOODING) -> Job:
+def job(lane: Priority, unit: int = FLOODING) -> Job:
     return Job(unit, READ, 0.01, lane, lambda outcome: None)
 
 
-def flooded(polls: Sequence[Poll], lanes: Sequence[Lane], *, seconds: float = 120.0) -> IdealLine:
+def flooded(polls: Sequence[Poll], lanes: Sequence[Priority], *, seconds: float = 120.0) -> IdealLine:
     """Serve a line on which a job of each lane waits at any moment, several of the last."""
     line = IdealLine(polls, lambda turn: _took_s(line.plan, turn, lambda: line.now_s))
     for lane in lanes:
@@ -36,7 +36,7 @@ def flooded(polls: Sequence[Poll], lanes: Sequence[Lane], *, seconds: float = 12
     return line
 
 
-def _took_s(plan: Plan, turn: Turn, now_s: Callable[[], float]) -> float:
+def _took_s(plan: Scheduler, turn: Slot, now_s: Callable[[], float]) -> float:
     if turn.job is not None and turn.job.unit == FLOODING:
         plan.submit(job(turn.job.lane), now_s())
     return TOOK_S
@@ -46,7 +46,7 @@ def per_s(line: IdealLine, key: str) -> float:
     return 1 / (sum(line.gaps_s[key]) / len(line.gaps_s[key]))
 
 
-def used_by(line: IdealLine, lane: Lane) -> float:
+def used_by(line: IdealLine, lane: Priority) -> float:
     """Return the share of the line's time that a lane has used."""
     turns = [turn for _, turn in line.turns if turn.job is not None and turn.job.lane is lane]
     return len(turns) * TOOK_S / line.now_s
@@ -55,19 +55,19 @@ def used_by(line: IdealLine, lane: Lane) -> float:
 def test_a_flood_of_reads_and_settings_leaves_a_busy_lines_polls_their_rates() -> None:
     polls = [poll(f"{unit}", unit=unit, every_s=0.3) for unit in range(1, 9)]  # two thirds of the line
 
-    line = flooded(polls, [Lane.PARAMETERS])
+    line = flooded(polls, [Priority.PARAMETERS])
 
     assert min(per_s(line, each.key) for each in polls) > 0.95 / 0.3
     assert max(max(line.gaps_s[each.key]) for each in polls) < 2 * 0.3
-    assert used_by(line, Lane.PARAMETERS) > 0.2
+    assert used_by(line, Priority.PARAMETERS) > 0.2
 
 
 def test_an_over_full_line_gives_a_flood_of_reads_a_quarter_and_no_more() -> None:
     polls = [poll(f"{unit}", unit=unit, every_s=0.1) for unit in range(1, 9)]  # twice what the line can
 
-    line = flooded(polls, [Lane.PARAMETERS])
+    line = flooded(polls, [Priority.PARAMETERS])
 
-    assert used_by(line, Lane.PARAMETERS) == pytest.approx(PARAMETERS_SHARE, abs=0.03)
+    assert used_by(line, Priority.PARAMETERS) == pytest.approx(PARAMETERS_SHARE, abs=0.03)
     calm_s = 8 * TOOK_S
     assert max(max(line.gaps_s[each.key]) for each in polls) < 3 * calm_s
 
@@ -75,29 +75,34 @@ def test_an_over_full_line_gives_a_flood_of_reads_a_quarter_and_no_more() -> Non
 def test_all_floods_together_leave_the_polls_of_an_over_full_line_one_half() -> None:
     polls = [poll(f"{unit}", unit=unit, every_s=0.1) for unit in range(1, 9)]
 
-    line = flooded(polls, [Lane.COMMAND, Lane.READ_BACK, Lane.PARAMETERS])
+    line = flooded(polls, [Priority.COMMAND, Priority.READ_BACK, Priority.PARAMETERS])
 
-    assert sum(used_by(line, lane) for lane in Lane) == pytest.approx(JOBS_SHARE, abs=0.03)
+    assert sum(used_by(line, lane) for lane in Priority) == pytest.approx(JOBS_SHARE, abs=0.03)
     assert max(max(line.gaps_s[each.key]) for each in polls) < (JOBS_IN_ROW + 2) * 8 * TOOK_S
 
 
 def test_no_lane_of_a_flooded_line_starves_another() -> None:
     polls = [poll(f"{unit}", unit=unit, every_s=0.1) for unit in range(1, 9)]
 
-    line = flooded(polls, [Lane.COMMAND, Lane.READ_BACK, Lane.PARAMETERS])
+    line = flooded(polls, [Priority.COMMAND, Priority.READ_BACK, Priority.PARAMETERS])
 
-    assert min(used_by(line, lane) for lane in (Lane.COMMAND, Lane.READ_BACK, Lane.PARAMETERS)) > 0.04
+    assert (
+        min(used_by(line, lane) for lane in (Priority.COMMAND, Priority.READ_BACK, Priority.PARAMETERS))
+        > 0.04
+    )
 
 
 def test_an_idle_line_serves_as_many_reads_as_it_can() -> None:
-    line = flooded([poll("a", every_s=5.0)], [Lane.PARAMETERS])
+    line = flooded([poll("a", every_s=5.0)], [Priority.PARAMETERS])
 
-    assert used_by(line, Lane.PARAMETERS) > 0.99
+    assert used_by(line, Priority.PARAMETERS) > 0.99
 
 
-@pytest.mark.parametrize("lanes", [[Lane.PARAMETERS], [Lane.COMMAND], [Lane.COMMAND, Lane.PARAMETERS]])
+@pytest.mark.parametrize(
+    "lanes", [[Priority.PARAMETERS], [Priority.COMMAND], [Priority.COMMAND, Priority.PARAMETERS]]
+)
 @pytest.mark.parametrize("every_s", [0.1, 5.0])
-def test_watchdogs_are_kept_in_any_flood(lanes: list[Lane], every_s: float) -> None:
+def test_watchdogs_are_kept_in_any_flood(lanes: list[Priority], every_s: float) -> None:
     polls = [
         replace(poll(f"{unit}", unit=unit, every_s=every_s), deadline_s=1.0 + 0.1 * unit)
         for unit in range(1, 17)
@@ -110,18 +115,18 @@ def test_watchdogs_are_kept_in_any_flood(lanes: list[Lane], every_s: float) -> N
 
 def test_a_command_passes_the_reads_that_wait_and_one_that_is_new_passes_a_full_line() -> None:
     polls = [poll(f"{unit}", unit=unit, every_s=0.1) for unit in range(1, 9)]
-    line = flooded(polls, [Lane.PARAMETERS], seconds=30.0)
+    line = flooded(polls, [Priority.PARAMETERS], seconds=30.0)
     for _ in range(JOBS_IN_ROW):
-        line.plan.submit(job(Lane.COMMAND, SINGLE), line.now_s)
+        line.plan.submit(job(Priority.COMMAND, SINGLE), line.now_s)
 
     line.run(30.0 + (2 * JOBS_IN_ROW + 2) * TOOK_S)
 
     since = [turn.job.lane for at_s, turn in line.turns if at_s >= 30.0 and turn.job is not None]
-    assert since.count(Lane.COMMAND) == JOBS_IN_ROW
+    assert since.count(Priority.COMMAND) == JOBS_IN_ROW
 
 
 def test_a_share_can_be_saved_up_but_only_so_far() -> None:
-    share = Share(0.5, 0.2)
+    share = BandwidthShare(0.5, 0.2)
     share.spend(0.19, 0.0)
 
     assert share.has_room(0.0)
@@ -131,7 +136,7 @@ def test_a_share_can_be_saved_up_but_only_so_far() -> None:
 
 
 def test_what_an_idle_line_gave_is_not_owed_for_ever() -> None:
-    share = Share(0.25, 0.2)
+    share = BandwidthShare(0.25, 0.2)
     for second in range(1000):
         share.spend(1.0, float(second))
 

@@ -11,8 +11,8 @@ from gateway.line.rtu.bus_faults import (
     RECENTLY_S,
     SOMEONE,
     TOLD_AGAIN_AFTER_S,
-    Suspicions,
-    Trouble,
+    BusFault,
+    BusFaults,
 )
 from gateway.modbus import adu
 from gateway.modbus.reads import ReadHoldingRegisters
@@ -30,7 +30,7 @@ class Line:
     """Signs, one second apart unless said otherwise."""
 
     def __init__(self) -> None:
-        self.suspicions = Suspicions()
+        self.suspicions = BusFaults()
         self.owing: set[int] = set()
         self.now_s = 0.0
 
@@ -62,7 +62,7 @@ def test_a_unit_that_is_answered_for_by_two_is_named() -> None:
         line.stray(reply(7, 2), asked=7)
 
     assert line.suspicions.take_news() == (
-        Trouble(
+        BusFault(
             ADDRESS_CONFLICT,
             7,
             "address 7 seems to be given twice: what is asked of it is answered more than once",
@@ -183,7 +183,7 @@ def test_a_unit_that_talks_unasked_is_named() -> None:
         line.answer(1)
         line.stray(reply(9), after_s=RECENTLY_S + 1.0)
 
-    assert line.suspicions.take_news() == (Trouble(BABBLING, 9, "unit 9 talks without being asked"),)
+    assert line.suspicions.take_news() == (BusFault(BABBLING, 9, "unit 9 talks without being asked"),)
 
 
 def test_a_frame_now_and_then_that_nobody_asked_for_is_not_told() -> None:
@@ -221,16 +221,16 @@ def test_single_bytes_are_what_drivers_make() -> None:
     ],
 )
 def test_a_line_that_is_never_quiet_names_who_can_be_made_out(heard: bytes, unit: int, text: str) -> None:
-    suspicions = Suspicions()
+    suspicions = BusFaults()
 
     suspicions.note_never_quiet(heard, now_s=1.0)
 
-    assert suspicions.take_news() == (Trouble(BABBLING, unit, text),)
+    assert suspicions.take_news() == (BusFault(BABBLING, unit, text),)
     assert suspicions.take_news() == ()
 
 
 def test_a_trouble_that_lasts_is_told_again_only_after_a_while() -> None:
-    suspicions = Suspicions()
+    suspicions = BusFaults()
     times_s = []
 
     for second in range(0, int(2.5 * TOLD_AGAIN_AFTER_S), 10):

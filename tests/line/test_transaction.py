@@ -7,11 +7,11 @@ import pytest
 
 from gateway.errors import PortLostError
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.rtu.request import Prepared
+from gateway.line.rtu.request import EncodedRequest
 from gateway.line.rtu.trace import Trace
-from gateway.line.rtu.transaction import BABBLE_LIMIT_S, Transactor
+from gateway.line.rtu.transaction import BABBLE_LIMIT_S, RtuMaster
 from gateway.modbus import adu
-from gateway.modbus.device_id import Identification, ReadDeviceIdentification
+from gateway.modbus.device_id import DeviceIdentification, ReadDeviceIdentification
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import BROADCAST_TURNAROUND_S, Framing, LineTiming
 from gateway.modbus.writes import WriteRegister
@@ -200,7 +200,7 @@ def test_a_broadcast_is_sent_and_the_line_left_alone_for_the_turnaround() -> Non
 def test_an_identification_is_read_to_its_end_though_its_length_is_unknown() -> None:
     request = ReadDeviceIdentification()
     pdu = request.encode_reply(
-        Identification({0: "WEG", 1: "SSW-07 30A", 2: "V1.40"}, more_follows=False, next_object=0)
+        DeviceIdentification({0: "WEG", 1: "SSW-07 30A", 2: "V1.40"}, more_follows=False, next_object=0)
     )
 
     async def scenario(size: int | None) -> Outcome:
@@ -255,9 +255,9 @@ def test_a_frame_that_has_become_too_late_in_the_last_wait_before_it_is_not_sent
     async def scenario() -> tuple[Outcome, bool, int]:
         port = HoldingPort(lambda frame: [Said(REPLY)])
         loop = asyncio.get_running_loop()
-        line = Transactor(port, TIMING, trace=Trace("line"), time=lambda: loop.time() + port.stopped_s)
+        line = RtuMaster(port, TIMING, trace=Trace("line"), time=lambda: loop.time() + port.stopped_s)
         await asyncio.sleep(0.1)
-        prepared = Prepared.of(1, READ)
+        prepared = EncodedRequest.of(1, READ)
         outcome = await line.exchange(prepared, response_time_s=RESPONSE_TIME_S, until_s=until_s)
         return outcome, line.is_on_wire, len(port.sent)
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.line.events import Voice
+from gateway.line.events import Notifications
 from gateway.line.rtu.outcome import Answered, Outcome, Silent
 from gateway.line.rtu.trace import Trace
 from tests.line.fakes import Listener, poll
@@ -30,8 +30,8 @@ def listener() -> HurriedListener:
 
 
 @pytest.fixture
-def voice(listener: HurriedListener) -> Voice:
-    return Voice("pumps", listener, Trace("pumps"), hurry=listener.hurry)
+def voice(listener: HurriedListener) -> Notifications:
+    return Notifications("pumps", listener, Trace("pumps"), hurry=listener.hurry)
 
 
 def answered(word: int) -> Answered:
@@ -42,7 +42,7 @@ STATUS, VALUES = replace(poll("status"), is_urgent=True), poll("values")
 
 
 def test_an_answer_to_an_urgent_poll_that_says_something_new_is_hurried(
-    voice: Voice, listener: HurriedListener
+    voice: Notifications, listener: HurriedListener
 ) -> None:
     for word in (1, 1, 2, 2, 1):
         voice.tell_poll(STATUS, answered(word))
@@ -51,7 +51,7 @@ def test_an_answer_to_an_urgent_poll_that_says_something_new_is_hurried(
     assert listener.order == ["status", "hurry", "status", "status", "hurry", "status", "status", "hurry"]
 
 
-def test_other_answers_and_silences_may_wait(voice: Voice, listener: HurriedListener) -> None:
+def test_other_answers_and_silences_may_wait(voice: Notifications, listener: HurriedListener) -> None:
     for word in (1, 2):
         voice.tell_poll(VALUES, answered(word))
     voice.tell_poll(STATUS, Silent())
@@ -61,7 +61,7 @@ def test_other_answers_and_silences_may_wait(voice: Voice, listener: HurriedList
 
 
 def test_nobody_needs_to_be_hurried(listener: HurriedListener) -> None:
-    voice = Voice("pumps", listener, Trace("pumps"))
+    voice = Notifications("pumps", listener, Trace("pumps"))
 
     voice.tell_poll(STATUS, answered(1))
     voice.flush()

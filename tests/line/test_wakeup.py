@@ -5,10 +5,10 @@ from collections.abc import Callable
 
 import pytest
 
-from gateway.line.port.buffered import Wakeup
+from gateway.line.port.buffered import ImmediateFuture
 
 
-async def begun(wakeup: Wakeup, then: Callable[[], object]) -> asyncio.Task[None]:
+async def begun(wakeup: ImmediateFuture, then: Callable[[], object]) -> asyncio.Task[None]:
     """Return a task that waits for this already."""
 
     async def wait() -> None:
@@ -22,7 +22,7 @@ async def begun(wakeup: Wakeup, then: Callable[[], object]) -> asyncio.Task[None
 
 async def test_a_task_goes_on_within_the_callback_that_wakes_it() -> None:
     loop = asyncio.get_running_loop()
-    wakeup = Wakeup(loop)
+    wakeup = ImmediateFuture(loop)
     order: list[str] = []
     task = await begun(wakeup, lambda: order.append("task"))
 
@@ -37,7 +37,7 @@ async def test_a_task_goes_on_within_the_callback_that_wakes_it() -> None:
 
 
 async def test_a_task_that_is_woken_by_another_one_goes_on_when_that_one_waits() -> None:
-    wakeup = Wakeup(asyncio.get_running_loop())
+    wakeup = ImmediateFuture(asyncio.get_running_loop())
     order: list[str] = []
     task = await begun(wakeup, lambda: order.append("woken"))
 
@@ -49,7 +49,7 @@ async def test_a_task_that_is_woken_by_another_one_goes_on_when_that_one_waits()
 
 
 async def test_what_is_woken_before_anyone_waits_is_not_waited_for() -> None:
-    wakeup = Wakeup(asyncio.get_running_loop())
+    wakeup = ImmediateFuture(asyncio.get_running_loop())
 
     wakeup.wake()
     wakeup.wake()
@@ -60,7 +60,7 @@ async def test_what_is_woken_before_anyone_waits_is_not_waited_for() -> None:
 
 
 async def test_a_task_that_waits_can_be_cancelled() -> None:
-    wakeup = Wakeup(asyncio.get_running_loop())
+    wakeup = ImmediateFuture(asyncio.get_running_loop())
     task = await begun(wakeup, lambda: None)
 
     task.cancel()
@@ -72,7 +72,7 @@ async def test_a_task_that_waits_can_be_cancelled() -> None:
 
 
 async def test_to_be_cancelled_before_anyone_waits_is_told_to_the_first_who_does() -> None:
-    wakeup = Wakeup(asyncio.get_running_loop())
+    wakeup = ImmediateFuture(asyncio.get_running_loop())
 
     assert wakeup.cancel()
 
@@ -83,12 +83,12 @@ async def test_to_be_cancelled_before_anyone_waits_is_told_to_the_first_who_does
 async def test_a_time_limit_around_it_works() -> None:
     with pytest.raises(TimeoutError):
         async with asyncio.timeout(0.001):
-            await Wakeup(asyncio.get_running_loop())
+            await ImmediateFuture(asyncio.get_running_loop())
 
 
 async def test_a_task_that_fails_when_it_is_woken_does_not_fail_its_waker() -> None:
     loop = asyncio.get_running_loop()
-    wakeup = Wakeup(loop)
+    wakeup = ImmediateFuture(loop)
 
     def fail() -> None:
         raise ValueError("of the task")
@@ -102,7 +102,7 @@ async def test_a_task_that_fails_when_it_is_woken_does_not_fail_its_waker() -> N
 
 async def test_the_task_that_runs_is_known_while_it_goes_on() -> None:
     loop = asyncio.get_running_loop()
-    wakeup = Wakeup(loop)
+    wakeup = ImmediateFuture(loop)
     seen: list[asyncio.Task[None] | None] = []
     task = await begun(wakeup, lambda: seen.append(asyncio.current_task()))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Callable
 
-from gateway.modbus.device_id import ONE_OBJECT_CODE, Identification, ReadDeviceIdentification
+from gateway.modbus.device_id import ONE_OBJECT_CODE, DeviceIdentification, ReadDeviceIdentification
 from gateway.modbus.pdu import encode_exception
 from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.server import KnownRequest
@@ -66,14 +66,14 @@ def _bits(rng: Rng, count: int) -> tuple[bool, ...]:
     return tuple(rng.random() < 0.5 for _ in range(count))
 
 
-def _identification(rng: Rng, request: ReadDeviceIdentification) -> Identification:
+def _identification(rng: Rng, request: ReadDeviceIdentification) -> DeviceIdentification:
     def text() -> str:
         return rng.randbytes(rng.randint(0, 16)).decode("latin-1")
 
     if request.read_code == ONE_OBJECT_CODE:
-        return Identification(objects={request.object_id: text()})
+        return DeviceIdentification(objects={request.object_id: text()})
     keys = rng.sample(range(256), rng.randint(0, 4))
-    return Identification({key: text() for key in keys}, rng.random() < 0.3, rng.randrange(256))
+    return DeviceIdentification({key: text() for key in keys}, rng.random() < 0.3, rng.randrange(256))
 
 
 def _run(rng: Rng, most: int) -> tuple[int, int]:

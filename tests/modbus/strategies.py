@@ -7,7 +7,7 @@ from typing import Any
 from hypothesis import settings
 from hypothesis import strategies as st
 
-from gateway.modbus.device_id import ONE_OBJECT_CODE, Identification, ReadDeviceIdentification
+from gateway.modbus.device_id import ONE_OBJECT_CODE, DeviceIdentification, ReadDeviceIdentification
 from gateway.modbus.pdu import encode_exception
 from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.server import KnownRequest
@@ -72,10 +72,10 @@ texts = st.text(st.characters(min_codepoint=0, max_codepoint=0xFF), max_size=40)
 
 
 @st.composite
-def identifications(draw: st.DrawFn, request: ReadDeviceIdentification) -> Identification:
+def identifications(draw: st.DrawFn, request: ReadDeviceIdentification) -> DeviceIdentification:
     if request.read_code == ONE_OBJECT_CODE:
-        return Identification(objects={request.object_id: draw(texts)})
-    return Identification(
+        return DeviceIdentification(objects={request.object_id: draw(texts)})
+    return DeviceIdentification(
         objects=draw(st.dictionaries(st.integers(0, 255), texts, max_size=5)),
         more_follows=draw(st.booleans()),
         next_object=draw(st.integers(0, 255)),

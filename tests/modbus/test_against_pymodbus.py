@@ -20,7 +20,7 @@ from gateway.errors import BadFrameError, BadReplyError
 from gateway.modbus import adu
 from gateway.modbus.codes import EXCEPTION_BIT, Function
 from gateway.modbus.crc import crc16
-from gateway.modbus.device_id import ONE_OBJECT_CODE, Identification, ReadDeviceIdentification
+from gateway.modbus.device_id import ONE_OBJECT_CODE, DeviceIdentification, ReadDeviceIdentification
 from gateway.modbus.pdu import exception_code
 from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.server import KnownRequest, decode_request
@@ -152,7 +152,7 @@ def identification(request: KnownRequest, reply: ReadDeviceInformationResponse) 
     last = {key: said[-1] if isinstance(said, list) else said for key, said in reply.information.items()}
     if request.read_code == ONE_OBJECT_CODE and last.keys() - {request.object_id}:
         return _REFUSED
-    return Identification(
+    return DeviceIdentification(
         objects={key: said.decode("latin-1") for key, said in last.items()},
         more_follows=bool(reply.more_follows),
         next_object=reply.next_object_id,

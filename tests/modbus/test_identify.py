@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from gateway.errors import BadReplyError
-from gateway.modbus.device_id import Identification, ReadDeviceIdentification
+from gateway.modbus.device_id import DeviceIdentification, ReadDeviceIdentification
 
 BASIC = ReadDeviceIdentification()
 
@@ -41,7 +41,7 @@ def test_an_object_that_fits_no_byte_is_refused(object_id: int) -> None:
 def test_the_conformity_level_does_not_matter(conformity: str) -> None:
     said = BASIC.decode_reply(reply(f"{conformity} 00 00 01 00 03 57 45 47"))
 
-    assert said == Identification(objects={0: "WEG"})
+    assert said == DeviceIdentification(objects={0: "WEG"})
 
 
 def test_more_follows_and_where_to_go_on_are_told() -> None:
@@ -117,8 +117,8 @@ def test_one_object_is_not_answered_with_another() -> None:
 
 
 def test_a_reply_longer_than_a_pdu_is_not_encoded() -> None:
-    fits = Identification(objects={0: "x" * 244})
-    too_long = Identification(objects={0: "x" * 245})
+    fits = DeviceIdentification(objects={0: "x" * 244})
+    too_long = DeviceIdentification(objects={0: "x" * 245})
 
     assert len(BASIC.encode_reply(fits)) == 253
     with pytest.raises(ValueError, match="254 bytes"):
@@ -126,7 +126,7 @@ def test_a_reply_longer_than_a_pdu_is_not_encoded() -> None:
 
 
 def test_the_simulated_unit_may_claim_any_conformity() -> None:
-    pdu = BASIC.encode_reply(Identification(objects={}), conformity=0x51)
+    pdu = BASIC.encode_reply(DeviceIdentification(objects={}), conformity=0x51)
 
     assert pdu == reply("51 00 00 00")
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gateway.errors import BadFrameError, BadReplyError, BadRequestError
 from gateway.modbus import adu
-from gateway.modbus.device_id import Identification, ReadDeviceIdentification
+from gateway.modbus.device_id import DeviceIdentification, ReadDeviceIdentification
 from gateway.modbus.pdu import exception_code
 from gateway.modbus.server import KnownRequest, decode_request
 from gateway.modbus.writes import WriteCoils
@@ -165,6 +165,6 @@ def test_an_identification_survives_the_way_to_the_simulator_and_back(
     read_code: int, objects: dict[int, str]
 ) -> None:
     request = ReadDeviceIdentification(read_code=read_code)
-    identification = Identification(objects=dict(list(objects.items())[:40]))
+    identification = DeviceIdentification(objects=dict(list(objects.items())[:40]))
 
     assert request.decode_reply(request.encode_reply(identification)) == identification

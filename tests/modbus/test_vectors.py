@@ -10,7 +10,7 @@ import pytest
 
 from gateway.errors import BadFrameError
 from gateway.modbus import adu
-from gateway.modbus.device_id import Identification, ReadDeviceIdentification
+from gateway.modbus.device_id import DeviceIdentification, ReadDeviceIdentification
 from gateway.modbus.pdu import encode_exception, exception_code
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters
 from gateway.modbus.server import KnownRequest, decode_request
@@ -47,7 +47,7 @@ def request_of(says: dict[str, Any]) -> KnownRequest:
 def value_of(says: dict[str, Any]) -> Any:
     """What `decode_reply` is to return: words or bits, an identification, None for a write."""
     if "objects" in says:
-        return Identification(objects={int(key): text for key, text in says["objects"].items()})
+        return DeviceIdentification(objects={int(key): text for key, text in says["objects"].items()})
     return tuple(says["value"]) if "value" in says else None
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from gateway.mqtt.contract.commands import Incoming, Intake, Rejection
+from gateway.mqtt.contract.commands import CommandParser, Incoming, Rejection
 from gateway.mqtt.contract.freshness import Moment, Tokens
-from gateway.mqtt.contract.run_token import Boot
+from gateway.mqtt.contract.run_token import RunToken
 from gateway.mqtt.contract.topics import Topics
 from gateway.starters.policy.request import CommandRequest
 
@@ -20,11 +20,11 @@ TOKEN = "token-1"  # made when everything arrives
 UNSYNCHRONISED = "this gateway's clock is not synchronised"
 
 
-def intake(topics: Topics | None = None, *, at_s: float = 7.0, freshness: str = "token") -> Intake:
+def intake(topics: Topics | None = None, *, at_s: float = 7.0, freshness: str = "token") -> CommandParser:
     """Return an intake of the run `boot-1` that has just made TOKEN."""
-    tokens = Tokens(Boot("boot-1"), draw=lambda: TOKEN)
+    tokens = Tokens(RunToken("boot-1"), draw=lambda: TOKEN)
     tokens.issue(at_s)
-    return Intake(topics or Topics("b"), tokens, freshness_of=lambda _: (freshness,))
+    return CommandParser(topics or Topics("b"), tokens, freshness_of=lambda _: (freshness,))
 
 
 def judge(

@@ -8,10 +8,10 @@ from types import TracebackType
 from gateway.mqtt.connection.broker import BrokerConnection
 from gateway.mqtt.connection.reconnect import Notice, Version
 from gateway.mqtt.connection.settings import BrokerSettings
-from gateway.mqtt.contract.commands import Incoming, Intake, Rejection
+from gateway.mqtt.contract.commands import CommandParser, Incoming, Rejection
 from gateway.mqtt.contract.freshness import Moment, Tokens
 from gateway.mqtt.contract.payloads import Message, Payloads
-from gateway.mqtt.contract.run_token import Boot
+from gateway.mqtt.contract.run_token import RunToken
 from gateway.mqtt.contract.topics import Topics
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher
@@ -38,9 +38,9 @@ class Rig:
 
     def __init__(self, how: BrokerSettings) -> None:
         self.topics = Topics("b")
-        self.boot = Boot("boot-1")
+        self.boot = RunToken("boot-1")
         self.tokens = Tokens(self.boot)
-        self.intake = Intake(self.topics, self.tokens)
+        self.intake = CommandParser(self.topics, self.tokens)
         self.payloads = Payloads(self.topics, "boot-1")
         self.outbox = Outbox(last_topic=self.topics.gateway_status, pack=self.payloads.history, boot="boot-1")
         self.outbox.grant_history(10**6)  # nobody paces what is told late

@@ -13,7 +13,7 @@ from typing import Any
 
 from gateway.errors import StoreError
 from gateway.mqtt.contract.payloads import HistoryItem, Message
-from gateway.mqtt.outbox.disk_sync import Spooler
+from gateway.mqtt.outbox.disk_sync import DiskSync
 from gateway.mqtt.outbox.outbox import Outbox, Outgoing
 from gateway.records import Severity
 from gateway.storage.database import Connection
@@ -94,7 +94,7 @@ class Run:
         store = self.disk._store
         assert isinstance(store, InlineStore)
         self.store = store
-        self.spooler = Spooler(self.outbox, self.disk, clock=self.clock, tell=self._tell, wake=self._deliver)
+        self.spooler = DiskSync(self.outbox, self.disk, clock=self.clock, tell=self._tell, wake=self._deliver)
         self.events: list[tuple[str, Mapping[str, Any]]] = []
         self.told: list[tuple[float, Message]] = []  # what the broker has had, and when
         self.refuses: Callable[[Message], bool] = lambda message: False

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from gateway.mqtt.contract.commands import Incoming, Intake, Rejection
+from gateway.mqtt.contract.commands import CommandParser, Incoming, Rejection
 from gateway.mqtt.contract.freshness import MAX_TTL_S, Moment, Tokens
 from gateway.mqtt.contract.payloads import Payloads
-from gateway.mqtt.contract.run_token import Boot
+from gateway.mqtt.contract.run_token import RunToken
 from gateway.mqtt.contract.strict_json import rfc3339
 from gateway.mqtt.contract.topics import Topics
 from gateway.records import EventRecord, LockRecord, Quality, Severity, StateRecord
@@ -24,11 +24,11 @@ class Desk:
     """An intake that has been connected since second 100, and the wall's time beside the steady clock."""
 
     def __init__(self) -> None:
-        self.boot = Boot("run")
+        self.boot = RunToken("run")
         self.boot.connected(100.0)
         self.tokens = Tokens(self.boot)
         self.freshness = ("token",)
-        self.intake = Intake(TOPICS, self.tokens, freshness_of=lambda _: self.freshness)
+        self.intake = CommandParser(TOPICS, self.tokens, freshness_of=lambda _: self.freshness)
 
     def token(self, at_s: float) -> dict[str, Any]:
         return {"token": self.tokens.issue(at_s)}
@@ -55,11 +55,11 @@ def issued(at_s: float) -> dict[str, Any]:
 
 
 def test_the_token_of_the_first_connection_is_the_name_of_the_run() -> None:
-    assert Boot("run").token == "run"
+    assert RunToken("run").token == "run"
 
 
 def test_a_lost_connection_takes_its_token_along() -> None:
-    boot = Boot("run")
+    boot = RunToken("run")
     tokens = set()
     for _ in range(3):
         boot.connected(1.0)
@@ -70,7 +70,7 @@ def test_a_lost_connection_takes_its_token_along() -> None:
 
 
 def test_a_connection_is_as_old_as_when_it_was_first_told() -> None:
-    boot = Boot("run")
+    boot = RunToken("run")
     boot.connected(1.0)
     boot.connected(5.0)
 
@@ -79,7 +79,7 @@ def test_a_connection_is_as_old_as_when_it_was_first_told() -> None:
 
 
 def test_attempts_to_connect_that_fail_leave_the_token_as_it_is() -> None:
-    boot = Boot("run")
+    boot = RunToken("run")
     boot.connected(1.0)
     boot.disconnected()
     token = boot.token
@@ -117,7 +117,7 @@ def test_the_right_token_outweighs_a_senders_clock_that_is_behind() -> None:
 
 
 def test_nothing_is_before_a_connection_that_has_not_been_told() -> None:
-    assert not Boot("run").is_before_connection(0.0)
+    assert not RunToken("run").is_before_connection(0.0)
 
 
 def test_without_a_synchronised_clock_only_the_token_proves_anything() -> None:
@@ -239,7 +239,7 @@ def test_an_expired_token_is_saved_by_no_other_proof() -> None:
 
 
 def test_a_token_cannot_be_guessed_and_is_remembered_for_a_minute_only() -> None:
-    tokens = Tokens(Boot("run"))
+    tokens = Tokens(RunToken("run"))
     made = [tokens.issue(float(second)) for second in range(300)]
 
     assert len(set(made)) == 300
@@ -283,7 +283,7 @@ def test_an_expectation_or_selection_of_another_shape_is_refused(fields: dict[st
 
 
 def test_the_status_tells_the_token_and_the_run_and_events_the_run() -> None:
-    boot = Boot("run")
+    boot = RunToken("run")
     payloads = Payloads(TOPICS, boot)
     boot.connected(1.0)
     boot.disconnected()

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from gateway.mqtt.outbox.backlog import Kept
-from gateway.mqtt.outbox.segment import LOWEST, Entry, Lane, State, row_of
+from gateway.mqtt.outbox.backlog import Backlog
+from gateway.mqtt.outbox.segment import LOWEST, QueuedMessage, Segment, State, row_of
 from gateway.storage.spool import Changes, Kind, Page, Recalled, Row, Share
 from tests.mqtt.outboxes import event, result, value
 
@@ -14,20 +14,20 @@ def utc(at_s: float) -> float:
     return 1000.0 + at_s
 
 
-def kept(*, max_rows: int = 20_000, max_bytes: int = 2**24) -> Kept:
-    made = Kept(boot="run", max_rows=max_rows, max_bytes=max_bytes)
+def kept(*, max_rows: int = 20_000, max_bytes: int = 2**24) -> Backlog:
+    made = Backlog(boot="run", max_rows=max_rows, max_bytes=max_bytes)
     made.is_disk_away = lambda: False
     return made
 
 
-def take(box: Kept) -> Entry:
+def take(box: Backlog) -> QueuedMessage:
     entry = box.next(NEVER)
     assert entry is not None
     box.take(entry)
     return entry
 
 
-def sink(box: Kept, lane: Lane, window: int) -> None:
+def sink(box: Backlog, lane: Segment, window: int) -> None:
     lane._window = window
     assert box.collect(utc) is not None
     box.written()
@@ -102,8 +102,8 @@ def test_a_page_that_comes_after_its_disk_was_lost_is_for_nobody() -> None:
 
 
 def test_what_sinks_while_a_page_is_on_its_way_is_not_part_of_it() -> None:
-    lane = Lane(Kind.EVENT, window=2, end=100)
-    entries = [Entry(number, Kind.EVENT, event("x"), "run", 0.0, lane) for number in range(1, 9)]
+    lane = Segment(Kind.EVENT, window=2, end=100)
+    entries = [QueuedMessage(number, Kind.EVENT, event("x"), "run", 0.0, lane) for number in range(1, 9)]
     for entry in entries[:5]:
         entry.state = State.WRITTEN
         lane.add(entry)

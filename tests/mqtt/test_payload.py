@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from gateway.mqtt.contract.payloads import GatewayInfo, Message, Operator, Payloads, cleared
+from gateway.mqtt.contract.payloads import GatewayInfo, Message, OperatorInfo, Payloads, cleared
 from gateway.mqtt.contract.topics import Topics
 from gateway.records import (
     AlarmRecord,
@@ -241,7 +241,7 @@ def test_the_info_says_who_may_do_what_and_that_this_is_no_safety_function() -> 
         version="0.1.0",
         starters=("pump-1",),
         lines=("pumps",),
-        operators=(Operator("alice", ("start", "stop"), ("pump-*",)),),
+        operators=(OperatorInfo("alice", ("start", "stop"), ("pump-*",)),),
     )
 
     message = payloads().gateway_info(info)

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from gateway.errors import BrokerError, NoResultError
-from gateway.mqtt.connection.command_client import Order, Sender
+from gateway.mqtt.connection.command_client import CommandClient, Order
 from gateway.mqtt.contract.topics import Topics
 from tests.mqtt.fake_broker import ACCEPT_311, LEVEL_5, LEVEL_311, REFUSE_VERSION, FakeBroker, Packet
 from tests.mqtt.rig import settings
@@ -44,7 +44,7 @@ class PickyBroker(FakeBroker):
 
 
 async def send(broker: FakeBroker, *, within_s: float = 10.0) -> Mapping[str, Any] | None:
-    sender = Sender(settings(broker.port), TOPICS)
+    sender = CommandClient(settings(broker.port), TOPICS)
     return await sender.send(ORDER, now_s=1e9, within_s=within_s, on_phase=lambda _: None)
 
 

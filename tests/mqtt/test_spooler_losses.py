@@ -9,7 +9,7 @@ import pytest
 
 from gateway.mqtt.outbox.backlog import WINDOWS
 from gateway.mqtt.outbox.disk_sync import BATCH_S
-from gateway.mqtt.outbox.segment import Lane
+from gateway.mqtt.outbox.segment import Segment
 from tests.mqtt.spooling import InlineStore, Run, event, on_disk, result, value
 from tests.virtual_time import run_virtually
 
@@ -164,7 +164,7 @@ def test_a_lane_gives_the_rows_up_that_its_disk_does_not_have(tmp_path: Path) ->
         await asyncio.sleep(60.0)
 
         assert run.lost()["value"] == 4999 - len(run.items())
-        assert isinstance(run.outbox.kept._lanes[0], Lane)
+        assert isinstance(run.outbox.kept._lanes[0], Segment)
         run.kill()
 
     run_virtually(main())

@@ -16,7 +16,7 @@ from gateway.families.profile.schema import Variant
 from gateway.families.reading.bulk import rows_in
 from gateway.modbus.pdu import Request, exception_code
 from gateway.modbus.writes import WriteCoil, WriteRegister
-from gateway.sim.core.unit import Unit
+from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
 from tests.sim.wire import Talk
 
@@ -47,7 +47,7 @@ class Actor:
     def __init__(self, family: str, *, variant: Variant = SLOT_1, **options: Any) -> None:
         self.profile = load_profile(family)
         self.variant = variant
-        self.unit: Unit = make_unit(family, 1, **options)
+        self.unit: SimulatedUnit = make_unit(family, 1, **options)
         self.talk = Talk(self.unit)
         self.rows: Rows = {}  # what was read last
 

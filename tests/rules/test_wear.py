@@ -9,10 +9,10 @@ import pytest
 
 from gateway.errors import DamagedError
 from gateway.records import EventRecord, Phase, SequenceNumbers
-from gateway.starters.policy.policy import Precautions
+from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.rights import Rights
-from gateway.starters.policy.start_rules import Policy
-from gateway.starters.policy.write_budget import HOUR_S, MOST_PER_HOUR, Wear
+from gateway.starters.policy.start_rules import PolicySettings
+from gateway.starters.policy.write_budget import HOUR_S, MOST_PER_HOUR, WriteBudget
 from tests.starters.fakes import RecordingSink
 from tests.starters.plant import FakeMemory
 from tests.starters.rig import CommandRig, virtually
@@ -22,7 +22,7 @@ P313, P314 = 313, 314
 
 
 def test_as_many_writes_as_the_limit_go_within_an_hour_and_the_next_must_wait_for_the_first_to_age() -> None:
-    wear = Wear(3)
+    wear = WriteBudget(3)
 
     waits = [wear.take("pump", 1, now_s=now_s) for now_s in (0.0, 600.0, 1200.0, 1800.0)]
 
@@ -32,7 +32,7 @@ def test_as_many_writes_as_the_limit_go_within_an_hour_and_the_next_must_wait_fo
 
 
 def test_several_writes_wait_until_there_is_room_for_all() -> None:
-    wear = Wear(3)
+    wear = WriteBudget(3)
     wear.take("pump", 1, now_s=0.0)
     wear.take("pump", 1, now_s=100.0)
 
@@ -41,14 +41,14 @@ def test_several_writes_wait_until_there_is_room_for_all() -> None:
 
 
 def test_more_writes_than_the_limit_never_go() -> None:
-    wait_s = Wear(3).take("pump", 4, now_s=0.0)
+    wait_s = WriteBudget(3).take("pump", 4, now_s=0.0)
 
     assert wait_s == math.inf
-    assert "these are more at once" in Wear(3).refusal(math.inf)
+    assert "these are more at once" in WriteBudget(3).refusal(math.inf)
 
 
 def test_each_starter_has_its_own_count() -> None:
-    wear = Wear(1)
+    wear = WriteBudget(1)
 
     assert wear.take("pump", 1, now_s=0.0) is None
     assert wear.take("fan", 1, now_s=0.0) is None
@@ -56,19 +56,19 @@ def test_each_starter_has_its_own_count() -> None:
 
 
 def test_what_writes_nothing_that_is_kept_is_never_refused() -> None:
-    wear = Wear(1)
+    wear = WriteBudget(1)
     wear.take("pump", 1, now_s=0.0)
 
     assert wear.take("pump", 0, now_s=0.0) is None
 
 
 def test_a_refusal_says_when_to_try_again() -> None:
-    assert Wear(3).refusal(61.0).endswith("try again in 2 min")
+    assert WriteBudget(3).refusal(61.0).endswith("try again in 2 min")
 
 
 def test_each_count_is_told_with_the_hour_and_the_total() -> None:
     told: list[tuple[str, str]] = []
-    wear = Wear(10, on_count=lambda *what: told.append(what))
+    wear = WriteBudget(10, on_count=lambda *what: told.append(what))
     wear.restore({"writes": {"pump": 240}})
 
     wear.take("pump", 1, now_s=0.0)
@@ -85,12 +85,12 @@ def test_each_count_is_told_with_the_hour_and_the_total() -> None:
 @pytest.mark.parametrize("writes", [None, [], {"pump": "many"}, {"pump": True}, {"pump": -1}, {"pump": 1.5}])
 def test_counts_that_are_damaged_are_not_taken_over(writes: object) -> None:
     with pytest.raises(DamagedError):
-        Wear().restore({"writes": writes})
+        WriteBudget().restore({"writes": writes})
 
 
-def precautions(memory: FakeMemory, sink: RecordingSink) -> Precautions:
-    return Precautions(
-        Policy(),
+def precautions(memory: FakeMemory, sink: RecordingSink) -> Policy:
+    return Policy(
+        PolicySettings(),
         ["pump"],
         rights=Rights(()),
         sink=sink,

@@ -17,8 +17,8 @@ from gateway.sim.bus.faults import (
     Impairment,
     Late,
     Noisy,
+    NoReply,
     Reply,
-    Silent,
     WrongUnit,
 )
 from gateway.sim.bus.port import SimulatedLine, SimulatedPort
@@ -52,15 +52,15 @@ def replies(
 
 
 def test_a_silent_unit_acts_but_does_not_answer() -> None:
-    assert replies(Silent()) == [b""]
+    assert replies(NoReply()) == [b""]
 
 
 def test_an_impairment_may_concern_the_next_replies_only() -> None:
-    assert replies(Silent(), count=2, times=4) == [b"", b"", ANSWER, ANSWER]
+    assert replies(NoReply(), count=2, times=4) == [b"", b"", ANSWER, ANSWER]
 
 
 def test_an_impairment_may_happen_by_chance() -> None:
-    got = replies(Silent(), chance=0.5, times=20)
+    got = replies(NoReply(), chance=0.5, times=20)
 
     assert 3 <= got.count(b"") <= 17
 
@@ -68,7 +68,7 @@ def test_an_impairment_may_happen_by_chance() -> None:
 def test_a_healed_unit_answers_again() -> None:
     async def main() -> bytes:
         line = make_line()
-        line.impair(1, Silent())
+        line.impair(1, NoReply())
         line.heal(1)
         line.heal(1)
         return await ask(await line.opener()())

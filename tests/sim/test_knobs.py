@@ -9,7 +9,7 @@ import pytest
 from gateway.errors import UsageError
 from gateway.families.profile.load import FAMILIES
 from gateway.sim.controls import KNOBS, turn
-from gateway.sim.core.unit import Unit
+from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
 from gateway.sim.sst.unit import Sst
 from gateway.sim.ssw900.unit import Ssw900
@@ -19,13 +19,13 @@ from tests.rules.acting import RAW_START
 from tests.sim.wire import Talk
 
 
-def make(family: str, **options: Any) -> Unit:
+def make(family: str, **options: Any) -> SimulatedUnit:
     unit = make_unit(family, 1, **options)
     unit.advance(0.0)
     return unit
 
 
-def running(family: str) -> Unit:
+def running(family: str) -> SimulatedUnit:
     talk = Talk(make_unit(family, 1))
     talk.pdu(RAW_START[family])
     talk.wait(1.0)
@@ -33,7 +33,7 @@ def running(family: str) -> Unit:
     return talk.unit
 
 
-def has_fault(unit: Unit) -> bool:
+def has_fault(unit: SimulatedUnit) -> bool:
     return bool(unit.errors) if isinstance(unit, Sst) else isinstance(unit, Commanded) and unit.is_fault
 
 

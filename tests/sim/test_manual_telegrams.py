@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.sim.core.unit import Unit
+from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
 from tests.sim.wire import Talk
 
 
-def example_device(family: str, address: int, firmware: str) -> Unit:
+def example_device(family: str, address: int, firmware: str) -> SimulatedUnit:
     """The manuals' device: 85 A, the motor at 50.0 % and 40.0 A."""
     unit = make_unit(family, address, model="85.0A", firmware=firmware)
     unit.fixed.update({2: 500, 3: 400})  # type: ignore[attr-defined]  # both families have it

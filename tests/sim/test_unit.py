@@ -7,11 +7,11 @@ from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegis
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil, WriteRegister
 from gateway.sim.core.power import MotorTrip
-from gateway.sim.core.unit import Trip, Unit
+from gateway.sim.core.unit import SimulatedUnit, Trip
 from tests.sim.wire import Talk
 
 
-class Bare(Unit):
+class Bare(SimulatedUnit):
     """A unit that serves functions, but has nothing behind them."""
 
     family = "bare"

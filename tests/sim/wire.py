@@ -9,7 +9,7 @@ from gateway.modbus.adu import decode, encode
 from gateway.modbus.pdu import Request, exception_code
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.sim.bus.port import SimulatedPort
-from gateway.sim.core.unit import Unit
+from gateway.sim.core.unit import SimulatedUnit
 
 TIMING = LineTiming(9600, Framing.parse("8N2"))
 
@@ -17,7 +17,7 @@ TIMING = LineTiming(9600, Framing.parse("8N2"))
 class Talk:
     """Asks one unit, without a line; time passes only when told to."""
 
-    def __init__(self, unit: Unit) -> None:
+    def __init__(self, unit: SimulatedUnit) -> None:
         self.unit = unit
         self.now_s = 0.0
         unit.clock = lambda: self.now_s

@@ -11,8 +11,8 @@ from typing import Any, TypeVar
 
 from gateway.families.profile.load import load_profile
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Outcome, Refused, Silent
-from gateway.line.scheduler.requests import Lane, Poll
-from gateway.modbus.device_id import Identification, ReadDeviceIdentification
+from gateway.line.scheduler.requests import Poll, Priority
+from gateway.modbus.device_id import DeviceIdentification, ReadDeviceIdentification
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.timing import Framing, LineTiming
@@ -69,7 +69,7 @@ class Sent:
 
     at_s: float
     request: Request
-    lane: Lane
+    lane: Priority
 
 
 class FakeUnit:
@@ -92,7 +92,7 @@ class FakeUnit:
             case ReadCoils():
                 return tuple(self.coils[address] for address in _run(request))
             case ReadDeviceIdentification() if self.objects is not None:
-                return Identification(dict(self.objects))
+                return DeviceIdentification(dict(self.objects))
             case WriteCoil():
                 self.coils[request.address] = request.is_on
             case WriteCoils():
@@ -132,13 +132,13 @@ class FakeLineClient:
         return [sent.request for sent in self.sent if sent.request.is_write]
 
     def transact(
-        self, unit: int, request: Request, *, response_time_s: float, lane: Lane, until_s: float = inf
+        self, unit: int, request: Request, *, response_time_s: float, lane: Priority, until_s: float = inf
     ) -> asyncio.Future[Outcome]:
         work = self._transact(unit, request, response_time_s=response_time_s, lane=lane, until_s=until_s)
         return asyncio.ensure_future(work)
 
     async def _transact(
-        self, unit: int, request: Request, *, response_time_s: float, lane: Lane, until_s: float
+        self, unit: int, request: Request, *, response_time_s: float, lane: Priority, until_s: float
     ) -> Outcome:
         assert unit == 7
         assert response_time_s > 0

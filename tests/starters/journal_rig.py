@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from dataclasses import dataclass, field
 
-from gateway.starters.commands.dispatcher import Commander
+from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.policy.rights import Operator, Rights
 from tests.starters.fake_journal import FakeDisk, FakeJournal
 from tests.starters.fakes import TRANSACTION_S
@@ -27,7 +27,7 @@ class JournalRig(CommandRig):
 
     def begin_run(self) -> None:
         self.journal = FakeJournal(self.disk, takes_s=self.takes_s)
-        self.commander = Commander(
+        self.commander = Dispatcher(
             {self.setup.name: self.telemetry},
             rights=RIGHTS,
             sink=self.sink,

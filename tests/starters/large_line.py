@@ -13,7 +13,7 @@ from typing import Any
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.line.client import LocalLineClient
-from gateway.line.line import Scheduler
+from gateway.line.line import Line
 from gateway.line.scheduler.stop_latency import worst_stop_latency_s
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil
@@ -21,11 +21,11 @@ from gateway.records import Phase, ResultRecord, SequenceNumbers
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.power import MotorData
 from gateway.sim.weg.ssw07 import Ssw07
-from gateway.starters.commands.dispatcher import Commander
-from gateway.starters.policy.policy import Precautions
+from gateway.starters.commands.dispatcher import Dispatcher
+from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.rights import Operator, Rights
-from gateway.starters.policy.start_rules import Policy
+from gateway.starters.policy.start_rules import PolicySettings
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.polling import polls_of
 from gateway.starters.telemetry.telemetry import StarterTelemetry
@@ -55,7 +55,7 @@ class LargeLine:
     """The running floor; starters are called by their addresses."""
 
     bus: SimulatedLine
-    commander: Commander
+    commander: Dispatcher
     clock: VirtualClock
     sink: TimedSink
     bound_s: float  # the longest that a stop waits for its frame
@@ -119,7 +119,7 @@ async def large_line(
     every_s: float = 1.0,
     baud: int = 19200,
     watchdog_s: float | None = None,
-    policy: Policy | None = None,
+    policy: PolicySettings | None = None,
 ) -> AsyncIterator[LargeLine]:
     """Run them; nothing has been asked yet."""
     clock, sink, sequence = VirtualClock(asyncio.get_running_loop()), TimedSink(), SequenceNumbers()
@@ -134,12 +134,12 @@ async def large_line(
     ]
     polls = [poll for setup in setups for poll in polls_of(setup)]
     router = Router()
-    scheduler = Scheduler(name="pumps", opener=bus.opener(), timing=timing, polls=polls, listener=router)
+    scheduler = Line(name="pumps", opener=bus.opener(), timing=timing, polls=polls, listener=router)
     line = LocalLineClient(scheduler)
     rights = Rights([Operator("alice", ("*",), ("*",))])
     names = [setup.name for setup in setups]
-    precautions = Precautions(
-        policy or Policy(groups={ALL: tuple(names)}),
+    precautions = Policy(
+        policy or PolicySettings(groups={ALL: tuple(names)}),
         names,
         rights=rights,
         sink=sink,
@@ -149,7 +149,7 @@ async def large_line(
     telemetries = [
         StarterTelemetry(each, line=line, sink=sink, clock=clock, sequence=sequence) for each in setups
     ]
-    commander = Commander(
+    commander = Dispatcher(
         {telemetry.setup.name: telemetry for telemetry in telemetries},
         rights=rights,
         sink=sink,

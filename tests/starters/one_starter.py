@@ -12,18 +12,18 @@ from gateway.errors import DamagedError, StoreError
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.line.client import LocalLineClient
-from gateway.line.line import Scheduler
+from gateway.line.line import Line
 from gateway.line.rtu.outcome import Outcome
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.records import AuditRecord, EventRecord, SequenceNumbers
 from gateway.sim.bus.port import SimulatedLine
-from gateway.sim.core.unit import Unit
-from gateway.starters.commands.dispatcher import Commander
-from gateway.starters.policy.policy import Precautions
+from gateway.sim.core.unit import SimulatedUnit
+from gateway.starters.commands.dispatcher import Dispatcher
+from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.rights import Operator, Rights
-from gateway.starters.policy.start_rules import Policy
-from gateway.starters.services.services import Companions
+from gateway.starters.policy.start_rules import PolicySettings
+from gateway.starters.services.services import StarterServices
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.polling import polls_of
 from gateway.starters.telemetry.telemetry import StarterTelemetry
@@ -83,8 +83,8 @@ class Here:
 
     bus: SimulatedLine
     telemetry: StarterTelemetry
-    commander: Commander
-    precautions: Precautions
+    commander: Dispatcher
+    precautions: Policy
     sink: RecordingSink = field(default_factory=RecordingSink)
 
     @property
@@ -109,7 +109,7 @@ class Here:
             CommandRequest("pump", "alice", verb, id_, args, received_s=asyncio.get_running_loop().time())
         )
 
-    async def replace(self, unit: Unit) -> None:
+    async def replace(self, unit: SimulatedUnit) -> None:
         """Put another device in the place of the present one, and let it be identified."""
         self.bus.remove(self.unit)
         await asyncio.sleep(30.0)
@@ -119,7 +119,7 @@ class Here:
 
 @asynccontextmanager
 async def one_starter(
-    unit: Unit,
+    unit: SimulatedUnit,
     *,
     model: str | None = None,
     has_fast_words: bool = False,
@@ -136,12 +136,10 @@ async def one_starter(
     profile = load_profile(family or unit.family)  # as configured
     setup = StarterSetup("pump", "pumps", 1, profile, variant, every_s=every_s, has_fast_words=has_fast_words)
     router = Router()
-    scheduler = Scheduler(
-        name="pumps", opener=bus.opener(), timing=TIMING, polls=polls_of(setup), listener=router
-    )
+    scheduler = Line(name="pumps", opener=bus.opener(), timing=TIMING, polls=polls_of(setup), listener=router)
     rights = Rights([Operator("alice", ("*",), ("*",))])
-    precautions = Precautions(
-        Policy(),
+    precautions = Policy(
+        PolicySettings(),
         ["pump"],
         rights=rights,
         sink=sink,
@@ -157,9 +155,9 @@ async def one_starter(
         sequence=sequence,
         identities=precautions.identities,
     )
-    companions = Companions(sink, patrol_every_s=lap_s)
+    companions = StarterServices(sink, patrol_every_s=lap_s)
     companions.add(telemetry)
-    commander = Commander(
+    commander = Dispatcher(
         {"pump": telemetry},
         rights=rights,
         sink=companions,

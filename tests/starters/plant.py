@@ -12,11 +12,11 @@ from gateway.families.profile.schema import Variant
 from gateway.modbus.pdu import Request
 from gateway.modbus.writes import WriteCoil
 from gateway.records import SequenceNumbers, StateRecord
-from gateway.starters.commands.dispatcher import Commander
-from gateway.starters.policy.policy import Precautions
+from gateway.starters.commands.dispatcher import Dispatcher
+from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.rights import Operator, Rights
-from gateway.starters.policy.start_rules import Policy, RuleSet
+from gateway.starters.policy.start_rules import PolicySettings, RuleSet
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.telemetry import StarterTelemetry
 from tests.starters.fakes import AT_SPEED, READY, RUN_COIL, VB01, FakeLineClient, RecordingSink, make_unit
@@ -105,7 +105,7 @@ class Plant:
         self,
         rules: Mapping[str, RuleSet] | None = None,
         *names: str,
-        policy: Policy | None = None,
+        policy: PolicySettings | None = None,
         memory: FakeMemory | None = None,
         operators: tuple[Operator, ...] = OPERATORS,
     ) -> None:
@@ -114,8 +114,8 @@ class Plant:
         self.memory = memory or FakeMemory()
         places = [place.partition("@") for place in names or ("pump-1", "pump-2", "pump-3")]
         rights = Rights(operators)
-        self.precautions = Precautions(
-            policy or Policy(rules=rules or {}),
+        self.precautions = Policy(
+            policy or PolicySettings(rules=rules or {}),
             [name for name, _, _ in places],
             rights=rights,
             sink=self.sink,
@@ -124,7 +124,7 @@ class Plant:
             memory=self.memory,
         )
         self.machines = {name: Machine(name, self, line or f"line-{name}") for name, _, line in places}
-        self.commander = Commander(
+        self.commander = Dispatcher(
             {name: machine.telemetry for name, machine in self.machines.items()},
             rights=rights,
             sink=self.sink,

@@ -14,12 +14,12 @@ from gateway.families.profile.schema import Variant
 from gateway.modbus.pdu import Request
 from gateway.modbus.writes import WriteCoil, WriteRegister
 from gateway.records import SequenceNumbers
-from gateway.starters.commands.dispatcher import Commander
+from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.rights import Operator, Rights
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.telemetry import StarterTelemetry
-from gateway.starters.telemetry.transitions import ToldFaults
+from gateway.starters.telemetry.transitions import PublishedFaults
 from tests.starters.fakes import (
     AT_SPEED,
     READY,
@@ -52,7 +52,7 @@ class Rig:
     variant: Variant = field(default_factory=Variant)
     every_s: float = 1.0
     is_enabled: bool = True
-    told_faults: ToldFaults | None = None
+    told_faults: PublishedFaults | None = None
 
     def __post_init__(self) -> None:
         self.clock = VirtualClock(asyncio.get_running_loop())
@@ -123,7 +123,7 @@ class CommandRig(Rig):
         rights = Rights(self.operators)
         self.tasks: list[asyncio.Future[None]] = []  # which the tests keep alive
         self.stood_still_s = -inf  # when the latest standstill ended
-        self.commander = Commander(
+        self.commander = Dispatcher(
             {self.setup.name: self.telemetry},
             rights=rights,
             sink=self.sink,

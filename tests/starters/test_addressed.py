@@ -8,13 +8,13 @@ import pytest
 
 from gateway.families.profile.identify import Identity
 from gateway.families.profile.load import load_profile, stop_note, stop_profile
-from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.requests import Priority
 from gateway.modbus.writes import WriteCoil, WriteRegister
 from gateway.records import Phase
 from gateway.sim.factory import make_unit
 from gateway.sim.weg.ssw07 import Ssw07
-from gateway.starters.commands.addressed import Addressed
-from gateway.starters.identity.query import Standing
+from gateway.starters.commands.addressed import StopAddressee
+from gateway.starters.identity.query import IdentityStatus
 from tests.starters.one_starter import Here, one_starter
 from tests.starters.rig import virtually
 
@@ -31,7 +31,7 @@ async def run_at_full_speed(here: Here, family: str) -> None:
     await asyncio.sleep(30.0)
     line = here.telemetry.line
     for request in START[family]:
-        await line.transact(1, request, response_time_s=0.1, lane=Lane.COMMAND)
+        await line.transact(1, request, response_time_s=0.1, lane=Priority.COMMAND)
     await asyncio.sleep(30.0)
     assert here.unit.motor.is_turned_on
 
@@ -43,7 +43,7 @@ async def test_the_words_are_those_of_the_proven_family_and_the_result_says_so(
 ) -> None:
     async with one_starter(make_unit(proved, 1), family=configured) as here:
         await run_at_full_speed(here, proved)
-        assert here.telemetry.identity_standing is Standing.MISMATCHED
+        assert here.telemetry.identity_standing is IdentityStatus.MISMATCHED
         here.submit("stop", "1")
         await asyncio.sleep(9.0)
 
@@ -62,7 +62,7 @@ async def test_a_stop_that_was_sent_before_the_device_proved_another_family_says
         await asyncio.sleep(9.0)
 
         final = here.sink.final("1")
-        assert here.telemetry.identity_standing is Standing.MISMATCHED
+        assert here.telemetry.identity_standing is IdentityStatus.MISMATCHED
         assert "before that the stop was sent as ssw06 takes it" in final.text
         assert "the stop was sent as ssw07 takes it" not in final.text
 
@@ -71,7 +71,7 @@ async def test_a_stop_that_was_sent_before_the_device_proved_another_family_says
 async def test_what_is_read_in_other_words_is_not_taken_for_the_configured_familys() -> None:
     async with one_starter(make_unit("ssw07", 1), family="ssw900") as here:
         await asyncio.sleep(30.0)
-        addressed, now_s = Addressed(here.telemetry), asyncio.get_running_loop().time()
+        addressed, now_s = StopAddressee(here.telemetry), asyncio.get_running_loop().time()
 
         addressed.take_rows({"VB01": (0x4102,)}, at_s=now_s)
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.reading.poll_blocks import Block, plan_blocks
-from gateway.starters.telemetry.decoding import Answers, Sources
+from gateway.starters.telemetry.decoding import AnswerCache, PointSources
 
 SSW07, SST = load_profile("ssw07"), load_profile("sst")
 KNOWN = Variant(model="SSW-07 85A", rated_current_a=85.0)
@@ -14,7 +14,7 @@ def block_with(profile: Profile, code: str) -> Block:
 
 
 def test_the_same_words_say_the_same_again_without_being_decoded() -> None:
-    answers, block = Answers(SSW07, Sources(SSW07)), block_with(SSW07, "VB01")
+    answers, block = AnswerCache(SSW07, PointSources(SSW07)), block_with(SSW07, "VB01")
     words = (3,) * block.request.count
 
     first = answers.read("key", block, KNOWN, words)
@@ -26,7 +26,7 @@ def test_the_same_words_say_the_same_again_without_being_decoded() -> None:
 
 
 def test_other_words_another_variant_or_another_block_are_read_anew() -> None:
-    answers, block = Answers(SSW07, Sources(SSW07)), block_with(SSW07, "VB01")
+    answers, block = AnswerCache(SSW07, PointSources(SSW07)), block_with(SSW07, "VB01")
     words = (3,) * block.request.count
     first = answers.read("key", block, KNOWN, words)
 
@@ -45,7 +45,7 @@ def test_other_words_another_variant_or_another_block_are_read_anew() -> None:
 
 
 def test_points_that_need_rows_of_another_poll_are_left_to_whoever_knows_those() -> None:
-    answers = Answers(SST, Sources(SST))
+    answers = AnswerCache(SST, PointSources(SST))
     single = next(row for row in block_with(SST, "COIL7").rows if row.code == "COIL7")
     whole = block_with(SST, "COIL7")
     block = Block("single", whole.group, type(whole.request)(single.address, 1), (single,))

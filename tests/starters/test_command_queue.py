@@ -10,14 +10,14 @@ import pytest
 from gateway.errors import CommandError
 from gateway.records import Phase
 from gateway.starters.commands.command_queue import AT_ONCE, LINE_FULL, CommandQueue, Place
-from gateway.starters.policy.rate_limit import Limits
-from gateway.starters.policy.start_rules import Policy
+from gateway.starters.policy.rate_limit import RateLimits
+from gateway.starters.policy.start_rules import PolicySettings
 from gateway.system.token_bucket import Rate
 from tests.starters.large_line import START_PDU, large_line
 from tests.starters.rig import virtually
 
 TTL_S = 5.0
-MANY = Policy(limits=Limits(client=Rate(1000.0, 1000), everyone=Rate(1000.0, 1000)))
+MANY = PolicySettings(limits=RateLimits(client=Rate(1000.0, 1000), everyone=Rate(1000.0, 1000)))
 
 
 def a_queue() -> CommandQueue:

@@ -13,18 +13,18 @@ import pytest
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Variant
 from gateway.line.client import LocalLineClient
-from gateway.line.line import Scheduler
+from gateway.line.line import Line
 from gateway.line.rtu.outcome import Outcome
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.records import AvailabilityRecord, EventRecord, SequenceNumbers
 from gateway.sim.bus.faults import Reply
 from gateway.sim.bus.port import SimulatedLine
-from gateway.sim.core.unit import Unit
+from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
-from gateway.starters.commands.dispatcher import Commander
+from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.rights import Operator, Rights
-from gateway.starters.services.services import Companions
+from gateway.starters.services.services import StarterServices
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.polling import polls_of
 from gateway.starters.telemetry.telemetry import StarterTelemetry
@@ -41,7 +41,7 @@ class Site:
     """One running starter with its companions."""
 
     bus: SimulatedLine
-    commander: Commander
+    commander: Dispatcher
     sink: RecordingSink
 
     @property
@@ -68,22 +68,22 @@ class Router:
 
 
 @asynccontextmanager
-async def site(unit: Unit) -> AsyncIterator[Site]:
+async def site(unit: SimulatedUnit) -> AsyncIterator[Site]:
     clock, sink, sequence = VirtualClock(asyncio.get_running_loop()), RecordingSink(), SequenceNumbers()
     bus = SimulatedLine(TIMING, [unit])
     setup = StarterSetup("pump", "pumps", 1, load_profile(unit.family), Variant())
     router = Router()
-    scheduler = Scheduler(
-        name="pumps", opener=bus.opener(), timing=TIMING, polls=polls_of(setup), listener=router
-    )
+    scheduler = Line(name="pumps", opener=bus.opener(), timing=TIMING, polls=polls_of(setup), listener=router)
     telemetry = StarterTelemetry(
         setup, line=LocalLineClient(scheduler), sink=sink, clock=clock, sequence=sequence
     )
-    companions = Companions(sink, patrol_every_s=LAP_S)
+    companions = StarterServices(sink, patrol_every_s=LAP_S)
     companions.add(telemetry)
     router.starter = telemetry
     rights = Rights([Operator("alice", ("*",), ("*",))])
-    commander = Commander({"pump": telemetry}, rights=rights, sink=companions, clock=clock, sequence=sequence)
+    commander = Dispatcher(
+        {"pump": telemetry}, rights=rights, sink=companions, clock=clock, sequence=sequence
+    )
     telemetry.start()
     companions.start()
     task = asyncio.create_task(scheduler.run())

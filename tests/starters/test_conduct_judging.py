@@ -7,7 +7,7 @@ import asyncio
 import pytest
 
 from gateway.line.rtu.outcome import Garbled, Outcome, Silent
-from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.requests import Priority
 from gateway.records import Phase
 from tests.starters.fakes import AT_SPEED, ENABLED, FAULT, READY, REMOTE, VB01
 from tests.starters.rig import virtually
@@ -29,7 +29,7 @@ async def test_a_start_is_judged_on_readings_taken_after_it_arrived() -> None:
 
     first = rig.line.sent[0]
     assert not first.request.is_write
-    assert first.lane is Lane.COMMAND
+    assert first.lane is Priority.COMMAND
 
 
 @virtually

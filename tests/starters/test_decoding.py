@@ -4,33 +4,33 @@ import pytest
 
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
-from gateway.starters.telemetry.decoding import Sources, is_flag, type_of, unit_of
+from gateway.starters.telemetry.decoding import PointSources, is_flag, type_of, unit_of
 
 SST, SSW07, SSW900 = load_profile("sst"), load_profile("ssw07"), load_profile("ssw900")
 
 
 def test_a_row_feeds_its_points_and_those_told_from_them() -> None:
-    fed = Sources(SST).fed_by(["COIL7"])
+    fed = PointSources(SST).fed_by(["COIL7"])
 
     assert set(fed) == {"coil7", "remote"}
 
 
 def test_a_point_of_two_rows_is_told_with_the_row_that_is_known() -> None:
-    told, untold = Sources(SST).tell(Variant(), {"COIL7": (0,)}, known={"COIL8": (1,), "COIL9": (1,)})
+    told, untold = PointSources(SST).tell(Variant(), {"COIL7": (0,)}, known={"COIL8": (1,), "COIL9": (1,)})
 
     assert {name: decoded.value for name, decoded in told.items()} == {"coil7": False, "remote": False}
     assert untold == ()
 
 
 def test_a_point_whose_other_row_is_not_known_is_named_as_untold() -> None:
-    told, untold = Sources(SST).tell(Variant(), {"COIL7": (0,)}, known={})
+    told, untold = PointSources(SST).tell(Variant(), {"COIL7": (0,)}, known={})
 
     assert set(told) == {"coil7"}
     assert untold == ("remote",)
 
 
 def test_rows_that_feed_nothing_tell_nothing() -> None:
-    assert Sources(SSW07).tell(Variant(), {"P314": (5,)}, known={}) == ({}, ())
+    assert PointSources(SSW07).tell(Variant(), {"P314": (5,)}, known={}) == ({}, ())
 
 
 @pytest.mark.parametrize(

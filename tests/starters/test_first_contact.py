@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.requests import Priority
 from gateway.modbus.reads import ReadHoldingRegisters
 from tests.starters.large_line import LargeLine, large_line
 from tests.starters.rig import Rig, virtually
@@ -58,6 +58,6 @@ async def test_it_goes_before_all_else_while_it_is_not_known_and_behind_the_firs
     await asyncio.sleep(1.0)
     first = unknown.line.sent[0]
 
-    assert known == [Lane.READ_BACK, Lane.READ_BACK]
-    assert (first.request, first.lane) == (WATCHDOG, Lane.COMMAND)
+    assert known == [Priority.READ_BACK, Priority.READ_BACK]
+    assert (first.request, first.lane) == (WATCHDOG, Priority.COMMAND)
     assert unknown.line.deadlines_s[7] == 30.0

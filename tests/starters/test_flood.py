@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.starters.policy.rate_limit import Flood, Limits
+from gateway.starters.policy.rate_limit import RateLimiter, RateLimits
 from gateway.system.token_bucket import Bucket, Damper, Rate
 
 
@@ -25,7 +25,7 @@ def test_a_bucket_never_holds_more_than_its_burst() -> None:
 
 
 def test_one_clients_flood_leaves_the_others_theirs() -> None:
-    flood = Flood(Limits(client=Rate(1.0, 5), starter=Rate(1.0, 5), everyone=Rate(1.0, 10)))
+    flood = RateLimiter(RateLimits(client=Rate(1.0, 5), starter=Rate(1.0, 5), everyone=Rate(1.0, 10)))
 
     loud = [flood.admits(client="loud", starter="a", now_s=0.0) for _ in range(1000)]
     quiet = [flood.admits(client="quiet", starter="a", now_s=0.0) for _ in range(5)]
@@ -34,14 +34,14 @@ def test_one_clients_flood_leaves_the_others_theirs() -> None:
 
 
 def test_one_starter_takes_less_of_a_client_than_all_together() -> None:
-    flood = Flood(Limits(client=Rate(1.0, 5), starter=Rate(1.0, 2), everyone=Rate(1.0, 10)))
+    flood = RateLimiter(RateLimits(client=Rate(1.0, 5), starter=Rate(1.0, 2), everyone=Rate(1.0, 10)))
 
     assert [flood.admits(client="c", starter="a", now_s=0.0) for _ in range(3)] == [True, True, False]
     assert flood.admits(client="c", starter="b", now_s=0.0)
 
 
 def test_everyone_together_has_a_limit_too() -> None:
-    flood = Flood(Limits(client=Rate(1.0, 5), starter=Rate(1.0, 5), everyone=Rate(1.0, 3)))
+    flood = RateLimiter(RateLimits(client=Rate(1.0, 5), starter=Rate(1.0, 5), everyone=Rate(1.0, 3)))
 
     assert sum(flood.admits(client=str(number), starter="a", now_s=0.0) for number in range(9)) == 3
 

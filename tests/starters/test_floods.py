@@ -5,9 +5,9 @@ from __future__ import annotations
 import asyncio
 
 from gateway.records import AuditRecord, ResultRecord
-from gateway.starters.policy.rate_limit import Limits
+from gateway.starters.policy.rate_limit import RateLimits
 from gateway.starters.policy.request import CommandRequest
-from gateway.starters.policy.start_rules import Policy
+from gateway.starters.policy.start_rules import PolicySettings
 from gateway.system.token_bucket import Rate
 from tests.starters.fakes import AT_SPEED, READY, VB01
 from tests.starters.plant import Plant
@@ -128,8 +128,8 @@ async def test_what_the_intake_refuses_is_limited_too() -> None:
 
 @virtually
 async def test_no_more_commands_wait_for_a_line_than_it_can_serve_while_they_are_fresh() -> None:
-    limits = Limits(under_way_on_line=2)
-    plant = await Plant(None, "a@x", "b@x", "c@x", "d@y", policy=Policy(limits=limits)).online()
+    limits = RateLimits(under_way_on_line=2)
+    plant = await Plant(None, "a@x", "b@x", "c@x", "d@y", policy=PolicySettings(limits=limits)).online()
     for name in "abcd":
         plant.submit("start", name, starter=name)
     await plant.wait(5.0)
@@ -144,8 +144,8 @@ async def test_no_more_commands_wait_for_a_line_than_it_can_serve_while_they_are
 
 @virtually
 async def test_what_was_only_counted_is_told_before_the_gateway_ends() -> None:
-    limits = Limits(client=Rate(1.0, 1))
-    plant = await Plant(policy=Policy(limits=limits)).online()
+    limits = RateLimits(client=Rate(1.0, 1))
+    plant = await Plant(policy=PolicySettings(limits=limits)).online()
     for number in range(10):
         plant.submit("read", f"{number}", args={"parameter": "P003"})
 

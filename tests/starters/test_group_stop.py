@@ -8,13 +8,13 @@ import pytest
 
 from gateway.line.rtu.outcome import Outcome, Refused, Silent
 from gateway.records import Phase, ResultRecord
-from gateway.starters.policy.start_rules import Policy
+from gateway.starters.policy.start_rules import PolicySettings
 from tests.starters.fakes import AT_SPEED, READY, VB01
 from tests.starters.plant import Plant
 from tests.starters.rig import virtually
 from tests.starters.rules import ACCEPTED, CONFIRMED, WRITTEN, ignore
 
-HALL = Policy(groups={"hall": ("pump-1", "pump-2", "pump-3")})
+HALL = PolicySettings(groups={"hall": ("pump-1", "pump-2", "pump-3")})
 
 
 async def running() -> Plant:
@@ -170,7 +170,7 @@ async def test_a_group_to_which_nothing_could_be_written_is_not_called_stopped(o
 @virtually
 async def test_only_the_first_few_members_that_did_not_stop_are_told_in_words() -> None:
     names = tuple(f"p{number}" for number in range(7))
-    plant = await Plant(None, *names, policy=Policy(groups={"hall": names})).online()
+    plant = await Plant(None, *names, policy=PolicySettings(groups={"hall": names})).online()
 
     plant.submit("stop", "1", starter="hall")
     await plant.commander.close()

@@ -10,11 +10,11 @@ import pytest
 from gateway.families.profile.identify import Identity, identify_requests
 from gateway.families.profile.load import FAMILIES
 from gateway.line.rtu.outcome import Outcome, Silent
-from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.requests import Priority
 from gateway.modbus.device_id import ReadDeviceIdentification
 from gateway.modbus.pdu import Request
 from gateway.records import EventRecord
-from gateway.starters.identity.query import Identification, Standing
+from gateway.starters.identity.query import IdentityQuery, IdentityStatus
 from tests.starters.rig import Rig, virtually
 
 
@@ -31,13 +31,13 @@ async def test_every_family_is_identified_by_reading(family: str) -> None:
 
     await asyncio.sleep(0.5)
 
-    assert rig.telemetry.identity_standing is Standing.MATCHING
+    assert rig.telemetry.identity_standing is IdentityStatus.MATCHING
     assert rig.telemetry.identity_reason == ""
     assert rig.line.writes == []
     questions = {question.request for question in identify_requests(rig.setup.profile)}
     asked = [sent for sent in rig.line.sent if sent.request in questions]
     assert {sent.request for sent in asked} == questions
-    assert {sent.lane for sent in asked} == {Lane.READ_BACK}
+    assert {sent.lane for sent in asked} == {Priority.READ_BACK}
 
 
 @virtually
@@ -48,7 +48,7 @@ async def test_nobody_is_identified_before_the_first_answer() -> None:
     await asyncio.sleep(100.0)
 
     assert rig.line.sent == []
-    assert rig.telemetry.identity_standing is Standing.UNKNOWN
+    assert rig.telemetry.identity_standing is IdentityStatus.UNKNOWN
 
 
 @virtually
@@ -60,7 +60,7 @@ async def test_another_family_at_the_address_holds_commands_and_is_told_once() -
 
     await asyncio.sleep(300.0)
 
-    assert rig.telemetry.identity_standing is Standing.MISMATCHED
+    assert rig.telemetry.identity_standing is IdentityStatus.MISMATCHED
     (event,) = [record for record in rig.sink.of(EventRecord) if record.code == "identity_mismatch"]
     assert (event.data["expected"], event.data["seen"]) == ("ssw07", "ssw06")
     assert rig.telemetry.variant == rig.setup.variant
@@ -78,7 +78,7 @@ async def test_a_unit_that_proves_nothing_is_asked_ever_less_often() -> None:
     times_s = asked(rig)
     gaps_s = [round(later - earlier) for earlier, later in itertools.pairwise(times_s)]
     assert gaps_s == [2, 4, 8, 16, 32]
-    assert rig.telemetry.identity_standing is Standing.UNKNOWN
+    assert rig.telemetry.identity_standing is IdentityStatus.UNKNOWN
     assert rig.sink.events().count("identity_unknown") == 1
 
 
@@ -91,7 +91,7 @@ async def test_a_lost_answer_is_asked_for_again_but_never_twice_at_once() -> Non
 
     await asyncio.sleep(10.0)
 
-    assert rig.telemetry.identity_standing is Standing.MATCHING
+    assert rig.telemetry.identity_standing is IdentityStatus.MATCHING
     first_s, second_s = asked(rig)
     assert second_s - first_s > 1.9
 
@@ -105,7 +105,7 @@ async def test_a_starter_that_matches_but_leaves_a_question_open_is_not_asked_fo
 
     await asyncio.sleep(1000.0)
 
-    assert rig.telemetry.identity_standing is Standing.MATCHING
+    assert rig.telemetry.identity_standing is IdentityStatus.MATCHING
     assert len(asked(rig)) == 5
 
 
@@ -118,7 +118,7 @@ async def test_a_starter_is_identified_again_after_each_silence() -> None:
     rig.poll()
     await asyncio.sleep(0.5)
 
-    assert rig.telemetry.identity_standing is Standing.MATCHING
+    assert rig.telemetry.identity_standing is IdentityStatus.MATCHING
 
 
 @virtually
@@ -144,7 +144,7 @@ async def test_an_error_inside_is_logged_and_leaves_the_identity_unknown(
     def fail(identity: Identity) -> None:
         raise RuntimeError("a bug")
 
-    identification = Identification(rig.setup, rig.line, fail)
+    identification = IdentityQuery(rig.setup, rig.line, fail)
 
     with caplog.at_level(logging.ERROR):
         identification.begin()

@@ -19,9 +19,9 @@ from gateway.records import (
     ValueRecord,
 )
 from gateway.sim.bus.faults import Reply
-from gateway.sim.core.unit import Unit
+from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
-from gateway.starters.identity.query import Standing
+from gateway.starters.identity.query import IdentityStatus
 from tests.starters.one_starter import Here, TestMemory, one_starter
 from tests.starters.rig import virtually
 
@@ -42,7 +42,7 @@ OTHERS: list[tuple[str, dict[str, Any], str]] = [
 ]
 
 
-def ours(family: str, **changes: Any) -> Unit:
+def ours(family: str, **changes: Any) -> SimulatedUnit:
     return make_unit(family, 1, **{**OURS[family], **changes})
 
 
@@ -60,7 +60,7 @@ async def test_a_starter_that_was_never_seen_is_taken_as_it_is(family: str) -> N
     async with one_starter(ours(family), memory=memory) as here:
         await asyncio.sleep(10.0)
 
-        assert here.telemetry.identity_standing is Standing.MATCHING
+        assert here.telemetry.identity_standing is IdentityStatus.MATCHING
         assert here.events("identity_changed") == []
         assert memory.document is not None
         assert memory.document["starters"]["pump"]["family"] == family
@@ -105,7 +105,7 @@ async def test_a_stop_is_never_held() -> None:
         await here.replace(ours("ssw07", firmware="1.70"))
         here.unit.motor.start()
         await asyncio.sleep(30.0)
-        assert here.telemetry.identity_standing is Standing.CHANGED
+        assert here.telemetry.identity_standing is IdentityStatus.CHANGED
 
         assert await ask(here, "stop", "1", 60.0) == (Phase.CONFIRMED, "ok")
 
@@ -138,7 +138,7 @@ async def test_the_starter_that_comes_back_needs_no_acceptance() -> None:
         await here.replace(ours("ssw07", firmware="1.70"))
         await here.replace(ours("ssw07"))
 
-        assert here.telemetry.identity_standing is Standing.MATCHING
+        assert here.telemetry.identity_standing is IdentityStatus.MATCHING
         assert await ask(here, "start", "1") == (Phase.CONFIRMED, "ok")
 
 
@@ -192,7 +192,7 @@ async def test_an_acceptance_that_cannot_be_kept_counts_for_this_run_and_says_so
         memory.is_full = True
 
         assert await ask(here, "accept", "1") == (Phase.FAILED, "not_kept")
-        assert here.telemetry.identity_standing is Standing.MATCHING
+        assert here.telemetry.identity_standing is IdentityStatus.MATCHING
         assert here.events("identities_away")
 
         memory.is_full = False
@@ -211,7 +211,7 @@ async def test_after_a_damage_every_starter_counts_as_new_and_that_is_told(
         await asyncio.sleep(10.0)
 
         assert "every starter counts as new" in here.events("memory_damaged")[0].text
-        assert here.telemetry.identity_standing is Standing.MATCHING
+        assert here.telemetry.identity_standing is IdentityStatus.MATCHING
         assert len(memory.aside) == 1
 
 
@@ -221,7 +221,7 @@ async def test_what_is_no_fingerprint_in_the_file_is_passed_over() -> None:
     async with one_starter(ours("ssw07"), memory=memory) as here:
         await asyncio.sleep(10.0)
 
-        assert here.telemetry.identity_standing is Standing.MATCHING
+        assert here.telemetry.identity_standing is IdentityStatus.MATCHING
 
 
 class WithoutVersion:
@@ -251,7 +251,7 @@ async def test_an_open_question_holds_commands_but_is_no_change_yet() -> None:
         here.bus.heal(1)
         await asyncio.sleep(30.0)
 
-        assert here.telemetry.identity_standing is Standing.MATCHING
+        assert here.telemetry.identity_standing is IdentityStatus.MATCHING
         assert here.events("identity_changed") == []
 
 
@@ -327,5 +327,5 @@ async def test_values_of_another_device_that_the_configuration_allows_stay_good(
     async with one_starter(ours("ssw06", rated_current_a=130.0), memory=memory) as here:
         await asyncio.sleep(10.0)
 
-        assert here.telemetry.identity_standing is Standing.CHANGED
+        assert here.telemetry.identity_standing is IdentityStatus.CHANGED
         assert here.telemetry.snapshot.readings["current"].quality is Quality.GOOD

@@ -6,18 +6,18 @@ from typing import Any
 
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
-from gateway.starters.services.parameter_monitor import KeypadWatch, watched_codes
+from gateway.starters.services.parameter_monitor import ParameterChanges, watched_codes
 
 V = Variant()
 
 
-def ssw07() -> KeypadWatch:
-    watch = KeypadWatch(load_profile("ssw07"))
+def ssw07() -> ParameterChanges:
+    watch = ParameterChanges(load_profile("ssw07"))
     assert watch.note_reading(V, {"P314": (30,), "P230": (2,)}) == ()
     return watch
 
 
-def note(watch: KeypadWatch, verb: str, args: dict[str, Any]) -> None:
+def note(watch: ParameterChanges, verb: str, args: dict[str, Any]) -> None:
     """Let a command of ours begin and end."""
     watch.note_command(V, verb, args, is_over=False)
     watch.note_command(V, verb, args, is_over=True)
@@ -90,7 +90,7 @@ def test_several_values_of_one_set_are_all_ours() -> None:
 
 
 def test_a_configure_is_ours() -> None:
-    watch = KeypadWatch(load_profile("sst"))
+    watch = ParameterChanges(load_profile("sst"))
     watch.note_reading(V, {"R41": (0,)})
     note(watch, "configure", {"R41": 9})
 

@@ -6,8 +6,8 @@ import asyncio
 
 from gateway.records import Phase, ResultRecord
 from gateway.starters.commands.ledger import STAYS_REFUSED
-from gateway.starters.policy.rate_limit import Limits
-from gateway.starters.policy.start_rules import Policy
+from gateway.starters.policy.rate_limit import RateLimits
+from gateway.starters.policy.start_rules import PolicySettings
 from tests.starters.plant import Plant
 from tests.starters.rig import CommandRig, virtually
 
@@ -46,7 +46,7 @@ async def test_the_end_of_a_command_that_was_carried_out_is_told_again_word_by_w
 
 @virtually
 async def test_what_was_too_much_stays_refused_and_is_taken_with_a_new_id() -> None:
-    policy = Policy(limits=Limits(under_way_on_line=1))
+    policy = PolicySettings(limits=RateLimits(under_way_on_line=1))
     plant = await Plant(None, "a@x", "b@x", policy=policy).online()
     plant.submit("start", "1", starter="a")
     plant.submit("start", "2", starter="b")

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.requests import Priority
 from gateway.modbus.pdu import Request
 from gateway.records import Phase
-from gateway.starters.policy.rate_limit import Limits
-from gateway.starters.policy.start_rules import Policy
+from gateway.starters.policy.rate_limit import RateLimits
+from gateway.starters.policy.start_rules import PolicySettings
 from tests.starters.fakes import TRANSACTION_S
 from tests.starters.plant import Plant
 from tests.starters.rig import virtually
@@ -21,15 +21,15 @@ from tests.starters.rules import ready
 @pytest.mark.parametrize(
     ("verb", "args", "lanes"),
     [
-        ("start", {}, {Lane.COMMAND, Lane.READ_BACK}),
-        ("stop", {}, {Lane.STOP, Lane.FOLLOW_UP}),
-        ("read", {"parameter": "P003"}, {Lane.PARAMETERS}),
-        ("set", {"parameter": "P314", "value": 30}, {Lane.PARAMETERS}),
+        ("start", {}, {Priority.COMMAND, Priority.READ_BACK}),
+        ("stop", {}, {Priority.STOP, Priority.FOLLOW_UP}),
+        ("read", {"parameter": "P003"}, {Priority.PARAMETERS}),
+        ("set", {"parameter": "P314", "value": 30}, {Priority.PARAMETERS}),
     ],
 )
 @virtually
 async def test_what_moves_no_motor_lets_the_rest_pass_on_the_line(
-    verb: str, args: dict[str, Any], lanes: set[Lane]
+    verb: str, args: dict[str, Any], lanes: set[Priority]
 ) -> None:
     rig = await ready()
 
@@ -76,7 +76,7 @@ async def test_a_start_that_was_written_in_time_is_read_back_however_long_that_t
 async def test_reads_that_would_wait_too_long_for_their_share_of_a_line_are_refused_and_starts_are_not() -> (
     None
 ):
-    policy = Policy(limits=Limits(parameters_on_line=2))
+    policy = PolicySettings(limits=RateLimits(parameters_on_line=2))
     plant = await Plant(None, "a@x", "b@x", "c@x", "d@x", "e@y", policy=policy).online()
     for name in "abce":
         plant.submit("read", name, starter=name, args={"parameter": "P003"})

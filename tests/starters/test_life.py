@@ -5,11 +5,11 @@ import itertools
 import pytest
 
 from gateway.records import Phase
-from gateway.starters.commands.lifecycle import NEXT, Life
+from gateway.starters.commands.lifecycle import NEXT, Lifecycle
 
 
-def lived(*phases: Phase) -> Life:
-    life = Life()
+def lived(*phases: Phase) -> Lifecycle:
+    life = Lifecycle()
     for phase in phases:
         life.advance(phase)
     return life
@@ -23,7 +23,7 @@ def test_a_start_goes_from_accepted_over_written_to_confirmed() -> None:
 
 
 def test_a_new_command_is_neither_over_nor_written() -> None:
-    life = Life()
+    life = Lifecycle()
 
     assert life.phase is None
     assert not life.is_over
@@ -57,7 +57,7 @@ def test_what_was_not_written_can_never_be_unconfirmed() -> None:
 
 def test_every_pair_that_the_table_does_not_list_raises() -> None:
     for before, after in itertools.product([None, *Phase], Phase):
-        life = Life()
+        life = Lifecycle()
         life._phase = before
         if after in NEXT[before]:
             life.advance(after)

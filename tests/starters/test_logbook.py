@@ -9,32 +9,32 @@ import pytest
 
 from gateway.errors import DamagedError
 from gateway.records import LockRecord
-from gateway.starters.policy.motor_history import MOST_STARTS, Logbook
-from gateway.system.clock_steps import Reading
+from gateway.starters.policy.motor_history import MOST_STARTS, MotorHistory
+from gateway.system.clock_steps import ClockReading
 
 UTC_S = 1_760_000_000.0
-SAVED = Reading(5000.0, UTC_S, "boot-1")
+SAVED = ClockReading(5000.0, UTC_S, "boot-1")
 DAY_S = 86400.0
 
 
-def seen(*states: tuple[float, str]) -> Logbook:
-    logbook = Logbook(["a"])
+def seen(*states: tuple[float, str]) -> MotorHistory:
+    logbook = MotorHistory(["a"])
     for now_s, state in states:
         logbook.note_state("a", state, now_s=now_s)
     return logbook
 
 
-def restored(logbook: Logbook, *, saved_s: float, now_s: float, reading: Reading) -> Logbook:
+def restored(logbook: MotorHistory, *, saved_s: float, now_s: float, reading: ClockReading) -> MotorHistory:
     """Return the logbook of the next run, whose steady clock shows `now_s` at that reading."""
     document = json.loads(json.dumps(logbook.to_document(now_s=saved_s, reading=SAVED)))
-    new = Logbook(["a"])
+    new = MotorHistory(["a"])
     new.restore(document, now_s=now_s, reading=reading)
     return new
 
 
-def later(seconds: float, *, step_s: float = 0.0) -> Reading:
+def later(seconds: float, *, step_s: float = 0.0) -> ClockReading:
     """Return the machine's clocks so long after `SAVED`, the wall's set ahead by a step."""
-    return Reading(SAVED.up_s + seconds, SAVED.utc_s + seconds + step_s, SAVED.boot_id)
+    return ClockReading(SAVED.up_s + seconds, SAVED.utc_s + seconds + step_s, SAVED.boot_id)
 
 
 def test_a_standstill_counts_from_when_it_was_first_seen() -> None:
@@ -84,11 +84,11 @@ def test_a_state_that_is_not_known_changes_nothing() -> None:
 
 
 def test_a_starter_that_is_not_configured_has_no_page() -> None:
-    assert not Logbook(["a"]).note_state("b", "ready", now_s=7.0)
+    assert not MotorHistory(["a"]).note_state("b", "ready", now_s=7.0)
 
 
 def test_starts_older_than_an_hour_are_forgotten_and_never_more_than_a_thousand_kept() -> None:
-    logbook = Logbook(["a"])
+    logbook = MotorHistory(["a"])
     logbook.note_start("a", now_s=0.0)
     for second in range(MOST_STARTS + 10):
         logbook.note_start("a", now_s=3601.0 + second)
@@ -138,7 +138,7 @@ def test_over_a_restart_of_the_machine_only_the_time_since_its_boot_has_certainl
     logbook = seen((100.0, "ready"))
     logbook.note_start("a", now_s=150.0)
 
-    new = restored(logbook, saved_s=200.0, now_s=7.0, reading=Reading(40.0, UTC_S + DAY_S, boot_id))
+    new = restored(logbook, saved_s=200.0, now_s=7.0, reading=ClockReading(40.0, UTC_S + DAY_S, boot_id))
 
     assert new.standing_since("a") == pytest.approx(7.0 - 140.0)
     assert new.starts_since("a", 7.0 - 3600.0) == [pytest.approx(7.0 - 90.0)]
@@ -146,7 +146,7 @@ def test_over_a_restart_of_the_machine_only_the_time_since_its_boot_has_certainl
 
 def test_a_file_of_an_earlier_version_is_dated_by_the_wall_clock() -> None:
     page = {"starts": [UTC_S - 50.0], "moving": False, "standing_since": UTC_S + 5.0, "lock": None}
-    new = Logbook(["a"])
+    new = MotorHistory(["a"])
 
     new.restore({"version": 1, "starters": {"a": page}}, now_s=7.0, reading=SAVED)
 
@@ -155,7 +155,7 @@ def test_a_file_of_an_earlier_version_is_dated_by_the_wall_clock() -> None:
 
 
 def test_what_was_kept_of_a_starter_that_is_configured_no_more_is_dropped() -> None:
-    new = Logbook(["b"])
+    new = MotorHistory(["b"])
 
     new.restore(seen((1.0, "ready")).to_document(now_s=1.0, reading=SAVED), now_s=0.0, reading=later(0.0))
 
@@ -180,4 +180,4 @@ PAGE: dict[str, Any] = {"starts": [], "moving": None, "standing_since": None, "l
 )
 def test_what_is_not_what_was_kept_is_damaged(document: dict[str, Any]) -> None:
     with pytest.raises(DamagedError):
-        Logbook(["a"]).restore(document, now_s=0.0, reading=SAVED)
+        MotorHistory(["a"]).restore(document, now_s=0.0, reading=SAVED)

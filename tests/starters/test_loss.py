@@ -4,18 +4,18 @@ import random
 
 from gateway.line.rtu.outcome import Silent
 from gateway.records import AvailabilityRecord
-from gateway.starters.telemetry.degraded import OF, POOR, Loss
+from gateway.starters.telemetry.degraded import OF, POOR, PollLoss
 from tests.starters.rig import Rig, virtually
 
 
 def test_a_few_lost_polls_are_no_news() -> None:
-    loss = Loss()
+    loss = PollLoss()
 
     assert [loss.note(is_lost=count % 40 == 0) for count in range(10 * OF)] == [None] * (10 * OF)
 
 
 def test_a_poor_line_is_said_once_and_that_it_is_good_again_once() -> None:
-    loss = Loss()
+    loss = PollLoss()
     said = [loss.note(is_lost=True) for _ in range(POOR)] + [loss.note(is_lost=False) for _ in range(2 * OF)]
 
     assert [each for each in said if each is not None] == ["8 of its last 8 polls had no right reply", ""]

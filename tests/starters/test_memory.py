@@ -11,23 +11,23 @@ from typing import Any
 import pytest
 
 from gateway.errors import DamagedError, StoreError
-from gateway.storage.json_file import MOST_BYTES, RETRY_S, FileMemory, NoMemory, Saver
+from gateway.storage.json_file import MOST_BYTES, RETRY_S, JsonFile, NoStore, Saver
 from tests.starters.plant import FakeMemory
 from tests.starters.rig import virtually
 
 
 async def test_what_was_saved_is_loaded_again(tmp_path: Path) -> None:
-    memory = FileMemory(tmp_path / "new" / "x.json")
+    memory = JsonFile(tmp_path / "new" / "x.json")
 
     await memory.save({"a": 1})
     await memory.save({"a": 2})
 
-    assert FileMemory(tmp_path / "new" / "x.json").load() == {"a": 2}
+    assert JsonFile(tmp_path / "new" / "x.json").load() == {"a": 2}
     assert [path.name for path in (tmp_path / "new").iterdir()] == ["x.json"]
 
 
 def test_a_file_that_is_not_there_is_no_document(tmp_path: Path) -> None:
-    assert FileMemory(tmp_path / "x.json").load() is None
+    assert JsonFile(tmp_path / "x.json").load() is None
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"[]", b"\xff", b"[" * 100_000, b" " * (MOST_BYTES + 1)])
@@ -36,7 +36,7 @@ def test_a_damaged_file_is_set_aside_and_stays_damaged_until_it_is_replaced(
 ) -> None:
     path = tmp_path / "x.json"
     path.write_bytes(content)
-    memory = FileMemory(path)
+    memory = JsonFile(path)
 
     for _ in range(2):
         with pytest.raises(DamagedError):
@@ -51,14 +51,14 @@ def test_a_damaged_file_is_set_aside_and_stays_damaged_until_it_is_replaced(
 
 def test_a_file_that_cannot_be_read_is_damaged(tmp_path: Path) -> None:
     with pytest.raises(DamagedError):
-        FileMemory(tmp_path).load()
+        JsonFile(tmp_path).load()
 
 
 def test_a_folder_in_the_files_place_is_set_aside_as_a_damaged_file_is(tmp_path: Path) -> None:
     for folder in (tmp_path / "x.json", tmp_path / "x.json.damaged"):
         folder.mkdir()
         (folder / "kept").touch()
-    memory = FileMemory(tmp_path / "x.json")
+    memory = JsonFile(tmp_path / "x.json")
 
     for _ in range(2):  # a crash before the next document comes does not hide the damage
         with pytest.raises(DamagedError):
@@ -72,7 +72,7 @@ def test_a_folder_in_the_files_place_is_set_aside_as_a_damaged_file_is(tmp_path:
 
 
 def test_what_cannot_be_set_aside_is_only_logged(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    FileMemory(tmp_path / "x.json").set_aside()
+    JsonFile(tmp_path / "x.json").set_aside()
 
     assert "cannot be set aside: No such file or directory" in caplog.text
     assert "Traceback" not in caplog.text
@@ -83,13 +83,13 @@ async def test_what_cannot_be_written_says_so_and_leaves_the_old(tmp_path: Path)
     (tmp_path / "x.json").write_text("{}")
 
     with pytest.raises(StoreError):
-        await FileMemory(tmp_path / "x.json").save({"a": 1})
+        await JsonFile(tmp_path / "x.json").save({"a": 1})
 
-    assert FileMemory(tmp_path / "x.json").load() == {}
+    assert JsonFile(tmp_path / "x.json").load() == {}
 
 
 async def test_no_memory_keeps_nothing() -> None:
-    memory = NoMemory()
+    memory = NoStore()
     await memory.save({"a": 1})
     memory.set_aside()
 

@@ -14,7 +14,7 @@ import pytest
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Variant
 from gateway.line.client import LocalLineClient
-from gateway.line.line import Scheduler
+from gateway.line.line import Line
 from gateway.line.rtu.outcome import Outcome
 from gateway.modbus.adu import decode
 from gateway.modbus.timing import Framing, LineTiming
@@ -31,9 +31,9 @@ from gateway.records import (
 )
 from gateway.sim.bus.faults import Noisy, Reply
 from gateway.sim.bus.port import SimulatedLine
-from gateway.sim.core.unit import Unit
+from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
-from gateway.starters.commands.dispatcher import Commander
+from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.rights import Operator, Rights
 from gateway.starters.setup import StarterSetup
@@ -51,11 +51,11 @@ class Site:
     """A running gateway floor and the simulated starters under it."""
 
     bus: SimulatedLine
-    commander: Commander
+    commander: Dispatcher
     telemetries: dict[str, StarterTelemetry]
     sink: RecordingSink = field(default_factory=RecordingSink)
 
-    def unit(self, family: str) -> Unit:
+    def unit(self, family: str) -> SimulatedUnit:
         return self.bus.unit(1 + FAMILIES.index(family))
 
     def submit(self, starter: str, verb: str, id_: str, **args: Any) -> None:
@@ -93,14 +93,14 @@ async def site() -> AsyncIterator[Site]:
     ]
     router = Router()
     polls = [poll for setup in setups for poll in polls_of(setup)]
-    scheduler = Scheduler(name="pumps", opener=bus.opener(), timing=TIMING, polls=polls, listener=router)
+    scheduler = Line(name="pumps", opener=bus.opener(), timing=TIMING, polls=polls, listener=router)
     line = LocalLineClient(scheduler)
     telemetries = {
         setup.name: StarterTelemetry(setup, line=line, sink=sink, clock=clock, sequence=sequence)
         for setup in setups
     }
     rights = Rights([Operator("alice", ("*",), ("*",))])
-    commander = Commander(telemetries, rights=rights, sink=sink, clock=clock, sequence=sequence)
+    commander = Dispatcher(telemetries, rights=rights, sink=sink, clock=clock, sequence=sequence)
     for telemetry in telemetries.values():
         router.starters[telemetry.setup.address] = telemetry
         telemetry.start()

@@ -11,25 +11,25 @@ from hypothesis import strategies as st
 from gateway.errors import UsageError
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
-from gateway.starters.parameters.model import Entry, ParameterSet, differences, entries_of
+from gateway.starters.parameters.model import ParameterEntry, ParameterSet, differences, entries_of
 from gateway.starters.parameters.toml_file import from_toml, to_toml
 
 TEXT = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
 VALUE = st.none() | st.booleans() | st.integers(0, 9) | st.floats(0, 1e6) | TEXT
 RAW = st.lists(st.integers(0, 0xFFFF), min_size=1, max_size=4).map(tuple)
-ENTRY = st.builds(Entry, name=TEXT, value=VALUE, label=st.none() | TEXT, unit=TEXT, raw=RAW)
+ENTRY = st.builds(ParameterEntry, name=TEXT, value=VALUE, label=st.none() | TEXT, unit=TEXT, raw=RAW)
 CODES = st.from_regex(r"[A-Z]{1,4}[0-9.]{1,8}", fullmatch=True)
 
 SSW07 = load_profile("ssw07")
 
 
-def saved(**parameters: Entry) -> ParameterSet:
+def saved(**parameters: ParameterEntry) -> ParameterSet:
     return ParameterSet("pump-1", "ssw07", parameters=parameters)
 
 
 @given(st.dictionaries(CODES, ENTRY, max_size=5), TEXT, st.none() | TEXT)
 def test_what_is_written_is_read_again_as_it_was(
-    parameters: dict[str, Entry], reason: str, model: str | None
+    parameters: dict[str, ParameterEntry], reason: str, model: str | None
 ) -> None:
     one = ParameterSet(
         "pump-1", "ssw07", "2026-11-21T01:02:03+00:00", model, "1.40", None, parameters, {"P089": reason}
@@ -96,7 +96,9 @@ def test_what_is_measured_counts_only_when_asked_for() -> None:
 
 
 def test_a_parameter_that_one_set_lacks_is_a_difference() -> None:
-    (found,) = differences(saved(), saved(P314=Entry(name="timeout", value=3, unit="s")), profile=SSW07)
+    (found,) = differences(
+        saved(), saved(P314=ParameterEntry(name="timeout", value=3, unit="s")), profile=SSW07
+    )
 
     assert found.text == "P314 timeout: not there -> 3 s"
 
@@ -105,11 +107,11 @@ def test_a_parameter_that_one_set_lacks_is_a_difference() -> None:
 def test_a_value_that_people_wrote_is_the_same_as_the_raw_number(value: int | float | str) -> None:
     live = saved(**entries_of(SSW07, Variant(), {"P230": (2,)}))
 
-    assert differences(live, saved(P230=Entry(value=value)), profile=SSW07) == ()
+    assert differences(live, saved(P230=ParameterEntry(value=value)), profile=SSW07) == ()
 
 
 def test_unlike_texts_differ() -> None:
-    one, other = saved(P230=Entry(value="DI")), saved(P230=Entry(value="Serial"))
+    one, other = saved(P230=ParameterEntry(value="DI")), saved(P230=ParameterEntry(value="Serial"))
 
     assert len(differences(one, other, profile=SSW07)) == 1
 
@@ -117,13 +119,13 @@ def test_unlike_texts_differ() -> None:
 @pytest.mark.parametrize(
     ("entry", "shown"),
     [
-        (Entry(value=None, raw=(1, 2)), "raw 1 2"),
-        (Entry(value=True), "true"),
-        (Entry(value=1.5, unit="s"), "1.5 s"),
-        (Entry(value=2, label="Serial"), "2 (Serial)"),
+        (ParameterEntry(value=None, raw=(1, 2)), "raw 1 2"),
+        (ParameterEntry(value=True), "true"),
+        (ParameterEntry(value=1.5, unit="s"), "1.5 s"),
+        (ParameterEntry(value=2, label="Serial"), "2 (Serial)"),
     ],
 )
-def test_an_entry_is_shown_for_a_person(entry: Entry, shown: str) -> None:
+def test_an_entry_is_shown_for_a_person(entry: ParameterEntry, shown: str) -> None:
     assert entry.shown == shown
 
 

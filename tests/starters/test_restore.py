@@ -14,8 +14,8 @@ from gateway.modbus.timing import Framing, LineTiming
 from gateway.records import SequenceNumbers
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.factory import make_unit
-from gateway.starters.parameters.model import Entry, ParameterSet
-from gateway.starters.parameters.offline_starter import Bench
+from gateway.starters.parameters.model import ParameterEntry, ParameterSet
+from gateway.starters.parameters.offline_starter import OfflineStarter
 from gateway.starters.parameters.restore import Restore, RestoreEnd
 from gateway.starters.parameters.restore_plan import plan_restore
 from gateway.starters.policy.write_budget import MOST_PER_HOUR
@@ -34,9 +34,11 @@ def restored(unit: Any, values: dict[str, int], *, after_s: float | None = None)
         profile = load_profile(unit.family)
         setup = StarterSetup("pump", "pumps", 1, profile, Variant())
         async with exclusive_line("pumps", SimulatedLine(TIMING, [unit]).opener(), TIMING) as line:
-            bench = Bench(setup, line=line, sink=RecordingSink(), clock=clock, sequence=SequenceNumbers())
+            bench = OfflineStarter(
+                setup, line=line, sink=RecordingSink(), clock=clock, sequence=SequenceNumbers()
+            )
             await bench.identify()
-            entries = {code: Entry(value=value) for code, value in values.items()}
+            entries = {code: ParameterEntry(value=value) for code, value in values.items()}
             wanted = ParameterSet("pump", unit.family, parameters=entries)
             seen = dict.fromkeys(values, (0,))
             plan = plan_restore(profile, bench.variant, wanted=wanted, seen=seen)

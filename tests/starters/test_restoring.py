@@ -6,13 +6,15 @@ import pytest
 
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
-from gateway.starters.parameters.model import Entry, ParameterSet
+from gateway.starters.parameters.model import ParameterEntry, ParameterSet
 from gateway.starters.parameters.restore_plan import RestorePlan, plan_restore, prepare_change, restore_codes
 
 Rows = dict[str, tuple[int, ...]]
 
 
-def plan(family: str, wanted: dict[str, Entry], seen: Rows, *, with_sources: bool = False) -> RestorePlan:
+def plan(
+    family: str, wanted: dict[str, ParameterEntry], seen: Rows, *, with_sources: bool = False
+) -> RestorePlan:
     return plan_restore(
         load_profile(family),
         Variant(),
@@ -27,7 +29,11 @@ def codes(found: RestorePlan) -> list[str]:
 
 
 def test_only_what_differs_is_written() -> None:
-    found = plan("ssw07", {"P314": Entry(raw=(30,)), "P313": Entry(raw=(1,))}, {"P314": (0,), "P313": (1,)})
+    found = plan(
+        "ssw07",
+        {"P314": ParameterEntry(raw=(30,)), "P313": ParameterEntry(raw=(1,))},
+        {"P314": (0,), "P313": (1,)},
+    )
 
     assert codes(found) == ["P314"]
     assert found.changes[0].text == "P314 timeout for message reception: 0.0 s (off) -> 30.0 s"
@@ -35,7 +41,7 @@ def test_only_what_differs_is_written() -> None:
 
 
 def test_readings_commands_and_unknown_codes_are_passed_over() -> None:
-    wanted = {code: Entry(raw=(9,)) for code in ("P003", "VB03", "VB08", "X1")}
+    wanted = {code: ParameterEntry(raw=(9,)) for code in ("P003", "VB03", "VB08", "X1")}
 
     assert plan("ssw07", wanted, dict.fromkeys(wanted, (1,))) == RestorePlan((), {})
     assert restore_codes(load_profile("ssw07"), ParameterSet("p", "ssw07", parameters=wanted)) == ()
@@ -44,17 +50,17 @@ def test_readings_commands_and_unknown_codes_are_passed_over() -> None:
 @pytest.mark.parametrize(
     ("family", "code", "entry", "reason"),
     [
-        ("ssw07", "P308", Entry(raw=(9,)), "cut the connection"),
-        ("ssw07", "P277", Entry(raw=(9,)), "cannot be set"),
-        ("ssw07", "P313", Entry(raw=(9,)), "outside the range"),
-        ("ssw07", "P313", Entry(raw=(1, 1)), "1 words, the file gives 2"),
-        ("ssw07", "P313", Entry(value="Coffee"), "parameter's kind"),
-        ("ssw07", "P314", Entry(value=20, raw=(30,)), "disagree"),
-        ("ssw900", "C1.4", Entry(raw=(1,)), "not legible"),
+        ("ssw07", "P308", ParameterEntry(raw=(9,)), "cut the connection"),
+        ("ssw07", "P277", ParameterEntry(raw=(9,)), "cannot be set"),
+        ("ssw07", "P313", ParameterEntry(raw=(9,)), "outside the range"),
+        ("ssw07", "P313", ParameterEntry(raw=(1, 1)), "1 words, the file gives 2"),
+        ("ssw07", "P313", ParameterEntry(value="Coffee"), "parameter's kind"),
+        ("ssw07", "P314", ParameterEntry(value=20, raw=(30,)), "disagree"),
+        ("ssw900", "C1.4", ParameterEntry(raw=(1,)), "not legible"),
     ],
 )
 def test_what_cannot_be_written_is_left_with_the_reason(
-    family: str, code: str, entry: Entry, reason: str
+    family: str, code: str, entry: ParameterEntry, reason: str
 ) -> None:
     found = plan(family, {code: entry}, {code: (2,)})
 
@@ -63,26 +69,30 @@ def test_what_cannot_be_written_is_left_with_the_reason(
 
 
 def test_what_the_starter_does_not_give_is_left() -> None:
-    assert plan("ssw07", {"P314": Entry(raw=(3,))}, {}).left == {"P314": "the starter does not give it"}
+    assert plan("ssw07", {"P314": ParameterEntry(raw=(3,))}, {}).left == {
+        "P314": "the starter does not give it"
+    }
 
 
 def test_a_row_that_can_never_be_set_is_no_matter_while_it_is_equal() -> None:
-    assert plan("ssw07", {"P277": Entry(value=9, raw=(9,))}, {"P277": (9,)}) == RestorePlan((), {})
+    assert plan("ssw07", {"P277": ParameterEntry(value=9, raw=(9,))}, {"P277": (9,)}) == RestorePlan((), {})
 
 
 def test_a_value_without_a_raw_number_counts_too() -> None:
-    found = plan("ssw900", {"C8.2.5.1": Entry(value="Alarm A128")}, {"C8.2.5.1": (0,)})
+    found = plan("ssw900", {"C8.2.5.1": ParameterEntry(value="Alarm A128")}, {"C8.2.5.1": (0,)})
 
     assert found.changes[0].after.raw == (2,)
-    assert plan("ssw900", {"C8.2.5.1": Entry(value="Inactive")}, {"C8.2.5.1": (0,)}) == RestorePlan((), {})
+    assert plan("ssw900", {"C8.2.5.1": ParameterEntry(value="Inactive")}, {"C8.2.5.1": (0,)}) == RestorePlan(
+        (), {}
+    )
 
 
 def test_only_the_low_byte_of_an_sst_register_counts() -> None:
-    assert plan("sst", {"R41": Entry(raw=(0x0105,))}, {"R41": (0x0005,)}) == RestorePlan((), {})
+    assert plan("sst", {"R41": ParameterEntry(raw=(0x0105,))}, {"R41": (0x0005,)}) == RestorePlan((), {})
 
 
 def test_who_commands_the_motor_is_changed_last_and_only_when_asked() -> None:
-    wanted = {"P230": Entry(raw=(2,)), "P314": Entry(raw=(3,))}
+    wanted = {"P230": ParameterEntry(raw=(2,)), "P314": ParameterEntry(raw=(3,))}
     seen: Rows = {"P230": (1,), "P314": (0,)}
 
     without, with_sources = plan("ssw07", wanted, seen), plan("ssw07", wanted, seen, with_sources=True)
@@ -96,7 +106,7 @@ def test_who_commands_the_motor_is_changed_last_and_only_when_asked() -> None:
     ("mode", "tenths", "order"), [(1, 15, ["C8.2.5.3", "C8.2.5.1"]), (0, 0, ["C8.2.5.1", "C8.2.5.3"])]
 )
 def test_the_timeout_is_never_active_at_zero_on_the_way(mode: int, tenths: int, order: list[str]) -> None:
-    wanted = {"C8.2.5.1": Entry(raw=(mode,)), "C8.2.5.3": Entry(raw=(tenths,))}
+    wanted = {"C8.2.5.1": ParameterEntry(raw=(mode,)), "C8.2.5.3": ParameterEntry(raw=(tenths,))}
     seen: Rows = {"C8.2.5.1": (1 - mode,), "C8.2.5.3": (15 - tenths,)}
 
     assert codes(plan("ssw900", wanted, seen)) == order

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.starters.policy.motor_history import Logbook
+from gateway.starters.policy.motor_history import MotorHistory
 from gateway.starters.policy.start_rules import Rulebook, RuleSet, is_release, is_start
 
 HOUR_S = 3600.0
 
 
-def book(**rules: RuleSet) -> tuple[Rulebook, Logbook]:
+def book(**rules: RuleSet) -> tuple[Rulebook, MotorHistory]:
     named = {name.replace("_", "-"): each for name, each in rules.items()}
-    logbook = Logbook([*named, "other"])
+    logbook = MotorHistory([*named, "other"])
     return Rulebook(named, logbook), logbook
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from gateway.line.rtu.outcome import Outcome
-from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.requests import Priority
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegister
 from gateway.records import Phase, ResultRecord
@@ -158,7 +158,7 @@ async def test_closing_during_a_stops_first_write_leaves_it_unconfirmed() -> Non
 
 async def occupy(rig: CommandRig) -> None:
     request = ReadHoldingRegisters(VB01, 1)
-    await rig.line.transact(7, request, response_time_s=0.1, lane=Lane.COMMAND)
+    await rig.line.transact(7, request, response_time_s=0.1, lane=Priority.COMMAND)
 
 
 @virtually
@@ -169,7 +169,7 @@ async def test_a_stop_is_at_the_line_before_anything_is_told_of_it() -> None:
     transact = rig.line.transact
 
     def watched(*args: Any, **options: Any) -> asyncio.Future[Outcome]:
-        if options["lane"] is Lane.STOP:
+        if options["lane"] is Priority.STOP:
             told.append(len(rig.sink.of(ResultRecord)))
         return transact(*args, **options)
 

@@ -10,7 +10,7 @@ import pytest
 
 from gateway.families.profile.load import FAMILIES
 from gateway.line.rtu.outcome import Garbled, Refused, Silent
-from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.requests import Priority
 from gateway.modbus.writes import WriteCoil
 from gateway.records import EventRecord, Phase, ResultRecord, Severity
 from gateway.starters.commands import starter_io as wire
@@ -27,7 +27,7 @@ async def test_a_stop_is_written_at_once_without_reading_anything_first() -> Non
     await asyncio.sleep(5.0)
 
     assert rig.line.sent[0].request == WriteCoil(100, False)
-    assert rig.line.sent[0].lane is Lane.STOP
+    assert rig.line.sent[0].lane is Priority.STOP
     assert rig.sink.phases() == [ACCEPTED, WRITTEN, CONFIRMED]
 
 

@@ -5,17 +5,17 @@ from __future__ import annotations
 import asyncio
 
 from gateway.records import EventRecord, Phase, ResultRecord
-from gateway.starters.policy.motor_history import Logbook
+from gateway.starters.policy.motor_history import MotorHistory
 from gateway.starters.policy.rights import Operator, Rights
-from gateway.starters.policy.start_rules import Policy, RuleSet
-from gateway.storage.json_file import SwitchedMemory
+from gateway.starters.policy.start_rules import PolicySettings, RuleSet
+from gateway.storage.json_file import SwitchedStore
 from tests.starters.plant import FakeMemory, Plant
 from tests.starters.rig import virtually
 
-STRICT = Policy(rules={"pump-1": RuleSet(minimum_pause_s=3600.0)})
+STRICT = PolicySettings(rules={"pump-1": RuleSet(minimum_pause_s=3600.0)})
 
 
-def take_over(plant: Plant, policy: Policy, *operators: Operator) -> None:
+def take_over(plant: Plant, policy: PolicySettings, *operators: Operator) -> None:
     rights = Rights(operators or (Operator("alice", ("*",), ("*",)),))
     plant.precautions.take_over(policy, rights=rights)
     plant.commander.take_over(rights)
@@ -39,7 +39,7 @@ async def test_rights_that_are_taken_away_end_with_the_next_command() -> None:
     plant = await Plant().online()
     plant.submit("start", "old")
 
-    take_over(plant, Policy(), Operator("bob", ("stop",), ("*",)))
+    take_over(plant, PolicySettings(), Operator("bob", ("stop",), ("*",)))
     await plant.wait(3.0)
 
     assert plant.sink.final("old").phase is Phase.CONFIRMED
@@ -49,9 +49,9 @@ async def test_rights_that_are_taken_away_end_with_the_next_command() -> None:
 
 @virtually
 async def test_groups_are_the_new_ones() -> None:
-    plant = await Plant(policy=Policy(groups={"old": ("pump-1",)})).online()
+    plant = await Plant(policy=PolicySettings(groups={"old": ("pump-1",)})).online()
 
-    take_over(plant, Policy(groups={"new": ("pump-1", "pump-2")}))
+    take_over(plant, PolicySettings(groups={"new": ("pump-1", "pump-2")}))
 
     assert await plant.do("stop", "1", starter="old") == "unknown_starter"
     plant.submit("stop", "2", starter="new")
@@ -67,7 +67,7 @@ async def test_starts_and_locks_are_remembered_over_a_change_of_the_rules() -> N
     await plant.do("stop", "2")
     await plant.do("lock", "3", starter="pump-2", args={"reason": "belt"})
 
-    take_over(plant, Policy(rules={"pump-1": RuleSet(starts_per_hour=1)}))
+    take_over(plant, PolicySettings(rules={"pump-1": RuleSet(starts_per_hour=1)}))
 
     assert await plant.do("start", "4") == "too_many_starts"
     assert await plant.do("start", "5", starter="pump-2") == "locked"
@@ -88,7 +88,7 @@ async def test_a_change_waits_for_the_command_and_lets_no_new_one_but_stop_begin
     assert await plant.do("read", "2", args={"parameter": "P003"}) == "busy"
     assert await plant.do("read", "3", starter="pump-2", args={"parameter": "P003"}) == "ok"
     assert await plant.do("stop", "4") == "ok"
-    take_over(plant, Policy())
+    take_over(plant, PolicySettings())
     assert await plant.do("read", "5", args={"parameter": "P003"}) == "ok"
 
 
@@ -123,10 +123,10 @@ async def test_what_may_have_been_locked_is_locked_once_somebody_could_unlock_it
     plant = await Plant(memory=memory, operators=()).online()
     assert plant.precautions.logbook.lock_of("pump-1") is None
 
-    take_over(plant, Policy())
+    take_over(plant, PolicySettings())
     assert await plant.do("start", "1") == "locked"
     assert await plant.do("unlock", "2") == "ok"
-    take_over(plant, Policy())
+    take_over(plant, PolicySettings())
 
     assert await plant.do("start", "3") == "ok"
     assert plant.locks()[:1] == ["gateway"]
@@ -134,7 +134,7 @@ async def test_what_may_have_been_locked_is_locked_once_somebody_could_unlock_it
 
 
 def test_a_page_that_a_starter_had_before_is_kept() -> None:
-    logbook = Logbook(["pump"])
+    logbook = MotorHistory(["pump"])
     logbook.note_start("pump", now_s=1.0)
 
     logbook.add("pump")
@@ -146,7 +146,7 @@ def test_a_page_that_a_starter_had_before_is_kept() -> None:
 
 async def test_a_memory_that_is_switched_off_is_read_and_not_written() -> None:
     kept = FakeMemory({"a": 1})
-    memory = SwitchedMemory(kept, is_on=False)
+    memory = SwitchedStore(kept, is_on=False)
 
     assert memory.load() == {"a": 1}
     await memory.save({"a": 2})

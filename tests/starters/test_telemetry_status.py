@@ -7,7 +7,7 @@ import pytest
 from gateway.families.profile.load import FAMILIES
 from gateway.families.profile.schema import Variant
 from gateway.records import AlarmRecord, AvailabilityRecord, EventRecord, InfoRecord, Quality, StateRecord
-from gateway.starters.telemetry.transitions import ToldFaults
+from gateway.starters.telemetry.transitions import PublishedFaults
 from tests.starters.fakes import ACCELERATING, AT_SPEED, FAULT, P003, P014, READY, REMOTE, RUNNING, VB01
 from tests.starters.plant import FakeMemory
 from tests.starters.rig import Rig, virtually
@@ -240,7 +240,7 @@ async def test_a_fault_that_an_earlier_run_told_is_not_told_again_but_another_is
     memory = FakeMemory()
 
     async def run(number: int) -> list[str]:
-        rig = Rig(told_faults=ToldFaults(memory=memory))
+        rig = Rig(told_faults=PublishedFaults(memory=memory))
         rig.unit.holding |= {VB01: READY | FAULT if number else READY, P014: number}
         rig.telemetry.start()
         await rig.poll_for(20.0)
@@ -257,7 +257,7 @@ async def test_a_fault_that_an_earlier_run_told_is_not_told_again_but_another_is
 async def test_a_fault_whose_event_may_not_be_on_the_disk_is_told_again() -> None:
     memory = FakeMemory()
     for _ in range(2):
-        rig = Rig(told_faults=ToldFaults(memory=memory))
+        rig = Rig(told_faults=PublishedFaults(memory=memory))
         rig.unit.holding |= {VB01: READY | FAULT, P014: 5}
         rig.telemetry.start()
         await rig.poll_for(3.0)

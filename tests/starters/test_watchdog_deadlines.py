@@ -7,7 +7,7 @@ import asyncio
 import pytest
 
 from gateway.families.diagnosis.readiness import readiness_codes
-from gateway.starters.services.readiness import ReadinessWatch
+from gateway.starters.services.readiness import ReadinessService
 from tests.starters.rig import Rig, virtually
 
 
@@ -17,7 +17,7 @@ async def deadline_of(rig: Rig, *, after_s: int) -> float | None:
     for code in readiness_codes(profile):
         rig.unit.holding.setdefault(profile.parameters[code].address, 0)
     rig.unit.holding[314], rig.unit.holding[313] = after_s, 2
-    watch = ReadinessWatch(rig.telemetry)
+    watch = ReadinessService(rig.telemetry)
 
     watch.begin()
     await asyncio.sleep(5.0)

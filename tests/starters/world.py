@@ -12,37 +12,37 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from gateway.app.incoming import Reception
+from gateway.app.incoming import IncomingCommands
 from gateway.errors import StartError
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.line.client import LocalLineClient
-from gateway.line.line import Scheduler
+from gateway.line.line import Line
 from gateway.modbus.adu import decode
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.freshness import EVERY_S, Tokens
-from gateway.mqtt.contract.run_token import Boot
+from gateway.mqtt.contract.run_token import RunToken
 from gateway.mqtt.contract.topics import Topics
 from gateway.records import Record, ResultRecord, SequenceNumbers
 from gateway.sim.bus.faults import Reply
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.power import MotorData
-from gateway.sim.core.unit import Unit
+from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
-from gateway.starters.commands.dispatcher import Commander
-from gateway.starters.policy.policy import Precautions
+from gateway.starters.commands.dispatcher import Dispatcher
+from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.rights import Operator, Rights
-from gateway.starters.policy.start_rules import Policy, RuleSet
+from gateway.starters.policy.start_rules import PolicySettings, RuleSet
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.polling import polls_of
 from gateway.starters.telemetry.telemetry import StarterTelemetry
 from gateway.storage.journal import Remembered
 from gateway.system.clock import ClockWatch
-from gateway.system.clock_steps import Reading
+from gateway.system.clock_steps import ClockReading
 from gateway.system.instance_lock import instance_lock
-from gateway.system.suspend_watch import StandstillWatch
+from gateway.system.suspend_watch import SuspendWatch
 from tests.starters.fakes import RUN_COIL
 from tests.starters.plant import FakeMemory
 from tests.starters.test_on_a_line import LostWrites, Router
@@ -106,7 +106,7 @@ class LostReplies:
         return ()
 
 
-def _note_requests(unit: Unit, clock: VirtualClock) -> list[tuple[float, bytes]]:
+def _note_requests(unit: SimulatedUnit, clock: VirtualClock) -> list[tuple[float, bytes]]:
     """Have a unit's requests noted, with their times."""
     asked: list[tuple[float, bytes]] = []
     handle = unit.handle
@@ -145,7 +145,7 @@ class World:
         self._instance = ExitStack()
         self._instance.enter_context(instance_lock(Path(self._folder.name)))
         sequence, rights, router = SequenceNumbers(), Rights(OPERATORS), Router()
-        self.boot = Boot(f"run{self._runs}")
+        self.boot = RunToken(f"run{self._runs}")
         self._tokens = Tokens(self.boot)
         self.made: list[tuple[float, str]] = []  # when, and the token; of this run
         self.connect()
@@ -153,8 +153,8 @@ class World:
         clock_watch = ClockWatch("trusted", ask=lambda: self.is_clock_right, read=self._read_clocks)
         clock_watch.recall(self.clock_document)
         self.clock_document = clock_watch.document()
-        self.precautions = Precautions(
-            Policy(rules=dict.fromkeys(NAMES, RULES), groups={"both": NAMES}),
+        self.precautions = Policy(
+            PolicySettings(rules=dict.fromkeys(NAMES, RULES), groups={"both": NAMES}),
             NAMES,
             rights=rights,
             sink=self.sink,
@@ -165,7 +165,7 @@ class World:
         profile = load_profile("ssw07")
         setups = [StarterSetup(name, "x", number, profile, Variant()) for number, name in enumerate(NAMES, 1)]
         polls = [poll for setup in setups for poll in polls_of(setup)]
-        scheduler = Scheduler(name="x", opener=self.bus.opener(), timing=TIMING, polls=polls, listener=router)
+        scheduler = Line(name="x", opener=self.bus.opener(), timing=TIMING, polls=polls, listener=router)
         self.telemetries = {
             setup.name: StarterTelemetry(
                 setup,
@@ -176,7 +176,7 @@ class World:
             )
             for setup in setups
         }
-        self.commander = Commander(
+        self.commander = Dispatcher(
             self.telemetries,
             rights=rights,
             sink=self.sink,
@@ -190,7 +190,7 @@ class World:
             router.starters[telemetry.setup.address] = telemetry
             telemetry.start()
         self._serving = asyncio.create_task(scheduler.run())
-        self.reception = Reception(
+        self.reception = IncomingCommands(
             Topics("t"),
             self._tokens,
             commander=self.commander,
@@ -202,8 +202,8 @@ class World:
         )
         self._looking = asyncio.create_task(self.reception.run())
 
-    def _watch(self, on_standstill: Callable[[float], None]) -> StandstillWatch:
-        return StandstillWatch(on_standstill, up_s=self.clock.now_s, utc_s=self.clock.utc_s)
+    def _watch(self, on_standstill: Callable[[float], None]) -> SuspendWatch:
+        return SuspendWatch(on_standstill, up_s=self.clock.now_s, utc_s=self.clock.utc_s)
 
     @property
     def is_clock_right(self) -> bool:
@@ -222,8 +222,8 @@ class World:
         due_s = self.clock.now_s() - age_s
         return max((each for each in self.made if each[0] <= due_s), default=(float("-inf"), "never made"))
 
-    def _read_clocks(self) -> Reading:
-        return Reading(self.clock.now_s(), self.clock.utc_s(), "boot-1")
+    def _read_clocks(self) -> ClockReading:
+        return ClockReading(self.clock.now_s(), self.clock.utc_s(), "boot-1")
 
     async def _issue(self) -> None:
         while True:

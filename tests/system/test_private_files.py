@@ -10,7 +10,7 @@ import pytest
 
 from gateway.storage.audit.segments import Anchor, write_anchor
 from gateway.storage.database import Database
-from gateway.storage.json_file import FileMemory
+from gateway.storage.json_file import JsonFile
 from gateway.storage.ledger_table import LedgerTable
 from gateway.storage.private_files import keep_private
 
@@ -40,7 +40,7 @@ def test_files_that_an_earlier_version_left_readable_become_private(tmp_path: Pa
 def test_files_that_are_made_later_are_private_whoever_makes_them(tmp_path: Path) -> None:
     keep_private(tmp_path)
 
-    FileMemory(tmp_path / "precautions.json").write({"version": 1})
+    JsonFile(tmp_path / "precautions.json").write({"version": 1})
     write_anchor(tmp_path, Anchor())
     database = Database(tmp_path / "gateway.sqlite", [LedgerTable()], 2**20)
     database.open()

@@ -14,7 +14,7 @@ from typing import Any
 from gateway.cli.simulate.simulate import simulated_lines
 from gateway.config.load import load
 from gateway.line.capacity.outage import Restart
-from gateway.sim.core.unit import Unit
+from gateway.sim.core.unit import SimulatedUnit
 from tests.end_to_end.site import FOUR_FAMILIES, site_config
 from tests.mosquitto import MosquittoBroker
 from tests.torture.old_broker import OldBroker
@@ -63,7 +63,7 @@ class Listener(Recorder):
 class Ear:
     """Hears every request to a unit, before the unit itself."""
 
-    unit: Unit
+    unit: SimulatedUnit
     heard: list[tuple[float, bytes]] = field(default_factory=list)
 
     def __post_init__(self) -> None:

@@ -22,9 +22,9 @@ from gateway.families.profile.load import FAMILIES
 from gateway.modbus.adu import decode, encode, reply_adu_size, request_adu_size
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.server import decode_request
-from gateway.mqtt.contract.commands import Incoming, Intake
+from gateway.mqtt.contract.commands import CommandParser, Incoming
 from gateway.mqtt.contract.freshness import Moment, Tokens
-from gateway.mqtt.contract.run_token import Boot
+from gateway.mqtt.contract.run_token import RunToken
 from gateway.mqtt.contract.topics import Topics
 from gateway.storage.database import Database
 from tests.rules.random_commands import send_at_random
@@ -112,9 +112,9 @@ def _decode_as_all(pdu: bytes) -> None:
 
 def payloads(dice: random.Random, count: int) -> dict[str, int]:
     """Judge commands of every kind of wrongness; none may be accepted but by chance with all its proofs."""
-    tokens = Tokens(Boot("boot"), draw=lambda: "boot")
+    tokens = Tokens(RunToken("boot"), draw=lambda: "boot")
     tokens.issue(100.0)
-    intake = Intake(Topics(BASE), tokens)
+    intake = CommandParser(Topics(BASE), tokens)
     tally: dict[str, int] = {}
     for _ in range(count):
         topic = f"{BASE}/command/{_level(dice)}/{_level(dice)}/{_level(dice)}"

@@ -11,13 +11,13 @@ from paho.mqtt import client as paho
 from paho.mqtt.enums import CallbackAPIVersion
 
 from gateway.errors import GatewayError
-from gateway.mqtt.contract.commands import Incoming, Intake, Rejection
+from gateway.mqtt.contract.commands import CommandParser, Incoming, Rejection
 from gateway.mqtt.contract.freshness import Moment, Tokens
-from gateway.mqtt.contract.run_token import Boot
+from gateway.mqtt.contract.run_token import RunToken
 from gateway.mqtt.contract.topics import Topics
 from gateway.records import Phase, ResultRecord
-from gateway.starters.policy.rate_limit import Limits
-from gateway.starters.policy.start_rules import Policy
+from gateway.starters.policy.rate_limit import RateLimits
+from gateway.starters.policy.start_rules import PolicySettings
 from gateway.system.token_bucket import Rate
 from tests.starters.plant import Plant
 from tests.torture.command_site import PACE_S, STARTERS, CommandSite
@@ -26,7 +26,7 @@ from tests.torture.recorder import BASE, is_final
 from tests.virtual_time import run_virtually
 
 NO_LIMIT = Rate(1e9, 10**9)
-ROOM = Policy(limits=Limits(client=NO_LIMIT, starter=NO_LIMIT, everyone=NO_LIMIT))
+ROOM = PolicySettings(limits=RateLimits(client=NO_LIMIT, starter=NO_LIMIT, everyone=NO_LIMIT))
 BATCH = 500
 BIG_ONES = 2
 LONGEST_GAP_S = 1.5  # of any starter's requests, which are read every 0.2 s
@@ -39,8 +39,8 @@ def malformed_in_process(count: int, seed: int) -> tuple[list[str], dict[str, in
 
 async def _judge_all(count: int, seed: int) -> tuple[list[str], dict[str, int]]:
     plant = await Plant(policy=ROOM).online()
-    tokens = Tokens(Boot("boot-1"))
-    intake = Intake(Topics("b"), tokens)
+    tokens = Tokens(RunToken("boot-1"))
+    intake = CommandParser(Topics("b"), tokens)
     failures: list[str] = []
     codes: Counter[str] = Counter()
     batch: list[tuple[str, bytes]] = []
@@ -56,7 +56,7 @@ async def _judge_all(count: int, seed: int) -> tuple[list[str], dict[str, int]]:
     return failures[:10], dict(codes.most_common())
 
 
-def _take(plant: Plant, intake: Intake, incoming: Incoming) -> None:
+def _take(plant: Plant, intake: CommandParser, incoming: Incoming) -> None:
     """Do as `App._take` does."""
     now_s = plant.clock.now_s()
     verdict = intake.judge(incoming, Moment(now_s, 1.8e9))

@@ -8,7 +8,7 @@ import random
 from dataclasses import dataclass
 from pathlib import Path
 
-from gateway.sim.bus.faults import Babbling, CutShort, Doubled, Impairment, Late, Noisy, Silent
+from gateway.sim.bus.faults import Babbling, CutShort, Doubled, Impairment, Late, Noisy, NoReply
 from tests.torture.noise import STARTED
 from tests.torture.scenario import Row
 from tests.torture.virtual_line import VirtualLine, virtual_line, virtual_row
@@ -21,7 +21,7 @@ WARM_UP = 0.3  # of the hours
 # number nor address). From then on its sender is given time.
 ONE_READING = 16  # values: the bits of a word
 FAULTS: tuple[Impairment, ...] = (
-    *(Silent(), Late(2.0), Noisy(0.01), CutShort(2), Doubled(0.02), Babbling(every_s=2.0)),
+    *(NoReply(), Late(2.0), Noisy(0.01), CutShort(2), Doubled(0.02), Babbling(every_s=2.0)),
 )
 
 

@@ -20,9 +20,9 @@ from typing import Any
 from gateway.config.convert import timing_of
 from gateway.config.load import load
 from gateway.config.schema import LineTable
-from gateway.sim.bus.bus import Bus, Violation
+from gateway.sim.bus.bus import Bus, BusViolation
 from gateway.sim.bus.pty import PtyLine
-from gateway.sim.core.unit import Unit
+from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
 from gateway.sim.sst import registers as sst_registers
 from gateway.sim.ssw900.faults import C8_TIMEOUT, C8_TIMEOUT_MODE
@@ -191,7 +191,7 @@ class Plant:
             }
         return found
 
-    def _violations(self) -> list[Violation]:
+    def _violations(self) -> list[BusViolation]:
         """Return the master's faults, but those at times when we ourselves were late."""
         late_s = list(self._late_s)
         return [
@@ -227,7 +227,7 @@ class Plant:
         }
 
 
-def watching_unit(family: str, address: int, watchdog_s: int) -> Unit:
+def watching_unit(family: str, address: int, watchdog_s: int) -> SimulatedUnit:
     """Return a starter that watches its line, but only says so."""
     if family in ("ssw06", "ssw07"):
         settings = {P_TIMEOUT: watchdog_s, P_ACTION: ACTION_NONE}

@@ -12,9 +12,9 @@ from gateway.families.profile.schema import Table, Variant
 from gateway.modbus.codes import EXCEPTION_BIT, Function
 from gateway.modbus.server import decode_request
 from gateway.mqtt.contract.topics import to_level
-from gateway.sim.core.unit import Unit
+from gateway.sim.core.unit import SimulatedUnit
 from gateway.starters.setup import StarterSetup, merged
-from gateway.starters.telemetry.decoding import Sources
+from gateway.starters.telemetry.decoding import PointSources
 
 _REMEMBERED = 50_000  # some hours of one starter's requests
 
@@ -28,13 +28,13 @@ _TABLES = {
 class Truth:
     """Listens to one unit's requests and replies, before anything on the line can spoil them."""
 
-    def __init__(self, unit: Unit, name: str, family: str, twin: Unit) -> None:
+    def __init__(self, unit: SimulatedUnit, name: str, family: str, twin: SimulatedUnit) -> None:
         """Wrap the unit's `handle`; `twin` is one like it that may be asked who it is."""
         self.name = name
         self.values: dict[str, set[Any]] = {}
         self.heard_s: deque[float] = deque(maxlen=_REMEMBERED)  # when requests came
         self._profile = load_profile(family)
-        self._sources = Sources(self._profile)
+        self._sources = PointSources(self._profile)
         self._variants = (Variant(), self._identified(twin))
         self._known: dict[str, tuple[int, ...]] = {}
         self._handle = unit.handle
@@ -66,7 +66,7 @@ class Truth:
             for point, decoded in told.items():
                 self.values.setdefault(to_level(point), set()).add(decoded.value)
 
-    def _identified(self, twin: Unit) -> Variant:
+    def _identified(self, twin: SimulatedUnit) -> Variant:
         answers: dict[str, Any] = {}
         twin.advance(1000.0)
         for question in identify_requests(self._profile):

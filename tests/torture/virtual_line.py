@@ -17,7 +17,7 @@ from gateway.families.profile.schema import Variant
 from gateway.line.capacity.forecast import forecast, longest_gap_s
 from gateway.line.capacity.outage import WIDE_FACTOR, first_request_s, gaps_of, start_order
 from gateway.line.client import LocalLineClient
-from gateway.line.line import Scheduler
+from gateway.line.line import Line
 from gateway.line.port_recovery import DEAF_AFTER_S
 from gateway.line.rtu.outcome import Outcome
 from gateway.modbus.timing import Framing, LineTiming
@@ -25,7 +25,7 @@ from gateway.mqtt.contract.topics import to_level
 from gateway.records import Quality, Record, ResultRecord, SequenceNumbers, StateRecord, ValueRecord
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.factory import make_unit
-from gateway.starters.commands.dispatcher import Commander
+from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.rights import Operator, Rights
 from gateway.starters.setup import StarterSetup
@@ -94,7 +94,7 @@ class VirtualLine:
     """A running line with a starter of each family, named after it."""
 
     bus: SimulatedLine
-    commander: Commander
+    commander: Dispatcher
     judge: Judge
     clock: VirtualClock
     watchdog_s: int
@@ -139,7 +139,7 @@ async def virtual_line(seed: int, *, every_s: float = 1.0) -> AsyncIterator[Virt
         judge.truths[setup.name] = [Truth(unit, setup.name, setup.name, _twin(setup))]
     bus = SimulatedLine(TIMING, units, seed=seed)
     ear = Ear(judge)
-    scheduler = Scheduler(
+    scheduler = Line(
         name="hall",
         opener=bus.opener(),
         timing=TIMING,
@@ -154,7 +154,7 @@ async def virtual_line(seed: int, *, every_s: float = 1.0) -> AsyncIterator[Virt
         for setup in setups
     }
     rights = Rights([Operator("alice", ("*",), ("*",))])
-    commander = Commander(telemetries, rights=rights, sink=judge, clock=clock, sequence=sequence)
+    commander = Dispatcher(telemetries, rights=rights, sink=judge, clock=clock, sequence=sequence)
     for telemetry in telemetries.values():
         ear.starters[telemetry.setup.address] = telemetry
         telemetry.start()

@@ -7,13 +7,13 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from gateway.cli.doctor.finding import Remark
+from gateway.cli.doctor.finding import DoctorFinding
 from gateway.cli.operator_login import settings_of, user_name
 from gateway.config.convert import rights_of
 from gateway.config.schema import Config
 from gateway.errors import BrokerError, ConfigError
 from gateway.families.diagnosis.findings import Weight
-from gateway.mqtt.connection.command_client import Order, Sender, connected
+from gateway.mqtt.connection.command_client import CommandClient, Order, connected
 from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.mqtt.contract.topics import Topics
 from gateway.records import Phase
@@ -47,15 +47,15 @@ class BrokerAccess:
         self._password_file = password_file
         self._settings: BrokerSettings | None = None  # once a login has succeeded
 
-    async def remarks(self) -> list[Remark]:
+    async def remarks(self) -> list[DoctorFinding]:
         """Log in, under another client id than the gateway, and tell what came of it."""
         try:
             settings = self._settings_of(None, None)
         except ConfigError as error:
-            return [Remark("mqtt.password_file", str(error), Weight.ERROR)]
+            return [DoctorFinding("mqtt.password_file", str(error), Weight.ERROR)]
         remarks = []
         if self._config.mqtt.password_file is not None:
-            remarks.append(Remark("mqtt.password_file", "only its owner may read it"))
+            remarks.append(DoctorFinding("mqtt.password_file", "only its owner may read it"))
         who = "the gateway's login"
         where = f"broker {settings.address}"
         try:
@@ -64,9 +64,9 @@ class BrokerAccess:
                 settings = self._settings_of(self._username, self._password_file)
             version = await _log_in(settings)
         except (BrokerError, ConfigError) as error:
-            return [*remarks, Remark(where, f"{who}: {error}", Weight.ERROR)]
+            return [*remarks, DoctorFinding(where, f"{who}: {error}", Weight.ERROR)]
         self._settings = settings
-        return [*remarks, Remark(where, f"takes {who}, MQTT {version}")]
+        return [*remarks, DoctorFinding(where, f"takes {who}, MQTT {version}")]
 
     async def known(self, starter: str) -> str:
         """Return what the running gateway says of a starter that it cannot read whole; empty: nothing.
@@ -74,7 +74,7 @@ class BrokerAccess:
         BrokerError when the broker, or the right to read it, is missing.
         """
         topics = Topics(self._config.base)
-        told = await Sender(self._usable(), topics).retained(
+        told = await CommandClient(self._usable(), topics).retained(
             topics.availability(starter), within_s=KNOWN_WITHIN_S
         )
         if told is None or told.get("state") == "online":
@@ -97,7 +97,7 @@ class BrokerAccess:
         refusal = ""
         for code in codes:
             order = Order(starter, self._client, _VERB, {"parameter": code}, operator=user_name())
-            sender = Sender(settings, Topics(self._config.base))
+            sender = CommandClient(settings, Topics(self._config.base))
             result = await sender.send(
                 order, now_s=time.time(), within_s=READ_WITHIN_S, on_phase=lambda _: None
             )

@@ -9,7 +9,7 @@ from pathlib import Path
 from gateway.app.capacity import prospects_of
 from gateway.cli.command import Subparsers
 from gateway.cli.doctor.broker import OWN_NAME, BrokerAccess
-from gateway.cli.doctor.finding import Remark
+from gateway.cli.doctor.finding import DoctorFinding
 from gateway.cli.doctor.machine import clock_remark, latency_remark, state_dir_remark, wear_remarks
 from gateway.cli.doctor.starters import LineCheckup
 from gateway.cli.operator_login import add_login, checked_client, user_name
@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     return verdict(remarks)
 
 
-def verdict(remarks: list[Remark]) -> int:
+def verdict(remarks: list[DoctorFinding]) -> int:
     """Print the sum of the remarks and return the exit code."""
     errors = sum(remark.weight is Weight.ERROR for remark in remarks)
     warnings = sum(remark.weight is Weight.WARNING for remark in remarks)
@@ -63,10 +63,10 @@ def verdict(remarks: list[Remark]) -> int:
     return 1
 
 
-async def _examine(config: Config, folder: Path, broker: BrokerAccess) -> list[Remark]:
-    remarks: list[Remark] = []
+async def _examine(config: Config, folder: Path, broker: BrokerAccess) -> list[DoctorFinding]:
+    remarks: list[DoctorFinding] = []
 
-    def tell(remark: Remark | None) -> None:
+    def tell(remark: DoctorFinding | None) -> None:
         if remark is not None:
             remarks.append(remark)
             print(remark, flush=True)

@@ -8,7 +8,7 @@ from gateway.families.diagnosis.findings import Weight
 
 
 @dataclass(frozen=True, slots=True)
-class Remark:
+class DoctorFinding:
     """One thing looked at; `weight` is None when all is well."""
 
     where: str

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from gateway.app.capacity import LineProspect
+from gateway.app.capacity import LineCapacity
 from gateway.cli.doctor.broker import BrokerAccess
-from gateway.cli.doctor.finding import Remark
+from gateway.cli.doctor.finding import DoctorFinding
 from gateway.cli.parameters.restore import identity_trouble
 from gateway.config.convert import setups_of, timing_of
 from gateway.config.schema import LineTable
@@ -23,7 +23,7 @@ from gateway.line.client import LineClient
 from gateway.line.direct import exclusive_line
 from gateway.line.port.base import PortOpener
 from gateway.records import Record, SequenceNumbers
-from gateway.starters.parameters.offline_starter import Bench
+from gateway.starters.parameters.offline_starter import OfflineStarter
 from gateway.starters.setup import StarterSetup, merged
 from gateway.system.clock import Clock
 
@@ -37,7 +37,7 @@ class LineCheckup:
 
     def __init__(
         self,
-        prospect: LineProspect,
+        prospect: LineCapacity,
         opener: PortOpener,
         *,
         broker: BrokerAccess,
@@ -52,7 +52,7 @@ class LineCheckup:
         self._state_dir = state_dir
         self._where = f"line {prospect.table.name}"
 
-    async def run(self, tell: Callable[[Remark], None]) -> None:
+    async def run(self, tell: Callable[[DoctorFinding], None]) -> None:
         """Look at everything; `tell` hears of each remark at once."""
         setups = [setup for setup in setups_of(self._table) if setup.is_enabled]
         try:
@@ -62,57 +62,59 @@ class LineCheckup:
                 timing_of(self._table),
                 allowance_s=self._table.adapter_allowance_s,
             ) as line:
-                tell(Remark(self._where, f"{self._table.port} opens"))
+                tell(DoctorFinding(self._where, f"{self._table.port} opens"))
                 for setup in setups:
                     await self._ask_directly(setup, line, tell)
         except PortLostError as error:
-            tell(Remark(self._where, str(error), Weight.ERROR))
+            tell(DoctorFinding(self._where, str(error), Weight.ERROR))
         except PortError as error:
             if error.reason != BUSY:
-                tell(Remark(self._where, str(error), Weight.ERROR))
+                tell(DoctorFinding(self._where, str(error), Weight.ERROR))
                 return
-            tell(Remark(self._where, f"{self._table.port} is in use; the gateway is asked over MQTT"))
+            tell(DoctorFinding(self._where, f"{self._table.port} is in use; the gateway is asked over MQTT"))
             for setup in setups:
                 await self._ask_the_gateway(setup, tell)
 
     async def _ask_directly(
-        self, setup: StarterSetup, line: LineClient, tell: Callable[[Remark], None]
+        self, setup: StarterSetup, line: LineClient, tell: Callable[[DoctorFinding], None]
     ) -> None:
-        bench = Bench(setup, line=line, sink=_Nobody(), clock=self._clock, sequence=SequenceNumbers())
+        bench = OfflineStarter(
+            setup, line=line, sink=_NullSink(), clock=self._clock, sequence=SequenceNumbers()
+        )
         where = f"starter {setup.name}"
         try:
             await bench.identify()
             rows = (await bench.read(bulk_reads(setup.profile, readiness_codes(setup.profile)))).rows
         except CommandError as error:
-            tell(Remark(where, error.text, Weight.ERROR))
+            tell(DoctorFinding(where, error.text, Weight.ERROR))
             return
-        tell(Remark(where, f"is {bench.variant.model or setup.profile.title}"))
+        tell(DoctorFinding(where, f"is {bench.variant.model or setup.profile.title}"))
         trouble = identity_trouble(self._state_dir, setup, bench.identity)
         if trouble:
-            tell(Remark(where, f"commands would be held: {trouble}", Weight.ERROR))
+            tell(DoctorFinding(where, f"commands would be held: {trouble}", Weight.ERROR))
         self._judge(setup, bench.variant, rows, tell)
         for dog in watchdogs(setup.profile, bench.variant, rows)[:1]:
             what = f"{dog.code} runs since this look: the gateway must poll within {dog.after_s:g} s"
-            tell(Remark(where, what, Weight.NOTE))
+            tell(DoctorFinding(where, what, Weight.NOTE))
 
-    async def _ask_the_gateway(self, setup: StarterSetup, tell: Callable[[Remark], None]) -> None:
+    async def _ask_the_gateway(self, setup: StarterSetup, tell: Callable[[DoctorFinding], None]) -> None:
         where = f"starter {setup.name}"
         slots = ("S3.5.1", "S3.5.2") if len(setup.profile.command_word) > 1 else ()
         try:
             known = await self._broker.known(setup.name)
             if known:
-                tell(Remark(where, known, Weight.ERROR))
+                tell(DoctorFinding(where, known, Weight.ERROR))
             if known.startswith("the gateway says: offline"):
                 return  # every question would be refused
             rows = await self._broker.read(setup.name, readiness_codes(setup.profile))
         except BrokerError as error:
-            tell(Remark(where, f"cannot be asked: {error}", Weight.WARNING))
+            tell(DoctorFinding(where, f"cannot be asked: {error}", Weight.WARNING))
             return
         if not rows:
             what = "the gateway reads nothing of it: see its availability and its events"
-            tell(Remark(where, what, Weight.ERROR))
+            tell(DoctorFinding(where, what, Weight.ERROR))
             return
-        tell(Remark(where, "answers the gateway"))
+        tell(DoctorFinding(where, "answers the gateway"))
         variant = setup.variant
         if all(code in rows for code in slots) and slots:
             contents = tuple(rows[code][0] for code in slots)
@@ -120,18 +122,18 @@ class LineCheckup:
         self._judge(setup, variant, rows, tell)
 
     def _judge(
-        self, setup: StarterSetup, variant: Variant, rows: Rows, tell: Callable[[Remark], None]
+        self, setup: StarterSetup, variant: Variant, rows: Rows, tell: Callable[[DoctorFinding], None]
     ) -> None:
         gap_s = self._gaps_s.get(setup.name)
         findings = readiness(setup.profile, variant, rows, gap_s=gap_s, watchdog_s=setup.watchdog_s)
         for finding in findings:
-            tell(Remark(f"starter {setup.name}", finding.text, finding.weight))
+            tell(DoctorFinding(f"starter {setup.name}", finding.text, finding.weight))
         delivered = as_delivered(setup.profile, variant, rows)
         if delivered:
-            tell(Remark(f"starter {setup.name}", delivered))
+            tell(DoctorFinding(f"starter {setup.name}", delivered))
 
 
-class _Nobody:
+class _NullSink:
     """Hears nothing: the remarks say it all."""
 
     def put(self, record: Record) -> None:

@@ -26,7 +26,7 @@ from gateway.modbus.timing import LineTiming
 from gateway.records import Record, SequenceNumbers
 from gateway.starters.bulk_read import BulkReading
 from gateway.starters.parameters.model import ParameterSet, entries_of
-from gateway.starters.parameters.offline_starter import Bench
+from gateway.starters.parameters.offline_starter import OfflineStarter
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from gateway.system.clock import Clock, SystemClock
@@ -66,12 +66,12 @@ class LiveStarter:
         return cls(setup, opener, timing, line.adapter_allowance_s, SystemClock(), state_dir, setups_of(line))
 
     @asynccontextmanager
-    async def bench(self, watchdogs: KnownWatchdogs | None = None) -> AsyncIterator[Bench]:
+    async def bench(self, watchdogs: KnownWatchdogs | None = None) -> AsyncIterator[OfflineStarter]:
         """Open the port and identify the starter; PortError, CommandError."""
         name, allowance_s = self.setup.line, self.allowance_s
         try:
             async with exclusive_line(name, self.opener, self.timing, allowance_s=allowance_s) as line:
-                bench = Bench(
+                bench = OfflineStarter(
                     self.setup,
                     line=line,
                     sink=_Nobody(),
@@ -118,7 +118,9 @@ async def save(live: LiveStarter, progress: Progress, *, with_unnamed: bool = Fa
         )
 
 
-async def read_with_progress(bench: Bench, reads: tuple[Read, ...], progress: Progress) -> BulkReading:
+async def read_with_progress(
+    bench: OfflineStarter, reads: tuple[Read, ...], progress: Progress
+) -> BulkReading:
     """Carry out many reads, showing the share of their wire time that is done and the time left."""
     loop = asyncio.get_running_loop()
     all_s = sum(wire_s(read, bench.line.timing) for read in reads)

@@ -26,15 +26,15 @@ from gateway.families.reading.bulk import bulk_reads
 from gateway.line.port.event_loop import new_precise_loop
 from gateway.starters.identity.registry import IDENTITIES_FILE, stranger_in
 from gateway.starters.parameters.model import ParameterSet
-from gateway.starters.parameters.offline_starter import Bench
+from gateway.starters.parameters.offline_starter import OfflineStarter
 from gateway.starters.parameters.restore import Restore, RestoreEnd
-from gateway.starters.parameters.restore_plan import Change, RestorePlan, plan_restore, restore_codes
+from gateway.starters.parameters.restore_plan import PlannedWrite, RestorePlan, plan_restore, restore_codes
 from gateway.starters.policy.lock import refusal
-from gateway.starters.policy.motor_history import PRECAUTIONS_FILE, Logbook
+from gateway.starters.policy.motor_history import PRECAUTIONS_FILE, MotorHistory
 from gateway.starters.policy.write_budget import WEAR_FILE, totals_in
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.known_watchdogs import WATCHDOGS_FILE, KnownWatchdogs
-from gateway.storage.json_file import FileMemory, Memory, NoMemory
+from gateway.storage.json_file import JsonFile, JsonStore, NoStore
 from gateway.storage.private_files import keep_private
 from gateway.system.clock import read_clocks
 
@@ -42,7 +42,7 @@ from gateway.system.clock import read_clocks
 def identity_trouble(state_dir: Path, setup: StarterSetup, identity: Identity) -> str:
     """Return what speaks against this starter; empty when nothing does, or when none was ever seen before."""
     try:
-        stranger = stranger_in(FileMemory(state_dir / IDENTITIES_FILE).load() or {}, setup, identity)
+        stranger = stranger_in(JsonFile(state_dir / IDENTITIES_FILE).load() or {}, setup, identity)
     except DamagedError as error:
         return f"whether it is the starter that the gateway knows cannot be told: {error}"
     return "" if stranger is None else stranger.text
@@ -55,7 +55,7 @@ def count_writes(state_dir: Path, starter: str, writes: int) -> str:
     """
     if not writes or not state_dir.is_dir():
         return ""
-    memory = FileMemory(state_dir / WEAR_FILE)
+    memory = JsonFile(state_dir / WEAR_FILE)
     try:
         totals = totals_in(memory.load() or {"writes": {}})
         memory.write({"writes": {**totals, starter: totals.get(starter, 0) + writes}})
@@ -66,9 +66,9 @@ def count_writes(state_dir: Path, starter: str, writes: int) -> str:
 
 def lock_trouble(state_dir: Path, starter: str) -> CommandError | None:
     """Return why nothing may be set in this starter; None when it is not locked."""
-    logbook = Logbook([starter])
+    logbook = MotorHistory([starter])
     try:
-        document = FileMemory(state_dir / PRECAUTIONS_FILE).load()
+        document = JsonFile(state_dir / PRECAUTIONS_FILE).load()
         if document is not None:
             logbook.restore(document, now_s=0.0, reading=read_clocks())
     except DamagedError as error:
@@ -78,16 +78,16 @@ def lock_trouble(state_dir: Path, starter: str) -> CommandError | None:
     return None if lock is None else refusal(lock)
 
 
-class _ReadOnly(NoMemory):
+class _ReadOnly(NoStore):
     """Gives what a file holds; it is written once, at the end."""
 
-    def __init__(self, memory: Memory) -> None:
+    def __init__(self, memory: JsonStore) -> None:
         self.load = memory.load  # type: ignore[method-assign] # all else is nothing
 
 
 def known_watchdogs(state_dir: Path, starters: Iterable[StarterSetup]) -> KnownWatchdogs:
     """Return what the gateway knew last of the starters of a line."""
-    watchdogs = KnownWatchdogs(memory=_ReadOnly(FileMemory(state_dir / WATCHDOGS_FILE)))
+    watchdogs = KnownWatchdogs(memory=_ReadOnly(JsonFile(state_dir / WATCHDOGS_FILE)))
     for setup in starters:
         watchdogs.add(setup)
     return watchdogs
@@ -101,7 +101,7 @@ def save_watchdogs(state_dir: Path, watchdogs: KnownWatchdogs) -> str:
     if not state_dir.is_dir():
         return ""
     try:
-        FileMemory(state_dir / WATCHDOGS_FILE).write(watchdogs.to_document())
+        JsonFile(state_dir / WATCHDOGS_FILE).write(watchdogs.to_document())
     except StoreError as error:
         return f"the next run does not know the watchdogs until it has read them: {error}"
     return ""
@@ -172,7 +172,7 @@ def _check_lock(live: LiveStarter, *, is_dry: bool) -> None:
         print(f"would be refused: {trouble.text}")
 
 
-def _check_identity(live: LiveStarter, bench: Bench, *, is_dry: bool) -> None:
+def _check_identity(live: LiveStarter, bench: OfflineStarter, *, is_dry: bool) -> None:
     """Let nothing be written to a starter that the gateway itself would not command."""
     trouble = identity_trouble(live.state_dir, live.setup, bench.identity)
     if trouble and not is_dry:
@@ -194,7 +194,7 @@ async def _check_watchdog(
         print(f"would be refused: {error.text}")
 
 
-def _check_model(bench: Bench, wanted: ParameterSet, *, is_other_model: bool) -> None:
+def _check_model(bench: OfflineStarter, wanted: ParameterSet, *, is_other_model: bool) -> None:
     here = bench.variant.model
     if wanted.model and here and wanted.model != here and not is_other_model:
         what = f"the file was saved from {wanted.model!r}, this is {here!r}"
@@ -212,12 +212,12 @@ def _show_plan(plan: RestorePlan, sources: Collection[str], *, is_dry: bool) -> 
         print(f"{'would write' if is_dry else 'to write'}: {change.text}")
 
 
-def _teller(plan: RestorePlan, progress: Progress) -> Callable[[tuple[Change, ...]], None]:
+def _teller(plan: RestorePlan, progress: Progress) -> Callable[[tuple[PlannedWrite, ...]], None]:
     """Return what shows how many of the changes are written, and how long the others will take."""
     loop = asyncio.get_running_loop()
     began_s, done = loop.time(), 0
 
-    def tell(group: tuple[Change, ...]) -> None:
+    def tell(group: tuple[PlannedWrite, ...]) -> None:
         nonlocal done
         left_s = (loop.time() - began_s) / done * (len(plan.changes) - done) if done else None
         progress.show(done / len(plan.changes), f"writing {group[0].code}", left_s=left_s)

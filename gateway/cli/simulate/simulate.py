@@ -22,7 +22,7 @@ from gateway.families.profile.load import load_profile
 from gateway.sim.bus.bus import Bus
 from gateway.sim.bus.pty import PtyLine
 from gateway.sim.controls import KNOBS
-from gateway.sim.core.unit import Unit
+from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
 
 TOLERANCE_S = 0.0002  # two programs never wake on the spot
@@ -90,7 +90,7 @@ async def simulate(
         await ending.wait()
 
 
-def _by_name(config: Config, lines: Mapping[str, PtyLine]) -> dict[str, Unit]:
+def _by_name(config: Config, lines: Mapping[str, PtyLine]) -> dict[str, SimulatedUnit]:
     """Return the simulated starters by their names in the configuration."""
     return {
         starter.name: lines[table.name].line.unit(starter.address)
@@ -110,7 +110,7 @@ def _broker(url: str | None) -> tuple[str, int] | None:
     return parts[0].hostname or "", parts[1]
 
 
-def simulated_unit(starter: StarterTable) -> Unit:
+def simulated_unit(starter: StarterTable) -> SimulatedUnit:
     """Return a starter as the configuration describes it: model, slot, and its table `simulated`."""
     wish = starter.simulated
     rows = load_profile(starter.family).parameters

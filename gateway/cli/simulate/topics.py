@@ -21,7 +21,7 @@ from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.payloads import Message
 from gateway.mqtt.outbox.outbox import Outgoing
 from gateway.sim.controls import turn
-from gateway.sim.core.unit import Unit
+from gateway.sim.core.unit import SimulatedUnit
 
 log = logging.getLogger(__name__)
 
@@ -34,7 +34,9 @@ _PAYLOAD_SHOWN = 40
 
 
 @asynccontextmanager
-async def simulator_topics(units: Mapping[str, Unit], *, host: str, port: int) -> AsyncIterator[None]:
+async def simulator_topics(
+    units: Mapping[str, SimulatedUnit], *, host: str, port: int
+) -> AsyncIterator[None]:
     """Let everybody at a broker on loopback turn the knobs of these starters; UsageError for another one."""
     if not is_loopback(host):
         raise UsageError(
@@ -61,7 +63,7 @@ async def simulator_topics(units: Mapping[str, Unit], *, host: str, port: int) -
             await running
 
 
-def answer_to(units: Mapping[str, Unit], incoming: Incoming) -> Message | None:
+def answer_to(units: Mapping[str, SimulatedUnit], incoming: Incoming) -> Message | None:
     """Turn the knob that a message names and return what is to be said of it; None for an own answer."""
     _, starter, knob = incoming.topic.split("/")
     if knob == DONE:
@@ -77,7 +79,9 @@ def answer_to(units: Mapping[str, Unit], incoming: Incoming) -> Message | None:
     return Message(f"{TREE}/{starter}/{DONE}", json.dumps(told).encode(), qos=1, retain=False)
 
 
-def _turn(units: Mapping[str, Unit], starter: str, knob: str, setting: str, *, is_retained: bool) -> str:
+def _turn(
+    units: Mapping[str, SimulatedUnit], starter: str, knob: str, setting: str, *, is_retained: bool
+) -> str:
     unit = units.get(starter)
     if unit is None:
         raise UsageError(f"no simulated starter {starter[:_PAYLOAD_SHOWN]!r} (one of {', '.join(units)})")

@@ -15,7 +15,7 @@ from gateway.families.profile.decode import rated_current_a
 from gateway.families.profile.joined import serial_of, text_of, version_of
 from gateway.families.profile.schema import Profile, Type
 from gateway.families.profile.word_types import to_text
-from gateway.modbus.device_id import Identification, ReadDeviceIdentification
+from gateway.modbus.device_id import DeviceIdentification, ReadDeviceIdentification
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters, ReadInputRegisters
 
@@ -107,7 +107,7 @@ def _slot_questions(profile: Profile) -> tuple[Question, ...]:
     )
 
 
-def _from_text(answer: Identification | None) -> Identity:
+def _from_text(answer: DeviceIdentification | None) -> Identity:
     if answer is None:
         return Identity(reason="it does not answer Read Device Identification (FC43)")
     text = _printable(answer.objects.get(_PRODUCT, ""))

@@ -253,7 +253,7 @@ class Ceiling(Model):
     remedy: str  # what to do
 
 
-class FastWords(Model):
+class MappedWords(Model):
     """Registers that read whatever parameters are mapped onto them (ssw900 7.2.3)."""
 
     read: int = Field(ge=0, le=0xFFFF)  # the first of these registers
@@ -286,7 +286,7 @@ class Profile(Model):
     command_word: tuple[str, ...] = ()  # code of the command word per slot (SSW900), one otherwise
     points: dict[str, Point]
     commands: dict[str, Command]
-    fast_words: FastWords | None = None  # None: the family has none
+    fast_words: MappedWords | None = None  # None: the family has none
     joins: dict[str, Join] = {}  # by what they are: name, firmware, serial
     protected: Protected = Protected()
     outputs: dict[str, Output] = {}  # by the name of their terminals: RL1, AO1, DO1

@@ -21,7 +21,7 @@ FIRST_S, LEAST_S, MOST_S = 0.0001, 0.00005, 0.0004
 _EARLIER_S, _LATER_S = 0.000012, 0.000003  # the steps of learning: one write in five then is late
 
 
-class Lead:
+class EarlyWakeUp:
     """Learns from each write that follows a wait."""
 
     def __init__(self) -> None:
@@ -35,7 +35,7 @@ class Lead:
             self.seconds = max(self.seconds - _LATER_S, LEAST_S)
 
 
-class Wakeup:
+class ImmediateFuture:
     """What one task waits for, once; speaks asyncio's protocol for things that a task may await.
 
     An `asyncio.Future` tells its task through the loop: one more turn, one more handle, some 50 us of
@@ -50,7 +50,7 @@ class Wakeup:
         self._call: Callable[[Any], object] | None = None
         self._context: Context | None = None
 
-    def __await__(self) -> Generator[Wakeup]:
+    def __await__(self) -> Generator[ImmediateFuture]:
         """Wait until woken."""
         if not self._is_done:
             self._asyncio_future_blocking = True
@@ -113,8 +113,8 @@ class OpenPort(asyncio.Protocol, abc.ABC):
         self._received = bytearray()
         self._wanted = 1  # bytes for which whoever reads is woken
         self._last_byte_s = -inf
-        self._waiter: Wakeup | None = None
-        self._lead = Lead()  # a read ends so long before its time: waking up and writing take as long
+        self._waiter: ImmediateFuture | None = None
+        self._lead = EarlyWakeUp()  # a read ends so long before its time: waking up and writing take as long
         self._was_woken = False  # the latest read, by the time
         self._hold_s = -inf  # until then nothing is written
         self._lost: str | None = None  # the reason
@@ -199,7 +199,7 @@ class OpenPort(asyncio.Protocol, abc.ABC):
     async def _wait(self, until_s: float, count: int) -> bool:
         """Wait until then, or for so many bytes; return whether it was the time that ended it."""
         self._wanted = count
-        self._waiter = Wakeup(self._loop)
+        self._waiter = ImmediateFuture(self._loop)
         self._await_rest()
         timer = self._loop.call_at(until_s, self._wake)
         try:

@@ -44,7 +44,7 @@ _NOISE_FROM = 4  # bytes; fewer are what drivers make when they switch
 
 
 @dataclass(frozen=True, slots=True)
-class Trouble:
+class BusFault:
     """What is wrong on the line, by name."""
 
     code: str
@@ -52,7 +52,7 @@ class Trouble:
     text: str
 
 
-class Suspicions:
+class BusFaults:
     """The signs of one line."""
 
     def __init__(self) -> None:
@@ -63,9 +63,9 @@ class Suspicions:
         self._spoilt_of_all = 0.0
         self._counted = 0
         self._told_s: dict[tuple[str, int], float] = {}
-        self._news: list[Trouble] = []
+        self._news: list[BusFault] = []
 
-    def take_news(self) -> tuple[Trouble, ...]:
+    def take_news(self) -> tuple[BusFault, ...]:
         """Return what was recognised since the last call."""
         news, self._news = self._news, []
         return tuple(news)
@@ -141,7 +141,7 @@ class Suspicions:
             f"noise: some {self._spoilt_of_all:.0%} of the replies are corrupted, of {len(spoilt)} of "
             f"{len(self._spoilt)} addresses; look at shield, reference and termination"
         )
-        self._tell(Trouble(LINE_NOISE, SOMEONE, text), now_s)
+        self._tell(BusFault(LINE_NOISE, SOMEONE, text), now_s)
 
     def _is_like_reply(self, unit: int, stray: bytes) -> bool:
         return unit in self._replies and stray[:_HEAD] == self._replies[unit][0][:_HEAD]
@@ -150,7 +150,7 @@ class Suspicions:
         signs = self._doubled[unit] = min(self._doubled.get(unit, 0.0) + weight, 2 * ENOUGH)
         if signs >= ENOUGH:
             text = f"address {unit} seems to be given twice: what is asked of it is answered more than once"
-            self._tell(Trouble(ADDRESS_CONFLICT, unit, text), now_s)
+            self._tell(BusFault(ADDRESS_CONFLICT, unit, text), now_s)
 
     def _suspect_babble(self, unit: int, weight: float, now_s: float) -> None:
         before, at_s = self._unasked.get(unit, (0.0, now_s))
@@ -158,9 +158,9 @@ class Suspicions:
         self._unasked[unit] = (min(signs, 2 * ENOUGH), now_s)
         if signs >= ENOUGH:
             who = "someone on the line" if unit == SOMEONE else f"unit {unit}"
-            self._tell(Trouble(BABBLING, unit, f"{who} talks without being asked"), now_s)
+            self._tell(BusFault(BABBLING, unit, f"{who} talks without being asked"), now_s)
 
-    def _tell(self, trouble: Trouble, now_s: float) -> None:
+    def _tell(self, trouble: BusFault, now_s: float) -> None:
         cause = (trouble.code, trouble.unit)
         if now_s - self._told_s.get(cause, -inf) >= TOLD_AGAIN_AFTER_S:
             self._told_s[cause] = now_s

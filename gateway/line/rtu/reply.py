@@ -11,7 +11,7 @@ from gateway.modbus.pdu import Request, exception_code
 SHORTEST_REPLY = 5  # bytes: an exception
 
 
-class Hearing:
+class ReplyAssembler:
     """The bytes received after one request, in any chunks.
 
     Half-duplex adapters may echo what they send. A copy of the request is set aside, save where the reply

@@ -16,7 +16,7 @@ _ADU_EXTRA = 3  # bytes around a PDU: unit and CRC
 
 
 @dataclass(frozen=True, slots=True)
-class Prepared:
+class EncodedRequest:
     """One request to one unit, ready to be sent."""
 
     unit: int
@@ -38,19 +38,19 @@ class Prepared:
         )
 
 
-class Preparations:
+class RequestCache:
     """The latest preparation of each poll."""
 
     def __init__(self) -> None:
-        self._known: dict[str, Prepared] = {}
+        self._known: dict[str, EncodedRequest] = {}
 
-    def of(self, key: str | None, unit: int, request: Request) -> Prepared:
+    def of(self, key: str | None, unit: int, request: Request) -> EncodedRequest:
         """Return a request prepared, from memory when it is that of the poll `key` asked before."""
         if key is None:
-            return Prepared.of(unit, request)
+            return EncodedRequest.of(unit, request)
         known = self._known.get(key)
         if known is None or known.request is not request or known.unit != unit:
-            known = self._known[key] = Prepared.of(unit, request)
+            known = self._known[key] = EncodedRequest.of(unit, request)
         return known
 
     def forget(self, key: str) -> None:

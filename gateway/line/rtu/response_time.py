@@ -95,7 +95,7 @@ def _quantiles(distributions: Iterable[ResponseTimes], shares: Mapping[str, floa
     return found
 
 
-class Learnt:
+class ResponseTimeEstimator:
     """What the units of a line have shown, by unit and function."""
 
     def __init__(self) -> None:

@@ -9,11 +9,11 @@ from typing import assert_never
 
 from gateway.errors import BadReplyError
 from gateway.line.port.base import DeliversLate, HoldsBack, Port
-from gateway.line.rtu.bus_faults import Suspicions, whole_frame
+from gateway.line.rtu.bus_faults import BusFaults, whole_frame
 from gateway.line.rtu.late_replies import Pace, Quarantine
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.rtu.reply import Hearing, judge
-from gateway.line.rtu.request import MIRRORED, Prepared
+from gateway.line.rtu.reply import ReplyAssembler, judge
+from gateway.line.rtu.request import MIRRORED, EncodedRequest
 from gateway.line.rtu.timeouts import ALLOWANCE_S
 from gateway.line.rtu.trace import Trace
 from gateway.modbus import adu
@@ -31,7 +31,7 @@ _KEPT_STRAY = 256  # bytes; the longest frame
 _FIRST_CHUNK_SIZE = 64  # bytes of a reply of unknown length that an adapter may hold back at first
 
 
-class Transactor:
+class RtuMaster:
     """Asks one question at a time on an open port; exactly one task uses it."""
 
     def __init__(
@@ -59,7 +59,7 @@ class Transactor:
         self._asked = adu.BROADCAST  # the unit of the latest request
         self._is_echoing = False
         self._began_s = inf  # the first byte of the reply under way
-        self.suspicions = Suspicions()
+        self.suspicions = BusFaults()
         self.is_on_wire = False  # from the moment a request is written until its outcome is known
         self.written_s = -inf  # when the latest request was written
         self.stray_bytes = 0  # that nobody waited for, since the port was opened
@@ -136,11 +136,11 @@ class Transactor:
         noise = await self.settle(None if request.function in MIRRORED else unit)
         if noise is not None:
             return noise
-        return await self.exchange(Prepared.of(unit, request), response_time_s=response_time_s)
+        return await self.exchange(EncodedRequest.of(unit, request), response_time_s=response_time_s)
 
     async def exchange(
         self,
-        prepared: Prepared,
+        prepared: EncodedRequest,
         *,
         response_time_s: float,
         longest_s: float | None = None,
@@ -180,7 +180,7 @@ class Transactor:
             self._port.hold()
         return self._time() > until_s
 
-    async def _hear(self, prepared: Prepared, response_time_s: float, longest_s: float) -> Outcome:
+    async def _hear(self, prepared: EncodedRequest, response_time_s: float, longest_s: float) -> Outcome:
         """Wait for the reply; judge it when it is whole, or whatever there is at the deadline."""
         sent_end_s = self._own_end_s
         reply_s = (prepared.reply_size or adu.MAX_ADU_SIZE) * self._character_s
@@ -194,7 +194,7 @@ class Transactor:
         first_by_s = deadline_s
         if prepared.reply_size is None:
             first_by_s += _FIRST_CHUNK_SIZE * self._character_s - reply_s
-        hearing = Hearing(prepared.adu, is_mirrored=prepared.is_mirrored, is_echoing=self._is_echoing)
+        hearing = ReplyAssembler(prepared.adu, is_mirrored=prepared.is_mirrored, is_echoing=self._is_echoing)
         await self._listen(hearing, heard, first_by_s=first_by_s, deadline_s=deadline_s)
         at_s = self._port.last_byte_s
         if hearing.received:
@@ -208,7 +208,7 @@ class Transactor:
         self._guard(prepared.unit, outcome, deadline_s, deadline_s + response_time_s, unit_until_s)
         return outcome
 
-    async def _expect(self, prepared: Prepared, size: int, until_s: float) -> bytes:
+    async def _expect(self, prepared: EncodedRequest, size: int, until_s: float) -> bytes:
         """Return what is heard as soon as it has the size of the normal reply, or cannot become one."""
         heard = await self._port.read(until_s=until_s, count=_HEAD)
         self._began_s = self._port.last_byte_s - len(heard) * self._character_s
@@ -219,7 +219,7 @@ class Transactor:
             heard += more
         return heard
 
-    def _plain_answer(self, prepared: Prepared, frame: bytes, sent_end_s: float) -> Answered | None:
+    def _plain_answer(self, prepared: EncodedRequest, frame: bytes, sent_end_s: float) -> Answered | None:
         """Return the answer that a frame is beyond doubt, as nearly all are; None leaves it to the judge."""
         if len(frame) != prepared.reply_size or frame[0] != prepared.unit or crc16(frame):
             return None
@@ -235,7 +235,9 @@ class Transactor:
         self.suspicions.note_answer(unit, frame, at_s=at_s)
         return Answered(value, at_s, max(self._began_s - sent_end_s, 0.0))
 
-    def _judge(self, prepared: Prepared, hearing: Hearing, *, at_s: float, took_s: float) -> Outcome:
+    def _judge(
+        self, prepared: EncodedRequest, hearing: ReplyAssembler, *, at_s: float, took_s: float
+    ) -> Outcome:
         """Return what was heard, and take note of what else was."""
         whole = hearing.whole_reply()
         reply = hearing.reply()
@@ -265,7 +267,9 @@ class Transactor:
                 self._judge_stray(reply[len(frame) :])
         return outcome
 
-    async def _listen(self, hearing: Hearing, heard: bytes, *, first_by_s: float, deadline_s: float) -> None:
+    async def _listen(
+        self, hearing: ReplyAssembler, heard: bytes, *, first_by_s: float, deadline_s: float
+    ) -> None:
         """Read on until the reply is whole or will not come, and note when its first byte began.
 
         Where the first byte is due before the deadline, only further bytes keep us listening so long.

@@ -29,7 +29,7 @@ class Listed:
 T = TypeVar("T", bound=Listed)
 
 
-class Agenda(Generic[T]):
+class EdfQueue(Generic[T]):
     """Things by release and deadline; `places` numbers those of all agendas that share things."""
 
     def __init__(self, places: Iterator[int]) -> None:

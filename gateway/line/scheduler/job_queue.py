@@ -9,34 +9,34 @@ from collections import deque
 from dataclasses import replace
 from math import inf
 
-from gateway.line.scheduler.requests import Job, Lane, Turn
+from gateway.line.scheduler.requests import Job, Priority, Slot
 
 LET_PASS = 4  # jobs of earlier lanes that one which waits lets pass; those of stops do not count
 SHARED_AFTER_S = 0.1  # a stop's frame that has waited so long is sent for later stops of its unit too
 
 
-class Lanes:
+class JobQueue:
     """One queue for each lane."""
 
     def __init__(self) -> None:
-        self._waiting: dict[Lane, deque[Turn]] = {lane: deque() for lane in Lane}
-        self._let_pass = dict.fromkeys(Lane, 0)
-        self._held: list[tuple[float, Turn]] = []  # follow-ups whose unit may not be asked before then
+        self._waiting: dict[Priority, deque[Slot]] = {lane: deque() for lane in Priority}
+        self._let_pass = dict.fromkeys(Priority, 0)
+        self._held: list[tuple[float, Slot]] = []  # follow-ups whose unit may not be asked before then
 
     def __bool__(self) -> bool:
         return any(self._waiting.values())
 
     def submit(self, job: Job, now_s: float) -> None:
         """Queue a job at the end of its lane."""
-        if job.lane is not Lane.STOP or not self._ride(job, now_s):
-            turn = Turn(job.unit, job.request, job.response_time_s, now_s, job=job)
+        if job.lane is not Priority.STOP or not self._ride(job, now_s):
+            turn = Slot(job.unit, job.request, job.response_time_s, now_s, job=job)
             self._waiting[job.lane].append(turn)
 
-    def put_first(self, job: Job, turn: Turn) -> None:
+    def put_first(self, job: Job, turn: Slot) -> None:
         """Queue a job's turn before the others of its lane."""
         self._waiting[job.lane].appendleft(turn)
 
-    def hold(self, turn: Turn, until_s: float) -> None:
+    def hold(self, turn: Slot, until_s: float) -> None:
         """Let a follow-up wait until its unit may be asked; others pass it meanwhile."""
         self._held.append((until_s, turn))
 
@@ -44,19 +44,19 @@ class Lanes:
         """Let those wait in their lane again whose unit may be asked now."""
         for each in [each for each in self._held if each[0] <= now_s]:
             self._held.remove(each)
-            self._waiting[Lane.FOLLOW_UP].appendleft(each[1])
+            self._waiting[Priority.FOLLOW_UP].appendleft(each[1])
 
     def next_s(self) -> float:
         """Return when the first of those that are held may be asked."""
         return min((until_s for until_s, _ in self._held), default=inf)
 
-    def take(self, last: Lane) -> Turn | None:
+    def take(self, last: Priority) -> Slot | None:
         """Take out what is next in these lanes, from `STOP` to the last."""
         waiting = [lane for lane, turns in self._waiting.items() if turns and lane <= last]
         if not waiting:
             return None
         chosen = waiting[0]
-        if chosen > Lane.FOLLOW_UP:
+        if chosen > Priority.FOLLOW_UP:
             chosen = next((lane for lane in waiting if self._let_pass[lane] >= LET_PASS), chosen)
             for lane in waiting:
                 self._let_pass[lane] = 0 if lane is chosen else self._let_pass[lane] + 1
@@ -108,7 +108,7 @@ PARAMETERS_SHARE = 0.25  # for reads and settings of parameters alone, of the sa
 PARAMETERS_SAVED_S = 0.1  # a few transactions
 
 
-class Share:
+class BandwidthShare:
     """A bucket of line time that fills by a share; what is used while nobody else wants the line is owed too.
 
     No more is owed than can be saved up, so that a quiet night on the line costs nobody the morning.
@@ -129,22 +129,22 @@ class Share:
         self._paid_s = min(paid_s, now_s + 2 * self._ahead_s)
 
 
-class Shares:
+class BandwidthShares:
     """Which jobs may go before a poll that is due; stops, their repeats and read-backs always may."""
 
     def __init__(self) -> None:
-        self._jobs = Share(JOBS_SHARE, JOBS_SAVED_S)
-        self._parameters = Share(PARAMETERS_SHARE, PARAMETERS_SAVED_S)
+        self._jobs = BandwidthShare(JOBS_SHARE, JOBS_SAVED_S)
+        self._parameters = BandwidthShare(PARAMETERS_SHARE, PARAMETERS_SAVED_S)
 
-    def last_lane(self, now_s: float) -> Lane:
+    def last_lane(self, now_s: float) -> Priority:
         """Return the last of the lanes that may."""
         if not self._jobs.has_room(now_s):
-            return Lane.FOLLOW_UP
-        return Lane.PARAMETERS if self._parameters.has_room(now_s) else Lane.READ_BACK
+            return Priority.FOLLOW_UP
+        return Priority.PARAMETERS if self._parameters.has_room(now_s) else Priority.READ_BACK
 
-    def spend(self, lane: Lane, took_s: float, now_s: float) -> None:
+    def spend(self, lane: Priority, took_s: float, now_s: float) -> None:
         """Take over what a job has used of the line."""
-        if lane > Lane.FOLLOW_UP:
+        if lane > Priority.FOLLOW_UP:
             self._jobs.spend(took_s, now_s)
-        if lane is Lane.PARAMETERS:
+        if lane is Priority.PARAMETERS:
             self._parameters.spend(took_s, now_s)

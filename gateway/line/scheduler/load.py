@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from gateway.line.scheduler.units import Entry
+from gateway.line.scheduler.units import ScheduledPoll
 
 SLACK = 1.05  # the stretched periods leave this much, so that a jam dissolves; idle time is not left idle
 FREE_ROOM = 0.1  # of the line's time is left to polls without a period, where there are any
@@ -35,7 +35,7 @@ def room_of(*, others: float, has_free: bool) -> float:
     return max(1.0 - others - (FREE_ROOM if has_free else 0.0), _LEAST_ROOM)
 
 
-class Stretch:
+class LoadControl:
     """The present factor."""
 
     def __init__(self) -> None:
@@ -46,7 +46,7 @@ class Stretch:
         self._noted_s: float | None = None
         self._free_count = 0
 
-    def count(self, entry: Entry, *, is_counted: bool) -> None:
+    def count(self, entry: ScheduledPoll, *, is_counted: bool) -> None:
         """Take over a poll's period, and whether it is asked in its rhythm at present."""
         is_free = is_counted and not entry.every_s
         self._free_count += is_free - entry.is_free
@@ -56,7 +56,7 @@ class Stretch:
         entry.load, entry.is_counted = load, is_counted
         self._set_factor()
 
-    def measure(self, entry: Entry, took_s: float) -> None:
+    def measure(self, entry: ScheduledPoll, took_s: float) -> None:
         """Learn what one transaction of a poll has cost; the first tells more than the guess."""
         weight = _WEIGHT if entry.is_measured else 1.0
         entry.is_measured = True
@@ -73,7 +73,7 @@ class Stretch:
             self._set_factor()
         self._noted_s = now_s
 
-    def recount(self, entries: Iterable[Entry]) -> None:
+    def recount(self, entries: Iterable[ScheduledPoll]) -> None:
         """Add up anew, so that rounding does not."""
         self._load = sum(entry.load for entry in entries)
         self._set_factor()

@@ -9,10 +9,10 @@ from math import inf
 from gateway.line.rtu.outcome import Garbled, Outcome
 from gateway.line.scheduler.backoff import BACK_OFF_CEILING_S, back_off_s
 from gateway.line.scheduler.edf_queue import NOWHERE
-from gateway.line.scheduler.load import Stretch
-from gateway.line.scheduler.poll_queue import Rota
+from gateway.line.scheduler.load import LoadControl
+from gateway.line.scheduler.poll_queue import PollQueue
 from gateway.line.scheduler.requests import Poll
-from gateway.line.scheduler.units import Entry, Sign, Unit, UnitState
+from gateway.line.scheduler.units import Evidence, ScheduledPoll, Unit, UnitState
 from gateway.line.scheduler.watchdogs import Watchdogs
 
 GIVING = 0.05  # of its period a poll on a busy line gives way, so that rhythms fall into gaps of their own
@@ -20,17 +20,17 @@ PATIENCE_S = 5.0  # after the last sign of life, before a unit is asked ever les
 NEIGHBOUR_S = 5.0  # units that went silent within so long probably did for one reason
 
 
-class Polled:
+class PollTable:
     """Keeps each poll's due time; a unit that does not answer is asked by its first poll only, the probe."""
 
     def __init__(self, *, seed: int, jitter: float) -> None:
         places = itertools.count(1)
-        self.stretch = Stretch()
-        self.rota = Rota(places, self.stretch)
+        self.stretch = LoadControl()
+        self.rota = PollQueue(places, self.stretch)
         self.watchdogs = Watchdogs(places)
         self._chance = random.Random(seed)
         self._jitter = jitter
-        self._entries: dict[str, Entry] = {}
+        self._entries: dict[str, ScheduledPoll] = {}
         self._units: dict[int, Unit] = {}
         self._asked: tuple[Poll, ...] | None = None
         self._was_busy = False
@@ -51,7 +51,7 @@ class Polled:
         if poll.key in self._entries:
             raise ValueError(f"there is a poll {poll.key!r} already")
         unit = self.unit(poll.unit)
-        entry = Entry(poll=poll, unit=unit, every_s=poll.every_s)
+        entry = ScheduledPoll(poll=poll, unit=unit, every_s=poll.every_s)
         unit.entries.append(entry)
         self._entries[poll.key] = entry
         self._asked = None
@@ -111,7 +111,7 @@ class Polled:
         """Return what is known of a unit."""
         return self._units[number].health.state if number in self._units else UnitState.NEW
 
-    def entry_of(self, poll: Poll | None) -> Entry | None:
+    def entry_of(self, poll: Poll | None) -> ScheduledPoll | None:
         """Return the entry of a poll; None when it was removed, or another has its key."""
         entry = None if poll is None else self._entries.get(poll.key)
         return entry if entry is not None and entry.poll is poll else None
@@ -131,7 +131,7 @@ class Polled:
                 load += entries[0].cost_s / kept_s
         return load
 
-    def barking(self, now_s: float) -> Entry | None:
+    def barking(self, now_s: float) -> ScheduledPoll | None:
         """Return the first poll of the unit that has to be asked for its watchdog, by deadline."""
         while (number := self.watchdogs.first(now_s)) is not None:
             unit = self.unit(number)
@@ -140,7 +140,7 @@ class Polled:
             self.watchdogs.rest(number)
         return None
 
-    def take(self, entry: Entry, now_s: float, *, for_watchdog: bool) -> None:
+    def take(self, entry: ScheduledPoll, now_s: float, *, for_watchdog: bool) -> None:
         """Take out the poll that is asked now, in its rhythm or only because its unit's watchdog needs it."""
         gives_s = GIVING * entry.every_s if self._was_busy and self.stretch.factor == 1.0 else 0.0
         entry.rhythm_s = min(entry.release_s + gives_s, now_s)
@@ -151,14 +151,14 @@ class Polled:
         entry.was_hastened, entry.was_first = entry.is_hastened, entry.is_first
         entry.is_hastened = entry.is_first = False
 
-    def put_back(self, entry: Entry, until_s: float) -> None:
+    def put_back(self, entry: ScheduledPoll, until_s: float) -> None:
         """Let a poll wait until its unit may be asked."""
         entry.release_s = entry.soonest_s = until_s
         entry.deadline_s = max(entry.deadline_s, until_s)
         entry.is_hastened, entry.is_first = entry.is_hastened or entry.was_hastened, entry.was_first
         self.rota.put(entry)
 
-    def plan_next(self, entry: Entry, now_s: float) -> None:
+    def plan_next(self, entry: ScheduledPoll, now_s: float) -> None:
         """Keep a poll's rhythm after its turn, or as much of it as the line has time for."""
         unit = entry.unit
         if self.stretch.is_busy is not self._was_busy:
@@ -177,8 +177,8 @@ class Polled:
         """Move a unit's health on after a turn that began at `since_s` and held the line until now."""
         was_silent, was_suspect = unit.is_silent, unit.is_suspect
         sign = unit.health.take(outcome, now_s)
-        self.rota.is_after_silence = sign is Sign.MISS
-        if sign is Sign.ANSWER:
+        self.rota.is_after_silence = sign is Evidence.MISS
+        if sign is Evidence.ANSWER:
             unit.misses = 0
             unit.patient_until_s = now_s + PATIENCE_S
             self.watchdogs.heard(unit.number, since_s)
@@ -189,7 +189,7 @@ class Polled:
             self.watchdogs.tried(unit.number, now_s)
             if unit.is_held and poll is not None and since_s >= unit.patient_until_s:
                 self.rota.budget.spend(now_s - since_s, now_s)
-        if sign is Sign.MISS:
+        if sign is Evidence.MISS:
             unit.misses += 0 if unit.health.is_forgiven(now_s) else 1
             if not was_suspect and not was_silent:
                 unit.missed_s = now_s
@@ -247,7 +247,7 @@ class Polled:
                 other.woken_s = now_s
                 self._hasten(other.entries[0], now_s)
 
-    def _hasten(self, entry: Entry, now_s: float) -> None:
+    def _hasten(self, entry: ScheduledPoll, now_s: float) -> None:
         is_next = entry.release_s <= now_s and (entry.is_hastened or not entry.unit.is_held)
         entry.is_hastened = True
         if entry.is_out or is_next:
@@ -256,13 +256,13 @@ class Polled:
         entry.deadline_s = min(entry.deadline_s, self._deadline_s(entry))
         self.rota.put(entry)
 
-    def _put(self, entry: Entry, due_s: float) -> None:
+    def _put(self, entry: ScheduledPoll, due_s: float) -> None:
         """Let a poll wait for its time."""
         entry.release_s = entry.soonest_s = due_s
         entry.deadline_s = self._deadline_s(entry)
         self.rota.put(entry)
 
-    def _deadline_s(self, entry: Entry) -> float:
+    def _deadline_s(self, entry: ScheduledPoll) -> float:
         """Return by when a poll is to be asked: a period after it is due; on a busy line when it is due.
 
         By due time each of the others goes first once at most, whenever and however often it is hastened.
@@ -281,5 +281,5 @@ class Polled:
                 entry.deadline_s = self._deadline_s(entry)
                 self.rota.put(entry)
 
-    def _count(self, entry: Entry) -> None:
+    def _count(self, entry: ScheduledPoll) -> None:
         self.stretch.count(entry, is_counted=not entry.unit.is_held and not entry.is_watchdogs)

@@ -15,7 +15,7 @@ from gateway.modbus.adu import BROADCAST
 from gateway.modbus.pdu import Request
 
 
-class Lane(enum.IntEnum):
+class Priority(enum.IntEnum):
     """The order in which waiting jobs are served: the lowest first; polls come after all lanes.
 
     The two lanes of stops go before everything; of the others none keeps a later one waiting for ever, nor
@@ -51,18 +51,18 @@ class Job:
     unit: int
     request: Request
     response_time_s: float
-    lane: Lane
+    lane: Priority
     finish: Callable[[Outcome], None]
     until_s: float = inf  # on the line's clock: never sent later than this
 
     @property
     def must_not_act_late(self) -> bool:
         """Whether it may do harm when it arrives after its answer was due: every write but a stop."""
-        return self.lane is not Lane.STOP and self.request.is_write and self.unit != BROADCAST
+        return self.lane is not Priority.STOP and self.request.is_write and self.unit != BROADCAST
 
 
 @dataclass(frozen=True, slots=True)
-class Turn:
+class Slot:
     """One request that the plan has chosen; exactly one of `poll` and `job` is set."""
 
     unit: int
@@ -80,16 +80,16 @@ class Turn:
         return () if self.job is None else (self.job, *self.riders)
 
     @property
-    def lane(self) -> Lane | None:
+    def lane(self) -> Priority | None:
         """Return the job's lane; None for a poll."""
         return None if self.job is None else self.job.lane
 
     @property
     def is_stop(self) -> bool:
         """Return whether this stops a motor: a stop's frame, first or repeated."""
-        return self.lane is Lane.STOP or (self.lane is Lane.FOLLOW_UP and self.request.is_write)
+        return self.lane is Priority.STOP or (self.lane is Priority.FOLLOW_UP and self.request.is_write)
 
-    def without(self, job: Job) -> Turn | None:
+    def without(self, job: Job) -> Slot | None:
         """Return what is left when a job is taken back; None when it was the only one."""
         left = tuple(each for each in self.jobs if each is not job)
         return replace(self, job=left[0], riders=left[1:]) if left else None

@@ -15,12 +15,11 @@ from collections.abc import Iterable
 from math import inf
 
 from gateway.line.rtu.outcome import Garbled, Outcome, Silent
-from gateway.line.scheduler.job_queue import Lanes, Shares
-from gateway.line.scheduler.polls import Polled
-from gateway.line.scheduler.requests import Job, Lane, Poll
-from gateway.line.scheduler.requests import Turn as Turn
+from gateway.line.scheduler.job_queue import BandwidthShares, JobQueue
+from gateway.line.scheduler.polls import PollTable
+from gateway.line.scheduler.requests import Job, Poll, Priority, Slot
 from gateway.line.scheduler.requests import Verdict as Verdict
-from gateway.line.scheduler.units import Entry, UnitState
+from gateway.line.scheduler.units import ScheduledPoll, UnitState
 
 JOBS_IN_ROW = 4  # that an overdue poll lets pass; those of stops do not count
 FOLLOW_UPS_IN_ROW_S = 0.2  # of line time for repeats and read-backs of stops, before a watchdog that is due
@@ -30,14 +29,14 @@ WATCHDOGS_IN_ROW = 8  # units asked for their watchdog's sake, before something 
 _BROADCAST = 0
 
 
-class Plan:
+class Scheduler:
     """Chooses; has no clock of its own, so every call that needs the time is given it."""
 
     def __init__(self, polls: Iterable[Poll] = (), *, seed: int = 0, jitter: float = 0.1) -> None:
-        self._polled = Polled(seed=seed, jitter=jitter)
-        self._lanes = Lanes()
-        self._shares = Shares()
-        self._again: Entry | None = None  # its reply was garbled: it is asked again at once
+        self._polled = PollTable(seed=seed, jitter=jitter)
+        self._lanes = JobQueue()
+        self._shares = BandwidthShares()
+        self._again: ScheduledPoll | None = None  # its reply was garbled: it is asked again at once
         self._is_for_watchdog = False  # the turn under way
         self._jobs_in_row = 0
         self._watchdogs_in_row = 0
@@ -127,17 +126,17 @@ class Plan:
             return self._freed_s
         return min(self._lanes.next_s(), self._polled.rota.next_s(), self._polled.watchdogs.next_s())
 
-    def pick(self, now_s: float) -> Turn | None:
+    def pick(self, now_s: float) -> Slot | None:
         """Return what has the line next, None when nothing is due; `record` or `put_back` must follow."""
         self._picked_s = now_s
         self._is_for_watchdog = False
         self._lanes.release(now_s)
-        stop = self._lanes.take(Lane.STOP)
+        stop = self._lanes.take(Priority.STOP)
         if stop is not None:
             return stop
         barking = self._polled.barking(now_s)
         if barking is None or self._follow_ups_s < FOLLOW_UPS_IN_ROW_S or self._has_given_way():
-            follow_up = self._lanes.take(Lane.FOLLOW_UP)
+            follow_up = self._lanes.take(Priority.FOLLOW_UP)
             if follow_up is not None:
                 return follow_up
         if self._again is not None:
@@ -153,12 +152,12 @@ class Plan:
         self._watchdogs_in_row = 0
         return turn
 
-    def put_back(self, turn: Turn, until_s: float) -> None:
+    def put_back(self, turn: Slot, until_s: float) -> None:
         """Take back a turn that could not be asked, or not yet.
 
         Polls and follow-ups of stops let others pass, other jobs do not.
         """
-        if turn.lane is Lane.FOLLOW_UP and until_s > self._picked_s:
+        if turn.lane is Priority.FOLLOW_UP and until_s > self._picked_s:
             self._lanes.hold(turn, until_s)
         elif turn.job is not None:
             self._lanes.put_first(turn.job, turn)
@@ -170,7 +169,7 @@ class Plan:
             if until_s > self._picked_s:
                 self._polled.watchdogs.bar(turn.unit, until_s)
 
-    def record(self, turn: Turn, outcome: Outcome, now_s: float) -> Verdict:
+    def record(self, turn: Slot, outcome: Outcome, now_s: float) -> Verdict:
         """Learn what became of a picked turn and plan on."""
         entry = self._polled.entry_of(turn.poll)
         since_s = self._began_s(turn, entry, now_s)
@@ -178,10 +177,10 @@ class Plan:
         is_repeated = self._repeat_if_garbled(turn, entry, outcome)
         if turn.job is not None:
             self._shares.spend(turn.job.lane, now_s - since_s, now_s)
-        if turn.lane is Lane.FOLLOW_UP:
+        if turn.lane is Priority.FOLLOW_UP:
             self._follow_ups_s = (0.0 if self._has_given_way() else self._follow_ups_s) + now_s - since_s
             self._watchdogs_in_row = 0
-        elif turn.lane is not Lane.STOP and not self._is_for_watchdog:
+        elif turn.lane is not Priority.STOP and not self._is_for_watchdog:
             self._follow_ups_s = 0.0
         stretch = self._polled.stretch
         is_rhythmic = entry is not None and entry.is_counted
@@ -198,7 +197,7 @@ class Plan:
         is_final = not is_repeated and (turn.poll is None or entry is not None)
         return Verdict(is_final, answering)
 
-    def _began_s(self, turn: Turn, entry: Entry | None, now_s: float) -> float:
+    def _began_s(self, turn: Slot, entry: ScheduledPoll | None, now_s: float) -> float:
         """Return from when on a turn kept the line busy, the silence before it included."""
         due_s = self._picked_s if entry is not None and entry.unit.is_held else turn.since_s
         return max(self._freed_s, min(due_s, self._picked_s), now_s - LONGEST_TURN_S)
@@ -207,11 +206,13 @@ class Plan:
         """Return whether follow-ups have let as many watchdogs pass as go in a row."""
         return self._watchdogs_in_row >= WATCHDOGS_IN_ROW
 
-    def _pick_other(self, now_s: float) -> Turn | None:
+    def _pick_other(self, now_s: float) -> Slot | None:
         """Return the first job, or the first poll after so many jobs in a row or so much line time."""
         entry = self._polled.rota.first(now_s)
         if entry is None or self._jobs_in_row < JOBS_IN_ROW:
-            job = self._lanes.take(Lane.PARAMETERS if entry is None else self._last_lane_before(entry, now_s))
+            job = self._lanes.take(
+                Priority.PARAMETERS if entry is None else self._last_lane_before(entry, now_s)
+            )
             if job is not None:
                 self._jobs_in_row += 1
                 return job
@@ -220,18 +221,18 @@ class Plan:
         self._jobs_in_row = 0
         return self._ask(entry, now_s)
 
-    def _last_lane_before(self, entry: Entry, now_s: float) -> Lane:
+    def _last_lane_before(self, entry: ScheduledPoll, now_s: float) -> Priority:
         """Return the last of the lanes whose jobs go before a poll that is due."""
         last = self._shares.last_lane(now_s)
         # A unit's watchdog may wait for its first poll: what we ask of our own accord can wait longer.
-        return min(last, Lane.COMMAND) if entry.is_first else last
+        return min(last, Priority.COMMAND) if entry.is_first else last
 
-    def _ask(self, entry: Entry, now_s: float) -> Turn:
+    def _ask(self, entry: ScheduledPoll, now_s: float) -> Slot:
         turn = _turn(entry, now_s)
         self._polled.take(entry, now_s, for_watchdog=self._is_for_watchdog)
         return turn
 
-    def _repeat_if_garbled(self, turn: Turn, entry: Entry | None, outcome: Outcome) -> bool:
+    def _repeat_if_garbled(self, turn: Slot, entry: ScheduledPoll | None, outcome: Outcome) -> bool:
         """Keep a garbled read due, once; a write is never sent twice on the line's own account."""
         is_repeated = (
             isinstance(outcome, Garbled)
@@ -243,16 +244,16 @@ class Plan:
             entry.is_repetition = is_repeated
             self._again = entry if is_repeated else None
         elif turn.job is not None and is_repeated:
-            again = Turn(
+            again = Slot(
                 turn.unit, turn.request, turn.response_time_s, turn.since_s, job=turn.job, is_repetition=True
             )
             self._lanes.put_first(turn.job, again)
         return is_repeated
 
 
-def _turn(entry: Entry, now_s: float) -> Turn:
+def _turn(entry: ScheduledPoll, now_s: float) -> Slot:
     poll = entry.poll
-    return Turn(
+    return Slot(
         poll.unit,
         poll.request,
         poll.response_time_s,

@@ -27,7 +27,7 @@ class UnitState(enum.Enum):
     SILENT = "silent"
 
 
-class Sign(enum.Enum):
+class Evidence(enum.Enum):
     """What an outcome says of the unit's life."""
 
     ANSWER = "answer"
@@ -35,14 +35,14 @@ class Sign(enum.Enum):
 
 
 TRANSITIONS = {
-    (UnitState.NEW, Sign.ANSWER): UnitState.ANSWERING,
-    (UnitState.NEW, Sign.MISS): UnitState.SUSPECT,
-    (UnitState.ANSWERING, Sign.ANSWER): UnitState.ANSWERING,
-    (UnitState.ANSWERING, Sign.MISS): UnitState.SUSPECT,
-    (UnitState.SUSPECT, Sign.ANSWER): UnitState.ANSWERING,
-    (UnitState.SUSPECT, Sign.MISS): UnitState.SILENT,
-    (UnitState.SILENT, Sign.ANSWER): UnitState.ANSWERING,
-    (UnitState.SILENT, Sign.MISS): UnitState.SILENT,
+    (UnitState.NEW, Evidence.ANSWER): UnitState.ANSWERING,
+    (UnitState.NEW, Evidence.MISS): UnitState.SUSPECT,
+    (UnitState.ANSWERING, Evidence.ANSWER): UnitState.ANSWERING,
+    (UnitState.ANSWERING, Evidence.MISS): UnitState.SUSPECT,
+    (UnitState.SUSPECT, Evidence.ANSWER): UnitState.ANSWERING,
+    (UnitState.SUSPECT, Evidence.MISS): UnitState.SILENT,
+    (UnitState.SILENT, Evidence.ANSWER): UnitState.ANSWERING,
+    (UnitState.SILENT, Evidence.MISS): UnitState.SILENT,
 }
 
 
@@ -62,28 +62,28 @@ class UnitHealth:
         """Return whether misses do not count now."""
         return now_s < self._forgiven_until_s
 
-    def take(self, outcome: Outcome, now_s: float) -> Sign | None:
+    def take(self, outcome: Outcome, now_s: float) -> Evidence | None:
         """Move on by one outcome; return what it said of the unit, None when nothing.
 
         A miss in a time of expected silence is returned, but does not count.
         """
         sign = self._sign_of(outcome)
-        if sign is None or (sign is Sign.MISS and self.is_forgiven(now_s)):
+        if sign is None or (sign is Evidence.MISS and self.is_forgiven(now_s)):
             return sign
         self.state = TRANSITIONS[self.state, sign]
         return sign
 
-    def _sign_of(self, outcome: Outcome) -> Sign | None:
+    def _sign_of(self, outcome: Outcome) -> Evidence | None:
         match outcome:
             case Answered() | Refused():
                 self._garbled_in_row = 0
-                return Sign.ANSWER
+                return Evidence.ANSWER
             case Silent(is_sent=is_sent):
                 self._garbled_in_row = 0
-                return Sign.MISS if is_sent else None
+                return Evidence.MISS if is_sent else None
             case Garbled():
                 self._garbled_in_row += 1
-                return Sign.MISS if self._garbled_in_row >= _GARBLED_THAT_MISS else None
+                return Evidence.MISS if self._garbled_in_row >= _GARBLED_THAT_MISS else None
             case _:
                 assert_never(outcome)
 
@@ -95,7 +95,7 @@ GUESSED_COST_S = 0.03  # of a poll that has not been answered yet
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
-class Entry(Listed):
+class ScheduledPoll(Listed):
     """One poll and when it is due; `release_s` is that time, `deadline_s` when it should have been asked."""
 
     poll: Poll
@@ -123,7 +123,7 @@ class Unit:
 
     number: int
     health: UnitHealth = field(default_factory=UnitHealth)
-    entries: list[Entry] = field(default_factory=list)
+    entries: list[ScheduledPoll] = field(default_factory=list)
     is_held: bool = False
     probes: int = 0  # without an answer since it went silent
     patient_until_s: float = -inf  # from the latest reply on, spoilt or not: until then it is no dead unit
@@ -148,7 +148,7 @@ class Unit:
         """Return how often it is asked, at most, while it does not answer but is not given up."""
         return max(self.entries[0].every_s if self.entries else 0.0, BACK_OFF_FLOOR_S)
 
-    def is_asked(self, entry: Entry) -> bool:
+    def is_asked(self, entry: ScheduledPoll) -> bool:
         """Return whether one of its polls is asked at present."""
         return not self.is_held or entry is self.entries[0]
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from math import inf
 
-from gateway.line.scheduler.edf_queue import NOWHERE, Agenda, Listed
+from gateway.line.scheduler.edf_queue import NOWHERE, EdfQueue, Listed
 
 KEPT_SHARE = 0.5  # of a watchdog's time may pass before its unit is asked ahead of its turn
 _RETRY_SHARE = 0.25  # of it passes after an attempt that was not answered
@@ -41,7 +41,7 @@ class Watchdogs:
     """Which unit has to be asked, the earliest deadline first."""
 
     def __init__(self, places: Iterator[int]) -> None:
-        self._agenda: Agenda[_Watchdog] = Agenda(places)
+        self._agenda: EdfQueue[_Watchdog] = EdfQueue(places)
         self._watchdogs: dict[int, _Watchdog] = {}
         self._heard_s: dict[
             int, float

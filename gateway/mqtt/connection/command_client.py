@@ -42,7 +42,7 @@ class Order:
     select: str | None = None  # the token of a selection
 
 
-class Sender:
+class CommandClient:
     """One command, once."""
 
     def __init__(self, settings: BrokerSettings, topics: Topics) -> None:

@@ -134,7 +134,7 @@ def _by_token(_: CommandAddress) -> Collection[str]:
     return (BY_TOKEN,)
 
 
-class Intake:
+class CommandParser:
     """Judges incoming messages for one base and one run of the gateway.
 
     `freshness_of` returns the settings that say what may prove an operator's command fresh.

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from itertools import islice
 
 from gateway.errors import CommandError
-from gateway.mqtt.contract.run_token import Boot
+from gateway.mqtt.contract.run_token import RunToken
 
 DEFAULT_TTL_S = 5.0
 MAX_TTL_S = 60.0  # so long a token is remembered
@@ -41,7 +41,7 @@ def _draw() -> str:
 class Tokens:
     """The tokens of the last MAX_TTL_S; those of before a lost connection or a standstill count no more."""
 
-    def __init__(self, boot: Boot, *, draw: Callable[[], str] = _draw) -> None:
+    def __init__(self, boot: RunToken, *, draw: Callable[[], str] = _draw) -> None:
         self.boot = boot
         self._draw = draw
         self._made: dict[str, tuple[float, str]] = {}  # token: when, and the boot of then; oldest first

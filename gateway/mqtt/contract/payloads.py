@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, NamedTuple, assert_never
 
-from gateway.mqtt.contract.run_token import Boot, boot_of
+from gateway.mqtt.contract.run_token import RunToken, boot_of
 from gateway.mqtt.contract.strict_json import join_json, rfc3339, to_json, to_payload
 from gateway.mqtt.contract.topics import Topics, to_level
 from gateway.records import (
@@ -107,7 +107,7 @@ class Message:
 
 
 @dataclass(frozen=True, slots=True)
-class Operator:
+class OperatorInfo:
     """What one client may do, as configured."""
 
     client: str
@@ -123,7 +123,7 @@ class GatewayInfo:
     version: str
     starters: tuple[str, ...]
     lines: tuple[str, ...]
-    operators: tuple[Operator, ...]
+    operators: tuple[OperatorInfo, ...]
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # name -> members, for stop
     mqtt_version: str | None = None  # of the connection; None before the first
 
@@ -131,7 +131,7 @@ class GatewayInfo:
 class Payloads:
     """Turns records into messages below one base; `boot` names this run of the gateway."""
 
-    def __init__(self, topics: Topics, boot: Boot | str) -> None:
+    def __init__(self, topics: Topics, boot: RunToken | str) -> None:
         self.topics = topics
         self._boot = boot_of(boot)
         self._values = ValueTexts(topics)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 
-class Boot:
+class RunToken:
     """`run` goes with everything that is numbered, `token` proves a command fresh.
 
     Numbers (`seq`) go on over a reconnection, so their messages carry `run`. The token changes whenever a
@@ -46,6 +46,6 @@ class Boot:
         return self._connected_s is not None and at_s < self._connected_s
 
 
-def boot_of(boot: Boot | str) -> Boot:
+def boot_of(boot: RunToken | str) -> RunToken:
     """Return the boot of a run that is given by its name only."""
-    return boot if isinstance(boot, Boot) else Boot(boot)
+    return boot if isinstance(boot, RunToken) else RunToken(boot)

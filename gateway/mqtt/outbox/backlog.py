@@ -11,7 +11,16 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import chain, islice
 
 from gateway.mqtt.contract.payloads import Message
-from gateway.mqtt.outbox.segment import LOWEST, Entry, Lane, State, Wanted, entry_of, in_order, row_of
+from gateway.mqtt.outbox.segment import (
+    LOWEST,
+    QueuedMessage,
+    Segment,
+    State,
+    Wanted,
+    entry_of,
+    in_order,
+    row_of,
+)
 from gateway.storage.spool import Changes, Kind, Loss, Page, Recalled, Refusal, merged
 
 HIGHEST = 2**62
@@ -21,7 +30,7 @@ MEMORY, STORE = "memory_full", "store_lost"  # why something was lost
 WINDOWS = {Kind.VALUE: 2000, Kind.EVENT: 1000, Kind.RESULT: 1000}  # in memory, when there is more on a disk
 
 
-class Kept:
+class Backlog:
     """Six lanes, three of this run and three of earlier ones; memory alone has bounds of its own.
 
     `on_work` is called when there is something for the disk to do. Times are the steady clock's.
@@ -31,15 +40,15 @@ class Kept:
         self._boot = boot
         self._max_rows = max_rows
         self._max_bytes = max_bytes
-        self._old = {kind: Lane(kind, window=WINDOWS[kind], end=1) for kind in Kind}
-        self._new = {kind: Lane(kind, window=WINDOWS[kind], end=HIGHEST) for kind in Kind}
+        self._old = {kind: Segment(kind, window=WINDOWS[kind], end=1) for kind in Kind}
+        self._new = {kind: Segment(kind, window=WINDOWS[kind], end=HIGHEST) for kind in Kind}
         self._lanes = (*self._old.values(), *self._new.values())
-        self._out: dict[int, Entry] = {}  # taken and not acknowledged
+        self._out: dict[int, QueuedMessage] = {}  # taken and not acknowledged
         self._out_bytes = 0
         self._numbers = 0
         self._has_news = False  # perhaps; asked for each value that is published, so it must cost nothing
-        self._fresh: dict[int, Entry] = {}
-        self._writing: list[Entry] = []
+        self._fresh: dict[int, QueuedMessage] = {}
+        self._writing: list[QueuedMessage] = []
         self._gone: list[tuple[Kind, int]] = []
         self._refusals: deque[Refusal] = deque(maxlen=MOST_REFUSALS)
         self._losses: tuple[Loss, ...] = ()  # of memory; times of the steady clock
@@ -70,10 +79,12 @@ class Kept:
         """Return whether an earlier run has left the final result of this key behind."""
         return key in self._keys
 
-    def put(self, kind: Kind, message: Message, since_s: float, *, is_held: bool = False) -> Entry:
+    def put(self, kind: Kind, message: Message, since_s: float, *, is_held: bool = False) -> QueuedMessage:
         """Keep a message, or a value; when memory is full the oldest values go first, results last."""
         self._numbers += 1
-        entry = Entry(self._numbers, kind, message, self._boot, since_s, self._new[kind], is_held=is_held)
+        entry = QueuedMessage(
+            self._numbers, kind, message, self._boot, since_s, self._new[kind], is_held=is_held
+        )
         entry.lane.add(entry)
         self._fresh[entry.number] = entry
         self._has_news |= kind is not Kind.VALUE
@@ -81,7 +92,7 @@ class Kept:
         self.on_work()
         return entry
 
-    def next(self, late_upto: int) -> Entry | None:
+    def next(self, late_upto: int) -> QueuedMessage | None:
         """Return the result or event that comes next; what is not `late` does not wait for what is."""
         if not self._has_news:
             return None
@@ -97,12 +108,12 @@ class Kept:
         is_event_first = event.number < result.number and (is_result_late or event.number > late_upto)
         return event if is_event_first else result
 
-    def take(self, entry: Entry) -> None:
+    def take(self, entry: QueuedMessage) -> None:
         """Remove what `next` returned, until it is done or given back."""
         entry.lane.take(entry)
         self._fly(entry)
 
-    def take_history(self, most: int) -> list[Entry]:
+    def take_history(self, most: int) -> list[QueuedMessage]:
         """Remove some values of one run and starter, until they are done or given back."""
         is_away = self.is_disk_away()
         for lane in (self._old[Kind.VALUE], self._new[Kind.VALUE]):
@@ -114,7 +125,7 @@ class Kept:
                 return batch
         return []
 
-    def done(self, entries: Sequence[Entry]) -> None:
+    def done(self, entries: Sequence[QueuedMessage]) -> None:
         """Note that the broker has acknowledged what was taken."""
         for entry in entries:
             del self._out[entry.number]
@@ -123,14 +134,14 @@ class Kept:
             self._tell_gone(entry)
         self.on_work()
 
-    def cancel(self, entry: Entry) -> None:
+    def cancel(self, entry: QueuedMessage) -> None:
         """Leave out an entry that has become needless: its value was told live."""
         if not entry.is_gone:
             entry.lane.cancel(entry)
             self._tell_gone(entry)
             self.on_work()
 
-    def release(self, entry: Entry) -> None:
+    def release(self, entry: QueuedMessage) -> None:
         """Let the history tell a value that was held because it was to be told live."""
         entry.is_held = False
         if entry.is_gone:
@@ -214,13 +225,13 @@ class Kept:
         for kind, share in recalled.shares.items():
             self._old[kind].begin(share)
 
-    def wanted(self) -> Iterator[tuple[Lane, Wanted]]:
+    def wanted(self) -> Iterator[tuple[Segment, Wanted]]:
         """Give one by one what is to be read from the disk; `page`, or the lane's `no_page`, must follow."""
         for lane in self._lanes:
             if (wanted := lane.wanted()) is not None:
                 yield lane, wanted
 
-    def page(self, lane: Lane, page: Page) -> None:
+    def page(self, lane: Segment, page: Page) -> None:
         """Take what was read; its times are the steady clock's."""
         known = {entry.number for entry in lane} | self._out.keys() | {number for _, number in self._gone}
         entries = [entry_of(row, lane) for row in page.rows if row.number not in known]
@@ -262,11 +273,11 @@ class Kept:
     def _bytes(self) -> int:
         return sum(lane.bytes for lane in self._lanes) + self._out_bytes
 
-    def _first(self, kind: Kind, is_away: bool) -> Entry | None:  # noqa: FBT001 - asked once for several
+    def _first(self, kind: Kind, is_away: bool) -> QueuedMessage | None:  # noqa: FBT001 - asked once for several
         old = self._old[kind].first(is_disk_away=is_away)
         return old or self._new[kind].first(is_disk_away=is_away)
 
-    def _fly(self, entry: Entry) -> None:
+    def _fly(self, entry: QueuedMessage) -> None:
         self._out[entry.number] = entry
         self._out_bytes += entry.size
 
@@ -282,13 +293,13 @@ class Kept:
             if not victim.is_held:
                 self._lose(MEMORY, victim)
 
-    def _tell_gone(self, entry: Entry) -> None:
+    def _tell_gone(self, entry: QueuedMessage) -> None:
         """Have the disk forget an entry that it knows."""
         self._fresh.pop(entry.number, None)
         if entry.state in (State.WRITTEN, State.SUNK):
             self._gone.append((entry.kind, entry.number))
 
-    def _lose(self, reason: str, entry: Entry) -> None:
+    def _lose(self, reason: str, entry: QueuedMessage) -> None:
         self._add_loss(Loss(reason, entry.kind, 1, entry.since_s, entry.since_s))
 
     def _add_loss(self, loss: Loss) -> None:

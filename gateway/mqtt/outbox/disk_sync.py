@@ -61,7 +61,7 @@ class Disk(Protocol):
         ...
 
 
-class Spooler:
+class DiskSync:
     """One outbox's way to its disk; `tell` publishes an event, `wake` has the outbox sent.
 
     Two loops, `run` and `pace`, are to be run for ever, by whoever also calls `start` and `close`.

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from gateway.mqtt.contract.payloads import MAX_HISTORY_ITEMS, HistoryItem, Message, cleared
-from gateway.mqtt.outbox.backlog import Kept
-from gateway.mqtt.outbox.segment import ROW_BYTES, Entry
+from gateway.mqtt.outbox.backlog import Backlog
+from gateway.mqtt.outbox.segment import ROW_BYTES, QueuedMessage
 from gateway.storage.spool import Kind, Refusal
 
 FIRST_FAILURE = 0x80  # reason codes from here on are refusals [MQTT5 2.4]
@@ -28,10 +28,10 @@ class Outgoing:
     ticket: int
     message: Message
     since_s: float | None  # None: a repetition for a new connection, no news
-    entries: tuple[Entry, ...] = ()  # what it tells of what is kept
+    entries: tuple[QueuedMessage, ...] = ()  # what it tells of what is kept
 
 
-class Refused(NamedTuple):
+class RefusedPublish(NamedTuple):
     """A publication that the broker would not take; it is not sent again."""
 
     topic: str
@@ -56,11 +56,11 @@ class Outbox:
     ) -> None:
         self._last_topic = last_topic
         self._pack = pack
-        self.kept = Kept(boot=boot, max_rows=max_rows, max_bytes=max_bytes)
+        self.kept = Backlog(boot=boot, max_rows=max_rows, max_bytes=max_bytes)
         self._latest: dict[str, Message] = {}
         self._waiting: dict[str, float] = {}  # retained topics with news, and since when
         self._opening: deque[str] = deque()  # what a new connection still has to hear first
-        self._held: dict[str, tuple[Message, Entry]] = {}  # newest values that are kept as well
+        self._held: dict[str, tuple[Message, QueuedMessage]] = {}  # newest values that are kept as well
         self._in_flight: dict[int, Outgoing] = {}
         self._window = 0  # 0: not connected
         self._tickets = 0
@@ -69,7 +69,7 @@ class Outbox:
         self._was_late = False
         self._history_credit = 0
         self.refused = 0
-        self.refusals: deque[Refused] = deque(maxlen=MAX_REMEMBERED_REFUSALS)
+        self.refusals: deque[RefusedPublish] = deque(maxlen=MAX_REMEMBERED_REFUSALS)
         self.on_told: Callable[[str], None] = lambda _: None  # hears the keys of final results
 
     @property
@@ -247,14 +247,14 @@ class Outbox:
         message = self._pack(entries[0].message.topic, items, entries[0].boot)
         return self._outgoing(message, entries[0].since_s, *entries)
 
-    def _outgoing(self, message: Message, since_s: float | None, *entries: Entry) -> Outgoing:
+    def _outgoing(self, message: Message, since_s: float | None, *entries: QueuedMessage) -> Outgoing:
         self._tickets += 1
         return Outgoing(self._tickets, message, since_s, entries)
 
     def _refuse(self, sent: Outgoing, reason_code: int) -> None:
         message = sent.message
         self.refused += 1
-        self.refusals.append(Refused(message.topic, reason_code))
+        self.refusals.append(RefusedPublish(message.topic, reason_code))
         for entry in sent.entries[:1]:
             self.kept.refuse(Refusal(entry.since_s, reason_code, message.topic, message.payload))
         self.kept.on_work()

@@ -33,7 +33,7 @@ class State(enum.Enum):
 
 
 @dataclass(slots=True, eq=False)
-class Entry:
+class QueuedMessage:
     """One message, or one item of a history (its topic, the item's JSON)."""
 
     number: int
@@ -41,7 +41,7 @@ class Entry:
     message: Message
     boot: str
     since_s: float
-    lane: Lane
+    lane: Segment
     state: State = State.FRESH
     is_gone: bool = False  # acknowledged, or given up
     is_held: bool = False  # its value is on its way live; history does not tell it meanwhile
@@ -58,7 +58,7 @@ class Wanted(NamedTuple):
     before: int
 
 
-class Lane:
+class Segment:
     """The order of one kind; `window` is how much of a long one is in memory when the rest is on a disk."""
 
     def __init__(self, kind: Kind, *, window: int, end: int) -> None:
@@ -67,8 +67,8 @@ class Lane:
         self.bytes = 0  # in memory
         self._window = window
         self._end = end  # no entry has this number or a higher one
-        self._head: deque[Entry] = deque()
-        self._tail: deque[Entry] = deque()
+        self._head: deque[QueuedMessage] = deque()
+        self._tail: deque[QueuedMessage] = deque()
         self._gone = 0  # entries that are still in head or tail although they are gone
         self._edge = LOWEST  # the last number before what has sunk
         self._sunk_since_asked: int | None = None  # None: no page is on its way
@@ -76,15 +76,15 @@ class Lane:
     def __len__(self) -> int:
         return len(self._head) + len(self._tail) - self._gone
 
-    def __iter__(self) -> Iterator[Entry]:
+    def __iter__(self) -> Iterator[QueuedMessage]:
         return (entry for part in (self._head, self._tail) for entry in part if not entry.is_gone)
 
-    def add(self, entry: Entry) -> None:
+    def add(self, entry: QueuedMessage) -> None:
         """Take the newest entry."""
         (self._tail if self.sunk.rows else self._head).append(entry)
         self.bytes += entry.size
 
-    def first(self, *, is_disk_away: bool) -> Entry | None:
+    def first(self, *, is_disk_away: bool) -> QueuedMessage | None:
         """Return what comes next; while the disk is away nothing waits for what has sunk."""
         for part in (self._head, self._tail):
             while part and part[0].is_gone:
@@ -96,15 +96,15 @@ class Lane:
                 return None
         return None
 
-    def take(self, entry: Entry) -> None:
+    def take(self, entry: QueuedMessage) -> None:
         """Remove the entry that `first` returned."""
         (self._head if self._head else self._tail).popleft()
         self.bytes -= entry.size
 
-    def take_batch(self, most: int, *, is_disk_away: bool) -> list[Entry]:
+    def take_batch(self, most: int, *, is_disk_away: bool) -> list[QueuedMessage]:
         """Remove and return the next entries of one run and topic, without those that are held."""
-        batch: list[Entry] = []
-        passed: list[Entry] = []
+        batch: list[QueuedMessage] = []
+        passed: list[QueuedMessage] = []
         part = self._tail if is_disk_away and not self._head else self._head
         while part and len(batch) < most and len(batch) + len(passed) < LOOKAHEAD:
             entry = part.popleft()
@@ -118,12 +118,12 @@ class Lane:
         part.extendleft(reversed(passed))
         return batch
 
-    def give_back(self, entries: Sequence[Entry]) -> None:
+    def give_back(self, entries: Sequence[QueuedMessage]) -> None:
         """Put what was taken back to the front, in its old order."""
         self._head.extendleft(reversed(entries))
         self.bytes += sum(entry.size for entry in entries)
 
-    def cancel(self, entry: Entry) -> None:
+    def cancel(self, entry: QueuedMessage) -> None:
         """Leave out an entry that has not been taken."""
         entry.is_gone = True
         if entry.state is State.SUNK:
@@ -163,7 +163,7 @@ class Lane:
         """Note that the page that was wanted does not come."""
         self._sunk_since_asked = None
 
-    def page(self, entries: Sequence[Entry], *, upto: int, is_last: bool, lost: int) -> int:
+    def page(self, entries: Sequence[QueuedMessage], *, upto: int, is_last: bool, lost: int) -> int:
         """Take a page that ends with number `upto`; return how many rows are missing, besides the `lost`."""
         if self._sunk_since_asked is None:
             return 0  # the disk was lost meanwhile, and this is declared
@@ -205,7 +205,7 @@ class Lane:
         self._tail = deque(entry for entry in self._tail if not entry.is_gone)
         self._gone = 0
 
-    def _sink(self, entry: Entry) -> None:
+    def _sink(self, entry: QueuedMessage) -> None:
         if entry.is_gone:
             self._gone -= 1
             return
@@ -222,12 +222,12 @@ class Lane:
             self._tail.clear()
 
 
-def in_order(entries: Iterable[Entry]) -> list[Entry]:
+def in_order(entries: Iterable[QueuedMessage]) -> list[QueuedMessage]:
     """Return entries by their numbers."""
     return sorted(entries, key=lambda entry: entry.number)
 
 
-def row_of(entry: Entry, utc_of: Callable[[float], float]) -> Row:
+def row_of(entry: QueuedMessage, utc_of: Callable[[float], float]) -> Row:
     """Return an entry as the disk knows it."""
     message = entry.message
     return Row(
@@ -242,7 +242,7 @@ def row_of(entry: Entry, utc_of: Callable[[float], float]) -> Row:
     )
 
 
-def entry_of(row: Row, lane: Lane) -> Entry:
+def entry_of(row: Row, lane: Segment) -> QueuedMessage:
     """Return what the disk knows as an entry; the row's time is the steady clock's."""
     message = Message(
         row.topic,
@@ -254,10 +254,10 @@ def entry_of(row: Row, lane: Lane) -> Entry:
         correlation=row.correlation,
         key=row.key,
     )
-    return Entry(row.number, row.kind, message, row.boot, row.time_s, lane, State.WRITTEN)
+    return QueuedMessage(row.number, row.kind, message, row.boot, row.time_s, lane, State.WRITTEN)
 
 
-def _place(entry: Entry) -> tuple[str, str]:
+def _place(entry: QueuedMessage) -> tuple[str, str]:
     return entry.message.topic, entry.boot
 
 

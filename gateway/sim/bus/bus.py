@@ -15,7 +15,7 @@ from gateway.errors import BadFrameError
 from gateway.modbus.adu import BROADCAST, Adu, decode, encode
 from gateway.modbus.timing import LineTiming
 from gateway.sim.bus.faults import Babbling, Impairment, Noisy, Reply
-from gateway.sim.core.unit import Unit
+from gateway.sim.core.unit import SimulatedUnit
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class Frame:
 
 
 @dataclass(frozen=True, slots=True)
-class Violation:
+class BusViolation:
     """Something that the master must not do on a serial line."""
 
     at_s: float
@@ -74,7 +74,7 @@ _GARBAGE = 0xA5  # what a collision makes of a byte
 
 
 @dataclass(slots=True)
-class _Order:
+class _SendOrder:
     """An impairment in force."""
 
     impairment: Impairment
@@ -92,7 +92,7 @@ class Bus:
     def __init__(
         self,
         timing: LineTiming,
-        units: Iterable[Unit] = (),
+        units: Iterable[SimulatedUnit] = (),
         *,
         name: str = "simulated",
         seed: int = 0,
@@ -105,13 +105,13 @@ class Bus:
         self.chunk_bytes = chunk_bytes
         self.tolerance_s = tolerance_s  # by which a silence may be too short
         self.noise: Noisy | None = None  # on everything, both ways
-        self.units: list[Unit] = []
-        self.violations: list[Violation] = []
+        self.units: list[SimulatedUnit] = []
+        self.violations: list[BusViolation] = []
         self.transcript: deque[Frame] = deque(maxlen=frames_kept)
         self._dice = random.Random(seed)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._sink: Sink | None = None
-        self._orders: dict[int, _Order] = {}
+        self._orders: dict[int, _SendOrder] = {}
         self._incoming: IncomingFrame | None = None
         self._frame_timer: asyncio.TimerHandle | None = None
         self._busy_until_s = float("-inf")  # the last byte of anyone
@@ -122,17 +122,17 @@ class Bus:
 
     # Who is on the line
 
-    def add(self, unit: Unit) -> None:
+    def add(self, unit: SimulatedUnit) -> None:
         """Connect a unit, set to this line's speed and framing."""
         unit.join(self.timing)
         self.units.append(unit)
         self._give_time(unit)
 
-    def remove(self, unit: Unit) -> None:
+    def remove(self, unit: SimulatedUnit) -> None:
         """Take a unit off the wires."""
         self.units.remove(unit)
 
-    def unit(self, address: int) -> Unit:
+    def unit(self, address: int) -> SimulatedUnit:
         """Return the first unit with this address."""
         return next(unit for unit in self.units if unit.address == address)
 
@@ -140,7 +140,7 @@ class Bus:
         self, address: int, impairment: Impairment, *, count: int | None = None, chance: float = 1.0
     ) -> None:
         """Spoil the replies of a unit: the next `count`, or until it is healed; each by this chance."""
-        self._orders[address] = order = _Order(impairment, count, chance)
+        self._orders[address] = order = _SendOrder(impairment, count, chance)
         if isinstance(impairment, Babbling):
             self._plan_babble(address, order)
 
@@ -234,12 +234,12 @@ class Bus:
                 self._violate(frame.start_s, "broken", str(error))
             return None
 
-    def _understands(self, unit: Unit, frame: IncomingFrame) -> bool:
+    def _understands(self, unit: SimulatedUnit, frame: IncomingFrame) -> bool:
         characters_s = unit.longest_gap_characters / 3.5 * frame.timing.silence_s
         is_whole = frame.longest_gap_s <= characters_s + self.tolerance_s
         return is_whole and unit.listens_to(frame.timing)
 
-    def _ask(self, unit: Unit, adu: Adu, frame: IncomingFrame) -> None:
+    def _ask(self, unit: SimulatedUnit, adu: Adu, frame: IncomingFrame) -> None:
         pdu = unit.handle(adu.pdu, self._now_s())
         if pdu is None or adu.unit == BROADCAST:
             return
@@ -290,12 +290,12 @@ class Bus:
         if self._sink is not None:
             self._sink(chunk, arrival_s)
 
-    def _plan_babble(self, address: int, order: _Order) -> None:
+    def _plan_babble(self, address: int, order: _SendOrder) -> None:
         if isinstance(order.impairment, Babbling) and self._loop is not None:
             after_s, burst = order.impairment.babble(self._dice)
             self._loop.call_later(after_s, self._babble, address, order, burst)
 
-    def _babble(self, address: int, order: _Order, burst: bytes) -> None:
+    def _babble(self, address: int, order: _SendOrder, burst: bytes) -> None:
         if self._orders.get(address) is order:
             self._transmit(address, burst)
             self._plan_babble(address, order)
@@ -303,9 +303,9 @@ class Bus:
     def _violate(self, at_s: float, kind: str, detail: str) -> None:
         if len(self.violations) >= VIOLATIONS_KEPT:  # a master that never learns
             del self.violations[0]
-        self.violations.append(Violation(at_s, kind, detail))
+        self.violations.append(BusViolation(at_s, kind, detail))
 
-    def _give_time(self, unit: Unit) -> None:
+    def _give_time(self, unit: SimulatedUnit) -> None:
         if self._loop is not None:
             unit.clock = self._loop.time
             unit.advance(self._loop.time())

@@ -27,7 +27,7 @@ class Impairment(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Silent:
+class NoReply:
     """Acts, but does not answer."""
 
     def apply(self, reply: Reply, dice: random.Random) -> tuple[Reply, ...]:  # noqa: ARG002

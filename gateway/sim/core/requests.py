@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from gateway.errors import BadRequestError
 from gateway.modbus.codes import ExceptionCode
-from gateway.modbus.device_id import ONE_OBJECT_CODE, Identification, ReadDeviceIdentification
+from gateway.modbus.device_id import ONE_OBJECT_CODE, DeviceIdentification, ReadDeviceIdentification
 from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.server import KnownRequest
 from gateway.modbus.writes import (
@@ -20,7 +20,7 @@ from gateway.modbus.writes import (
 )
 
 
-class Answers:
+class RequestHandlers:
     """Tables without a row; a family fills them. Refusals are BadRequestErrors with their exception code."""
 
     functions: ClassVar[frozenset[int]] = frozenset()
@@ -65,7 +65,7 @@ class Answers:
         else:  # a stream from an object that does not exist begins with the first one [APP 6.21]
             start = request.object_id if request.object_id in objects else 0
             objects = {key: text for key, text in objects.items() if key >= start}
-        return request.encode_reply(Identification(objects), conformity=self.conformity)
+        return request.encode_reply(DeviceIdentification(objects), conformity=self.conformity)
 
     def _read_coils(self, address: int, count: int) -> Sequence[bool]:
         raise _no_address(address, count)

@@ -20,7 +20,7 @@ from gateway.modbus.timing import LineTiming
 from gateway.sim.core.meter import Meter
 from gateway.sim.core.motor import Motor
 from gateway.sim.core.power import MotorData, MotorTrip
-from gateway.sim.core.requests import Answers, refuse_function
+from gateway.sim.core.requests import RequestHandlers, refuse_function
 
 _WRITES_KEPT = 10_000
 
@@ -34,14 +34,14 @@ class Trip:
 
 
 @dataclass(frozen=True, slots=True)
-class Write:
+class RegisterWrite:
     """A write request that reached the starter, obeyed or not."""
 
     at_s: float
     pdu: bytes
 
 
-class Unit(Answers, ABC):
+class SimulatedUnit(RequestHandlers, ABC):
     """One starter on a line; times are seconds on whatever clock the callers use."""
 
     family: ClassVar[str]
@@ -66,7 +66,7 @@ class Unit(Answers, ABC):
         self.clock: Callable[[], float] | None = None  # the line's, once the unit is on one
         self.starts: list[float] = []  # when a start was accepted over the line
         self.start_frames: list[float] = []  # when one was asked for, accepted or not
-        self.writes: deque[Write] = deque(maxlen=_WRITES_KEPT)
+        self.writes: deque[RegisterWrite] = deque(maxlen=_WRITES_KEPT)
         self.trips: list[Trip] = []
         self.handled = 0  # requests that this unit acted on
         self._joined: LineTiming | None = None
@@ -90,7 +90,7 @@ class Unit(Answers, ABC):
             self._check_function(function)
             request = decode_request(pdu)
             if request.is_write:
-                self.writes.append(Write(now_s, pdu))
+                self.writes.append(RegisterWrite(now_s, pdu))
             reply = self.answer(request)
         except BadRequestError as error:
             reply = encode_exception(function & ~EXCEPTION_BIT, error.exception_code)

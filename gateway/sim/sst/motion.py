@@ -12,7 +12,7 @@ from typing import ClassVar, Literal
 
 from gateway.sim.core.power import MotorData, MotorTrip
 from gateway.sim.core.requests import refuse_address
-from gateway.sim.core.unit import Trip, Unit
+from gateway.sim.core.unit import SimulatedUnit, Trip
 from gateway.sim.sst import registers
 
 START, CONFIGURE, RESET_ERRORS, RESET_STARTER = range(4)  # addresses of the coils that can be written
@@ -27,7 +27,7 @@ _DISCHARGED_AFTER_S = _DISCHARGE_S * math.log(_CHARGED_V / _DISCHARGED_V)
 Control = Literal["modbus", "usb", "parallel"]
 
 
-class SstMotion(Unit):
+class SstMotion(SimulatedUnit):
     """One SST; initialised (coils 5 and 26 are 1) unless `is_configured` is False."""
 
     family: ClassVar[str] = "sst"

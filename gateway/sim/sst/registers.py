@@ -28,7 +28,7 @@ _ONE_PHASE = {**_COMMON, 33: (1, 6), 34: (0, 6), 39: (0, 10)}
 
 
 @dataclass(frozen=True, slots=True)
-class Model:
+class SstModel:
     """One SST: its number in register 0, its ranges, and since when its name can be read."""
 
     name: str  # as registers 22-29 give it, but for the variant at its end
@@ -46,14 +46,14 @@ _RANGES_75 = {**_ONE_PHASE, 30: (75, 75), 31: (75, 75)}
 _RANGES_140 = {**_ONE_PHASE, 30: (5, 140), 31: (5, 140)}
 
 MODELS = (
-    Model("SST330i", 330, "6.1", "4.04", "4.04", _THREE_PHASE, _SLOW),
-    Model("SST360i", 360, "6.1", "4.04", "4.04", _THREE_PHASE, _SLOW),
-    Model("SST130i-75", 130, "4.4", "2.04", "2.00", _RANGES_75, {**_FIRST, 30: 75, 31: 75}),
-    Model("SST130i-140", 130, "4.4", "2.04", "2.00", _RANGES_140, _FIRST),
+    SstModel("SST330i", 330, "6.1", "4.04", "4.04", _THREE_PHASE, _SLOW),
+    SstModel("SST360i", 360, "6.1", "4.04", "4.04", _THREE_PHASE, _SLOW),
+    SstModel("SST130i-75", 130, "4.4", "2.04", "2.00", _RANGES_75, {**_FIRST, 30: 75, 31: 75}),
+    SstModel("SST130i-140", 130, "4.4", "2.04", "2.00", _RANGES_140, _FIRST),
 )
 
 
-def find_model(text: str) -> Model:
+def find_model(text: str) -> SstModel:
     """Return the model whose name begins this text, e.g. SST330i-M-ES; ValueError for none."""
     known = [model for model in MODELS if text.upper().startswith(model.name.upper())]
     if not known:

@@ -20,7 +20,7 @@ SLOT_1_DECIDES = (9, 10)  # values of C3.1; slot 2's follow
 INITIAL_TEST_S = 0.2  # not stated: ours
 
 
-class Sources(Commanded):
+class CommandSources(Commanded):
     """The part of an SSW900 that turns command words into motion."""
 
     def __init__(

@@ -6,7 +6,7 @@ from typing import Any
 
 from gateway.sim.core.power import MotorTrip
 from gateway.sim.core.unit import Trip
-from gateway.sim.ssw900.command_sources import Sources
+from gateway.sim.ssw900.command_sources import CommandSources
 from gateway.sim.weg.common import ENABLE, REMOTE, RUN
 
 C8_TIMEOUT, C8_TIMEOUT_MODE, C8_TIMEOUT_ACTION = 734, 740, 741
@@ -16,7 +16,7 @@ FAULT_SILENCE, FAULT_OVERLOAD, FAULT_OVERCURRENT = 128, 5, 66  # F128, F005, F06
 _MODE_FAULT, _MODE_ALARM = 1, 2  # C8.2.5.1
 
 
-class Faults(Sources):
+class Faults(CommandSources):
     """The part of an SSW900 that trips."""
 
     def __init__(self, address: int, **options: Any) -> None:

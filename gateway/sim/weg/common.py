@@ -9,7 +9,7 @@ from abc import abstractmethod
 
 from gateway.sim.core.power import MotorData, MotorState
 from gateway.sim.core.requests import refuse_value
-from gateway.sim.core.unit import Unit
+from gateway.sim.core.unit import SimulatedUnit
 
 RUN, ENABLE, JOG, REVERSE, REMOTE, RESET = 0x01, 0x02, 0x04, 0x08, 0x10, 0x80
 ALL_COMMANDS = RUN | ENABLE | JOG | REVERSE | REMOTE | RESET
@@ -17,7 +17,7 @@ ALL_COMMANDS = RUN | ENABLE | JOG | REVERSE | REMOTE | RESET
 _MOTION = RUN | ENABLE | JOG | REVERSE
 
 
-class Commanded(Unit):
+class Commanded(SimulatedUnit):
     """A starter whose motor is moved by a command word or by its keypad.
 
     The manuals do not say what becomes of a run command when the motor is stopped by a fault or a general

@@ -15,13 +15,13 @@ from gateway.families.profile.load import stop_note, stop_profile
 from gateway.families.profile.schema import Profile, Variant
 from gateway.line.client import LineClient
 from gateway.starters.commands.view import StarterControlView
-from gateway.starters.identity.query import Standing
+from gateway.starters.identity.query import IdentityStatus
 from gateway.starters.setup import StarterSetup, merged
-from gateway.starters.telemetry.emitter import Publisher
+from gateway.starters.telemetry.emitter import Emitter
 from gateway.starters.telemetry.snapshot import Snapshot
 
 
-class Addressed:
+class StopAddressee:
     """A `StarterControlView` for a stop: as configured, until the device proves to be of another family."""
 
     def __init__(self, starter: StarterControlView) -> None:
@@ -59,7 +59,7 @@ class Addressed:
         return self._starter.line
 
     @property
-    def publisher(self) -> Publisher:
+    def publisher(self) -> Emitter:
         """Its voice, for events."""
         return self._starter.publisher
 
@@ -74,7 +74,7 @@ class Addressed:
         return self._starter.identity
 
     @property
-    def identity_standing(self) -> Standing:
+    def identity_standing(self) -> IdentityStatus:
         """Whether it has proved to be the configured family."""
         return self._starter.identity_standing
 

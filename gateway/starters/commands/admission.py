@@ -15,11 +15,11 @@ from gateway.families.reading.bulk import reads_for
 from gateway.records import CANCEL, OWN_VERBS, READ, SELECT, Phase
 from gateway.starters.commands.command_queue import CommandQueue
 from gateway.starters.commands.ledger import Ledger
-from gateway.starters.commands.lifecycle import STOP, Desk, End, Errand
+from gateway.starters.commands.lifecycle import STOP, CommandReport, Final, Reporting
 from gateway.starters.commands.view import StarterControlView
-from gateway.starters.identity.query import Standing
+from gateway.starters.identity.query import IdentityStatus
 from gateway.starters.policy.lock import is_forbidden, refusal
-from gateway.starters.policy.policy import Precautions
+from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.preconditions import STATE, Expectation, Guard
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.rights import Rights
@@ -50,7 +50,7 @@ class Admission:
         starters: Mapping[str, StarterControlView],
         *,
         rights: Rights,
-        precautions: Precautions,
+        precautions: Policy,
         journal: Journal,
         ledger: Ledger,
         clock: Clock,
@@ -129,7 +129,7 @@ class Admission:
             raise CommandError("offline", "the starter does not answer")
         if request.verb == READ and starter.contradiction:
             return preparation  # its raw words are all that is said of it
-        if starter.identity_standing is not Standing.MATCHING:
+        if starter.identity_standing is not IdentityStatus.MATCHING:
             raise CommandError(f"identity_{starter.identity_standing.value}", starter.identity_reason)
         return preparation
 
@@ -186,10 +186,10 @@ class Admission:
 TOO_MANY = "too_many"
 
 
-class Excess:
+class OverloadRefusals:
     """Refuses for each client at most ten times a second, and never under an id that has a result."""
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: Reporting) -> None:
         self._desk = desk
         self._refusals = Damped(self._refuse, clock=desk.clock, every_s=TELL_EVERY_S)
         self._stops = Damped(self._answer_stop, clock=desk.clock, every_s=TELL_EVERY_S)
@@ -214,8 +214,8 @@ class Excess:
         if count:
             request = replace(request, id=None, correlation=None, response_topic=None)
             text = f"{count} more refused: too many commands at once"
-        end = End(Phase.REJECTED, TOO_MANY, text, values={"count": count} if count else {})
-        Errand(request, self._desk).refuse(end)
+        end = Final(Phase.REJECTED, TOO_MANY, text, values={"count": count} if count else {})
+        CommandReport(request, self._desk).refuse(end)
 
     def _answer_stop(self, request: CommandRequest, count: int) -> None:
         """Say what is known of a stop that was sent: rejected would mean that nothing was written."""
@@ -223,8 +223,8 @@ class Excess:
             request = replace(request, id=None, correlation=None, response_topic=None)
         which = f"{count} more stops were" if count else "it was"
         text = f"{which} sent with those that came before, and not followed up: see their results"
-        errand = Errand(request, self._desk, is_kept=False)
+        errand = CommandReport(request, self._desk, is_kept=False)
         errand.accept()
         errand.write()
         values = {"count": count} if count else {}
-        errand.finish(End(Phase.UNCONFIRMED, TOO_MANY, f"{text}: the motor may be turning", values=values))
+        errand.finish(Final(Phase.UNCONFIRMED, TOO_MANY, f"{text}: the motor may be turning", values=values))

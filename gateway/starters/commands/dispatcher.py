@@ -11,21 +11,28 @@ from typing import Any
 
 from gateway.errors import CommandError
 from gateway.records import LOCK, OWN_VERBS, READ, Phase, ResultRecord, SequenceNumbers, Sink
-from gateway.starters.commands.admission import CAN_WAIT, LEDGER_FULL, TOO_MANY, Admission, Excess, Load
+from gateway.starters.commands.admission import (
+    CAN_WAIT,
+    LEDGER_FULL,
+    TOO_MANY,
+    Admission,
+    Load,
+    OverloadRefusals,
+)
 from gateway.starters.commands.command_queue import CommandQueue
-from gateway.starters.commands.execution import HALTED, Conduct
+from gateway.starters.commands.execution import HALTED, CommandExecution
 from gateway.starters.commands.ledger import Ledger, Proofs, is_same, told_again
-from gateway.starters.commands.lifecycle import STOP, Desk, End, Errand, audit
-from gateway.starters.commands.local_verbs import Administration
-from gateway.starters.commands.recovery import Aftermath
+from gateway.starters.commands.lifecycle import STOP, CommandReport, Final, Reporting, audit
+from gateway.starters.commands.local_verbs import LocalVerbs
+from gateway.starters.commands.recovery import Recovery
 from gateway.starters.commands.stop import GroupStop, Stopping
 from gateway.starters.commands.view import StarterControlView
 from gateway.starters.policy.lock import is_forbidden
-from gateway.starters.policy.policy import Precautions
-from gateway.starters.policy.rate_limit import Flood
+from gateway.starters.policy.policy import Policy
+from gateway.starters.policy.rate_limit import RateLimiter
 from gateway.starters.policy.request import CommandRequest, Refusable, request_of
 from gateway.starters.policy.rights import Rights
-from gateway.starters.policy.start_rules import Policy
+from gateway.starters.policy.start_rules import PolicySettings
 from gateway.storage.journal import UNAVAILABLE, Journal, NoJournal, Remembered
 from gateway.system.clock import Clock
 
@@ -48,7 +55,7 @@ UNFIT = frozenset(  # codes of what is refused however often it comes: its id is
 )
 
 
-class Commander:
+class Dispatcher:
     """Takes commands for all starters, on the app's loop; every command gets exactly one final result."""
 
     def __init__(
@@ -60,7 +67,7 @@ class Commander:
         clock: Clock,
         sequence: SequenceNumbers,
         journal: Journal | None = None,
-        precautions: Precautions | None = None,
+        precautions: Policy | None = None,
         stood_still_s: Callable[[], float] = lambda: -inf,
         proofs: Proofs | None = None,
     ) -> None:
@@ -68,10 +75,10 @@ class Commander:
         self._rights = rights
         self._journal = journal or NoJournal()
         self._ledger = Ledger(proofs=proofs, on_forgotten=self._journal.forget)
-        self._precautions = precautions or Precautions(
-            Policy(), starters.keys(), rights=rights, sink=sink, clock=clock, sequence=sequence
+        self._precautions = precautions or Policy(
+            PolicySettings(), starters.keys(), rights=rights, sink=sink, clock=clock, sequence=sequence
         )
-        self._desk = Desk(
+        self._desk = Reporting(
             sink=sink,
             clock=clock,
             sequence=sequence,
@@ -89,14 +96,14 @@ class Commander:
             ledger=self._ledger,
             clock=clock,
         )
-        self._administration = Administration(self._admission, self._precautions, clock=clock)
-        self._flood = Flood(self._precautions.policy.limits)
-        self._excess = Excess(self._desk)
-        self._conducts: dict[str, Conduct] = {}
+        self._administration = LocalVerbs(self._admission, self._precautions, clock=clock)
+        self._flood = RateLimiter(self._precautions.policy.limits)
+        self._excess = OverloadRefusals(self._desk)
+        self._conducts: dict[str, CommandExecution] = {}
         self._stopped_s: dict[str, float] = {}  # by starter: when its latest stop came
         self._queues: dict[tuple[str, bool], CommandQueue] = {}  # by line, and whether they can wait
         self._stops: dict[str, Stopping] = {}
-        self._aftermaths: list[Aftermath] = []
+        self._aftermaths: list[Recovery] = []
         self._tasks: set[asyncio.Task[None]] = set()
         self._is_closing = False
         self._leaving: Collection[str] = ()  # starters whose configuration is about to change
@@ -163,7 +170,7 @@ class Commander:
                 continue  # a stop that came before the ledger could be read; all else was refused
             if not result.phase.is_final:
                 starter = self._starters.get(result.starter)
-                aftermath = Aftermath(remembered, starter, self._desk)
+                aftermath = Recovery(remembered, starter, self._desk)
                 result = aftermath.result()
                 self._aftermaths.append(aftermath)
                 self._spawn(aftermath.tell())
@@ -229,8 +236,8 @@ class Commander:
     def _refuse(self, request: CommandRequest, error: CommandError, *, is_kept: bool) -> None:
         """Refuse a command; under an id that has a result, as a duplicate: that result stays."""
         is_known = self._ledger.find(request.client, request.id) is not None
-        errand = Errand(request, self._desk, is_repeat=is_known)
-        end = End(Phase.REJECTED, error.code, error.text)
+        errand = CommandReport(request, self._desk, is_repeat=is_known)
+        end = Final(Phase.REJECTED, error.code, error.text)
         if is_known or is_kept or error.code in UNFIT:
             errand.finish(end, is_kept=is_kept and not is_known)
         else:
@@ -241,7 +248,7 @@ class Commander:
         starter = self._starters[request.starter]
         if request.verb in OWN_VERBS:
             self._administration.check(request, starter)
-            errand = Errand(request, self._desk)
+            errand = CommandReport(request, self._desk)
             errand.accept()
             keeping = self._administration.act(errand, starter)
             if request.verb == LOCK:
@@ -254,10 +261,10 @@ class Commander:
             raise CommandError("stopped_first", "a stop that came later was taken first")
         load = self._load(request)
         preparation, guard = self._admission.check(request, starter, load)
-        errand = Errand(request, self._desk)
+        errand = CommandReport(request, self._desk)
         errand.accept()
         place = None if request.verb == READ else load.queue.enter(request.expires_s)
-        self._conducts[request.starter] = conduct = Conduct(
+        self._conducts[request.starter] = conduct = CommandExecution(
             errand, starter, preparation, guard, place, self._precautions.watchdogs
         )
         self._spawn(self._until_done(request.starter, conduct))
@@ -276,7 +283,7 @@ class Commander:
         if is_full:
             self._excess.pass_over(self._key(request), request)
             return
-        errand = Errand(request, self._desk, is_repeat=is_repeat)
+        errand = CommandReport(request, self._desk, is_repeat=is_repeat)
         errand.accept()
         if request.starter not in self._groups:
             self._stops[request.starter].join(errand)
@@ -289,7 +296,7 @@ class Commander:
                 self._stops[name].join(member)
             else:
                 text = f"{request.client} has no right to stop {name}"
-                member.finish(End(Phase.REJECTED, "not_allowed", text))
+                member.finish(Final(Phase.REJECTED, "not_allowed", text))
 
     def _begin_stop(self, name: str, came_s: float) -> Stopping:
         """Cut what this starter is doing, then stop it, unless that is under way."""
@@ -340,7 +347,7 @@ class Commander:
         if is_forbidden(conduct.errand.request.verb, conduct.errand.request.args):
             conduct.halt("locked")
 
-    async def _until_done(self, name: str, conduct: Conduct) -> None:
+    async def _until_done(self, name: str, conduct: CommandExecution) -> None:
         try:
             await conduct.run()
         finally:

@@ -15,13 +15,13 @@ from gateway.families.profile.decode import decode_row
 from gateway.families.profile.parameters import find
 from gateway.families.profile.procedure import Expect, Preparation, Procedure, WriteStep
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.requests import Priority
 from gateway.modbus.codes import ExceptionCode, exception_name
 from gateway.records import Phase
 from gateway.starters.commands.admission import CAN_WAIT
 from gateway.starters.commands.command_queue import LINE_FULL, Place
-from gateway.starters.commands.lifecycle import End, Errand
-from gateway.starters.commands.starter_io import HaltedError, RefusedError, Rows, Wire
+from gateway.starters.commands.lifecycle import CommandReport, Final
+from gateway.starters.commands.starter_io import HaltedError, RefusedError, Rows, StarterIo
 from gateway.starters.commands.view import StarterControlView
 from gateway.starters.policy.preconditions import Guard
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
@@ -57,12 +57,12 @@ class _OutdatedError(Exception):
     """What was decided has not been written, and is to be decided again."""
 
 
-class Conduct:
+class CommandExecution:
     """One accepted command under way; `run` always ends with the command's final result."""
 
     def __init__(
         self,
-        errand: Errand,
+        errand: CommandReport,
         starter: StarterControlView,
         preparation: Preparation,
         guard: Guard | None = None,
@@ -76,8 +76,10 @@ class Conduct:
         self._place = place  # among the commands of its line; None: it needs no turn
         self._watchdogs = watchdogs or KnownWatchdogs()  # of the starters that share its line
         self.can_wait = errand.request.verb in CAN_WAIT
-        self._lane = Lane.PARAMETERS if self.can_wait else Lane.COMMAND
-        self._wire = Wire(starter, read_back_lane=Lane.PARAMETERS if self.can_wait else Lane.READ_BACK)
+        self._lane = Priority.PARAMETERS if self.can_wait else Priority.COMMAND
+        self._wire = StarterIo(
+            starter, read_back_lane=Priority.PARAMETERS if self.can_wait else Priority.READ_BACK
+        )
         self._procedure: Procedure | None = None  # once it is being written
         self._handed_s = 0.0  # when the latest write was handed to the line
         self._cleared_s = inf  # when run = 0 was taken, as its request was asked
@@ -102,7 +104,7 @@ class Conduct:
         self._watchdogs.end(self.errand.request.starter)
         self.errand.finish(end)
 
-    async def _ended(self) -> End:
+    async def _ended(self) -> Final:
         try:
             if self._place is not None:
                 await self._wire.wait_for(self._place.wait())
@@ -123,7 +125,7 @@ class Conduct:
         except CommandError as error:
             return self._cut(error.code, error.text)
         except RefusedError as error:
-            return End(Phase.FAILED, error.code, str(error))
+            return Final(Phase.FAILED, error.code, str(error))
         except HaltedError as error:
             if error.code != "shutting_down":  # nothing is written at shut-down
                 await self._leave_safe()
@@ -138,13 +140,13 @@ class Conduct:
             await self._wire.wait_for(self._guard.admit())
         return self.errand.now_s() - began_s
 
-    def _cut(self, code: str, text: str) -> End:
+    def _cut(self, code: str, text: str) -> Final:
         """Return the end of a command that something came in the way of."""
         if self.errand.life.is_written:
-            return End(Phase.UNCONFIRMED, code, f"{text}; it was written before: {self._outlook}")
+            return Final(Phase.UNCONFIRMED, code, f"{text}; it was written before: {self._outlook}")
         if code == "internal":
-            return End(Phase.FAILED, code, text)
-        return End(Phase.REJECTED, code, f"{text}; nothing was written")
+            return Final(Phase.FAILED, code, text)
+        return Final(Phase.REJECTED, code, f"{text}; nothing was written")
 
     async def _decide(self) -> tuple[Rows, Procedure]:
         """Return what to do, once two readings in a row allow it and lead to the same steps."""
@@ -185,7 +187,7 @@ class Conduct:
             self._guard.check(self._points(rows))
         return build(profile, self._starter.variant, request.verb, request.args, seen=rows)
 
-    async def _carry_out(self, procedure: Procedure) -> End:
+    async def _carry_out(self, procedure: Procedure) -> Final:
         """Write each step once, each only after what the one before has to bring about."""
         self._procedure = procedure
         for place, step in enumerate(procedure.steps, 1):
@@ -195,14 +197,14 @@ class Conduct:
                 return end if step.is_run_off else await self._abandoned(end)
         if procedure.verify is None:
             text = f"written, but it cannot be read back: {self._outlook}"
-            return End(Phase.UNCONFIRMED, "not_readable", text)
+            return Final(Phase.UNCONFIRMED, "not_readable", text)
         values = await self._wire.see(procedure.verify)
         if values is None:
             end = self._not_seen(procedure.verify)
             return await self._abandoned(replace(end, text=_noted(end.text, procedure)))
         return self._confirmed(procedure, values)
 
-    async def _take_step(self, step: WriteStep, *, is_last: bool) -> End | None:
+    async def _take_step(self, step: WriteStep, *, is_last: bool) -> Final | None:
         """Write one step and see what it must bring about; return the end when the next must not follow."""
         outcome = await self._write(step)
         is_excused = step.may_be_refused and isinstance(outcome, Refused) and outcome.code in _NOT_SET_UP
@@ -218,25 +220,25 @@ class Conduct:
         return self._cut("no_answer", f"a write before the last was not answered ({outcome.reason})")
 
     async def _run_off(
-        self, step: WriteStep, outcome: Outcome, end: End | None, *, is_excused: bool
-    ) -> End | None:
+        self, step: WriteStep, outcome: Outcome, end: Final | None, *, is_excused: bool
+    ) -> Final | None:
         """Return the end when run = 0 was not taken: nothing that lets a run command act may follow."""
         if isinstance(outcome, Refused) and end is not None:
             text = (
                 f"the starter refused run = 0 ({exception_name(outcome.code)}): a run command may stand in it"
             )
-            return End(Phase.FAILED, "run_not_cleared", f"{text}; {_NOTHING_ELSE}")
+            return Final(Phase.FAILED, "run_not_cleared", f"{text}; {_NOTHING_ELSE}")
         if end is not None:
             return end
         self._cleared_s = min(self._cleared_s, self._wire.seen_s)
         if not is_excused and not isinstance(outcome, (Answered, Refused)):
             text = f"run = 0 was not answered ({outcome.reason}): a run command may stand in the starter"
-            return End(Phase.UNCONFIRMED, "no_answer", f"{text}; {_NOTHING_ELSE}")
+            return Final(Phase.UNCONFIRMED, "no_answer", f"{text}; {_NOTHING_ELSE}")
         if step.then is None or await self._wire.see(step.then) is not None:
             return None
         seen = f"{step.then.name} was not seen to take it within {step.then.within_s:g} s"
         text = f"run = 0 was written, but {seen}"
-        return End(Phase.FAILED, "run_not_cleared", f"{text}; {_NOTHING_ELSE}")
+        return Final(Phase.FAILED, "run_not_cleared", f"{text}; {_NOTHING_ELSE}")
 
     @property
     def _outlook(self) -> str:
@@ -244,16 +246,16 @@ class Conduct:
         wakes = self._procedure is not None and self._procedure.is_run_cleared
         return MAY_BE_TURNING if wakes or not self.can_wait else LOOK
 
-    def _not_seen(self, expect: Expect) -> End:
+    def _not_seen(self, expect: Expect) -> Final:
         within = f"within {expect.within_s:g} s"
         if self._outlook is LOOK:
             text = f"{expect.name} does not read as written {within}: it did not follow; {LOOK}"
-            return End(Phase.UNCONFIRMED, "not_followed", text)
+            return Final(Phase.UNCONFIRMED, "not_followed", text)
         if self._procedure is not None and self._procedure.is_run_cleared:
             text = f"{expect.name} as commanded, and the motor at rest, were not both seen {within}"
-            return End(Phase.UNCONFIRMED, "not_seen", f"{text}; run = 0 is written again: {MAY_BE_TURNING}")
+            return Final(Phase.UNCONFIRMED, "not_seen", f"{text}; run = 0 is written again: {MAY_BE_TURNING}")
         text = f"{expect.name} did not become what was commanded {within}: {MAY_BE_TURNING}"
-        return End(Phase.UNCONFIRMED, "not_seen", text)
+        return Final(Phase.UNCONFIRMED, "not_seen", text)
 
     async def _write(self, step: WriteStep) -> Outcome:
         """Send one write, once."""
@@ -295,7 +297,7 @@ class Conduct:
             raise _OutdatedError
         return outcome
 
-    def _taken(self, outcome: Outcome) -> End | None:
+    def _taken(self, outcome: Outcome) -> Final | None:
         """Take over what became of a write; return the end when it did not go out or was refused."""
         match outcome:
             case Answered() | Refused(code=ExceptionCode.ACKNOWLEDGE):
@@ -303,7 +305,7 @@ class Conduct:
                 return None
             case Refused():
                 refusal = RefusedError(outcome.code)
-                return End(Phase.FAILED, refusal.code, str(refusal))
+                return Final(Phase.FAILED, refusal.code, str(refusal))
             case Silent(reason=reason, is_sent=False) if reason == TOO_LATE:
                 return self._too_late()
             case Silent(is_sent=False) | Garbled(is_sent=False):
@@ -319,7 +321,7 @@ class Conduct:
         expires_s = self.errand.request.expires_s
         return inf if expires_s is None else expires_s
 
-    def _too_late(self) -> End:
+    def _too_late(self) -> Final:
         """Return the end of a command whose write came too late, before or while it waited for the line."""
         if self._handed_s > self._expires_s or self.errand.is_outdated(self._wire.seen_s):
             return self._cut("expired", "its own time had passed when it could be written")
@@ -328,18 +330,18 @@ class Conduct:
             LINE_FULL, f"the line is full: it had no slot for this command within {waited_s:.1f} s"
         )
 
-    def _unwritten(self, procedure: Procedure, rows: Rows) -> End:
+    def _unwritten(self, procedure: Procedure, rows: Rows) -> Final:
         """Return the end of a command that has nothing to write."""
         values = self._subject(procedure, rows)
         if procedure.is_unchanged:
             text = _noted("the starter holds this value already", procedure)
-            return End(Phase.CONFIRMED, "unchanged", text, values)
-        return End(Phase.CONFIRMED, "ok", "read", values)
+            return Final(Phase.CONFIRMED, "unchanged", text, values)
+        return Final(Phase.CONFIRMED, "ok", "read", values)
 
-    def _confirmed(self, procedure: Procedure, values: dict[str, Any]) -> End:
+    def _confirmed(self, procedure: Procedure, values: dict[str, Any]) -> Final:
         subject = self._subject(procedure, values)
         points = {name: value for name, value in values.items() if not isinstance(value, tuple)}
-        return End(Phase.CONFIRMED, "ok", _noted("read back from the starter", procedure), subject, points)
+        return Final(Phase.CONFIRMED, "ok", _noted("read back from the starter", procedure), subject, points)
 
     def _subject(self, procedure: Procedure, rows: Mapping[str, Any]) -> dict[str, Any]:
         """Return the rows that were read or set, as a result tells them; nothing for other commands."""
@@ -365,18 +367,18 @@ class Conduct:
     def _points(self, rows: Rows) -> dict[str, Any]:
         return {name: value for name, value in self._wire.values(rows).items() if name not in rows}
 
-    async def _abandoned(self, end: End) -> End:
+    async def _abandoned(self, end: Final) -> Final:
         """Return the end of a command that failed after its first write, once the starter is left safe."""
         if await self._leave_safe() or end.phase is not Phase.FAILED:
             return end
-        return End(Phase.UNCONFIRMED, end.code, f"{end.text}; and it could not be left as it was")
+        return Final(Phase.UNCONFIRMED, end.code, f"{end.text}; and it could not be left as it was")
 
     async def _leave_safe(self) -> bool:
         """Write what the procedure names for this case, if it was begun; return whether that was taken."""
         if self._procedure is None or not self.errand.life.is_written:
             return True
-        wire = Wire(self._starter)  # what halts the command does not halt this
-        outcomes = [await wire.write(request, lane=Lane.COMMAND) for request in self._procedure.abandon]
+        wire = StarterIo(self._starter)  # what halts the command does not halt this
+        outcomes = [await wire.write(request, lane=Priority.COMMAND) for request in self._procedure.abandon]
         return all(isinstance(outcome, Answered) for outcome in outcomes)
 
 

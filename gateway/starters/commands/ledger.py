@@ -43,7 +43,7 @@ class Proofs:
 
 
 @dataclass(slots=True)
-class _Entry:
+class _LedgerEntry:
     result: ResultRecord  # the latest
     since_s: float
     boot: str  # as long as this is the present one, it proves a copy fresh; empty: no boot does
@@ -64,8 +64,8 @@ class Ledger:
         self._longest_s = longest_s
         self._proofs = proofs or Proofs()
         self._on_forgotten = on_forgotten
-        self._acted: OrderedDict[Key, _Entry] = OrderedDict()
-        self._harmless: OrderedDict[Key, _Entry] = OrderedDict()
+        self._acted: OrderedDict[Key, _LedgerEntry] = OrderedDict()
+        self._harmless: OrderedDict[Key, _LedgerEntry] = OrderedDict()
         self._counted_boot = ""
         self._of_boot = 0  # commands acted on that `_counted_boot` proves fresh
 
@@ -90,7 +90,7 @@ class Ledger:
         if key in self._acted and result.verb in _REPEATABLE:
             return False  # a stop under a used id is carried out all the same, and may be again
         if entry is None:
-            entry = _Entry(result, now_s, boot)
+            entry = _LedgerEntry(result, now_s, boot)
             self._count_boot(result, boot)
         entry.result = result
         home, other = self._acted, self._harmless
@@ -101,7 +101,7 @@ class Ledger:
         self._forget(now_s)
         return True
 
-    def _entry(self, key: Key) -> _Entry | None:
+    def _entry(self, key: Key) -> _LedgerEntry | None:
         return self._acted.get(key) or self._harmless.get(key)
 
     def _forget(self, now_s: float) -> None:

@@ -15,7 +15,7 @@ from gateway.errors import CommandError
 from gateway.records import AuditRecord, Phase, ResultRecord, SequenceNumbers, Sink
 from gateway.starters.commands.ledger import Ledger
 from gateway.starters.policy.request import CommandRequest
-from gateway.starters.policy.write_budget import Wear
+from gateway.starters.policy.write_budget import WriteBudget
 from gateway.storage.journal import Journal, NoJournal
 from gateway.system.clock import Clock
 
@@ -33,7 +33,7 @@ NEXT: Mapping[Phase | None, frozenset[Phase]] = {
 }
 
 
-class Life:
+class Lifecycle:
     """One command's phase; a step that the table does not list is a bug and raises ValueError."""
 
     def __init__(self, phase: Phase | None = None) -> None:
@@ -55,7 +55,7 @@ class Life:
         return self._phase is Phase.WRITTEN
 
     @classmethod
-    def resumed(cls, *, may_be_written: bool) -> Life:
+    def resumed(cls, *, may_be_written: bool) -> Lifecycle:
         """Return a life that a crash cut short after its acceptance: as far on as it can have been."""
         return cls(Phase.WRITTEN if may_be_written else Phase.ACCEPTED)
 
@@ -70,7 +70,7 @@ STOP = "stop"
 
 
 @dataclass(frozen=True, slots=True)
-class End:
+class Final:
     """How a command ends."""
 
     phase: Phase
@@ -81,26 +81,26 @@ class End:
 
 
 @dataclass(frozen=True, slots=True)
-class Desk:
+class Reporting:
     """What every command is reported with."""
 
     sink: Sink
     clock: Clock
     sequence: SequenceNumbers
     ledger: Ledger
-    wear: Wear = field(default_factory=Wear)
+    wear: WriteBudget = field(default_factory=WriteBudget)
     journal: Journal = field(default_factory=NoJournal)
     stood_still_s: Callable[[], float] = lambda: -inf  # when the latest standstill ended, on the steady clock
 
 
-class Errand:
+class CommandReport:
     """Reports the phases of one command: each result to its client, each decision to the audit."""
 
     def __init__(
-        self, request: CommandRequest, desk: Desk, *, is_repeat: bool = False, is_kept: bool = True
+        self, request: CommandRequest, desk: Reporting, *, is_repeat: bool = False, is_kept: bool = True
     ) -> None:
         self.request = request
-        self.life = Life()
+        self.life = Lifecycle()
         self.before: Mapping[str, Any] = {}  # what was read before anything was written
         self._desk = desk
         self._latest: ResultRecord | None = None  # kept
@@ -123,7 +123,7 @@ class Errand:
 
     def accept(self) -> None:
         """Say that the command will be carried out."""
-        end = End(Phase.ACCEPTED, "ok", "accepted")
+        end = Final(Phase.ACCEPTED, "ok", "accepted")
         self._report(end, is_kept=True)
         self._audit(end)
 
@@ -135,14 +135,14 @@ class Errand:
     def write(self) -> None:
         """Say that something went out to the starter; said once, however much is written."""
         if not self.life.is_written:
-            self._report(End(Phase.WRITTEN, "ok", "written; being read back"), is_kept=True)
+            self._report(Final(Phase.WRITTEN, "ok", "written; being read back"), is_kept=True)
 
-    def finish(self, end: End, *, is_kept: bool = True) -> None:
+    def finish(self, end: Final, *, is_kept: bool = True) -> None:
         """Give the final result; without `is_kept` a repetition of the command is judged anew."""
         self._report(end, is_kept=is_kept)
         self._audit(end)
 
-    def refuse(self, end: End) -> None:
+    def refuse(self, end: Final) -> None:
         """Refuse a command that is not kept on the disk; its id stays refused as long as the gateway runs.
 
         Else one of its copies could be carried out after its client has read that it was not.
@@ -150,12 +150,12 @@ class Errand:
         self.finish(end, is_kept=False)
         self._desk.ledger.store(self.result(end), now_s=self.now_s())
 
-    def inform(self, client: str, end: End) -> None:
+    def inform(self, client: str, end: Final) -> None:
         """Publish to another client what this command did to what is his; a result without an id."""
         result = self.result(end)
         self._desk.sink.put(replace(result, client=client, id=None, correlation=None, response_topic=None))
 
-    def result(self, end: End) -> ResultRecord:
+    def result(self, end: Final) -> ResultRecord:
         """Return what the client reads of such an end, or of a phase before it."""
         request = self.request
         return ResultRecord(
@@ -173,7 +173,7 @@ class Errand:
             response_topic=request.response_topic,
         )
 
-    def _report(self, end: End, *, is_kept: bool) -> None:
+    def _report(self, end: Final, *, is_kept: bool) -> None:
         self.life.advance(end.phase)
         request, desk = self.request, self._desk
         result = self.result(end)
@@ -192,14 +192,14 @@ class Errand:
             desk.journal.note(self._latest)
             desk.sink.put(result)
 
-    def _audit(self, end: End) -> None:
+    def _audit(self, end: Final) -> None:
         decision, before = end.phase, self.before
         audit(self.request, self._desk, decision=decision, code=end.code, before=before, after=end.after)
 
 
 def audit(
     request: CommandRequest,
-    desk: Desk,
+    desk: Reporting,
     *,
     decision: str,
     code: str,

@@ -12,11 +12,11 @@ from gateway.families.command.build import verbs
 from gateway.families.profile.state import state_of
 from gateway.records import ACCEPT, CANCEL, LOCK, SELECT, LockRecord, Phase, Severity
 from gateway.starters.commands.admission import Admission
-from gateway.starters.commands.lifecycle import STOP, End, Errand
+from gateway.starters.commands.lifecycle import STOP, CommandReport, Final
 from gateway.starters.commands.view import StarterControlView
-from gateway.starters.identity.registry import Stranger
+from gateway.starters.identity.registry import IdentityMismatch
 from gateway.starters.policy.lock import NOTICE, owner_of, reason_in, refusal
-from gateway.starters.policy.policy import GATEWAY, Precautions
+from gateway.starters.policy.policy import GATEWAY, Policy
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.selection import VALID_S, Selection
 from gateway.system.clock import Clock
@@ -24,13 +24,13 @@ from gateway.system.clock import Clock
 KEPT_WITHIN_S = 2.0
 
 
-class Administration:
+class LocalVerbs:
     """Locks, unlocks and selects; what is locked is locked at once, before it is kept."""
 
     def __init__(
         self,
         admission: Admission,
-        precautions: Precautions,
+        precautions: Policy,
         *,
         clock: Clock,
         new_token: Callable[[], str] = lambda: secrets.token_hex(8),
@@ -65,7 +65,7 @@ class Administration:
             if lock is None:
                 raise CommandError("not_locked", "the starter is not locked")
 
-    def act(self, errand: Errand, starter: StarterControlView) -> Coroutine[Any, Any, None] | None:
+    def act(self, errand: CommandReport, starter: StarterControlView) -> Coroutine[Any, Any, None] | None:
         """Do what was checked, at once; what is returned must be run, and ends the command."""
         request, name = errand.request, errand.request.starter
         if request.verb == SELECT:
@@ -73,7 +73,7 @@ class Administration:
             return None
         if request.verb == CANCEL:
             self._selections.end(name)
-            errand.finish(End(Phase.CONFIRMED, "ok", "the selection is cancelled"))
+            errand.finish(Final(Phase.CONFIRMED, "ok", "the selection is cancelled"))
             return None
         if request.verb == ACCEPT:
             return self._accepted(errand, self._identities.accept(name))
@@ -88,7 +88,9 @@ class Administration:
             self._set_lock(name, None)
         return self._keep(errand, starter, before)
 
-    async def _keep(self, errand: Errand, starter: StarterControlView, before: LockRecord | None) -> None:
+    async def _keep(
+        self, errand: CommandReport, starter: StarterControlView, before: LockRecord | None
+    ) -> None:
         """Give the result once it is on the disk; an unlocking that cannot be kept is taken back."""
         request, is_lock = errand.request, errand.request.verb == LOCK
         if await self._saver.kept(within_s=KEPT_WITHIN_S):
@@ -101,29 +103,29 @@ class Administration:
                 data |= errand.before
             severity = Severity.INFO if owner is None else Severity.WARNING
             starter.publisher.event(code, severity, f"{code} by {request.client}{more}", data)
-            errand.finish(End(Phase.CONFIRMED, "ok", f"{code}{more}"))
+            errand.finish(Final(Phase.CONFIRMED, "ok", f"{code}{more}"))
             if owner is not None and owner.by != GATEWAY:
                 who = f"{request.client} ({request.operator})" if request.operator else request.client
                 text = f"your lock was removed by {who}: {why or 'no reason given'}; it was: {owner.reason}"
                 errand.inform(
-                    owner.by, End(Phase.CONFIRMED, "lock_removed", text, values={"by": request.client})
+                    owner.by, Final(Phase.CONFIRMED, "lock_removed", text, values={"by": request.client})
                 )
         elif is_lock:
             text = "locked as long as this gateway runs, but that could not be kept on the disk"
-            errand.finish(End(Phase.FAILED, "not_kept", text))
+            errand.finish(Final(Phase.FAILED, "not_kept", text))
         else:
             self._set_lock(request.starter, before)
-            errand.finish(End(Phase.FAILED, "not_kept", "still locked: it could not be kept on the disk"))
+            errand.finish(Final(Phase.FAILED, "not_kept", "still locked: it could not be kept on the disk"))
 
-    async def _accepted(self, errand: Errand, stranger: Stranger) -> None:
+    async def _accepted(self, errand: CommandReport, stranger: IdentityMismatch) -> None:
         """Give the result of an acceptance once it is on the disk."""
         errand.before = stranger.known.as_data()
         seen = stranger.seen.as_data()
         if await self._identities.kept():
-            end = End(Phase.CONFIRMED, "ok", "the present identity is accepted", seen, seen)
+            end = Final(Phase.CONFIRMED, "ok", "the present identity is accepted", seen, seen)
         else:
             text = "accepted as long as this gateway runs, but that could not be kept on the disk"
-            end = End(Phase.FAILED, "not_kept", text, seen, seen)
+            end = Final(Phase.FAILED, "not_kept", text, seen, seen)
         errand.finish(end)
 
     def _set_lock(self, starter: str, lock: LockRecord | None) -> None:
@@ -140,7 +142,7 @@ class Administration:
             raise CommandError("state_unknown", "the starter's state is not known now: nothing to decide by")
         self._selections.check_free(request.starter, request.client, now_s=self._clock.now_s())
 
-    def _select(self, request: CommandRequest, starter: StarterControlView) -> End:
+    def _select(self, request: CommandRequest, starter: StarterControlView) -> Final:
         target, state = _target(request), _state(starter)
         until_s = self._clock.now_s() + VALID_S
         selection = Selection(
@@ -149,7 +151,7 @@ class Administration:
         self._selections.set(request.starter, selection)
         values = {"select": selection.token, "valid_s": VALID_S, "state": state}
         text = f"selected while {state}; send {target.verb} with this token within {VALID_S:g} s"
-        return End(Phase.CONFIRMED, "ok", text, values=values)
+        return Final(Phase.CONFIRMED, "ok", text, values=values)
 
 
 def _target(request: CommandRequest) -> CommandRequest:

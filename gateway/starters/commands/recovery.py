@@ -9,7 +9,7 @@ from dataclasses import replace
 from gateway.families.profile.state import state_of
 from gateway.records import Phase, ResultRecord, Severity
 from gateway.starters.commands.execution import LOOK, MAY_BE_TURNING
-from gateway.starters.commands.lifecycle import Desk, Life, audit
+from gateway.starters.commands.lifecycle import Lifecycle, Reporting, audit
 from gateway.starters.commands.view import StarterControlView
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.telemetry.transitions import UNKNOWN
@@ -21,10 +21,10 @@ STATUS_WITHIN_S = 10.0
 LOOK_EVERY_S = 0.25
 
 
-class Aftermath:
+class Recovery:
     """One such command; until it is told, the ledger answers repetitions with what is known already."""
 
-    def __init__(self, remembered: Remembered, starter: StarterControlView | None, desk: Desk) -> None:
+    def __init__(self, remembered: Remembered, starter: StarterControlView | None, desk: Reporting) -> None:
         self._remembered = remembered
         self._starter = starter  # None: it is configured no more
         self._desk = desk
@@ -36,7 +36,7 @@ class Aftermath:
 
     def result(self) -> ResultRecord:
         """Return the command's final result as far as it can be told now."""
-        life = Life.resumed(may_be_written=self._remembered.may_be_written)
+        life = Lifecycle.resumed(may_be_written=self._remembered.may_be_written)
         text = "the gateway ended while this command was under way"
         if life.is_written:
             outlook = LOOK if self._remembered.result.verb in STILL else MAY_BE_TURNING

@@ -12,7 +12,7 @@ from gateway.families.profile.decode import decode_points
 from gateway.families.profile.procedure import Expect, Read
 from gateway.families.reading.bulk import rows_in
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.requests import Priority
 from gateway.modbus.codes import exception_name
 from gateway.modbus.pdu import Request
 from gateway.starters.commands.view import StarterControlView
@@ -42,10 +42,10 @@ class RefusedError(GatewayError):
         super().__init__(f"the starter refused{named and f' {named}'}: {exception_name(number)}")
 
 
-class Wire:
+class StarterIo:
     """Reads and writes of one starter for one command."""
 
-    def __init__(self, starter: StarterControlView, *, read_back_lane: Lane = Lane.READ_BACK) -> None:
+    def __init__(self, starter: StarterControlView, *, read_back_lane: Priority = Priority.READ_BACK) -> None:
         self._starter = starter
         self._read_back_lane = read_back_lane
         self._halted: str | None = None
@@ -64,21 +64,21 @@ class Wire:
         if self._inner is not None:
             self._inner.cancel()
 
-    def hand_over(self, request: Request, *, lane: Lane) -> asyncio.Future[Outcome]:
+    def hand_over(self, request: Request, *, lane: Priority) -> asyncio.Future[Outcome]:
         """Hand a request to the line at once; what is to become of it is cancelled when halted."""
         asked = self._ask(request, lane)
         self._handed_over.add(asked)
         asked.add_done_callback(self._handed_over.discard)
         return asked
 
-    async def write(self, request: Request, *, lane: Lane, until_s: float = inf) -> Outcome:
+    async def write(self, request: Request, *, lane: Priority, until_s: float = inf) -> Outcome:
         """Send a write once, not later than `until_s`; a HaltedError leaves open whether it went out."""
         outcome = await self._transact(request, lane, until_s=until_s)
         if isinstance(outcome, Answered):
             self.seen_s = _asked_s(outcome)
         return outcome
 
-    async def read(self, reads: Iterable[Read], *, lane: Lane) -> Rows:
+    async def read(self, reads: Iterable[Read], *, lane: Priority) -> Rows:
         """Return freshly read rows, trying twice; CommandError without an answer, RefusedError."""
         rows: Rows = {}
         self.seen_s = inf
@@ -126,12 +126,12 @@ class Wire:
         """Wait for something that has to be done before a write, unless halted."""
         await self._do(asyncio.ensure_future(work))
 
-    async def _transact(self, request: Request, lane: Lane, *, until_s: float = inf) -> Outcome:
+    async def _transact(self, request: Request, lane: Priority, *, until_s: float = inf) -> Outcome:
         if self._halted is not None:
             raise HaltedError(self._halted)
         return await self._do(self._ask(request, lane, until_s=until_s))
 
-    def _ask(self, request: Request, lane: Lane, *, until_s: float = inf) -> asyncio.Future[Outcome]:
+    def _ask(self, request: Request, lane: Priority, *, until_s: float = inf) -> asyncio.Future[Outcome]:
         setup = self._starter.setup
         return self._starter.line.transact(
             setup.address,

@@ -20,17 +20,17 @@ from typing import Any, assert_never
 from gateway.families.command.build import build
 from gateway.families.profile.procedure import Procedure
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.requests import Priority
 from gateway.records import Phase, Severity
-from gateway.starters.commands.addressed import Addressed
+from gateway.starters.commands.addressed import StopAddressee
 from gateway.starters.commands.execution import HALTED, MAY_BE_TURNING
-from gateway.starters.commands.lifecycle import Desk, End, Errand
+from gateway.starters.commands.lifecycle import CommandReport, Final, Reporting
 from gateway.starters.commands.starter_io import (
     EQUAL_READINGS,
     READ_BACK_PAUSE_S,
     HaltedError,
     RefusedError,
-    Wire,
+    StarterIo,
 )
 from gateway.starters.commands.view import StarterControlView
 from gateway.starters.policy.request import CommandRequest
@@ -45,10 +45,10 @@ SHARED_WITHIN_S = 0.1  # after the frame before: when the frame of messages beyo
 
 
 @dataclass(slots=True, eq=False)
-class _Order:
+class _StopOrder:
     """One stop message."""
 
-    errand: Errand | None  # None: it gets no answer of its own
+    errand: CommandReport | None  # None: it gets no answer of its own
     frame: int  # the number of its own frame
     until_s: float
     counts_from: int | None = None  # the first reading that counts; None: its frame has not left yet
@@ -71,12 +71,12 @@ class Stopping:
     """One starter's stop under way; every stop message that comes meanwhile joins it."""
 
     def __init__(self, starter: StarterControlView) -> None:
-        self._starter = Addressed(starter)
-        self._wire = Wire(self._starter, read_back_lane=Lane.FOLLOW_UP)
+        self._starter = StopAddressee(starter)
+        self._wire = StarterIo(self._starter, read_back_lane=Priority.FOLLOW_UP)
         self._time = asyncio.get_running_loop().time
         self._own_frames = Bucket(OWN_FRAMES)
-        self._orders: list[_Order] = []
-        self._unanswered: _Order | None = None  # the latest message without an answer: it stands for all
+        self._orders: list[_StopOrder] = []
+        self._unanswered: _StopOrder | None = None  # the latest message without an answer: it stands for all
         self._wanted = 0  # the number of the frame that the latest message counts on
         self._handed = 0  # frames handed to the line
         self._due_s = 0.0  # when the next frame is due
@@ -94,16 +94,16 @@ class Stopping:
     def ask(self) -> None:
         """Have a frame sent for one more message, and see it through; it may then join with its command."""
         if self._own_frames.take(self._time()):
-            self._send(Lane.STOP)
+            self._send(Priority.STOP)
         else:
             self._wanted = self._handed + 1
             self._plan(min(self._due_s, self._time() + SHARED_WITHIN_S))
-        self._unanswered = _Order(None, self._wanted, self._time() + DEADLINE_S)
+        self._unanswered = _StopOrder(None, self._wanted, self._time() + DEADLINE_S)
 
-    def join(self, errand: Errand) -> None:
+    def join(self, errand: CommandReport) -> None:
         """Take in the stop command, already accepted, for which `ask` was called; its end is reported."""
         self._unanswered = None  # which stood for this message, and for those before that get no answer
-        self._orders.append(_Order(errand, self._wanted, self._time() + DEADLINE_S))
+        self._orders.append(_StopOrder(errand, self._wanted, self._time() + DEADLINE_S))
         errand.before = self._starter.snapshot.good_values()
 
     def is_asked_for(self, request: CommandRequest) -> bool:
@@ -140,7 +140,7 @@ class Stopping:
 
     # The frames
 
-    def _send(self, lane: Lane) -> None:
+    def _send(self, lane: Priority) -> None:
         """Hand one frame to the line."""
         self._handed += 1
         self._wanted = max(self._wanted, self._handed)
@@ -169,7 +169,7 @@ class Stopping:
             return
         is_asked_for = self._wanted > self._handed or any(not each.is_written for each in self._all())
         if is_asked_for or self._good_from is None or not all(each.is_taken for each in self._all()):
-            self._send(Lane.STOP if is_asked_for else Lane.FOLLOW_UP)
+            self._send(Priority.STOP if is_asked_for else Priority.FOLLOW_UP)
 
     async def _follow(self, number: int, asked: Collection[asyncio.Future[Outcome]]) -> None:
         """Take note of what became of a frame."""
@@ -242,17 +242,17 @@ class Stopping:
 
     def _end_what_is_over(self, values: dict[str, Any]) -> None:
         """End the messages that are read back, and those whose time is up."""
-        ends: list[tuple[_Order, End]] = []
+        ends: list[tuple[_StopOrder, Final]] = []
         for order in self._all():
             count, is_over = self._good_readings(order), self._time() >= order.until_s
             if count >= EQUAL_READINGS and (order.is_taken or is_over):
                 text = f"read back from the starter{self._over_babble()}"
-                ends.append((order, End(Phase.CONFIRMED, "ok", text, after=_points(values))))
+                ends.append((order, Final(Phase.CONFIRMED, "ok", text, after=_points(values))))
             elif is_over and count == 0:
                 ends.append((order, self._unseen(order)))
         self._end(ends)
 
-    def _good_readings(self, order: _Order) -> int:
+    def _good_readings(self, order: _StopOrder) -> int:
         """Return how many of the latest readings in a row show a stop, and count for this message."""
         if self._good_from is None or order.counts_from is None:
             return 0
@@ -260,10 +260,10 @@ class Stopping:
 
     # The ends
 
-    def _all(self) -> list[_Order]:
+    def _all(self) -> list[_StopOrder]:
         return self._orders if self._unanswered is None else [*self._orders, self._unanswered]
 
-    def _end(self, ends: Collection[tuple[_Order, End]]) -> None:
+    def _end(self, ends: Collection[tuple[_StopOrder, Final]]) -> None:
         """Give messages their ends; a person is called once for them."""
         note = self._starter.note(self._spoken)
         if note:
@@ -283,25 +283,25 @@ class Stopping:
             self._note_written(self._handed, is_taken=False)  # it may have been on its way already
         self._end([(order, self._cut(order, code, text)) for order in self._all()])
 
-    def _unseen(self, order: _Order) -> End:
+    def _unseen(self, order: _StopOrder) -> Final:
         """Return the end of a stop whose time is up."""
         if order.is_written and not self._is_answered and not self._is_over_babble:
             text = f"the starter did not answer for {DEADLINE_S:g} s, neither the stop nor a reading"
             noise = "; what came instead cannot be read: noise, or something else that sends"
             text += noise if self._is_garbled else ""
-            return End(Phase.UNCONFIRMED, "no_answer", f"{text}: {MAY_BE_TURNING}")
+            return Final(Phase.UNCONFIRMED, "no_answer", f"{text}: {MAY_BE_TURNING}")
         if order.is_written:
             text = f"the motor was not seen to stop within {DEADLINE_S:g} s{self._over_babble()}"
-            return End(Phase.UNCONFIRMED, "not_seen", f"{text}: {MAY_BE_TURNING}")
+            return Final(Phase.UNCONFIRMED, "not_seen", f"{text}: {MAY_BE_TURNING}")
         if self._refusal is not None:
-            return End(Phase.FAILED, self._refusal.code, f"{self._refusal}: {MAY_BE_TURNING}")
+            return Final(Phase.FAILED, self._refusal.code, f"{self._refusal}: {MAY_BE_TURNING}")
         return self._cut(order, "line_down", "the stop could not be sent")
 
-    def _cut(self, order: _Order, code: str, text: str) -> End:
+    def _cut(self, order: _StopOrder, code: str, text: str) -> Final:
         if order.is_written:
-            return End(Phase.UNCONFIRMED, code, f"{text}; a stop was written before: {MAY_BE_TURNING}")
+            return Final(Phase.UNCONFIRMED, code, f"{text}; a stop was written before: {MAY_BE_TURNING}")
         phase = Phase.FAILED if code == "internal" else Phase.REJECTED
-        return End(phase, code, f"{text}: {MAY_BE_TURNING}")
+        return Final(phase, code, f"{text}: {MAY_BE_TURNING}")
 
     def _over_babble(self) -> str:
         """Return what a result says of a line that was never quiet."""
@@ -309,7 +309,7 @@ class Stopping:
             return ""
         return "; something sends on the line without end, and the stop was written over it"
 
-    def _call_a_person(self, end: End) -> None:
+    def _call_a_person(self, end: Final) -> None:
         data = {"phase": end.phase, "code": end.code}
         self._starter.publisher.event("stop_unconfirmed", Severity.ERROR, end.text, data)
 
@@ -340,13 +340,13 @@ async def _until(event: asyncio.Event) -> None:
 class GroupStop:
     """Gathers the members' results into the group's: confirmed only when all members are."""
 
-    def __init__(self, errand: Errand, members: Collection[str], desk: Desk) -> None:
+    def __init__(self, errand: CommandReport, members: Collection[str], desk: Reporting) -> None:
         self._errand = errand
         self._missing = set(members)
-        self._ends: dict[str, End] = {}
+        self._ends: dict[str, Final] = {}
         self._desk = desk
 
-    def member(self, name: str) -> Errand:
+    def member(self, name: str) -> CommandReport:
         """Return the stop of one member: reported to the same client, with the same id, but kept nowhere."""
         request = replace(self._errand.request, starter=name, correlation=None, response_topic=None)
         return _MemberErrand(request, self._desk, whole=self)
@@ -355,23 +355,23 @@ class GroupStop:
         """Take over that something was written to a member."""
         self._errand.write()
 
-    def note_end(self, name: str, end: End) -> None:
+    def note_end(self, name: str, end: Final) -> None:
         """Take over a member's result; the last one ends the whole."""
         self._ends[name] = end
         self._missing.discard(name)
         if not self._missing:
             self._errand.finish(self._end())
 
-    def _end(self) -> End:
+    def _end(self) -> Final:
         names = sorted(self._ends)
         values = {"members": {n: {"phase": self._ends[n].phase, "code": self._ends[n].code} for n in names}}
         others = [name for name in names if self._ends[name].phase is not Phase.CONFIRMED]
         if not others:
-            return End(Phase.CONFIRMED, "ok", f"all {len(names)} read back from their starters", values)
+            return Final(Phase.CONFIRMED, "ok", f"all {len(names)} read back from their starters", values)
         told = "; ".join(f"{name}: {self._ends[name].code}, {self._ends[name].text}" for name in others[:5])
         more = f"; and {len(others) - 5} more" if len(others) > 5 else ""
         text = f"{len(others)} of {len(names)} not confirmed: {told}{more}"
-        return End(self._phase(others), "not_all", text, values)
+        return Final(self._phase(others), "not_all", text, values)
 
     def _phase(self, others: Collection[str]) -> Phase:
         """Return the whole's phase when not all are confirmed: rejected only when nothing was written."""
@@ -381,10 +381,10 @@ class GroupStop:
         return Phase.REJECTED if phases == {Phase.REJECTED} else Phase.FAILED
 
 
-class _MemberErrand(Errand):
+class _MemberErrand(CommandReport):
     """One member's stop, which tells the whole how it goes."""
 
-    def __init__(self, request: CommandRequest, desk: Desk, *, whole: GroupStop) -> None:
+    def __init__(self, request: CommandRequest, desk: Reporting, *, whole: GroupStop) -> None:
         super().__init__(request, desk, is_kept=False)
         self._whole = whole
 
@@ -393,7 +393,7 @@ class _MemberErrand(Errand):
         super().write()
         self._whole.note_written()
 
-    def finish(self, end: End, *, is_kept: bool = True) -> None:
+    def finish(self, end: Final, *, is_kept: bool = True) -> None:
         """Give the final result."""
         super().finish(end, is_kept=is_kept)
         self._whole.note_end(self.request.starter, end)

@@ -8,9 +8,9 @@ from typing import Protocol
 from gateway.families.profile.identify import Identity
 from gateway.families.profile.schema import Profile, Variant
 from gateway.line.client import LineClient
-from gateway.starters.identity.query import Standing
+from gateway.starters.identity.query import IdentityStatus
 from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.emitter import Publisher
+from gateway.starters.telemetry.emitter import Emitter
 from gateway.starters.telemetry.snapshot import Snapshot
 
 
@@ -43,7 +43,7 @@ class StarterControlView(Protocol):
         ...
 
     @property
-    def publisher(self) -> Publisher:
+    def publisher(self) -> Emitter:
         """Its voice, for events."""
         ...
 
@@ -58,7 +58,7 @@ class StarterControlView(Protocol):
         ...
 
     @property
-    def identity_standing(self) -> Standing:
+    def identity_standing(self) -> IdentityStatus:
         """Whether the one who answers has proved to be the configured family."""
         ...
 

@@ -11,7 +11,7 @@ from typing import Any
 from gateway.families.profile.identify import Identity, Question, identify, identify_requests, why_not
 from gateway.line.client import LineClient
 from gateway.line.rtu.outcome import Answered, Outcome, Refused
-from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.requests import Priority
 from gateway.starters.setup import StarterSetup
 
 logger = logging.getLogger(__name__)
@@ -21,7 +21,7 @@ LONGEST_PAUSE_S = 60.0
 MOST_ROUNDS = 5  # of a starter that matches but leaves a question open
 
 
-class Standing(enum.Enum):
+class IdentityStatus(enum.Enum):
     """What is known of who answers; commands need `MATCHING`."""
 
     UNKNOWN = "unknown"
@@ -30,14 +30,14 @@ class Standing(enum.Enum):
     CHANGED = "changed"  # the family matches, but it is another starter than before; see `Identities`
 
 
-def standing_of(setup: StarterSetup, identity: Identity) -> Standing:
+def standing_of(setup: StarterSetup, identity: Identity) -> IdentityStatus:
     """Return whether an identity is the configured family."""
     if why_not(setup.profile, identity) is None:
-        return Standing.MATCHING
-    return Standing.UNKNOWN if identity.family_seen is None else Standing.MISMATCHED
+        return IdentityStatus.MATCHING
+    return IdentityStatus.UNKNOWN if identity.family_seen is None else IdentityStatus.MISMATCHED
 
 
-class Identification:
+class IdentityQuery:
     """Identifies one starter; `tell` hears every identity found, on the app's loop."""
 
     def __init__(self, setup: StarterSetup, line: LineClient, tell: Callable[[Identity], None]) -> None:
@@ -81,7 +81,7 @@ class Identification:
             is_complete = all(isinstance(outcome, (Answered, Refused)) for outcome in outcomes.values())
             self.is_settled = is_complete or rounds >= MOST_ROUNDS
             self._tell(identity)
-            is_matching = standing_of(self._setup, identity) is Standing.MATCHING
+            is_matching = standing_of(self._setup, identity) is IdentityStatus.MATCHING
             if is_matching and self.is_settled:
                 return
             await asyncio.sleep(pause_s)
@@ -92,7 +92,7 @@ class Identification:
             self._setup.address,
             question.request,
             response_time_s=self._setup.response_time_of(question.request),
-            lane=Lane.READ_BACK,
+            lane=Priority.READ_BACK,
         )
 
 

@@ -21,7 +21,7 @@ from gateway.starters.identity.fingerprint import (
     known_from,
 )
 from gateway.starters.setup import StarterSetup
-from gateway.storage.json_file import Memory, NoMemory, Saver
+from gateway.storage.json_file import JsonStore, NoStore, Saver
 from gateway.system.clock import Clock
 
 logger = logging.getLogger(__name__)
@@ -32,7 +32,7 @@ CHANGED_EVENT = "identity_changed"
 
 
 @dataclass(frozen=True, slots=True)
-class Stranger:
+class IdentityMismatch:
     """Who answers instead of the one that is known."""
 
     known: Fingerprint
@@ -42,24 +42,24 @@ class Stranger:
     contradiction: str = ""  # of the configuration, not accepted yet: values would be of the wrong model
 
 
-class Identities:
+class IdentityRegistry:
     """Judges who answers by who was there before; the file is read when this is made.
 
     A starter that was never seen is taken as it is. All calls on the app's loop.
     """
 
     def __init__(
-        self, *, sink: Sink, clock: Clock, sequence: SequenceNumbers, memory: Memory | None = None
+        self, *, sink: Sink, clock: Clock, sequence: SequenceNumbers, memory: JsonStore | None = None
     ) -> None:
         self._sink = sink
         self._clock = clock
         self._sequence = sequence
         self._known: dict[str, Known] = {}
-        self._strangers: dict[str, Stranger] = {}
-        self._told: dict[str, Stranger] = {}
+        self._strangers: dict[str, IdentityMismatch] = {}
+        self._told: dict[str, IdentityMismatch] = {}
         self._on_accepted: dict[str, Callable[[], None]] = {}
-        self._saver = Saver(memory or NoMemory(), self._document, on_trouble=self._tell_trouble)
-        self._restore(memory or NoMemory())
+        self._saver = Saver(memory or NoStore(), self._document, on_trouble=self._tell_trouble)
+        self._restore(memory or NoStore())
 
     def when_accepted(self, starter: str, call: Callable[[], None]) -> None:
         """Have something done each time the device of this starter is accepted."""
@@ -96,14 +96,14 @@ class Identities:
         stranger = self._strangers.get(starter)
         return "" if stranger is None else stranger.contradiction
 
-    def waiting(self, starter: str) -> Stranger:
+    def waiting(self, starter: str) -> IdentityMismatch:
         """Return who waits to be accepted; CommandError when nobody does."""
         stranger = self._told.get(starter)
         if stranger is None or stranger != self._strangers.get(starter):
             raise CommandError("nothing_to_accept", "no change of the starter's identity waits for that")
         return stranger
 
-    def accept(self, starter: str) -> Stranger:
+    def accept(self, starter: str) -> IdentityMismatch:
         """Take the one who answers for right from now on; CommandError when nobody waits for that."""
         stranger = self.waiting(starter)
         self.forget(starter)
@@ -138,7 +138,7 @@ class Identities:
     def _document(self) -> dict[str, Any]:
         return {"starters": {name: known.as_data() for name, known in self._known.items()}}
 
-    def _restore(self, memory: Memory) -> None:
+    def _restore(self, memory: JsonStore) -> None:
         try:
             starters = _starters_in(memory.load() or {})
         except DamagedError as error:
@@ -163,7 +163,9 @@ class Identities:
         self._sink.put(EventRecord(starter, code, severity, text, utc_s, seq, data))
 
 
-def stranger_in(document: Mapping[str, Any], setup: StarterSetup, identity: Identity) -> Stranger | None:
+def stranger_in(
+    document: Mapping[str, Any], setup: StarterSetup, identity: Identity
+) -> IdentityMismatch | None:
     """Return who answers instead of the one that a kept document knows; DamagedError when it is none."""
     known = known_from(_starters_in(document).get(setup.name))
     return _stranger(known, fingerprint_of(identity), setup.variant.model)
@@ -176,7 +178,7 @@ def _starters_in(document: Mapping[str, Any]) -> Mapping[str, Any]:
     return starters
 
 
-def _stranger(known: Known | None, seen: Fingerprint, model: str | None) -> Stranger | None:
+def _stranger(known: Known | None, seen: Fingerprint, model: str | None) -> IdentityMismatch | None:
     """Return what speaks against the one who answers; None when nothing does."""
     before = NOTHING if known is None else known.fingerprint
     differing = differences(before, seen)
@@ -190,14 +192,14 @@ def _stranger(known: Known | None, seen: Fingerprint, model: str | None) -> Stra
     if not reasons:
         return None
     text = f"another starter than before? {'; '.join(reasons)} (look, then send accept)"
-    return Stranger(before, seen, configured, text, contradiction)
+    return IdentityMismatch(before, seen, configured, text, contradiction)
 
 
 def _spoken(seen: Fingerprint) -> str:
     return ", ".join(filter(None, (seen.model, seen.rated_current)))
 
 
-def _as_data(stranger: Stranger) -> dict[str, Any]:
+def _as_data(stranger: IdentityMismatch) -> dict[str, Any]:
     return {
         "known": stranger.known.as_data(),
         "seen": stranger.seen.as_data(),

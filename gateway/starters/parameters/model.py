@@ -13,7 +13,7 @@ from gateway.families.reading.bulk import is_setting
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class ParameterEntry:
     """One parameter's value; None where the file or the starter does not tell it."""
 
     name: str = ""
@@ -41,7 +41,7 @@ class ParameterSet:
     model: str | None = None
     firmware: str | None = None
     serial: str | None = None
-    parameters: Mapping[str, Entry] = field(default_factory=dict)
+    parameters: Mapping[str, ParameterEntry] = field(default_factory=dict)
     refused: Mapping[str, str] = field(default_factory=dict)  # code -> why it could not be read
 
 
@@ -51,8 +51,8 @@ class Difference:
 
     code: str
     name: str
-    before: Entry | None
-    after: Entry | None
+    before: ParameterEntry | None
+    after: ParameterEntry | None
 
     @property
     def text(self) -> str:
@@ -61,14 +61,16 @@ class Difference:
         return f"{self.code} {self.name}: {sides[0]} -> {sides[1]}"
 
 
-def entries_of(profile: Profile, variant: Variant, rows: Mapping[str, tuple[int, ...]]) -> dict[str, Entry]:
+def entries_of(
+    profile: Profile, variant: Variant, rows: Mapping[str, tuple[int, ...]]
+) -> dict[str, ParameterEntry]:
     """Return rows that were read as entries, in the order of the manual; raw-word rows stand last."""
     order = {code: place for place, code in enumerate(profile.parameters)}
-    found: dict[str, Entry] = {}
+    found: dict[str, ParameterEntry] = {}
     for code in sorted(rows, key=lambda each: (order.get(each, len(order)), each)):
         row = find(profile, code)
         told = decode_row(profile, variant, row, rows[code])
-        found[code] = Entry(row.name, told.value, told.label, told.unit, told.raw)
+        found[code] = ParameterEntry(row.name, told.value, told.label, told.unit, told.raw)
     return found
 
 
@@ -98,7 +100,7 @@ def differences(
     return tuple(found)
 
 
-def _is_same(one: Entry | None, other: Entry | None) -> bool:
+def _is_same(one: ParameterEntry | None, other: ParameterEntry | None) -> bool:
     if one is None or other is None:
         return False
     if one.raw is not None and other.raw is not None:

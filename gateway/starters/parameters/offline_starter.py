@@ -10,19 +10,19 @@ from gateway.families.profile.procedure import Read
 from gateway.families.profile.schema import Profile, Variant
 from gateway.line.client import LineClient
 from gateway.line.rtu.outcome import Answered, Outcome, Refused
-from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.requests import Priority
 from gateway.modbus.pdu import Request
 from gateway.records import SequenceNumbers, Sink
 from gateway.starters.bulk_read import BulkReading, read_in_bulk
-from gateway.starters.identity.query import Standing, standing_of
+from gateway.starters.identity.query import IdentityStatus, standing_of
 from gateway.starters.setup import StarterSetup, merged
-from gateway.starters.telemetry.emitter import Publisher
+from gateway.starters.telemetry.emitter import Emitter
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from gateway.starters.telemetry.snapshot import Snapshot
 from gateway.system.clock import Clock
 
 
-class Bench:
+class OfflineStarter:
     """A `StarterControlView` without polls, so that a command judges only what it has just read itself."""
 
     def __init__(
@@ -39,7 +39,7 @@ class Bench:
         self.line = line
         self.variant: Variant = setup.variant
         self.snapshot = Snapshot({})
-        self.publisher = Publisher(setup.name, sink=sink, clock=clock, sequence=sequence)
+        self.publisher = Emitter(setup.name, sink=sink, clock=clock, sequence=sequence)
         self.identity = Identity(reason="not yet asked")
         self._watchdogs = watchdogs or KnownWatchdogs()
         self.is_answering = False
@@ -51,7 +51,7 @@ class Bench:
         return self.setup.profile
 
     @property
-    def identity_standing(self) -> Standing:
+    def identity_standing(self) -> IdentityStatus:
         """Return whether the one who answers has proved to be the configured family."""
         return standing_of(self.setup, self.identity)
 
@@ -76,7 +76,7 @@ class Bench:
         answers = {tag: out.value if isinstance(out, Answered) else None for tag, out in outcomes.items()}
         self.identity = identify(self.profile, answers)
         standing = self.identity_standing
-        if standing is not Standing.MATCHING:
+        if standing is not IdentityStatus.MATCHING:
             raise CommandError(f"identity_{standing.value}", self.identity_reason)
         self.variant = merged(self.setup.variant, self.identity)
 
@@ -84,7 +84,7 @@ class Bench:
         """Send one read and return what became of it."""
         response_time_s = self.setup.response_time_of(request)
         return await self.line.transact(
-            self.setup.address, request, response_time_s=response_time_s, lane=Lane.READ_BACK
+            self.setup.address, request, response_time_s=response_time_s, lane=Priority.READ_BACK
         )
 
     async def read(self, reads: Iterable[Read], *, tell: Callable[[Read], None] | None = None) -> BulkReading:

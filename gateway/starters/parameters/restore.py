@@ -9,13 +9,13 @@ from dataclasses import dataclass, field
 from gateway.families.command.run_command import CLEARED
 from gateway.families.profile.decode import Value
 from gateway.records import Phase, Record, ResultRecord, SequenceNumbers
-from gateway.starters.commands.execution import Conduct
+from gateway.starters.commands.execution import CommandExecution
 from gateway.starters.commands.ledger import Ledger
-from gateway.starters.commands.lifecycle import Desk, Errand
-from gateway.starters.parameters.offline_starter import Bench
-from gateway.starters.parameters.restore_plan import Change, RestorePlan, prepare_change
+from gateway.starters.commands.lifecycle import CommandReport, Reporting
+from gateway.starters.parameters.offline_starter import OfflineStarter
+from gateway.starters.parameters.restore_plan import PlannedWrite, RestorePlan, prepare_change
 from gateway.starters.policy.request import CommandRequest
-from gateway.starters.policy.write_budget import Wear
+from gateway.starters.policy.write_budget import WriteBudget
 from gateway.system.clock import Clock
 
 CLIENT = "parameters"
@@ -27,25 +27,25 @@ NO_LIMIT = 1_000_000  # writes an hour: a person restores what a person chose, e
 class RestoreEnd:
     """What became of a restore; `failure` is None when everything was written and read back."""
 
-    done: list[Change] = field(default_factory=list)
+    done: list[PlannedWrite] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)  # what the results of those done say besides, each once
-    failed: tuple[Change, ...] = ()
+    failed: tuple[PlannedWrite, ...] = ()
     failure: ResultRecord | None = None
-    untried: tuple[Change, ...] = ()
+    untried: tuple[PlannedWrite, ...] = ()
 
 
 class Restore:
     """One restore under way."""
 
-    def __init__(self, bench: Bench, plan: RestorePlan, *, clock: Clock) -> None:
+    def __init__(self, bench: OfflineStarter, plan: RestorePlan, *, clock: Clock) -> None:
         self._bench = bench
         self._plan = plan
         self._finals = _Finals()
-        self._wear = Wear(most_per_hour=NO_LIMIT)
-        self._desk = Desk(
+        self._wear = WriteBudget(most_per_hour=NO_LIMIT)
+        self._desk = Reporting(
             sink=self._finals, clock=clock, sequence=SequenceNumbers(), ledger=Ledger(), wear=self._wear
         )
-        self._conduct: Conduct | None = None
+        self._conduct: CommandExecution | None = None
         self._is_interrupted = False
 
     @property
@@ -59,7 +59,7 @@ class Restore:
         if self._conduct is not None:
             self._conduct.halt(INTERRUPTED)
 
-    async def run(self, tell: Callable[[tuple[Change, ...]], None]) -> RestoreEnd:
+    async def run(self, tell: Callable[[tuple[PlannedWrite, ...]], None]) -> RestoreEnd:
         """Write the changes in their order; `tell` hears of each group before it is written."""
         end = RestoreEnd()
         groups = list(_groups(self._plan.changes))
@@ -78,14 +78,14 @@ class Restore:
                 end.notes.append(CLEARED)
         return end
 
-    async def _carry_out(self, group: tuple[Change, ...]) -> ResultRecord:
+    async def _carry_out(self, group: tuple[PlannedWrite, ...]) -> ResultRecord:
         verb, args = _command(group)
         bench = self._bench
         preparation = prepare_change(bench.profile, bench.variant, verb, args)
         request = CommandRequest(bench.setup.name, CLIENT, verb, uuid.uuid4().hex, args)
-        errand = Errand(request, self._desk)
+        errand = CommandReport(request, self._desk)
         errand.accept()
-        self._conduct = Conduct(errand, bench, preparation)
+        self._conduct = CommandExecution(errand, bench, preparation)
         await self._conduct.run()
         self._conduct = None
         return self._finals.take()
@@ -105,7 +105,7 @@ class _Finals:
         return self._results.pop()
 
 
-def _groups(changes: tuple[Change, ...]) -> Iterator[tuple[Change, ...]]:
+def _groups(changes: tuple[PlannedWrite, ...]) -> Iterator[tuple[PlannedWrite, ...]]:
     """Yield what one command writes: each change alone, all configuration registers of an SST together."""
     together = tuple(change for change in changes if change.is_configuration)
     if together:
@@ -113,7 +113,7 @@ def _groups(changes: tuple[Change, ...]) -> Iterator[tuple[Change, ...]]:
     yield from ((change,) for change in changes if not change.is_configuration)
 
 
-def _command(group: tuple[Change, ...]) -> tuple[str, Mapping[str, Value]]:
+def _command(group: tuple[PlannedWrite, ...]) -> tuple[str, Mapping[str, Value]]:
     if group[0].is_configuration:
         return "configure", {change.code: change.value for change in group}
     return "set", {"parameter": group[0].code, "value": group[0].value}

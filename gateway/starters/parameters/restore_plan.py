@@ -15,7 +15,7 @@ from gateway.families.profile.procedure import Preparation
 from gateway.families.profile.schema import Parameter, Profile, Variant
 from gateway.families.profile.word_types import TYPE_LIMITS, from_words
 from gateway.families.reading.bulk import is_setting, reads_for, rows_of_points
-from gateway.starters.parameters.model import Entry, ParameterSet, entries_of
+from gateway.starters.parameters.model import ParameterEntry, ParameterSet, entries_of
 
 STANDSTILL = "is_stopped"
 
@@ -23,13 +23,13 @@ _TIME = "C8.2.5.3"  # before its mode, or behind it when it becomes 0: 0.0 s mus
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class PlannedWrite:
     """One parameter that a restore writes."""
 
     code: str
     name: str
-    before: Entry
-    after: Entry
+    before: ParameterEntry
+    after: ParameterEntry
     value: Value  # what a `set` is given
     is_configuration: bool  # SST: all of them go through one `configure`
 
@@ -43,7 +43,7 @@ class Change:
 class RestorePlan:
     """What a restore writes, and by code why it leaves other differences alone."""
 
-    changes: tuple[Change, ...]
+    changes: tuple[PlannedWrite, ...]
     left: Mapping[str, str]
 
 
@@ -60,7 +60,7 @@ def plan_restore(
     `with_sources`: also those that say who commands the motor. Where a run command stands at the new source,
     an input for instance, such a change starts the motor.
     """
-    changes: list[Change] = []
+    changes: list[PlannedWrite] = []
     left: dict[str, str] = {}
     for code, entry in wanted.parameters.items():
         row = profile.parameters.get(code)
@@ -100,10 +100,10 @@ def _change(
     profile: Profile,
     variant: Variant,
     row: Parameter,
-    entry: Entry,
+    entry: ParameterEntry,
     *,
     seen: Mapping[str, tuple[int, ...]],
-) -> Change | None:
+) -> PlannedWrite | None:
     """Return the change of one row, None when the starter holds the value; CommandError when it cannot be."""
     now = entries_of(profile, variant, {row.code: seen[row.code]})[row.code]
     if entry.raw == now.raw and entry.value in (None, now.value):
@@ -117,17 +117,17 @@ def _change(
     if holds(row, words, seen):
         return None
     after = entries_of(profile, variant, {row.code: words})[row.code]
-    return Change(row.code, row.name, now, after, value, row.is_configuration)
+    return PlannedWrite(row.code, row.name, now, after, value, row.is_configuration)
 
 
-def _value(row: Parameter, entry: Entry) -> Value:
+def _value(row: Parameter, entry: ParameterEntry) -> Value:
     """Return what sets the row to a file's entry: its raw number in the row's unit, else the value itself."""
     if entry.raw is None or row.type not in TYPE_LIMITS:
         return entry.value
     return str(Decimal(from_words(row, entry.raw)).scaleb(-(row.decimals or 0)))
 
 
-def _in_order(profile: Profile, changes: list[Change]) -> tuple[Change, ...]:
+def _in_order(profile: Profile, changes: list[PlannedWrite]) -> tuple[PlannedWrite, ...]:
     """Return the changes with the command sources last, and the timeout never active at 0.0 s.
 
     Who may run the motor changes with the command sources: everything else is as it shall be by then.

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from gateway.errors import UsageError
-from gateway.starters.parameters.model import Entry, ParameterSet
+from gateway.starters.parameters.model import ParameterEntry, ParameterSet
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _ESCAPED = re.compile(r'["\\\x00-\x1f\x7f]')
@@ -56,7 +56,7 @@ def from_toml(text: str, path: str) -> ParameterSet:
     )
 
 
-def _inline(entry: Entry) -> str:
+def _inline(entry: ParameterEntry) -> str:
     texts = [("name", entry.name), ("unit", entry.unit), ("label", entry.label)]
     shown = [f"{key} = {_toml(text)}" for key, text in texts if text]
     if entry.value is not None:
@@ -94,7 +94,7 @@ def _fact(table: Mapping[str, Any], key: str, path: str) -> str | None:
     return fact
 
 
-def _entry(code: str, content: Any, path: str) -> Entry:
+def _entry(code: str, content: Any, path: str) -> ParameterEntry:
     where = f"{path}: parameters.{code}"
     entry = content if isinstance(content, dict) else {"value": content}  # P314 = 30, as people write it
     strange = sorted(set(entry) - _ENTRY_KEYS)
@@ -109,7 +109,7 @@ def _entry(code: str, content: Any, path: str) -> Entry:
     if value is None and raw is None:
         raise UsageError(f"{where}: neither value nor raw")
     texts = [str(entry.get(key) or "") for key in ("name", "label", "unit")]
-    return Entry(texts[0], value, texts[1] or None, texts[2], None if raw is None else tuple(raw))
+    return ParameterEntry(texts[0], value, texts[1] or None, texts[2], None if raw is None else tuple(raw))
 
 
 def _are_words(raw: object) -> bool:

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gateway.errors import DamagedError
 from gateway.records import LockRecord
-from gateway.system.clock_steps import Reading, certain_s
+from gateway.system.clock_steps import ClockReading, certain_s
 
 PRECAUTIONS_FILE = "precautions.json"  # in state_dir
 VERSION = 1
@@ -67,7 +67,7 @@ class _Kept(_Strict):
     starters: dict[str, _KeptPage]
 
 
-class Logbook:
+class MotorHistory:
     """The pages of all starters; a starter of an unknown history stands still since it was first seen to."""
 
     def __init__(self, starters: Iterable[str]) -> None:
@@ -119,7 +119,7 @@ class Logbook:
         page.standing_since_s = page.written_s = None
         return True
 
-    def to_document(self, *, now_s: float, reading: Reading) -> dict[str, Any]:
+    def to_document(self, *, now_s: float, reading: ClockReading) -> dict[str, Any]:
         """Return what is to be stored now: `now_s` on the steady clock, `reading` of the machine's."""
 
         def utc_of(at_s: float) -> float:
@@ -131,7 +131,7 @@ class Logbook:
             "starters": {name: _to_kept(page, utc_of) for name, page in self._pages.items()},
         }
 
-    def restore(self, document: Mapping[str, Any], *, now_s: float, reading: Reading) -> None:
+    def restore(self, document: Mapping[str, Any], *, now_s: float, reading: ClockReading) -> None:
         """Take over what was kept of the starters that are configured; DamagedError when it is not ours."""
         try:
             kept = _Kept.model_validate(document)
@@ -139,7 +139,7 @@ class Logbook:
             raise DamagedError(f"not what was kept: {error.error_count()} mistakes") from error
         stored_utc_s, passed_s = reading.utc_s, 0.0
         if kept.at is not None:
-            before = Reading(kept.at.up_s, kept.at.utc_s, kept.at.boot_id)
+            before = ClockReading(kept.at.up_s, kept.at.utc_s, kept.at.boot_id)
             stored_utc_s, passed_s = before.utc_s, certain_s(before, reading)
 
         def steady_of(utc_s: float) -> float:

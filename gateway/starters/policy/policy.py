@@ -11,28 +11,28 @@ from typing import Any
 
 from gateway.errors import DamagedError
 from gateway.records import EventRecord, LockRecord, Record, SequenceNumbers, Severity, Sink, StateRecord
-from gateway.starters.identity.registry import Identities
+from gateway.starters.identity.registry import IdentityRegistry
 from gateway.starters.policy.lock import NOTICE
-from gateway.starters.policy.motor_history import Logbook
+from gateway.starters.policy.motor_history import MotorHistory
 from gateway.starters.policy.preconditions import Expectation, Guard
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.selection import Selections
-from gateway.starters.policy.start_rules import Policy, Rulebook
-from gateway.starters.policy.write_budget import Wear
+from gateway.starters.policy.start_rules import PolicySettings, Rulebook
+from gateway.starters.policy.write_budget import WriteBudget
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
-from gateway.starters.telemetry.transitions import ToldFaults
-from gateway.storage.json_file import Memory, NoMemory, Saver
+from gateway.starters.telemetry.transitions import PublishedFaults
+from gateway.storage.json_file import JsonStore, NoStore, Saver
 from gateway.system.clock import Clock
 
 
-class Witness:
+class StateObserver:
     """A sink for the records of starters; `on_change` hears when the logbook has something new to keep."""
 
     def __init__(
         self,
         sink: Sink,
-        logbook: Logbook,
+        logbook: MotorHistory,
         *,
         clock: Clock,
         sequence: SequenceNumbers,
@@ -69,45 +69,49 @@ WEAR_EVENT = "memory_written"
 GATEWAY = "gateway"  # who locks when the locks are not known any more
 
 
-class Precautions:
+class Policy:
     """The policy with the logbook, which is read when this is made: before any command is judged."""
 
     def __init__(
         self,
-        policy: Policy,
+        policy: PolicySettings,
         starters: Collection[str],
         *,
         rights: Rights,
         sink: Sink,
         clock: Clock,
         sequence: SequenceNumbers,
-        memory: Memory | None = None,
-        identities_memory: Memory | None = None,
-        wear_memory: Memory | None = None,
+        memory: JsonStore | None = None,
+        identities_memory: JsonStore | None = None,
+        wear_memory: JsonStore | None = None,
         watchdogs: KnownWatchdogs | None = None,
-        told_faults: ToldFaults | None = None,
+        told_faults: PublishedFaults | None = None,
     ) -> None:
         self.policy = policy
-        self.logbook = Logbook(starters)
+        self.logbook = MotorHistory(starters)
         self.rulebook = Rulebook(policy.rules, self.logbook)
         self.selections = Selections()
-        self.identities = Identities(sink=sink, clock=clock, sequence=sequence, memory=identities_memory)
-        self.told_faults = told_faults or ToldFaults()
+        self.identities = IdentityRegistry(
+            sink=sink, clock=clock, sequence=sequence, memory=identities_memory
+        )
+        self.told_faults = told_faults or PublishedFaults()
         self.watchdogs = watchdogs or KnownWatchdogs()
-        self.wear = Wear(on_count=self._tell_wear)
-        self._wear_saver = Saver(wear_memory or NoMemory(), self.wear.to_document, on_trouble=lambda _: None)
-        self.saver = Saver(memory or NoMemory(), self._document, on_trouble=self._tell_trouble)
-        self.witness = Witness(sink, self.logbook, clock=clock, sequence=sequence, on_change=self.saver.touch)
+        self.wear = WriteBudget(on_count=self._tell_wear)
+        self._wear_saver = Saver(wear_memory or NoStore(), self.wear.to_document, on_trouble=lambda _: None)
+        self.saver = Saver(memory or NoStore(), self._document, on_trouble=self._tell_trouble)
+        self.witness = StateObserver(
+            sink, self.logbook, clock=clock, sequence=sequence, on_change=self.saver.touch
+        )
         self._sink = sink
         self._clock = clock
         self._sequence = sequence
         self._unsure: set[str] = set()  # starters that may have been locked, as far as anybody knows
-        self._restore(memory or NoMemory(), starters, rights)
-        self._restore_wear(wear_memory or NoMemory())
+        self._restore(memory or NoStore(), starters, rights)
+        self._restore_wear(wear_memory or NoStore())
         if self.watchdogs.damage:
             self._tell("memory_damaged", Severity.WARNING, self.watchdogs.damage)
 
-    def take_over(self, policy: Policy, *, rights: Rights) -> None:
+    def take_over(self, policy: PolicySettings, *, rights: Rights) -> None:
         """Judge by another policy from now on; a command that was admitted keeps to the one it came under."""
         self.policy = policy
         self.rulebook = Rulebook(policy.rules, self.logbook)
@@ -129,7 +133,7 @@ class Precautions:
     def _document(self) -> dict[str, object]:
         return self.logbook.to_document(now_s=self._clock.now_s(), reading=self._clock.reading())
 
-    def _restore(self, memory: Memory, starters: Collection[str], rights: Rights) -> None:
+    def _restore(self, memory: JsonStore, starters: Collection[str], rights: Rights) -> None:
         """Take over what was kept; where that is lost, nobody knows what was locked: all that can be is."""
         now_s, reading = self._clock.now_s(), self._clock.reading()
         try:
@@ -143,7 +147,7 @@ class Precautions:
             text = f"{error}: earlier starts are not known, and {count} starters are locked ({NOTICE})"
             self._tell("memory_damaged", Severity.ERROR, text)
 
-    def _restore_wear(self, memory: Memory) -> None:
+    def _restore_wear(self, memory: JsonStore) -> None:
         try:
             document = memory.load()
             if document is not None:

@@ -14,7 +14,7 @@ from gateway.families.profile.schema import Profile
 from gateway.families.profile.state import STATES, state_of
 from gateway.families.reading.bulk import rows_of_points
 from gateway.starters.policy.lock import is_forbidden, refusal
-from gateway.starters.policy.motor_history import Logbook
+from gateway.starters.policy.motor_history import MotorHistory
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.start_rules import Rulebook, is_start
 from gateway.storage.json_file import Saver
@@ -76,7 +76,7 @@ class Guard:
         request: CommandRequest,
         expectations: Sequence[Expectation],
         *,
-        logbook: Logbook,
+        logbook: MotorHistory,
         rulebook: Rulebook,
         saver: Saver,
         clock: Clock,

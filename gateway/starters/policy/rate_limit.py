@@ -9,7 +9,7 @@ from gateway.system.token_bucket import Bucket, Rate
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class RateLimits:
     """What the gateway takes; nobody operates motors this fast by hand."""
 
     client: Rate = Rate(20.0, 100)
@@ -20,10 +20,10 @@ class Limits:
     answered_stops: int = 8  # of one starter's at the same time; the others are carried out all the same
 
 
-class Flood:
+class RateLimiter:
     """Says which commands are too many. Keys must come from a bounded set."""
 
-    def __init__(self, limits: Limits) -> None:
+    def __init__(self, limits: RateLimits) -> None:
         self._limits = limits
         self._clients: dict[Hashable, Bucket] = {}
         self._starters: dict[Hashable, Bucket] = {}

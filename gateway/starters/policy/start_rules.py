@@ -11,8 +11,8 @@ from typing import Any
 
 from gateway.families.command.arguments import to_switch
 from gateway.families.command.interlock import Violation
-from gateway.starters.policy.motor_history import Logbook
-from gateway.starters.policy.rate_limit import Limits
+from gateway.starters.policy.motor_history import MotorHistory
+from gateway.starters.policy.rate_limit import RateLimits
 
 HOUR_S = 3600.0
 
@@ -55,7 +55,7 @@ def is_release(verb: str, args: Mapping[str, Any]) -> bool:
 class Rulebook:
     """Judges starts by the rules and by what the logbook knows of earlier ones."""
 
-    def __init__(self, rules: Mapping[str, RuleSet], logbook: Logbook) -> None:
+    def __init__(self, rules: Mapping[str, RuleSet], logbook: MotorHistory) -> None:
         self._rules = rules
         self._logbook = logbook
 
@@ -112,9 +112,9 @@ def _violation(code: str, reading: str, remedy: str) -> Violation:
 
 
 @dataclass(frozen=True, slots=True)
-class Policy:
+class PolicySettings:
     """The rules by starter, the groups by name, and what is too much."""
 
     rules: Mapping[str, RuleSet] = field(default_factory=dict)
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    limits: Limits = field(default_factory=Limits)
+    limits: RateLimits = field(default_factory=RateLimits)

@@ -19,7 +19,7 @@ WRITES_BORNE = 10_000  # by flash, usually; no manual says so
 WEAR_FILE = "wear.json"  # in state_dir
 
 
-class Wear:
+class WriteBudget:
     """Counts the writes of every starter, and refuses those that are too many within an hour.
 
     `on_count` hears of each count: the starter, and in words what it comes to.

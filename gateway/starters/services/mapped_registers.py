@@ -12,7 +12,7 @@ from gateway.families.command.interlock import check
 from gateway.families.mapped_registers import (
     RULES,
     VERB,
-    FastBlock,
+    MappedBlock,
     build_map,
     fast_block,
     mapped,
@@ -22,12 +22,12 @@ from gateway.families.mapped_registers import (
 )
 from gateway.families.profile.procedure import Procedure
 from gateway.line.rtu.outcome import Answered, Refused
-from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.requests import Priority
 from gateway.records import AuditRecord, SequenceNumbers, Severity, Sink
-from gateway.starters.commands.starter_io import RefusedError, Rows, Wire
+from gateway.starters.commands.starter_io import RefusedError, Rows, StarterIo
 from gateway.starters.commands.view import StarterControlView
-from gateway.starters.identity.query import Standing
-from gateway.starters.policy.write_budget import Wear
+from gateway.starters.identity.query import IdentityStatus
+from gateway.starters.policy.write_budget import WriteBudget
 from gateway.system.clock import Clock
 
 logger = logging.getLogger(__name__)
@@ -40,12 +40,12 @@ MOST_WRITINGS = 3  # of a map that does not read back as written
 class FastStarter(StarterControlView, Protocol):
     """A starter that can be read by mapped words; `StarterTelemetry` is one."""
 
-    def use_fast_words(self, block: FastBlock | None) -> None:
+    def use_fast_words(self, block: MappedBlock | None) -> None:
         """Read the points of this block in one request from now on; None: as they stand in the starter."""
         ...
 
 
-class FastLane:
+class MappedRegisters:
     """Maps the points of one starter, once it has proved who it is; everything on the app's loop.
 
     Without `may_write` only a map that stands already is used. What somebody else has changed is not written
@@ -56,7 +56,7 @@ class FastLane:
         self,
         starter: FastStarter,
         *,
-        wear: Wear,
+        wear: WriteBudget,
         sink: Sink,
         clock: Clock,
         sequence: SequenceNumbers,
@@ -72,7 +72,7 @@ class FastLane:
         self._may_write = may_write
         self._is_locked = is_locked
         self._on_written = on_written
-        self._wire = Wire(starter)
+        self._wire = StarterIo(starter)
         self._task: asyncio.Task[None] | None = None
         self._is_contested = False
         self._told = ""  # the last event, so that nothing is said twice
@@ -131,18 +131,18 @@ class FastLane:
         except (CommandError, PortLostError):  # the polls tell that it is silent
             return False
 
-    async def _planned(self) -> FastBlock | None:
+    async def _planned(self) -> MappedBlock | None:
         """Return what to map: only rows that this starter has, since others would read 0."""
         missing: list[str] = []
         starter = self._starter
         for probe in probes(starter.profile, starter.variant):
             try:
-                await self._wire.read((probe,), lane=Lane.READ_BACK)
+                await self._wire.read((probe,), lane=Priority.READ_BACK)
             except RefusedError:
                 missing += probe.codes
         return fast_block(starter.profile, starter.variant, missing=missing)
 
-    async def _stands(self, block: FastBlock) -> bool:
+    async def _stands(self, block: MappedBlock) -> bool:
         """Return whether the map holds what the block needs, after writing it where that is possible now."""
         rows, procedure = await self._look(block)
         if procedure.is_unchanged:
@@ -162,18 +162,18 @@ class FastLane:
             return False
         return await self._write(block, rows, procedure)
 
-    async def _look(self, block: FastBlock) -> tuple[Rows, Procedure]:
+    async def _look(self, block: MappedBlock) -> tuple[Rows, Procedure]:
         profile = self._starter.profile
-        rows = await self._wire.read(prepare_map(profile, block).reads, lane=Lane.READ_BACK)
+        rows = await self._wire.read(prepare_map(profile, block).reads, lane=Priority.READ_BACK)
         return rows, build_map(profile, block, seen=rows)
 
     def _is_forbidden(self, points: Mapping[str, Any]) -> bool:
         """Return whether nothing may be written now: locked, the motor turns, or who answers is in doubt."""
-        if self._is_locked() or self._starter.identity_standing is not Standing.MATCHING:
+        if self._is_locked() or self._starter.identity_standing is not IdentityStatus.MATCHING:
             return True
         return bool(check(self._starter.profile, RULES, points))
 
-    async def _write(self, block: FastBlock, before: Rows, procedure: Procedure) -> bool:
+    async def _write(self, block: MappedBlock, before: Rows, procedure: Procedure) -> bool:
         """Write what differs, and return whether it reads back; nothing follows a write that failed."""
         self._writings += 1
         wanted = mapped(self._starter.profile, block)
@@ -181,7 +181,7 @@ class FastLane:
         self._on_written(changed)
         is_seen = False
         for step in procedure.steps:
-            if not isinstance(await self._wire.write(step.request, lane=Lane.READ_BACK), Answered):
+            if not isinstance(await self._wire.write(step.request, lane=Priority.READ_BACK), Answered):
                 break
         else:
             is_seen = procedure.verify is not None and await self._wire.see(procedure.verify) is not None
@@ -190,12 +190,12 @@ class FastLane:
             self._writings = 0
         return is_seen
 
-    async def _use(self, block: FastBlock) -> bool:
+    async def _use(self, block: MappedBlock) -> bool:
         """Read all by the mapped words from now on, if they are what they should be."""
         setup = self._starter.setup
         response_time_s = setup.response_time_of(block.request)
         outcome = await self._starter.line.transact(
-            setup.address, block.request, response_time_s=response_time_s, lane=Lane.READ_BACK
+            setup.address, block.request, response_time_s=response_time_s, lane=Priority.READ_BACK
         )
         if not isinstance(outcome, (Answered, Refused)):
             return False

@@ -19,13 +19,13 @@ from gateway.families.profile.procedure import Read
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.reading.bulk import bulk_reads, is_set_by_people
 from gateway.line.rtu.outcome import Outcome
-from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.requests import Priority
 from gateway.modbus.pdu import Request
 from gateway.records import Severity
 from gateway.starters.bulk_read import read_in_bulk
 from gateway.starters.commands.view import StarterControlView
-from gateway.starters.identity.query import Standing
-from gateway.starters.parameters.model import Entry, entries_of
+from gateway.starters.identity.query import IdentityStatus
+from gateway.starters.parameters.model import ParameterEntry, entries_of
 from gateway.starters.telemetry.transitions import Change
 
 EVENT = "parameter_changed"
@@ -36,7 +36,7 @@ def watched_codes(profile: Profile) -> tuple[str, ...]:
     return tuple(row.code for row in profile.parameters.values() if is_set_by_people(row))
 
 
-class KeypadWatch:
+class ParameterChanges:
     """Compares each reading of a setting with the one before it; the first one of all tells nothing."""
 
     def __init__(self, profile: Profile) -> None:
@@ -105,7 +105,7 @@ def rows_set(verb: str, args: Mapping[str, Any]) -> dict[str, Any]:
     return wanted or {str(args.get("parameter")): args.get("value")}
 
 
-def _as_data(entry: Entry) -> dict[str, Any]:
+def _as_data(entry: ParameterEntry) -> dict[str, Any]:
     return {
         "value": entry.value,
         "label": entry.label,
@@ -126,7 +126,7 @@ LONGEST_BLOCK = (
 )
 
 
-class KeypadPatrol:
+class ParameterMonitor:
     """Walks round the settings of one starter for ever, while it answers and is who it should be."""
 
     def __init__(
@@ -139,7 +139,7 @@ class KeypadPatrol:
         self._starter = starter
         self._on_change = on_change
         self._every_s = every_s
-        self._watch = KeypadWatch(starter.profile)
+        self._watch = ParameterChanges(starter.profile)
         self._limit = min(LONGEST_BLOCK, starter.profile.limits.read_registers // 2)
         self._reads = self._lap()
         self._left_of_first_lap = len(self._reads)  # blocks: the first lap makes known what there is
@@ -180,7 +180,7 @@ class KeypadPatrol:
         while self._reads:
             await asyncio.sleep(self._pause_s())
             starter = self._starter
-            if not starter.is_answering or starter.identity_standing is not Standing.MATCHING:
+            if not starter.is_answering or starter.identity_standing is not IdentityStatus.MATCHING:
                 continue
             self._ask_again_each_hour()
             read = self._reads.popleft()
@@ -241,5 +241,5 @@ class KeypadPatrol:
         setup = self._starter.setup
         response_time_s = setup.response_time_of(request)
         return await self._starter.line.transact(
-            setup.address, request, response_time_s=response_time_s, lane=Lane.PARAMETERS
+            setup.address, request, response_time_s=response_time_s, lane=Priority.PARAMETERS
         )

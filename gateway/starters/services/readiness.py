@@ -14,7 +14,7 @@ from gateway.families.diagnosis.readiness import readiness, readiness_codes, ref
 from gateway.families.diagnosis.watchdogs import watchdog_codes, watchdogs
 from gateway.families.reading.bulk import bulk_reads
 from gateway.line.rtu.outcome import Outcome
-from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.requests import Priority
 from gateway.modbus.pdu import Request
 from gateway.records import Severity
 from gateway.starters.bulk_read import BulkReading, read_in_bulk
@@ -29,7 +29,7 @@ WATCHDOG_TOPIC = "watchdog"  # of what keeps a starter from being read whole
 _SEVERITIES = {Weight.NOTE: Severity.INFO, Weight.WARNING: Severity.WARNING, Weight.ERROR: Severity.ERROR}
 
 
-class ReadinessWatch:
+class ReadinessService:
     """Looks at one starter's settings whenever it is told to; says only what it has not just said."""
 
     def __init__(
@@ -130,7 +130,7 @@ class ReadinessWatch:
         setup = self._starter.setup
         response_time_s = setup.response_time_of(request)
         return await self._starter.line.transact(
-            setup.address, request, response_time_s=response_time_s, lane=Lane.PARAMETERS
+            setup.address, request, response_time_s=response_time_s, lane=Priority.PARAMETERS
         )
 
 

@@ -9,10 +9,10 @@ from typing import Any
 
 from gateway.families.diagnosis.readiness import readiness_codes
 from gateway.records import AuditRecord, Record, SequenceNumbers, Sink
-from gateway.starters.policy.policy import Precautions
-from gateway.starters.services.mapped_registers import FastLane
-from gateway.starters.services.parameter_monitor import EVERY_S, VERBS, KeypadPatrol, rows_set
-from gateway.starters.services.readiness import ReadinessWatch
+from gateway.starters.policy.policy import Policy
+from gateway.starters.services.mapped_registers import MappedRegisters
+from gateway.starters.services.parameter_monitor import EVERY_S, VERBS, ParameterMonitor, rows_set
+from gateway.starters.services.readiness import ReadinessService
 from gateway.starters.telemetry.telemetry import StarterTelemetry
 from gateway.system.clock import Clock
 
@@ -22,9 +22,9 @@ class _Company:
     """The companions of one starter."""
 
     starter: StarterTelemetry
-    watch: ReadinessWatch
-    patrol: KeypadPatrol
-    lane: FastLane | None = None
+    watch: ReadinessService
+    patrol: ParameterMonitor
+    lane: MappedRegisters | None = None
     may_write: bool = False  # on our own account: the map of the fast words
 
     def is_about_readiness(self, record: AuditRecord) -> bool:
@@ -38,7 +38,7 @@ class _Company:
         await self.patrol.close()
 
 
-class Companions:
+class StarterServices:
     """The companions of all starters; also the commander's sink, so that they hear what we set ourselves."""
 
     def __init__(self, sink: Sink, *, patrol_every_s: float = EVERY_S) -> None:
@@ -50,9 +50,9 @@ class Companions:
 
     def add(self, starter: StarterTelemetry) -> None:
         """Go along with this starter; one that comes after the start is not written to on our own account."""
-        patrol = KeypadPatrol(starter, on_change=lambda: watch.begin(), every_s=self._patrol_every_s)
+        patrol = ParameterMonitor(starter, on_change=lambda: watch.begin(), every_s=self._patrol_every_s)
         patrol.recall(starter.settings_recalled())
-        watch = ReadinessWatch(starter, on_rows=patrol.note_reading)
+        watch = ReadinessService(starter, on_rows=patrol.note_reading)
         starter.when_identified(watch.begin)
         company = self._companies[starter.setup.name] = _Company(starter, watch, patrol)
         if self._is_started:
@@ -66,7 +66,7 @@ class Companions:
     def add_fast_lanes(
         self,
         *,
-        precautions: Precautions,
+        precautions: Policy,
         sink: Sink,
         clock: Clock,
         sequence: SequenceNumbers,
@@ -78,7 +78,7 @@ class Companions:
             starter = company.starter
             if not (starter.setup.has_fast_words and starter.setup.is_enabled):
                 return
-            company.lane = FastLane(
+            company.lane = MappedRegisters(
                 starter,
                 wear=precautions.wear,
                 sink=sink,
@@ -124,5 +124,5 @@ class Companions:
         self._sink.put(record)
 
 
-def _is_locked(precautions: Precautions, starter: str) -> bool:
+def _is_locked(precautions: Policy, starter: str) -> bool:
     return precautions.logbook.lock_of(starter) is not None

@@ -22,7 +22,7 @@ ENUM_TYPES = (Type.ENUM, Type.LOW_ENUM)
 _MOST_KEPT = 64
 
 
-class Sources:
+class PointSources:
     """Which rows each point of a family is told from."""
 
     def __init__(self, profile: Profile) -> None:
@@ -105,10 +105,10 @@ class _Memory:
     answer: Answer
 
 
-class Answers:
+class AnswerCache:
     """Reads the answers of one starter, poll by poll."""
 
-    def __init__(self, profile: Profile, sources: Sources) -> None:
+    def __init__(self, profile: Profile, sources: PointSources) -> None:
         self._profile = profile
         self._sources = sources
         self._memories: dict[str, _Memory] = {}  # by the poll's key

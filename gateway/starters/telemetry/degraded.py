@@ -24,7 +24,7 @@ OF = 200  # polls are looked at
 POOR, GOOD_AGAIN = 8, 3  # of them lost: from 4 % on it is said, until it is 1.5 % or less
 
 
-class Loss:
+class PollLoss:
     """Counts the lost polls of one starter among its latest."""
 
     def __init__(self) -> None:

@@ -27,11 +27,11 @@ from gateway.records import (
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.decoding import type_of, unit_of
 from gateway.starters.telemetry.snapshot import Reading, Value, as_flag
-from gateway.starters.telemetry.transitions import Change, Standing
+from gateway.starters.telemetry.transitions import AlarmStatus, Change
 from gateway.system.clock import Clock
 
 
-class Publisher:
+class Emitter:
     """Puts the records of one starter into the sink."""
 
     def __init__(self, starter: str, *, sink: Sink, clock: Clock, sequence: SequenceNumbers) -> None:
@@ -76,7 +76,7 @@ class Publisher:
         """Publish that the starter is online, offline or disabled from now on."""
         self.sink.put(AvailabilityRecord(self.starter, state, self._clock.utc_s(), reason))
 
-    def alarm(self, standing: Standing) -> None:
+    def alarm(self, standing: AlarmStatus) -> None:
         """Publish one fault or alarm as it stands."""
         self.sink.put(
             AlarmRecord(

@@ -15,7 +15,7 @@ from gateway.families.diagnosis.watchdogs import time_codes
 from gateway.families.reading.bulk import bulk_reads
 from gateway.line.client import LineClient
 from gateway.line.rtu.outcome import Outcome
-from gateway.line.scheduler.requests import Lane
+from gateway.line.scheduler.requests import Priority
 from gateway.modbus.pdu import Request
 from gateway.starters.bulk_read import read_in_bulk
 from gateway.starters.setup import StarterSetup
@@ -36,13 +36,13 @@ class FirstContact:
         self._line = line
         self._on_rows = on_rows
         self._reads = bulk_reads(setup.profile, time_codes(setup.profile))
-        self._lane = Lane.COMMAND
+        self._lane = Priority.COMMAND
         self._task: asyncio.Task[None] | None = None
 
     def begin(self, *, is_known: bool) -> None:
         """Read, in a task of its own; what is known already waits until all starters have been asked once."""
         self.cancel()
-        self._lane = Lane.READ_BACK if is_known else Lane.COMMAND
+        self._lane = Priority.READ_BACK if is_known else Priority.COMMAND
         name = f"first contact {self._setup.name}"
         self._task = asyncio.get_running_loop().create_task(self._run(), name=name)
 

@@ -27,7 +27,7 @@ from gateway.line.client import LineClient
 from gateway.line.scheduler.requests import Poll
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.polling import polls_of
-from gateway.storage.json_file import Memory, NoMemory, Saver
+from gateway.storage.json_file import JsonStore, NoStore, Saver
 
 WATCHDOGS_FILE = "watchdogs.json"  # in state_dir
 UNKEPT = "watchdog_unkept"
@@ -60,7 +60,7 @@ class KnownWatchdogs:
     def __init__(
         self,
         *,
-        memory: Memory | None = None,
+        memory: JsonStore | None = None,
         in_thread: InThread[Any] = _at_once,
         on_trouble: Callable[[str], None] = lambda _: None,
     ) -> None:
@@ -70,8 +70,8 @@ class KnownWatchdogs:
         self._lines: dict[str, LineClient | None] = {}  # by starter
         self._codes: dict[str, frozenset[str]] = {}  # by starter: the rows that say what its watchdog is
         self._kept_s: dict[str, float | None] = {}  # by starter: what its line was given
-        self._saver = Saver(memory or NoMemory(), self.to_document, on_trouble=on_trouble)
-        self.damage = self._restore(memory or NoMemory())  # why nothing is known from earlier; empty: it is
+        self._saver = Saver(memory or NoStore(), self.to_document, on_trouble=on_trouble)
+        self.damage = self._restore(memory or NoStore())  # why nothing is known from earlier; empty: it is
 
     def add(self, setup: StarterSetup, line: LineClient | None = None) -> None:
         """Keep the watchdog of a starter on its line from now on."""
@@ -209,7 +209,7 @@ class KnownWatchdogs:
         self._kept_s[setup.name] = limit_s
         line.set_deadline(setup.address, limit_s)
 
-    def _restore(self, memory: Memory) -> str:
+    def _restore(self, memory: JsonStore) -> str:
         try:
             starters = (memory.load() or {}).get("starters", {})
             for name, kept in starters.items():

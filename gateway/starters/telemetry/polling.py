@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 
-from gateway.families.mapped_registers import FastBlock, fast_block, plan_with
+from gateway.families.mapped_registers import MappedBlock, fast_block, plan_with
 from gateway.families.profile.schema import Variant
 from gateway.families.reading.poll_blocks import Block, split
 from gateway.line.client import LineClient
@@ -74,7 +74,7 @@ class Polling:
         self._line = line
         self._is_fast = self._is_idle = False
         self._variant = setup.variant
-        self._fast_words: FastBlock | None = None
+        self._fast_words: MappedBlock | None = None
         self._plan = _planned(setup, setup.variant) if setup.is_enabled else ()
         self.is_withdrawn = not setup.is_enabled  # nothing is asked, whatever comes
         self._polled = {_key(setup, block): self._begin(block) for block in self._plan}
@@ -110,7 +110,7 @@ class Polling:
             self._line.hasten(key)
             return ()
         if len(polled.block.codes) > 1:
-            if not isinstance(polled.block, FastBlock):  # which has to be given up as a whole
+            if not isinstance(polled.block, MappedBlock):  # which has to be given up as a whole
                 self._split(key, at_s)
             return ()
         is_vital = not self._vital.isdisjoint(polled.block.codes)
@@ -193,7 +193,7 @@ class Polling:
             self._plan = plan
             self._replace(plan)
 
-    def use_fast_words(self, block: FastBlock | None) -> None:
+    def use_fast_words(self, block: MappedBlock | None) -> None:
         """Read these rows in one request from now on; None: all rows as they stand in the starter."""
         if self.is_withdrawn:
             return

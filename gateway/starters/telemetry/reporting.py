@@ -20,7 +20,7 @@ from gateway.system.clock import Clock
 TICK_S = 0.25  # all starters' timers run out on ticks, so that the loop wakes up once for many of them
 
 
-class Waker:
+class TickTimer:
     """Calls back when it is time, up to a tick later, or sooner: whoever is called looks and asks anew."""
 
     def __init__(self, clock: Clock, call: Callable[[], None]) -> None:
@@ -55,7 +55,7 @@ TOGETHER = 0.1  # of that time: so much sooner readings go out that were sent lo
 
 
 @dataclass(slots=True)
-class _Entry:
+class _Reported:
     reading: Reading
     sent: Reading | None
     due_s: float
@@ -72,7 +72,7 @@ class Report:
         self._soonest_s = soonest_s
         self._latest_s = latest_s
         self._together_s = latest_s * TOGETHER
-        self._entries: dict[str, _Entry] = {}
+        self._entries: dict[str, _Reported] = {}
         self._next_due_s = math.inf  # no reading is due before
 
     def offer(self, readings: Mapping[str, Reading], *, now_s: float) -> None:
@@ -80,7 +80,7 @@ class Report:
         for name, reading in readings.items():
             entry = self._entries.get(name)
             if entry is None:
-                self._entries[name] = _Entry(reading, None, now_s)
+                self._entries[name] = _Reported(reading, None, now_s)
                 self._next_due_s = min(self._next_due_s, now_s)
                 continue
             if entry.reading is reading:

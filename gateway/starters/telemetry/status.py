@@ -11,17 +11,17 @@ from gateway.families.profile.schema import Profile
 from gateway.families.profile.state import alarms_of, state_of
 from gateway.records import Quality, Severity
 from gateway.starters.telemetry.decoding import is_flag
-from gateway.starters.telemetry.emitter import Publisher
+from gateway.starters.telemetry.emitter import Emitter
 from gateway.starters.telemetry.reporting import LATEST_S
 from gateway.starters.telemetry.snapshot import Reading, Snapshot, Value, as_flag, good_values
 from gateway.starters.telemetry.transitions import (
     LASTING_S,
     UNKNOWN,
     AlarmBook,
+    AlarmStatus,
     Change,
+    PublishedFaults,
     Settled,
-    Standing,
-    ToldFaults,
     Watch,
 )
 
@@ -35,10 +35,10 @@ SUMMARY_FLAGS = (FAULT, "alarm")  # decide whether the alarms can be told at all
 class Status:
     """Tells the state of one starter whenever it changes, and at the latest every 30 s."""
 
-    def __init__(self, profile: Profile, publisher: Publisher, told: ToldFaults | None = None) -> None:
+    def __init__(self, profile: Profile, publisher: Emitter, told: PublishedFaults | None = None) -> None:
         self._profile = profile
         self._publisher = publisher
-        self._told = told or ToldFaults()
+        self._told = told or PublishedFaults()
         self._numbers = tuple(name for name in NUMBERS if name in profile.points)
         self._settled = Settled()
         self._settled_alarms = AlarmBook()
@@ -209,7 +209,7 @@ class Status:
         }
 
 
-def _alarm_change(standing: Standing) -> Change:
+def _alarm_change(standing: AlarmStatus) -> Change:
     alarm = standing.alarm
     data = {"alarm": alarm.code, "severity": alarm.severity, "count": standing.count}
     if standing.is_active:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import assert_never
 
-from gateway.families.mapped_registers import FastBlock
+from gateway.families.mapped_registers import MappedBlock
 from gateway.families.profile.identify import Identity, why_not
 from gateway.families.profile.load import stop_profile
 from gateway.families.profile.schema import Profile, Variant
@@ -18,19 +18,19 @@ from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.scheduler.requests import Poll
 from gateway.modbus.codes import exception_name
 from gateway.records import InfoRecord, SequenceNumbers, Severity, Sink
-from gateway.starters.identity.query import Identification, Standing, standing_of
-from gateway.starters.identity.registry import Identities
+from gateway.starters.identity.query import IdentityQuery, IdentityStatus, standing_of
+from gateway.starters.identity.registry import IdentityRegistry
 from gateway.starters.setup import StarterSetup, merged
-from gateway.starters.telemetry.decoding import Answers, Sources, Told, unit_of
-from gateway.starters.telemetry.degraded import LONGEST_PAUSE_S, Loss
-from gateway.starters.telemetry.emitter import Publisher, info_of
+from gateway.starters.telemetry.decoding import AnswerCache, PointSources, Told, unit_of
+from gateway.starters.telemetry.degraded import LONGEST_PAUSE_S, PollLoss
+from gateway.starters.telemetry.emitter import Emitter, info_of
 from gateway.starters.telemetry.first_contact import FirstContact
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from gateway.starters.telemetry.polling import Polling
-from gateway.starters.telemetry.reporting import SOONEST_S, Report, Waker
+from gateway.starters.telemetry.reporting import SOONEST_S, Report, TickTimer
 from gateway.starters.telemetry.snapshot import Snapshot
 from gateway.starters.telemetry.status import SUMMARY_FLAGS, Status
-from gateway.starters.telemetry.transitions import UNKNOWN, ToldFaults
+from gateway.starters.telemetry.transitions import UNKNOWN, PublishedFaults
 from gateway.system.clock import Clock
 
 logger = logging.getLogger(__name__)
@@ -51,29 +51,29 @@ class StarterTelemetry:
         sink: Sink,
         clock: Clock,
         sequence: SequenceNumbers,
-        identities: Identities | None = None,
+        identities: IdentityRegistry | None = None,
         watchdogs: KnownWatchdogs | None = None,
-        told_faults: ToldFaults | None = None,
+        told_faults: PublishedFaults | None = None,
     ) -> None:
         profile = setup.profile
         self.setup = setup
         self.line = line
         self.variant = setup.variant
         self.snapshot = Snapshot({name: unit_of(profile, name) for name in profile.points})
-        self.publisher = Publisher(setup.name, sink=sink, clock=clock, sequence=sequence)
+        self.publisher = Emitter(setup.name, sink=sink, clock=clock, sequence=sequence)
         self._clock = clock
-        self._sources = Sources(profile)
-        self._answers = Answers(profile, self._sources)
+        self._sources = PointSources(profile)
+        self._answers = AnswerCache(profile, self._sources)
         self._polling = Polling(setup, line)
         summary = (name for name in SUMMARY_FLAGS if name in profile.points)
         self._status_codes = frozenset(rows_of_points(profile, summary))
         self._status = Status(profile, self.publisher, told_faults)
         self._report = Report({name: point.deadband for name, point in profile.points.items()})
-        self._identification = Identification(setup, line, self._take_identity)
+        self._identification = IdentityQuery(setup, line, self._take_identity)
         self._first_contact = FirstContact(setup, line, self.note_settings)
         self._watchdogs = watchdogs or KnownWatchdogs()
         self._watchdogs.add(setup, line)
-        self._identities = identities or Identities(sink=sink, clock=clock, sequence=sequence)
+        self._identities = identities or IdentityRegistry(sink=sink, clock=clock, sequence=sequence)
         self._identities.when_accepted(setup.name, self._judge_values)
         self._identity = Identity(reason="not yet asked")
         self._info: InfoRecord | None = None
@@ -81,14 +81,14 @@ class StarterTelemetry:
         self._was_lost = False
         self._has_ended = False
         self._troubles: dict[str, str] = {}  # by topic: what cannot be read at present
-        self._loss = Loss()
+        self._loss = PollLoss()
         self._refused: tuple[str, ...] = ()  # rows that decide something, as told last
         self._on_trouble: Callable[[str], None] = lambda _: None
         self._never_answered = "not yet read"  # why, as last told
         self._state = UNKNOWN
         self._on_identified: list[Callable[[], None]] = []
         self._on_fast_words_lost: Callable[[str], None] = lambda _: None
-        self._waker = Waker(clock, self._publish)
+        self._waker = TickTimer(clock, self._publish)
         self._where = f"line={setup.line} unit={setup.address} starter={setup.name}"
 
     @property
@@ -107,11 +107,11 @@ class StarterTelemetry:
         return self._identity
 
     @property
-    def identity_standing(self) -> Standing:
+    def identity_standing(self) -> IdentityStatus:
         """Return whether the one who answers has proved to be the configured family, as before."""
         standing = standing_of(self.setup, self._identity)
-        is_held = standing is Standing.MATCHING and self._identities.trouble(self.setup.name)
-        return Standing.CHANGED if is_held else standing
+        is_held = standing is IdentityStatus.MATCHING and self._identities.trouble(self.setup.name)
+        return IdentityStatus.CHANGED if is_held else standing
 
     @property
     def identity_reason(self) -> str:
@@ -121,7 +121,7 @@ class StarterTelemetry:
     @property
     def contradiction(self) -> str:
         """Return in what the device contradicts the configuration, so that its values mean nothing."""
-        if standing_of(self.setup, self._identity) is Standing.MISMATCHED:
+        if standing_of(self.setup, self._identity) is IdentityStatus.MISMATCHED:
             return why_not(self.profile, self._identity) or ""
         return self._identities.contradiction(self.setup.name)
 
@@ -164,7 +164,7 @@ class StarterTelemetry:
             self.publisher.event("recovered", Severity.INFO, "the starter can be read whole again")
         self._on_trouble(text)
 
-    def use_fast_words(self, block: FastBlock | None) -> None:
+    def use_fast_words(self, block: MappedBlock | None) -> None:
         """Read the points of this block in one request from now on; None: as they stand in the starter."""
         self._polling.use_fast_words(block)
 
@@ -265,7 +265,7 @@ class StarterTelemetry:
     ) -> None:
         """Take over rows that were just read, by a poll or for a command, and publish what they say."""
         self.snapshot.keep_rows(rows, at_s=at_s)
-        if self.identity_standing is not Standing.MISMATCHED:
+        if self.identity_standing is not IdentityStatus.MISMATCHED:
             self.note_settings(rows)
         if self._polling.is_withdrawn or self._has_ended:
             return  # only a stop asks such a starter, and needs its rows
@@ -304,7 +304,7 @@ class StarterTelemetry:
             self._publish()
             return
         unknown = self._polling.note_refusal(key, at_s=refusal.at_s)
-        if isinstance(block, FastBlock) and self._polling.is_refused(key):
+        if isinstance(block, MappedBlock) and self._polling.is_refused(key):
             self._lose_fast_words(f"they are refused ({why})")
             return
         self.snapshot.refuse(self._sources.fed_by(unknown))
@@ -357,10 +357,10 @@ class StarterTelemetry:
     def _take_identity(self, identity: Identity) -> None:
         before = self._identity
         self._identity = identity
-        if standing_of(self.setup, identity) is Standing.MATCHING:
+        if standing_of(self.setup, identity) is IdentityStatus.MATCHING:
             is_settled = self._identification.is_settled
             self._identities.note(self.setup, identity, is_settled=is_settled)
-            if standing_of(self.setup, before) is not Standing.MATCHING:
+            if standing_of(self.setup, before) is not IdentityStatus.MATCHING:
                 self._polling.restore()  # another device may have refused what this one has
             self._take_variant(merged(self.setup.variant, identity))
             self._publish_info()
@@ -390,7 +390,7 @@ class StarterTelemetry:
     def _tell_held(self) -> None:
         """Say that commands are held, because someone else answers or because it is not known who does."""
         text = f"commands are held: {self.identity_reason}"
-        if self.identity_standing is Standing.MISMATCHED:
+        if self.identity_standing is IdentityStatus.MISMATCHED:
             seen = self._identity
             stop_profile(self.profile, seen)  # loaded now, so that a stop need not wait for it
             data = {"expected": self.profile.family, "seen": seen.family_seen, "model": seen.model}

@@ -19,7 +19,7 @@ from typing import Any
 from gateway.errors import DamagedError
 from gateway.families.profile.schema import Alarm
 from gateway.records import Severity
-from gateway.storage.json_file import Memory, NoMemory, Saver
+from gateway.storage.json_file import JsonStore, NoStore, Saver
 
 UNKNOWN = "unknown"
 STARTED = frozenset({"starting", "running"})
@@ -132,7 +132,7 @@ class Watch:
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class AlarmStatus:
     """One alarm as it stands."""
 
     alarm: Alarm
@@ -146,9 +146,9 @@ class AlarmBook:
     """Remembers every alarm that was active once since the gateway's start."""
 
     def __init__(self) -> None:
-        self._standings: dict[str, Standing] = {}
+        self._standings: dict[str, AlarmStatus] = {}
 
-    def update(self, active: Iterable[Alarm], *, time_s: float) -> tuple[Standing, ...]:
+    def update(self, active: Iterable[Alarm], *, time_s: float) -> tuple[AlarmStatus, ...]:
         """Take over which alarms are active now, and return those that came or went."""
         by_code = {alarm.code: alarm for alarm in active}
         changed = [
@@ -173,14 +173,14 @@ class AlarmBook:
         standing = self._standings.get(code)
         return standing is not None and standing.is_active
 
-    def _raise(self, alarm: Alarm, time_s: float) -> Standing:
+    def _raise(self, alarm: Alarm, time_s: float) -> AlarmStatus:
         earlier = self._standings.get(alarm.code)
         count = 1 if earlier is None else earlier.count + 1
-        standing = Standing(alarm, is_active=True, raised_s=time_s, cleared_s=None, count=count)
+        standing = AlarmStatus(alarm, is_active=True, raised_s=time_s, cleared_s=None, count=count)
         self._standings[alarm.code] = standing
         return standing
 
-    def _clear(self, standing: Standing, time_s: float) -> Standing:
+    def _clear(self, standing: AlarmStatus, time_s: float) -> AlarmStatus:
         cleared = replace(standing, is_active=False, cleared_s=time_s)
         self._standings[standing.alarm.code] = cleared
         return cleared
@@ -191,13 +191,13 @@ LASTING_S = 5.0
 KEPT_WITHIN_S = 1.0
 
 
-class ToldFaults:
+class PublishedFaults:
     """The standing faults of all starters; the file is read when this is made."""
 
-    def __init__(self, *, memory: Memory | None = None) -> None:
+    def __init__(self, *, memory: JsonStore | None = None) -> None:
         self._codes: dict[str, tuple[str, ...]] = {}
-        self._saver = Saver(memory or NoMemory(), self.to_document, on_trouble=lambda _: None)
-        self._restore(memory or NoMemory())
+        self._saver = Saver(memory or NoStore(), self.to_document, on_trouble=lambda _: None)
+        self._restore(memory or NoStore())
 
     def is_told(self, starter: str, codes: tuple[str, ...]) -> bool:
         """Return whether an earlier run has published the fault that these alarm codes name."""
@@ -221,7 +221,7 @@ class ToldFaults:
         """Save what is left to be saved, and then do nothing more."""
         await self._saver.close(within_s=KEPT_WITHIN_S)
 
-    def _restore(self, memory: Memory) -> None:
+    def _restore(self, memory: JsonStore) -> None:
         try:
             faults = (memory.load() or {}).get("faults", {})
             if not isinstance(faults, Mapping):

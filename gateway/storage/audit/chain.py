@@ -28,7 +28,7 @@ class Head:
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class Verification:
     """What a check of a chain found; it is whole when there are no problems."""
 
     count: int
@@ -59,7 +59,7 @@ def read_line(line: str) -> tuple[dict[str, Any], Head]:
     return entry, Head(number, hash_)
 
 
-def verify(lines: Iterable[tuple[str, str]], *, after: Head | None) -> Verdict:
+def verify(lines: Iterable[tuple[str, str]], *, after: Head | None) -> Verification:
     """Check lines, each with its place; `after` is what went before them, None when nobody knows."""
     head, count, problems = after, 0, list[str]()
     for place, line in lines:
@@ -73,7 +73,7 @@ def verify(lines: Iterable[tuple[str, str]], *, after: Head | None) -> Verdict:
         head = stated
     if len(problems) > MOST_PROBLEMS:
         problems[MOST_PROBLEMS:] = [f"and {len(problems) - MOST_PROBLEMS} more"]
-    return Verdict(count, head or Head(), tuple(problems))
+    return Verification(count, head or Head(), tuple(problems))
 
 
 def _problems(entry: dict[str, Any], stated: Head, before: Head | None) -> Iterator[str]:
