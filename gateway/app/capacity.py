@@ -62,6 +62,11 @@ def computed_of(line: LineCapacity) -> dict[str, Any]:
     }
 
 
+def check_watchdogs(config: Config) -> list[Mistake]:
+    """Return the watchdogs that the lines of a configuration cannot keep, as mistakes; see `config.load`."""
+    return missed_deadlines(prospects_of(config))
+
+
 def missed_deadlines(prospects: Iterable[LineCapacity]) -> list[Mistake]:
     """Return the watchdogs that would trip although everything works; of a site's lines in their order."""
     mistakes = []

@@ -240,7 +240,7 @@ def test_the_password_of_another_login_is_asked_for_or_taken_from_the_environmen
         logins.append((settings.username, settings.password))
         raise BrokerError("enough")
 
-    monkeypatch.setattr("gateway.cli.send.Sender", note)
+    monkeypatch.setattr("gateway.cli.send.CommandClient", note)
     monkeypatch.setattr("sys.stdin.isatty", lambda: True)
     monkeypatch.setattr("getpass.getpass", lambda prompt: f"typed at {prompt!r}")
 

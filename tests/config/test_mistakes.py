@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from gateway.app.capacity import check_watchdogs
 from gateway.config.load import parse
 from gateway.errors import ConfigError
 from tests.config.sites import changed
@@ -188,7 +189,7 @@ MISTAKES = [
 
 def problems(text: str) -> list[str]:
     with pytest.raises(ConfigError) as caught:
-        parse(text, "site.toml")
+        parse(text, "site.toml", check=check_watchdogs)
     return [str(problem) for problem in caught.value.problems]
 
 

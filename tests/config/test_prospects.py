@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.app.capacity import computed_of, prospects_of
+from gateway.app.capacity import check_watchdogs, computed_of, prospects_of
 from gateway.config.convert import rights_of, setups_of, timing_of, tls_files_of
 from gateway.config.load import parse
 from gateway.errors import ConfigError
@@ -69,7 +69,9 @@ def test_the_margin_of_a_watchdog_is_what_it_has_beyond_the_longest_gap(
 
 def test_a_watchdog_that_the_line_cannot_keep_is_a_wrong_configuration() -> None:
     with pytest.raises(ConfigError) as caught:
-        parse(changed(("every_s = 2.0", "every_s = 20.0\nwatchdog_s = 0.5")), "site.toml")
+        parse(
+            changed(("every_s = 2.0", "every_s = 20.0\nwatchdog_s = 0.5")), "site.toml", check=check_watchdogs
+        )
 
     (problem,) = caught.value.problems
     assert (problem.line, problem.key) == (23, "line[0].starter[1].watchdog_s")
@@ -92,7 +94,7 @@ def test_when_a_line_cannot_keep_its_watchdogs_each_single_change_that_would_hel
     )
 
     with pytest.raises(ConfigError) as caught:
-        parse(head.replace("19200", "9600") + starters + tail, "site.toml")
+        parse(head.replace("19200", "9600") + starters + tail, "site.toml", check=check_watchdogs)
 
     assert len(caught.value.problems) == 30
     problem = caught.value.problems[0]
@@ -105,7 +107,7 @@ def test_a_faster_line_is_offered_where_every_family_allows_it() -> None:
         ("baud = 19200", "baud = 9600"), ('family = "ssw07"', 'family = "ssw07"\nwatchdog_s = 0.72')
     )
     with pytest.raises(ConfigError) as caught:
-        parse(text, "site.toml")
+        parse(text, "site.toml", check=check_watchdogs)
 
     assert caught.value.problems[0].mend.startswith("baud = ")
 

@@ -183,7 +183,10 @@ def _name(turn: Slot | None) -> object:
 @settings(deadline=None, max_examples=200)
 @given(OPERATIONS)
 def test_a_plan_does_the_same_with_plain_lists(operations: list[tuple[object, ...]]) -> None:
-    with mock.patch.object(rota, "Agenda", ListAgenda), mock.patch.object(watchdogs, "Agenda", ListAgenda):
+    with (
+        mock.patch.object(rota, "EdfQueue", ListAgenda),
+        mock.patch.object(watchdogs, "EdfQueue", ListAgenda),
+    ):
         expected = follow(operations)
 
     assert follow(operations) == expected

@@ -257,7 +257,7 @@ async def test_what_was_handed_over_has_arrived_until_the_lines_thread_takes_it(
             asked.append(has_arrived)
             super().__init__(has_arrived=has_arrived, **given)
 
-    monkeypatch.setattr(host_module, "Scheduler", Spied)
+    monkeypatch.setattr(host_module, "Line", Spied)
     host = LineHost(WaitingListener())
     add(host, fake_opener())
     await host.start()

@@ -16,11 +16,11 @@ from gateway.starters.policy.start_rules import RULES
 from tests.results_page import PAGE, page
 
 GATEWAY = Path(__file__).parents[2] / "gateway"
-FLOORS = ("families", "starters", "mqtt/contract/commands.py", "mqtt/contract/freshness.py", "durable")
+FLOORS = ("families", "starters", "mqtt/contract/commands.py", "mqtt/contract/freshness.py", "storage")
 
 # Where the code stands in a call.
-PLACES = {"CommandError": 0, "refused": 0, "halt": 0, "_cut": 0, "End": 1}
-KEYWORDS = {"CommandError", "Expectation", "End", "replace", "Rejection"}
+PLACES = {"CommandError": 0, "refused": 0, "halt": 0, "_cut": 0, "Final": 1}
+KEYWORDS = {"CommandError", "Expectation", "Final", "replace", "Rejection"}
 
 NAMED_ELSEWHERE = {
     "identity_unknown",
@@ -33,7 +33,7 @@ NAMED_ELSEWHERE = {
 def sources() -> Iterator[Path]:
     for floor in FLOORS:
         path = GATEWAY / floor
-        yield from [path] if path.is_file() else sorted(path.glob("*.py"))
+        yield from [path] if path.is_file() else sorted(path.rglob("*.py"))
 
 
 def codes_in(path: Path) -> Iterator[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from gateway.app.capacity import check_watchdogs
 from gateway.cli.scan.search import Find, why_not
 from gateway.config.load import parse
 from gateway.errors import ConfigError
@@ -37,7 +38,7 @@ def config_text(port: str, found: Sequence[Find]) -> str:
     rest = [find for find in found if find not in here]
     text = _text(port, timing, here, rest, with_watchdogs=True)
     try:
-        parse(text, "scan")
+        parse(text, "scan", check=check_watchdogs)
     except ConfigError:  # a watchdog that this line cannot keep: say so, but do not demand it
         text = _text(port, timing, here, rest, with_watchdogs=False)
     return text
