@@ -12,8 +12,8 @@ from gateway.line.rtu.bus_faults import ADDRESS_CONFLICT, LINE_NOISE
 from gateway.records import AvailabilityRecord, EventRecord, StateRecord
 from gateway.sim.bus.faults import Noisy, NoReply
 from tests.starters import test_on_a_line
+from tests.starters.four_starters import site
 from tests.starters.rig import virtually
-from tests.starters.test_on_a_line import site
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -42,7 +42,7 @@ async def test_a_stop_just_after_the_start_is_confirmed_as_soon_as_at_any_other_
     await world.close()
 
 
-async def quiet(world: World) -> None:
+async def quiet(world: GatewayWorld) -> None:
     """Wait until a reply is over: what is left of a request that is cut would run into the first stop."""
     before = len(world.bus.transcript)
     while (  # noqa: ASYNC110 - the line has no event for that
