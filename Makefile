@@ -73,8 +73,8 @@ $(STAMP)-bench: $(STAMP)
 bench: $(STAMP)-bench mosquitto ## the line's efficiency, beside other masters, in six minutes; pictures in docs/
 	@$(BIN)/python -m tests.bench --pictures docs
 
-late-replies: $(STAMP) ## a million requests whose replies come late, twice or out of order; a minute
-	LATE_REPLIES=1000000 $(BIN)/python -m pytest tests/line/test_late_replies.py
+late-replies: $(STAMP) ## ten million requests whose replies come late, twice, out of order or never; 20 minutes
+	$(BIN)/python -m tests.line.late_lines 10000000
 
 clean: ## remove what the targets made
 	rm -rf $(VENV) build dist *.egg-info .coverage .hypothesis .mypy_cache .pytest_cache .ruff_cache .import_linter_cache

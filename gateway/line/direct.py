@@ -15,6 +15,7 @@ from gateway.errors import PortLostError
 from gateway.line.client import LineClient, LocalLineClient
 from gateway.line.line import Line
 from gateway.line.port.base import ClosesLate, Port, PortOpener
+from gateway.line.rtu.forms import Alternates
 from gateway.line.rtu.outcome import Outcome
 from gateway.line.rtu.timeouts import ALLOWANCE_S, reply_within_s, request_wire_s
 from gateway.line.rtu.trace import Trace
@@ -25,10 +26,16 @@ from gateway.modbus.timing import LineTiming
 
 @asynccontextmanager
 async def exclusive_line(
-    name: str, opener: PortOpener, timing: LineTiming, *, allowance_s: float = ALLOWANCE_S
+    name: str,
+    opener: PortOpener,
+    timing: LineTiming,
+    *,
+    allowance_s: float = ALLOWANCE_S,
+    alternates_of: Alternates = lambda _: (),
 ) -> AsyncIterator[LineClient]:
     """Serve a line as long as the context lasts; PortError when its port cannot be had.
 
+    `alternates_of` returns other reads that say the same as one, of the only starter that is asked.
     A port that is lost later is not opened again: whatever is asked then ends unsent.
     """
     port = await opener()
@@ -40,6 +47,7 @@ async def exclusive_line(
         polls=(),
         listener=listener,
         allowance_s=allowance_s,
+        alternates_of=alternates_of,
     )
     task = asyncio.create_task(scheduler.run(), name=f"exclusive {name}")
     try:

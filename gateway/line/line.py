@@ -13,6 +13,8 @@ from gateway.line.events import LineListener, Notifications, OnFrame
 from gateway.line.port.base import Port, PortOpener
 from gateway.line.port.tty import CountsErrors
 from gateway.line.port_recovery import PortRecovery
+from gateway.line.rtu.forms import Alternates, Forms
+from gateway.line.rtu.late_replies import LateReplies
 from gateway.line.rtu.outcome import Silent
 from gateway.line.rtu.request import RequestCache
 from gateway.line.rtu.timeouts import ALLOWANCE_S
@@ -48,17 +50,21 @@ class Line:
         deaf_after_s: float | None = None,
         hurry: Callable[[], None] | None = None,  # called when what was told before must not wait
         has_arrived: Callable[[], bool] = lambda: False,  # something that may become a stop
+        # Reads that say the same as one of a unit without polls.
+        alternates_of: Alternates = lambda _: (),
     ) -> None:
         self.name = name
         self.timing = timing
         self.progress = 0  # grows with each transaction, idle wake-up and attempt to open
         self._opener = opener
         self._allowance_s = allowance_s
+        self._alternates_of = alternates_of
         self._plan = Scheduler(polls, seed=seed)
         self._trace = Trace(name)
         self._voice = Notifications(name, listener, self._trace, hurry=hurry)
         self._figures = Statistics()
         self._preparations = RequestCache()
+        self._forms = Forms(LateReplies())
         self._deafness = PortRecovery(deaf_after_s)
         self._doorstep = StopHold(has_arrived)
         self._time: Callable[[], float] = lambda: -inf
@@ -130,6 +136,7 @@ class Line:
     def forget(self, unit: int) -> None:
         """Know nothing of a unit any more, whose polls are removed."""
         self._plan.forget(unit)
+        self._forms.forget(unit)
         self._figures.forget(unit)
 
     def capture(self, on_frame: OnFrame | None) -> None:
@@ -196,7 +203,9 @@ class Line:
         After a reset of ours the jobs wait for the new connection, and nothing is published of it.
         """
         self._is_reopening = False
-        line = RtuMaster(port, self.timing, allowance_s=self._allowance_s, trace=self._trace)
+        line = RtuMaster(
+            port, self.timing, allowance_s=self._allowance_s, trace=self._trace, forms=self._forms
+        )
         serving = self._serving = self._serving_of(line)
         self._plan.begin(self._time())
         self._figures.begin(self._time())
@@ -234,6 +243,7 @@ class Line:
             doorstep=self._doorstep,
             preparations=self._preparations,
             voice=self._voice,
+            alternates_of=self._alternates_of,
             step=self._step,
         )
 

@@ -10,8 +10,10 @@ from math import inf
 from gateway.errors import PortLostError, PortResetError
 from gateway.line.events import Notifications
 from gateway.line.port_recovery import DEAF, PortRecovery
-from gateway.line.rtu.outcome import TOO_LATE, Garbled, Outcome, Silent
-from gateway.line.rtu.request import RequestCache
+from gateway.line.rtu.forms import Alternates
+from gateway.line.rtu.late_replies import COPY_S, LOOK_AGAIN_S, Agreed
+from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
+from gateway.line.rtu.request import EncodedRequest, RequestCache
 from gateway.line.rtu.transaction import RtuMaster
 from gateway.line.scheduler.requests import Job, Priority, Slot
 from gateway.line.scheduler.scheduler import Scheduler
@@ -37,6 +39,7 @@ class LineService:
         doorstep: StopHold,
         preparations: RequestCache,
         voice: Notifications,
+        alternates_of: Alternates,  # for units without polls
         step: Callable[[], None],
     ) -> None:
         self.line = line
@@ -48,6 +51,7 @@ class LineService:
         self._doorstep = doorstep
         self._preparations = preparations
         self._voice = voice
+        self._alternates_of = alternates_of
         self._step = step  # called whenever the loop gets on
         self._time = asyncio.get_running_loop().time
         self._turn: Slot | None = None  # chosen, not yet sent
@@ -107,13 +111,14 @@ class LineService:
                 self._voice.flush()
                 await self._wait_for_work(self._plan.next_due_s())
                 continue
-            free_from_s = line.free_from_s(turn.unit, turn.request)
-            if noise is None and free_from_s > self._time():
-                await self._put_back(turn, free_from_s)
+            prepared = self._preparations.of(turn.poll.key if turn.poll else None, turn.unit, turn.request)
+            form = self._form_of(turn, prepared)
+            if form is None and noise is None and not self._is_too_late(turn):
+                self._plan.put_back(turn, line.late.free_from_s(turn.unit, turn.request, self._time()))
                 continue
-            outcome = await self._take(turn, noise)
+            outcome = await self._take(turn, form or prepared, noise)
             self._step()
-            self._record(turn, outcome, took_s=self._time() - free_s)
+            self._record(turn, form or prepared, outcome, took_s=self._time() - free_s)
             if _may_act_late(turn, outcome) and line.reset():
                 raise PortResetError(self._port_name, RESET)
             if turn.unit and self._deafness.take(outcome, self._time()):
@@ -158,13 +163,24 @@ class LineService:
         self._doorstep.waited(began_s, now_s)
         return True
 
-    async def _take(self, turn: Slot, noise: Garbled | None) -> Outcome:
+    def _form_of(self, turn: Slot, prepared: EncodedRequest) -> EncodedRequest | None:
+        """Return the form in which a turn's request is sent; None while an earlier reply may pass."""
+        poll = turn.poll
+        any_poll = poll or self._plan.probe_of(turn.unit)
+        return self.line.forms.choose(
+            prepared,
+            self._alternates_of if any_poll is None else any_poll.alternates_of,
+            self._time(),
+            is_decisive=poll is None or poll.is_urgent,
+            is_patient=poll is not None,
+        )
+
+    async def _take(self, turn: Slot, prepared: EncodedRequest, noise: Garbled | None) -> Outcome:
         """Do one transaction, unless too late or on too noisy a line; a job ends even when this does not.
 
         A stop goes out on any line, between or over what others send.
         """
-        until_s = inf if turn.job is None else turn.job.until_s
-        if self._time() > until_s:
+        if self._is_too_late(turn):
             return Silent(TOO_LATE, is_sent=False)
         if noise is not None and not turn.is_stop:
             return noise
@@ -175,12 +191,10 @@ class LineService:
         try:
             if noise is not None:
                 await self.line.find_gap(GAP_WITHIN_S)
-            prepared = self._preparations.of(poll.key if poll else None, turn.unit, turn.request)
             outcome = await self.line.exchange(
                 prepared,
                 response_time_s=self._figures.response_time_s(turn),
-                longest_s=turn.response_time_s,
-                until_s=until_s,
+                until_s=_until_s(turn),
                 meanwhile=self._voice.flush,
             )
             if outcome != Silent(TOO_LATE, is_sent=False):
@@ -191,11 +205,17 @@ class LineService:
                     self._voice.finish(job, Silent("port lost", is_sent=self.line.is_on_wire))
         return outcome if noise is None else replace(outcome, is_over_babble=True)
 
-    def _record(self, turn: Slot, outcome: Outcome, *, took_s: float) -> None:
+    def _record(self, turn: Slot, sent: EncodedRequest, outcome: Outcome, *, took_s: float) -> None:
         """Plan on, and have it told to whoever waits for this outcome."""
         now_s = self._time()
         self._figures.note(turn, outcome, took_s=took_s, now_s=now_s)
-        verdict = self._plan.record(turn, outcome, now_s)
+        agreed = self.line.agrees(sent, outcome) if isinstance(outcome, Answered) and sent.times > 1 else None
+        if agreed is Agreed.NO:
+            self._plan.put_back(turn, now_s + (COPY_S if turn.poll is None else LOOK_AGAIN_S))
+            return
+        is_other_form_refused = isinstance(outcome, Refused) and outcome.is_lasting and sent.cut is not None
+        is_open = agreed is Agreed.NOT_YET or is_other_form_refused
+        verdict = self._plan.record(turn, outcome, now_s, is_open=is_open)
         for trouble in self.line.suspicions.take_news():
             self._voice.tell_trouble(trouble)
         if verdict.is_answering is not None:
@@ -207,11 +227,8 @@ class LineService:
         if turn.poll is not None:
             self._voice.tell_poll(turn.poll, outcome)
 
-    async def _put_back(self, turn: Slot, until_s: float) -> None:
-        """Let the unit's late reply come first; nothing but a new job is worth ending that wait for."""
-        self._plan.put_back(turn, until_s)
-        if turn.job is not None and turn.lane is not Priority.FOLLOW_UP:
-            await self._wait_for_work(until_s)
+    def _is_too_late(self, turn: Slot) -> bool:
+        return self._time() > _until_s(turn)
 
     async def _wait_for_work(self, until_s: float) -> None:
         """Sleep until then, or until a job comes or it is time to look at the port."""
@@ -229,6 +246,11 @@ class LineService:
         finally:
             timer.cancel()
             self._waker = None
+
+
+def _until_s(turn: Slot) -> float:
+    """Return after what time a turn is not sent any more."""
+    return inf if turn.job is None else turn.job.until_s
 
 
 def _may_act_late(turn: Slot, outcome: Outcome) -> bool:

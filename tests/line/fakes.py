@@ -7,6 +7,7 @@ import heapq
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from math import inf
+from operator import itemgetter
 
 from gateway.errors import PortError, PortLostError
 from gateway.line.client import LocalLineClient
@@ -14,7 +15,7 @@ from gateway.line.line import Line
 from gateway.line.rtu.outcome import Outcome
 from gateway.line.rtu.trace import Trace
 from gateway.line.rtu.transaction import RtuMaster
-from gateway.line.scheduler.requests import Poll, Priority
+from gateway.line.scheduler.requests import Alternate, Poll, Priority
 from gateway.modbus import adu
 from gateway.modbus.codes import Function
 from gateway.modbus.pdu import Request, encode_exception
@@ -286,8 +287,29 @@ class LineRig:
         return await self.client.transact(unit, request, response_time_s=RESPONSE_TIME_S, lane=lane)
 
 
+ALTERNATES = 8
+
+
+def longer(request: Request) -> tuple[Alternate, ...]:
+    """Return reads of some registers more, as the families' do."""
+    assert isinstance(request, ReadHoldingRegisters)
+    count = request.count
+    return tuple(
+        (ReadHoldingRegisters(request.address, count + more), itemgetter(slice(count)))
+        for more in range(1, ALTERNATES + 1)
+    )
+
+
 def poll(key: str, unit: int = 1, every_s: float = 1.0, address: int = 0, count: int = 10) -> Poll:
-    return Poll(key, unit, ReadHoldingRegisters(address, count), every_s, RESPONSE_TIME_S)
+    request = ReadHoldingRegisters(address, count)
+    return Poll(
+        key,
+        unit,
+        request,
+        every_s,
+        RESPONSE_TIME_S,
+        alternates_of=longer,
+    )
 
 
 async def until(is_true: Callable[[], bool]) -> None:

@@ -8,7 +8,8 @@ from collections.abc import Iterable
 
 import pytest
 
-from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Silent
+from gateway.line.rtu.late_replies import COPY_S
+from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.modbus import adu
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
@@ -109,7 +110,23 @@ def test_noise_does_not_end_the_wait_for_a_late_reply() -> None:
     assert run_virtually(scenario()) == pytest.approx(RESPONSE_TIME_S)
 
 
-def test_the_same_unit_is_read_again_only_when_three_deadlines_have_passed() -> None:
+def test_one_answer_of_a_shape_that_is_owed_does_not_count_two_equal_ones_do() -> None:
+    async def scenario() -> tuple[Outcome, list[float]]:
+        port = FakePort(nobody)
+        line = transactor(port)
+        await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
+        port.answer = Units({1})
+        outcome = await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
+        return outcome, [at_s for at_s, _ in port.sent]
+
+    outcome, sent_s = run_virtually(scenario())
+
+    assert isinstance(outcome, Answered)
+    assert len(sent_s) == 3
+    assert sent_s[2] - sent_s[1] > COPY_S
+
+
+def test_another_shape_and_a_write_go_at_once_to_a_unit_that_owes_a_reply() -> None:
     async def scenario(request: Request) -> float:
         port = FakePort(nobody)
         line = transactor(port)
@@ -119,18 +136,17 @@ def test_the_same_unit_is_read_again_only_when_three_deadlines_have_passed() -> 
 
     deadline_s = RESPONSE_TIME_S + TIMING.wire_s(len(REPLY)) + 0.02
 
-    late_s = 3 * deadline_s + TIMING.wire_s(len(REPLY)) + 0.02  # one that began at the last moment is over
-    assert run_virtually(scenario(READ)) == pytest.approx(late_s)
-    assert run_virtually(scenario(WriteRegister(3, 0))) == pytest.approx(deadline_s + RESPONSE_TIME_S)
+    for other in (WriteRegister(3, 0), ReadHoldingRegisters(READ.address, READ.count + 1)):
+        assert run_virtually(scenario(other)) == pytest.approx(deadline_s + RESPONSE_TIME_S)
 
 
-def test_a_late_reply_to_another_unit_is_garbled_and_the_true_one_not_taken_for_the_next() -> None:
+def test_a_late_reply_of_another_unit_is_set_aside_and_the_true_one_waited_for() -> None:
     async def scenario() -> list[Outcome]:
         port = FakePort(Units({1}))
         line = transactor(port)
         port.answer = lambda frame: [
             Said(adu.encode(2, READ.encode_reply((9, 9, 9, 9))), 0.0),
-            Said(REPLY, 0.015),
+            Said(adu.encode(1, READ.encode_reply(words_of(READ))), 0.015),
         ]
         first = await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
         port.answer = Units({1})
@@ -138,9 +154,9 @@ def test_a_late_reply_to_another_unit_is_garbled_and_the_true_one_not_taken_for_
 
     first, second = run_virtually(scenario())
 
-    assert isinstance(first, Garbled)
-    assert isinstance(second, Answered)
-    assert second.value == words_of(READ)
+    for outcome in (first, second):
+        assert isinstance(outcome, Answered)
+        assert outcome.value == words_of(READ)
 
 
 def test_late_replies_of_the_same_shape_are_never_taken_for_an_answer() -> None:
@@ -176,12 +192,62 @@ def test_late_replies_of_the_same_shape_are_never_taken_for_an_answer() -> None:
     assert answered > 18_000
 
 
-def test_a_write_of_many_registers_also_waits_for_its_units_late_reply() -> None:
-    async def scenario() -> Outcome:
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        (WriteRegister(7, 8), WriteRegister(7, 8)),
+        (WriteRegisters(5, (1, 2)), WriteRegisters(5, (3, 4))),  # its acknowledgement does not say what
+    ],
+)
+def test_a_late_acknowledgement_does_not_pass_for_that_of_a_later_write(
+    first: Request, second: Request
+) -> None:
+    async def scenario() -> tuple[Outcome, Outcome]:
         port = FakePort(lambda frame: [Said(adu.encode(1, reply_pdu(adu.decode(frame).pdu)), 0.070)])
         line = transactor(port)
-        await line.transact(1, WriteRegisters(5, (1, 2)), response_time_s=RESPONSE_TIME_S)
+        silent = await line.transact(1, first, response_time_s=RESPONSE_TIME_S)
         port.answer = nobody
-        return await line.transact(1, WriteRegisters(5, (3, 4)), response_time_s=RESPONSE_TIME_S)
+        return silent, await line.transact(1, second, response_time_s=RESPONSE_TIME_S)
 
-    assert run_virtually(scenario()) == Silent()
+    silent, doubted = run_virtually(scenario())
+
+    assert silent == Silent()
+    assert isinstance(doubted, Garbled)
+    assert "earlier write" in doubted.reason
+
+
+def test_a_refusal_is_not_believed_while_an_earlier_request_may_be_what_is_refused() -> None:
+    other = ReadHoldingRegisters(READ.address, READ.count + 1)
+
+    async def scenario() -> tuple[Outcome, Outcome]:
+        port = FakePort(nobody)
+        line = transactor(port)
+        await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
+        port.answer = lambda frame: [Said(adu.encode(1, b"\x83\x02"))]
+        doubted = await line.transact(1, other, response_time_s=RESPONSE_TIME_S)
+        return doubted, await line.transact(1, other, response_time_s=RESPONSE_TIME_S)
+
+    doubted, believed = run_virtually(scenario())
+
+    assert isinstance(doubted, Garbled)
+    assert isinstance(believed, Refused)  # once nothing was owed
+
+
+def test_several_late_replies_at_once_are_all_known_for_what_they_are() -> None:
+    shapes = [ReadHoldingRegisters(0, count) for count in (4, 5, 6)]
+
+    async def scenario() -> list[float]:
+        port = FakePort(nobody)
+        line = transactor(port)
+        for request in shapes:
+            await line.transact(1, request, response_time_s=RESPONSE_TIME_S)
+        burst = b"".join(adu.encode(1, request.encode_reply(words_of(request))) for request in shapes)
+        port.say(Said(burst, 0.5))
+        began_s = asyncio.get_running_loop().time()
+        await asyncio.sleep(0.6)
+        port.answer = Units({1})
+        for request in shapes:
+            assert isinstance(await line.transact(1, request, response_time_s=RESPONSE_TIME_S), Answered)
+        return [at_s - began_s for at_s, _ in port.sent[len(shapes) :]]
+
+    assert run_virtually(scenario())[-1] < 1.0  # nothing is owed any more, so nothing had to wait

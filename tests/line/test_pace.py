@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from gateway.line.rtu.late_replies import DOUBTS_ENOUGH, KEPT_ENOUGH, Pace
+from gateway.line.rtu.pace import DOUBTS_ENOUGH, KEPT_ENOUGH, Pace
 
 REPLY_S = 0.015
 IN_TIME_S, TOO_SOON_S = -0.005, 0.004

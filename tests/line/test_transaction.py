@@ -6,6 +6,7 @@ import random
 import pytest
 
 from gateway.errors import PortLostError
+from gateway.line.rtu.late_replies import COPY_S
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.rtu.request import EncodedRequest
 from gateway.line.rtu.trace import Trace
@@ -158,7 +159,8 @@ def test_stray_bytes_put_the_request_off_and_are_not_taken_for_its_reply() -> No
 
     sent_s, outcome = run_virtually(scenario())
 
-    assert sent_s == pytest.approx(0.001 + TIMING.wire_s(len(REPLY)) + TIMING.silence_s)
+    # A copy of it may still come, which would pass for the reply.
+    assert sent_s == pytest.approx(0.001 + TIMING.wire_s(len(REPLY)) + COPY_S, abs=TIMING.silence_s)
     assert outcome == Silent()
 
 

@@ -7,6 +7,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Self
 
@@ -15,6 +16,7 @@ from gateway.config.convert import setups_of, timing_of
 from gateway.config.load import load
 from gateway.config.schema import LineTable
 from gateway.errors import PortError, UsageError
+from gateway.families.alternates import alternates
 from gateway.families.profile.procedure import Read
 from gateway.families.reading.bulk import bulk_reads, readable_codes
 from gateway.line.direct import exclusive_line
@@ -70,7 +72,13 @@ class LiveStarter:
         """Open the port and identify the starter; PortError, CommandError."""
         name, allowance_s = self.setup.line, self.allowance_s
         try:
-            async with exclusive_line(name, self.opener, self.timing, allowance_s=allowance_s) as line:
+            async with exclusive_line(
+                name,
+                self.opener,
+                self.timing,
+                allowance_s=allowance_s,
+                alternates_of=partial(alternates, self.setup.profile),
+            ) as line:
                 bench = OfflineStarter(
                     self.setup,
                     line=line,

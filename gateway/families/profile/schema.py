@@ -313,6 +313,25 @@ class Profile(Model):
         return found
 
     @cached_property
+    def readable_runs(self) -> tuple[tuple[Table, int, int], ...]:
+        """The runs of addresses that may be read in one request: table, first, one past the last.
+
+        Gaps of up to `limits.max_gap` registers may be read too; coils that only commands name may not.
+        """
+        runs: list[tuple[Table, int, int]] = []
+        rows = [row for row in self.parameters.values() if row.access in (Access.RO, Access.RW)]
+        for row in sorted(rows, key=lambda row: (row.table, row.address)):
+            gap = 0 if row.table is Table.COIL else self.limits.max_gap
+            end = row.address + row.words
+            if runs and runs[-1][0] is row.table and row.address - runs[-1][2] <= gap:
+                runs[-1] = (row.table, runs[-1][1], max(runs[-1][2], end))
+            else:
+                runs.append((row.table, row.address, end))
+        if self.fast_words is not None:
+            runs.append((Table.HOLDING, self.fast_words.read, self.fast_words.read + self.fast_words.words))
+        return tuple(runs)
+
+    @cached_property
     def points_of(self) -> dict[tuple[str, int | None], str]:
         """The name of the point that is this row, or this bit of it; tests of a row's value are left out."""
         named = ((name, point) for name, point in self.points.items() if point.code and not point.true_when)

@@ -82,10 +82,6 @@ class BusFaults:
         if signs is not None:
             self._doubled[unit] = max(signs - LEAK_PER_ANSWER, 0.0)
 
-    def is_doubling(self, unit: int) -> bool:
-        """Return whether there are signs that a unit's requests are answered more than once."""
-        return self._doubled.get(unit, 0.0) >= SAME_REPLY
-
     def note_stray(self, stray: bytes, *, asked: int, owes: Owes, now_s: float) -> None:
         """Take over bytes that nobody waited for, after `asked` was."""
         frame = whole_frame(stray)

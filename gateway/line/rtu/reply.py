@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from gateway.errors import BadFrameError, BadReplyError
+from gateway.line.rtu.bus_faults import whole_frame
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused
 from gateway.modbus import adu
 from gateway.modbus.codes import EXCEPTION_BIT
@@ -42,6 +45,11 @@ class ReplyAssembler:
         """Return what was heard after the echo, if there was one."""
         is_echo = self._received.startswith(self._request_adu) and not self._keeps_copy
         return bytes(self._received[len(self._request_adu) :] if is_echo else self._received)
+
+    def skip(self, size: int) -> None:
+        """Leave out the first so many bytes of what was heard after the echo."""
+        start = len(self._received) - len(self.reply())
+        del self._received[start : start + size]
 
     def may_be_echo(self) -> bool:
         """Return whether all of it, if anything, may be (part of) an echo."""
@@ -91,3 +99,16 @@ def judge(frame: bytes, unit: int, request: Request, *, at_s: float, response_ti
     except BadReplyError as error:
         return Garbled(str(error), frame)
     return Answered(value, at_s, response_time_s)
+
+
+def pieces(stray: bytes) -> Iterator[bytes]:
+    """Return the frames that these bytes begin with, one by one; then the rest as it is."""
+    while stray:
+        try:
+            size = adu.reply_adu_size(stray[: adu.MAX_ADU_SIZE])
+        except BadFrameError:
+            size = None
+        if size is None or whole_frame(stray[:size]) is None:
+            size = len(stray)
+        yield stray[:size]
+        stray = stray[size:]

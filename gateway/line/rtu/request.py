@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
+from gateway.line.rtu.late_replies import Shape, expected_shape
 from gateway.modbus import adu
 from gateway.modbus.codes import Function
 from gateway.modbus.pdu import Request
@@ -24,10 +26,21 @@ class EncodedRequest:
     adu: bytes
     reply_size: int | None  # of the normal reply's ADU; None = only the reply tells
     is_mirrored: bool
+    shape: Shape
+    asked: Request  # what is wanted: the request itself, or the one that it is an alternate of
+    cut: Callable[[Any], Any] | None = None  # from an alternate's value to that of `asked`
+    times: int = 1  # so many equal answers count as one, since earlier replies would pass for them
 
     @classmethod
-    def of(cls, unit: int, request: Request) -> Self:
-        """Reckon what will be needed; ValueError for what no frame can hold."""
+    def of(
+        cls,
+        unit: int,
+        request: Request,
+        *,
+        asked: Request | None = None,
+        cut: Callable[[Any], Any] | None = None,
+    ) -> Self:
+        """Prepare a request, or an alternate of `asked`; ValueError for what no frame can hold."""
         size = request.reply_size()
         return cls(
             unit,
@@ -35,6 +48,9 @@ class EncodedRequest:
             adu.encode(unit, request.encode()),
             None if size is None else size + _ADU_EXTRA,
             request.function in MIRRORED,
+            expected_shape(request),
+            asked or request,
+            cut,
         )
 
 

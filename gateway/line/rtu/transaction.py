@@ -4,30 +4,33 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from dataclasses import replace
 from math import inf
-from typing import assert_never
 
 from gateway.errors import BadReplyError
 from gateway.line.port.base import DeliversLate, HoldsBack, Port
 from gateway.line.rtu.bus_faults import BusFaults, whole_frame
-from gateway.line.rtu.late_replies import Pace, Quarantine
+from gateway.line.rtu.forms import Forms
+from gateway.line.rtu.late_replies import Agreed, LateReplies, Shape
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.rtu.reply import ReplyAssembler, judge
-from gateway.line.rtu.request import MIRRORED, EncodedRequest
+from gateway.line.rtu.pace import Pace
+from gateway.line.rtu.reply import ReplyAssembler, judge, pieces
+from gateway.line.rtu.request import EncodedRequest
 from gateway.line.rtu.timeouts import ALLOWANCE_S
 from gateway.line.rtu.trace import Trace
 from gateway.modbus import adu
+from gateway.modbus.codes import EXCEPTION_BIT, Function
 from gateway.modbus.crc import crc16
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import BROADCAST_TURNAROUND_S, LineTiming
 
 BABBLE_LIMIT_S = 1.0  # a line that is busy for longer without our asking is not waited for
 STOP_PATIENCE_S = 0.25  # nor, for a stop, one that is busy for longer than this and than the longest frame
-LATE_FACTOR = 3.0  # a reply may come so many times later than it is waited for
 
 _FRAME_GAP = 1.5  # characters
 _HEAD = 2  # unit and function
-_KEPT_STRAY = 256  # bytes; the longest frame
+_AROUND_PDU = 3  # unit and CRC
+_KEPT_STRAY = 4096  # bytes; what a port keeps, so that all late replies in it are seen
 _FIRST_CHUNK_SIZE = 64  # bytes of a reply of unknown length that an adapter may hold back at first
 
 
@@ -41,6 +44,7 @@ class RtuMaster:
         *,
         allowance_s: float = ALLOWANCE_S,
         trace: Trace,
+        forms: Forms | None = None,  # those of this line, if a port was open before
         time: Callable[[], float] | None = None,  # the port's clock; None: the running loop's
     ) -> None:
         self._port = port
@@ -52,7 +56,12 @@ class RtuMaster:
         self._trace = trace
         self._time = time or asyncio.get_running_loop().time
         self._own_end_s = self._time()  # who knows what was on the wire before the port was opened
-        self._quarantine = Quarantine()
+        self.forms = forms or Forms(LateReplies())
+        self.late = self.forms.late
+        self._line_until_s = -inf  # nobody is asked before, so that a reply just too late can end
+        self._line_unit = adu.BROADCAST  # the unit that is waited for
+        self._may_be_older = False  # the acknowledgement of the write under way
+        self._awaited: Shape | None = None  # of the reply to the latest request, until it has come
         self._stray = bytearray()
         self._pace = Pace()
         self._earliest_s = -inf  # the soonest that a reply to the latest request can begin
@@ -78,36 +87,36 @@ class RtuMaster:
     async def hush(self) -> bool:
         """Wait for the silence that must be; False when there is more to wait for, which `settle` does."""
         quiet_s = self.quiet_from_s()
-        if self._stray or self._quarantine.until_s() > quiet_s:
+        if self._stray or self._line_until_s > quiet_s:
             return False
         stray = await self._port.read(until_s=quiet_s)
         self._drop(stray)
         return not stray
 
     async def settle(
-        self, unit: int | None = None, *, is_for_stop: Callable[[], bool] = lambda: False
+        self, until_s: float = -inf, *, is_for_stop: Callable[[], bool] = lambda: False
     ) -> Garbled | None:
-        """Wait until a request may be sent (to this unit): the line is silent, late replies are gone.
+        """Wait until a request may be sent, and not before `until_s`: the line is silent.
 
         Returns None when it may; Garbled when the line does not become quiet within about a second, or within
         a stop's patience as soon as it is for one.
         """
-        began_s = max(self._time(), self._quarantine.until_s(unit))
+        began_s = max(self._time(), self._line_until_s, until_s)
         while True:
             quiet_s = self.quiet_from_s()
             if self._stray and self._time() >= quiet_s:
-                self._judge_stray(bytes(self._stray))
+                self._judge_strays(bytes(self._stray))
                 self._stray.clear()
-            due_s = quiet_s if self._stray else max(quiet_s, self._quarantine.until_s(unit))
+            due_s = quiet_s if self._stray else max(quiet_s, self._line_until_s, until_s)
             chunk = await self._port.read(until_s=due_s)
             now_s = self._time()
             if chunk:
                 self._drop(chunk)
-            elif not self._stray and now_s >= max(self.quiet_from_s(), self._quarantine.until_s(unit)):
+            elif not self._stray and now_s >= max(self.quiet_from_s(), self._line_until_s, until_s):
                 return None
             limit_s = self._stop_patience_s if is_for_stop() else BABBLE_LIMIT_S
             if now_s >= began_s + limit_s and now_s < self.quiet_from_s():
-                tail = bytes(self._stray)
+                tail = bytes(self._stray[-adu.MAX_ADU_SIZE :])
                 self._stray.clear()
                 self.suspicions.note_never_quiet(tail, now_s=now_s)
                 return Garbled("the line is never quiet", tail, is_sent=False)
@@ -124,34 +133,46 @@ class RtuMaster:
                 return
             self._drop(await self._port.read(until_s=min(gap_s, until_s)))
 
-    def free_from_s(self, unit: int, request: Request) -> float:
-        """Return from when on this may be sent, as far as late replies are concerned."""
-        return self._quarantine.until_s(None if request.function in MIRRORED else unit)
-
     async def transact(self, unit: int, request: Request, *, response_time_s: float) -> Outcome:
         """Send a request as soon as the line allows, and return what became of it by its deadline.
 
         Raises PortLostError; `is_on_wire` then tells whether the request may have been sent.
         """
-        noise = await self.settle(None if request.function in MIRRORED else unit)
-        if noise is not None:
-            return noise
-        return await self.exchange(EncodedRequest.of(unit, request), response_time_s=response_time_s)
+        prepared = EncodedRequest.of(unit, request)
+        until_s = -inf
+        while True:
+            noise = await self.settle(until_s)
+            if noise is not None:
+                return noise
+            form = self.forms.choose(prepared, lambda _: (), self._time())
+            if form is not None:
+                outcome = await self.exchange(form, response_time_s=response_time_s)
+                if (
+                    form.times == 1
+                    or not isinstance(outcome, Answered)
+                    or self.agrees(form, outcome) is Agreed.YES
+                ):
+                    return outcome
+            until_s = self.late.free_from_s(unit, request, self._time())
+
+    def agrees(self, form: EncodedRequest, outcome: Answered) -> Agreed:
+        """Return whether this answer of a series counts, as enough before it said the same."""
+        return self.late.agree(
+            form.unit, form.asked, form.shape, outcome.value, self._time(), times=form.times
+        )
 
     async def exchange(
         self,
         prepared: EncodedRequest,
         *,
         response_time_s: float,
-        longest_s: float | None = None,
         until_s: float = inf,
         meanwhile: Callable[[], None] | None = None,
     ) -> Outcome:
         """Send a request now, the line being settled, and return what became of it by its deadline.
 
-        `longest_s` is the response time that late replies are reckoned by, when `response_time_s` was cut
-        short; `meanwhile` is done once the request is on its way. After `until_s` nothing is sent: that is
-        looked at last of all, since the process may be stopped at any moment before. Raises as `transact`.
+        `meanwhile` is done once the request is on its way. After `until_s` nothing is sent: that is looked at
+        last of all, since the process may be stopped at any moment before. Raises as `transact`.
         """
         if until_s < inf and self._is_past(until_s):
             return Silent(TOO_LATE, is_sent=False)
@@ -165,14 +186,34 @@ class RtuMaster:
         self.suspicions.note_asked(prepared.unit)
         self._pace.note_asked(prepared.unit)
         self._trace.sent(self.written_s, prepared.adu)
-        if meanwhile is not None:
-            meanwhile()
-        if prepared.unit == adu.BROADCAST:
-            outcome = await self._turn_around()
-        else:
-            outcome = await self._hear(prepared, response_time_s, max(longest_s or 0.0, response_time_s))
+        try:
+            if meanwhile is not None:
+                meanwhile()
+            if prepared.unit == adu.BROADCAST:
+                outcome = await self._turn_around()
+            else:
+                self._expect_shape(prepared)
+                outcome = await self._hear(prepared, response_time_s)
+        finally:
+            if self._awaited is not None:
+                self.late.note_unanswered(prepared.unit, self._awaited, self.written_s, self._time())
+                self._awaited = None
         self.is_on_wire = False
-        return outcome
+        if prepared.cut is None:
+            return outcome
+        if isinstance(outcome, Refused) and outcome.is_lasting:
+            self.forms.give_up(prepared)
+        return (
+            replace(outcome, value=prepared.cut(outcome.value)) if isinstance(outcome, Answered) else outcome
+        )
+
+    def _expect_shape(self, prepared: EncodedRequest) -> None:
+        """Await a reply of this request's shape from now on."""
+        self._awaited = prepared.shape
+        self.late.note_sent(prepared.unit, prepared.asked, prepared.shape)
+        self._may_be_older = prepared.request.is_write and self.late.may_be_older(
+            prepared.unit, prepared.request, prepared.shape, self.written_s
+        )
 
     def _is_past(self, until_s: float) -> bool:
         """Return whether a frame that is written now would be late."""
@@ -180,7 +221,7 @@ class RtuMaster:
             self._port.hold()
         return self._time() > until_s
 
-    async def _hear(self, prepared: EncodedRequest, response_time_s: float, longest_s: float) -> Outcome:
+    async def _hear(self, prepared: EncodedRequest, response_time_s: float) -> Outcome:
         """Wait for the reply; judge it when it is whole, or whatever there is at the deadline."""
         sent_end_s = self._own_end_s
         reply_s = (prepared.reply_size or adu.MAX_ADU_SIZE) * self._character_s
@@ -195,17 +236,27 @@ class RtuMaster:
         if prepared.reply_size is None:
             first_by_s += _FIRST_CHUNK_SIZE * self._character_s - reply_s
         hearing = ReplyAssembler(prepared.adu, is_mirrored=prepared.is_mirrored, is_echoing=self._is_echoing)
-        await self._listen(hearing, heard, first_by_s=first_by_s, deadline_s=deadline_s)
-        at_s = self._port.last_byte_s
-        if hearing.received:
-            self._trace.received(at_s, hearing.received)
-        outcome = self._judge(prepared, hearing, at_s=at_s, took_s=max(self._began_s - sent_end_s, 0.0))
-        if isinstance(outcome, Answered | Refused) and not self.suspicions.is_doubling(prepared.unit):
-            self._quarantine.end(prepared.unit)
-            return outcome
-        late_s = longest_s - response_time_s + deadline_s - sent_end_s
-        unit_until_s = sent_end_s + LATE_FACTOR * late_s + reply_s + self._allowance_s
-        self._guard(prepared.unit, outcome, deadline_s, deadline_s + response_time_s, unit_until_s)
+        hearing.feed(heard)
+        foreign: Outcome | None = None
+        while True:
+            await self._listen(hearing, first_by_s=first_by_s, deadline_s=deadline_s)
+            frame, outcome = self._judge(prepared, hearing, sent_end_s=sent_end_s)
+            if isinstance(outcome, Answered | Refused):
+                if foreign is not None:
+                    self._pace.note_stray(prepared.unit)
+                return outcome
+            whole = whole_frame(frame)
+            if whole is None:
+                break
+            self._set_aside(prepared, whole, frame)
+            hearing.skip(len(frame))
+            foreign = outcome
+        if isinstance(outcome, Silent) and foreign is not None:
+            outcome = foreign
+        self._line_unit, self._line_until_s = prepared.unit, deadline_s + response_time_s
+        if isinstance(outcome, Garbled) and foreign is None and self._is_own_reply(prepared, outcome):
+            self._line_until_s = deadline_s
+            self._awaited = None
         return outcome
 
     async def _expect(self, prepared: EncodedRequest, size: int, until_s: float) -> bytes:
@@ -224,7 +275,7 @@ class RtuMaster:
         if len(frame) != prepared.reply_size or frame[0] != prepared.unit or crc16(frame):
             return None
         unit = prepared.unit
-        if self._quarantine.owes(unit) or self.suspicions.is_doubling(unit) or self._is_too_soon(unit, frame):
+        if self._may_be_older or self._is_too_soon(unit, frame):
             return None
         try:
             value = prepared.request.decode_reply(frame[1:-2])
@@ -232,53 +283,92 @@ class RtuMaster:
             return None
         at_s = self._port.last_byte_s
         self._trace.received(at_s, frame)
-        self.suspicions.note_answer(unit, frame, at_s=at_s)
+        self._note_answer(prepared, frame, at_s)
         return Answered(value, at_s, max(self._began_s - sent_end_s, 0.0))
 
     def _judge(
-        self, prepared: EncodedRequest, hearing: ReplyAssembler, *, at_s: float, took_s: float
-    ) -> Outcome:
-        """Return what was heard, and take note of what else was."""
+        self, prepared: EncodedRequest, hearing: ReplyAssembler, *, sent_end_s: float
+    ) -> tuple[bytes, Outcome]:
+        """Return the first frame that was heard, or whatever there is, and what it says to this request."""
         whole = hearing.whole_reply()
         reply = hearing.reply()
         frame = reply if whole is None else whole
+        at_s = self._port.last_byte_s
         if hearing.has_echo:
             self._is_echoing = True
+        if hearing.received:
+            self._trace.received(at_s, hearing.received)
         if not frame:
-            return Silent()
+            return frame, Silent()
+        took_s = max(self._began_s - sent_end_s, 0.0)
         outcome = judge(frame, prepared.unit, prepared.request, at_s=at_s, response_time_s=took_s)
-        if not isinstance(outcome, Garbled) and self._is_too_soon(prepared.unit, frame):
-            outcome = Garbled("it began before the request was over", frame)
+        if not isinstance(outcome, Garbled):
+            doubt = self._doubt(prepared, frame)
+            outcome = outcome if doubt is None else Garbled(doubt, frame)
         if isinstance(outcome, Answered) and not (prepared.is_mirrored or hearing.has_echo):
             self._is_echoing = False
         if isinstance(outcome, Garbled):
+            received = reply if whole_frame(frame) is None else frame
             self.suspicions.note_garbled(
                 prepared.unit,
-                reply,
+                received,
                 reply_size=prepared.reply_size,
-                owes=self._quarantine.owes,
+                owes=self.late.owes,
                 now_s=self._time(),
             )
         else:
-            self.suspicions.note_answer(prepared.unit, frame, at_s=at_s)
-        if len(reply) > len(frame):
-            self.stray_bytes += len(reply) - len(frame)
-            if not isinstance(outcome, Garbled):
-                self._judge_stray(reply[len(frame) :])
-        return outcome
+            self._note_answer(prepared, frame, at_s)
+            if len(reply) > len(frame):
+                self.stray_bytes += len(reply) - len(frame)
+                self._judge_strays(reply[len(frame) :])
+        return frame, outcome
 
-    async def _listen(
-        self, hearing: ReplyAssembler, heard: bytes, *, first_by_s: float, deadline_s: float
-    ) -> None:
+    def _doubt(self, prepared: EncodedRequest, frame: bytes) -> str | None:
+        """Return why a right frame may answer an earlier request; None when it cannot."""
+        unit, function = prepared.unit, prepared.request.function
+        if self._is_too_soon(unit, frame):
+            return "it began before the request was over"
+        if frame[1] & EXCEPTION_BIT:
+            if self.late.is_refusal_sure(unit, function, self._time()) and not self._may_be_older:
+                return None
+            if prepared.cut is None:
+                self.late.note_refusal_doubted(unit, prepared.asked)
+            else:
+                self.forms.give_up(prepared)
+            return "it may be the refusal of an earlier request"
+        if self._may_be_older and function != Function.READ_WRITE_REGISTERS:
+            return "it may be the acknowledgement of an earlier write"
+        return None
+
+    def _set_aside(self, prepared: EncodedRequest, frame: adu.Adu, received: bytes) -> None:
+        """Take note of a whole frame that is not the answer, while that is still awaited."""
+        self.stray_bytes += len(received)
+        awaited = prepared.shape if frame.unit == prepared.unit else None
+        self._note_stray(frame, awaited=awaited)
+
+    def _note_stray(self, frame: adu.Adu, *, awaited: Shape | None = None) -> None:
+        """Take note of a whole frame that has just been received and is no answer."""
+        wire_s = (len(frame.pdu) + _AROUND_PDU) * self._character_s
+        self.late.note_stray(
+            frame.unit, frame.pdu, at_s=self._port.last_byte_s, wire_s=wire_s, awaited=awaited
+        )
+
+    def _note_answer(self, prepared: EncodedRequest, frame: bytes, at_s: float) -> None:
+        """Take note of the answer."""
+        self.suspicions.note_answer(prepared.unit, frame, at_s=at_s)
+        self._awaited = None
+        self.late.note_answer(
+            prepared.unit, prepared.request, prepared.asked, frame[1:-2], at_s, is_sure=prepared.times == 1
+        )
+
+    async def _listen(self, hearing: ReplyAssembler, *, first_by_s: float, deadline_s: float) -> None:
         """Read on until the reply is whole or will not come, and note when its first byte began.
 
         Where the first byte is due before the deadline, only further bytes keep us listening so long.
         """
         gap_s = self._silence_s + self._allowance_s
-        hearing.feed(heard)
-        if not heard or hearing.may_be_echo():
-            self._began_s = inf
-        elif hearing.has_echo:
+        self._began_s = inf
+        if hearing.received and not hearing.may_be_echo():
             self._began_s = self._port.last_byte_s - len(hearing.reply()) * self._character_s
         until_s = first_by_s
         while self._time() < until_s and hearing.whole_reply() is None:
@@ -297,39 +387,31 @@ class RtuMaster:
             self._drop(await self._port.read(until_s=end_s))
         return Silent("broadcast")
 
-    def _guard(
-        self, unit: int, outcome: Outcome, deadline_s: float, line_until_s: float, unit_until_s: float
-    ) -> None:
-        """See to it that a reply that may still come is not taken for the next answer."""
-        match outcome:
-            case Answered() | Refused():  # of a unit whose requests are answered twice
-                self._quarantine.hold(unit, unit_until_s)
-            case Garbled(received=frame) if self._is_own_reply(frame):
-                self._quarantine.begin(unit, line_until_s=deadline_s, unit_until_s=deadline_s)
-            case Silent() | Garbled():
-                self._quarantine.begin(unit, line_until_s=line_until_s, unit_until_s=unit_until_s)
-            case _:
-                assert_never(outcome)
-
-    def _is_own_reply(self, garbled: bytes) -> bool:
-        """Return whether this can only be the reply itself, spoilt: no frame, and nobody is late."""
-        return not (self._quarantine.heard(garbled) or self._quarantine.is_anyone_late(self._own_end_s))
+    def _is_own_reply(self, prepared: EncodedRequest, garbled: Garbled) -> bool:
+        """Return whether this can only be the reply itself, damaged: nobody is late, or it is as long."""
+        now_s = self._own_end_s
+        is_alone = not self.late.is_anyone_late(now_s)
+        return is_alone or len(garbled.received) == prepared.reply_size
 
     def _is_too_soon(self, unit: int, frame: bytes) -> bool:
         """Return whether a right reply answers an earlier request: it began before this one was over."""
         reply_s = len(frame) * self._character_s
         return self._pace.is_too_soon(unit, early_s=self._earliest_s - self._began_s, reply_s=reply_s)
 
-    def _judge_stray(self, stray: bytes) -> None:
-        """Find out who said what nobody waited for."""
-        frame = whole_frame(stray)
-        if frame is not None:
-            self._pace.note_stray(frame.unit)
-        self.suspicions.note_stray(stray, asked=self._asked, owes=self._quarantine.owes, now_s=self._time())
-        self._quarantine.heard(stray)
+    def _judge_strays(self, stray: bytes) -> None:
+        """Find out who said what nobody waited for; several frames may have come at once."""
+        for piece in pieces(stray):
+            frame = whole_frame(piece)
+            if frame is not None:
+                self._pace.note_stray(frame.unit)
+            self.suspicions.note_stray(piece, asked=self._asked, owes=self.late.owes, now_s=self._time())
+            if frame is not None:
+                self._note_stray(frame)
+                if frame.unit == self._line_unit:
+                    self._line_until_s = -inf
 
     def _drop(self, stray: bytes) -> None:
-        """Count and forget bytes that nobody waited for; the last of them stay for the quarantine."""
+        """Count and forget bytes that nobody waited for; the last of them are judged once it is quiet."""
         if stray:
             self.stray_bytes += len(stray)
             self._trace.strayed(self._port.last_byte_s, stray)

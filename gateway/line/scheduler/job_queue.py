@@ -21,7 +21,7 @@ class JobQueue:
     def __init__(self) -> None:
         self._waiting: dict[Priority, deque[Slot]] = {lane: deque() for lane in Priority}
         self._let_pass = dict.fromkeys(Priority, 0)
-        self._held: list[tuple[float, Slot]] = []  # follow-ups whose unit may not be asked before then
+        self._held: list[tuple[float, Job, Slot]] = []  # those whose unit may not be asked before then
 
     def __bool__(self) -> bool:
         return any(self._waiting.values())
@@ -36,19 +36,22 @@ class JobQueue:
         """Queue a job's turn before the others of its lane."""
         self._waiting[job.lane].appendleft(turn)
 
-    def hold(self, turn: Slot, until_s: float) -> None:
-        """Let a follow-up wait until its unit may be asked; others pass it meanwhile."""
-        self._held.append((until_s, turn))
+    def hold(self, job: Job, turn: Slot, until_s: float) -> None:
+        """Let a job's turn wait until its unit may be asked; others pass it meanwhile."""
+        self._held.append((until_s, job, turn))
 
     def release(self, now_s: float) -> None:
         """Let those wait in their lane again whose unit may be asked now."""
-        for each in [each for each in self._held if each[0] <= now_s]:
-            self._held.remove(each)
-            self._waiting[Priority.FOLLOW_UP].appendleft(each[1])
+        if not self._held:
+            return
+        for until_s, job, turn in reversed(self._held):
+            if until_s <= now_s:
+                self.put_first(job, turn)
+        self._held = [each for each in self._held if each[0] > now_s]
 
     def next_s(self) -> float:
         """Return when the first of those that are held may be asked."""
-        return min((until_s for until_s, _ in self._held), default=inf)
+        return min((until_s for until_s, _, _ in self._held), default=inf)
 
     def take(self, last: Priority) -> Slot | None:
         """Take out what is next in these lanes, from `STOP` to the last."""
@@ -64,9 +67,9 @@ class JobQueue:
 
     def withdraw(self, job: Job) -> bool:
         """Take a job back; False when it is not waiting (any more)."""
-        for each in self._held:
-            if each[1].job is job:
-                self._held.remove(each)
+        for place, (_, held, _) in enumerate(self._held):
+            if held is job:
+                del self._held[place]
                 return True
         turns = self._waiting[job.lane]
         for place, turn in enumerate(turns):

@@ -107,6 +107,11 @@ class PollTable:
             self.watchdogs.set(number, None)
             self.watchdogs.rest(number)
 
+    def probe_of(self, number: int) -> Poll | None:
+        """Return a unit's first poll; None when it has none."""
+        unit = self._units.get(number)
+        return unit.entries[0].poll if unit is not None and unit.entries else None
+
     def state_of(self, number: int) -> UnitState:
         """Return what is known of a unit."""
         return self._units[number].health.state if number in self._units else UnitState.NEW

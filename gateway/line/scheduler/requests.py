@@ -7,12 +7,16 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import inf
+from typing import Any
 
 from gateway.line.rtu.outcome import Outcome
 from gateway.modbus.adu import BROADCAST
 from gateway.modbus.pdu import Request
+
+# A read that says what another does, by a reply of another length; and what takes the other's value from it.
+Alternate = tuple[Request, Callable[[Any], Any]]
 
 
 class Priority(enum.IntEnum):
@@ -42,6 +46,8 @@ class Poll:
     deadline_s: float | None = None  # its unit's watchdog: the longest time unheard; None or 0: none
     group: str = ""  # whose values it reads, for those who read its figures
     is_urgent: bool = False  # an answer that says something else than the one before is told at once
+    # Other reads that say the same as one of this unit; called on the line's loop.
+    alternates_of: Callable[[Request], tuple[Alternate, ...]] = field(default=lambda _: (), compare=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ Polls come by deadline; those of silent units ever less often. A choice costs O(
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from math import inf
 
 from gateway.line.rtu.outcome import Garbled, Outcome, Silent
@@ -153,12 +154,9 @@ class Scheduler:
         return turn
 
     def put_back(self, turn: Slot, until_s: float) -> None:
-        """Take back a turn that could not be asked, or not yet.
-
-        Polls and follow-ups of stops let others pass, other jobs do not.
-        """
-        if turn.lane is Priority.FOLLOW_UP and until_s > self._picked_s:
-            self._lanes.hold(turn, until_s)
+        """Take back a turn that could not be asked, or not yet: what only reads then lets others pass."""
+        if turn.job is not None and until_s > self._picked_s and not turn.request.is_write:
+            self._lanes.hold(turn.job, turn, until_s)
         elif turn.job is not None:
             self._lanes.put_first(turn.job, turn)
         elif (entry := self._polled.entry_of(turn.poll)) is not None:
@@ -169,12 +167,16 @@ class Scheduler:
             if until_s > self._picked_s:
                 self._polled.watchdogs.bar(turn.unit, until_s)
 
-    def record(self, turn: Slot, outcome: Outcome, now_s: float) -> Verdict:
-        """Learn what became of a picked turn and plan on."""
+    def probe_of(self, unit: int) -> Poll | None:
+        """Return a unit's first poll; None when it has none."""
+        return self._polled.probe_of(unit)
+
+    def record(self, turn: Slot, outcome: Outcome, now_s: float, *, is_open: bool = False) -> Verdict:
+        """Learn what became of a picked turn and plan on; what `is_open` is asked again at once."""
         entry = self._polled.entry_of(turn.poll)
         since_s = self._began_s(turn, entry, now_s)
         self._freed_s = now_s
-        is_repeated = self._repeat_if_garbled(turn, entry, outcome)
+        is_repeated = self._repeat_if_open(turn, entry, outcome, is_open=is_open)
         if turn.job is not None:
             self._shares.spend(turn.job.lane, now_s - since_s, now_s)
         if turn.lane is Priority.FOLLOW_UP:
@@ -232,21 +234,18 @@ class Scheduler:
         self._polled.take(entry, now_s, for_watchdog=self._is_for_watchdog)
         return turn
 
-    def _repeat_if_garbled(self, turn: Slot, entry: ScheduledPoll | None, outcome: Outcome) -> bool:
-        """Keep a garbled read due, once; a write is never sent twice on the line's own account."""
-        is_repeated = (
-            isinstance(outcome, Garbled)
-            and outcome.is_sent
-            and not turn.is_repetition
-            and not turn.request.is_write
-        )
+    def _repeat_if_open(
+        self, turn: Slot, entry: ScheduledPoll | None, outcome: Outcome, *, is_open: bool
+    ) -> bool:
+        """Keep a garbled read due, once, and what is open; the line itself sends no write twice."""
+        is_garbled = isinstance(outcome, Garbled) and outcome.is_sent
+        is_repetition = turn.is_repetition or is_garbled
+        is_repeated = is_open or (is_garbled and not turn.is_repetition and not turn.request.is_write)
         if entry is not None:
-            entry.is_repetition = is_repeated
+            entry.is_repetition = is_repeated and is_repetition
             self._again = entry if is_repeated else None
         elif turn.job is not None and is_repeated:
-            again = Slot(
-                turn.unit, turn.request, turn.response_time_s, turn.since_s, job=turn.job, is_repetition=True
-            )
+            again = replace(turn, is_repetition=is_repetition)
             self._lanes.put_first(turn.job, again)
         return is_repeated
 

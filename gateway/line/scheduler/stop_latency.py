@@ -14,7 +14,8 @@ def worst_stop_latency_s(
 ) -> float:
     """Return the longest time from a stop's submission to its first byte while these polls are asked."""
     waits_s = (
-        longest_s(poll.request, timing, response_time_s=poll.response_time_s, allowance_s=allowance_s)
+        longest_s(request, timing, response_time_s=poll.response_time_s, allowance_s=allowance_s)
         for poll in polls
+        for request in (poll.request, *(other for other, _ in poll.alternates_of(poll.request)))
     )
     return max(waits_s, default=0.0) + timing.silence_s

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import partial
 
+from gateway.families.alternates import alternates
 from gateway.families.mapped_registers import MappedBlock, fast_block, plan_with
 from gateway.families.profile.schema import Variant
 from gateway.families.reading.poll_blocks import Block, split
@@ -312,4 +314,5 @@ def _poll(setup: StarterSetup, block: Block, *, every_s: float | None = None) ->
         deadline_s=setup.watchdog_s,
         group=block.group,
         is_urgent=block.group == "status",
+        alternates_of=partial(alternates, setup.profile),
     )

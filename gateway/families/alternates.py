@@ -1,0 +1,82 @@
+"""What else reads the same registers, by replies of other lengths: more registers, or the bits of a word.
+
+A line uses these while a starter may still send an earlier reply that would pass for the next. Only registers
+that a manual names are read besides. Should a starter refuse one of them (ssw06-es 5.4.8), the line gives up
+that alternate alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from typing import Any
+
+from gateway.families.profile.parameters import read_run
+from gateway.families.profile.schema import Access, Profile, Table, Type
+from gateway.modbus.pdu import Request
+from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
+
+MOST = 8  # alternates of one request
+
+Cut = Callable[[Any], Any]
+Alternate = tuple[Request, Cut]
+
+_TABLES: dict[int, Table] = {
+    ReadCoils.function: Table.COIL,
+    ReadHoldingRegisters.function: Table.HOLDING,
+    ReadInputRegisters.function: Table.INPUT,
+}
+_WORD_BITS = 16
+_BYTE_BITS = 8
+
+
+def alternates(profile: Profile, request: Request) -> tuple[Alternate, ...]:
+    """Return equivalent reads whose replies differ in length or function from this one's and one another's.
+
+    The second of each pair takes what was asked for from the value that such a read decodes.
+    """
+    table = _TABLES.get(request.function)
+    if table is None or not isinstance(request, ReadCoils | ReadHoldingRegisters | ReadInputRegisters):
+        return ()
+    found = [*_as_coils(profile, table, request.address, request.count)]
+    found += _longer(profile, table, request.address, request.count)
+    return tuple(found[:MOST])
+
+
+def _as_coils(profile: Profile, table: Table, address: int, count: int) -> Iterator[Alternate]:
+    """Return the read of a word's bits as coils, where the manual gives them (ssw07 5.3.2)."""
+    if table is not Table.HOLDING or count != 1:
+        return
+    for row in profile.rows_at.get((table, address), ()):
+        if row.type is not Type.BITS:
+            continue
+        bits = [profile.parameters.get(f"{row.code}.{bit}") for bit in range(_WORD_BITS)]
+        first = bits[0]
+        if first is None or first.access is Access.COMMAND:
+            continue
+        places = [bit.address for bit in bits if bit is not None and bit.table is Table.COIL]
+        if places == list(range(first.address, first.address + _WORD_BITS)):
+            yield ReadCoils(first.address, _WORD_BITS), _to_word
+
+
+def _longer(profile: Profile, table: Table, address: int, count: int) -> Iterator[Alternate]:
+    limits = profile.limits
+    end = address + count
+    is_bit = table is Table.COIL
+    longest = limits.read_bits if is_bit else limits.read_registers
+    for run_table, first, run_end in profile.readable_runs:
+        if run_table is not table or not first <= address or not end <= run_end:
+            continue
+        size = -(-count // _BYTE_BITS) * _BYTE_BITS + 1 if is_bit else count + 1
+        while size <= min(longest, run_end - first):
+            start = min(address, run_end - size)
+            yield read_run(table, start, size), partial(_cut, start=address - start, count=count)
+            size += _BYTE_BITS if is_bit else 1
+
+
+def _cut(value: Sequence[Any], *, start: int, count: int) -> tuple[Any, ...]:
+    return tuple(value[start : start + count])
+
+
+def _to_word(bits: Sequence[bool]) -> tuple[int]:
+    return (sum(1 << place for place, bit in enumerate(bits) if bit),)

@@ -1,0 +1,111 @@
+"""Asks simulated starters some of whose replies are lost for good, through a whole line in virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.schema import Variant
+from gateway.line.line import Line
+from gateway.line.rtu.outcome import Answered, Outcome
+from gateway.modbus.timing import Framing, LineTiming
+from gateway.sim.bus.faults import NoReply
+from gateway.sim.bus.port import SimulatedLine
+from gateway.sim.factory import make_unit
+from gateway.starters.setup import StarterSetup
+from gateway.starters.telemetry.polling import polls_of
+from tests.virtual_time import run_virtually
+
+TIMING = LineTiming(19200, Framing.parse("8E1"))
+ONE = ("ssw07",)
+EIGHT = ("ssw07", "ssw06", "ssw900", "sst") * 2
+COLD_S = 100.0  # until a line knows that it loses replies
+
+
+@dataclass
+class Router:
+    """Notes when which poll was answered."""
+
+    answered_s: dict[str, list[float]] = field(default_factory=dict)
+
+    def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
+        if isinstance(outcome, Answered):
+            self.answered_s.setdefault(key, []).append(asyncio.get_running_loop().time())
+
+    def on_unit(
+        self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]
+    ) -> None: ...
+
+    def on_trouble(self, line: str, code: str, unit: int, text: str, frames: tuple[str, ...]) -> None: ...
+
+    def on_port(self, line: str, is_open: bool, reason: str) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What came of some minutes."""
+
+    answers: int
+    statuses: int
+    longest_s: float  # between two answers to one status poll
+    longest_cold_s: float  # the same in the first `COLD_S`
+    late_answers: int  # after that
+
+
+def ask(
+    families: tuple[str, ...], lost: float, *, every_s: float = 0.25, for_s: float = 600.0, seed: int = 1
+) -> Seen:
+    """Poll starters of these families, this share of all replies being lost."""
+    setups = [
+        StarterSetup(f"x{at}", "x", at, load_profile(family), Variant(), every_s=every_s, timing=TIMING)
+        for at, family in enumerate(families, 1)
+    ]
+    polls = [poll for setup in setups for poll in polls_of(setup)]
+    router = Router()
+
+    async def scenario() -> None:
+        units = [make_unit(family, at) for at, family in enumerate(families, 1)]
+        bus = SimulatedLine(TIMING, units, seed=seed)
+        if lost:
+            for setup in setups:
+                bus.impair(setup.address, NoReply(), chance=lost)
+        line = Line(name="x", opener=bus.opener(), timing=TIMING, polls=polls, listener=router)
+        serving = asyncio.create_task(line.run())
+        await asyncio.sleep(for_s)
+        serving.cancel()
+        await asyncio.wait([serving])
+
+    run_virtually(scenario())
+
+    statuses = [router.answered_s.get(poll.key, []) for poll in polls if poll.group == "status"]
+    gaps = [(later - before, later) for times in statuses for before, later in pairwise([0.0, *times, for_s])]
+    every = [at_s for times in router.answered_s.values() for at_s in times]
+    return Seen(
+        answers=len(every),
+        statuses=sum(map(len, statuses)),
+        longest_s=max(gap for gap, later in gaps if later > COLD_S),
+        longest_cold_s=max(gap for gap, later in gaps if later <= COLD_S),
+        late_answers=sum(at_s > COLD_S for at_s in every),
+    )
+
+
+def table(*, for_s: float = 600.0) -> list[str]:
+    """Return a row for each kind of line: what it gives of the answers without loss."""
+    lines = []
+    for name, families in (("1 SSW-07", ONE), ("8 mixed", EIGHT)):
+        whole = ask(families, 0.0, for_s=for_s)
+        for lost in (0.01, 0.05, 0.10):
+            seen = ask(families, lost, for_s=for_s)
+            lines.append(
+                f"{name}, {lost:.0%} lost: {seen.answers / whole.answers:.3f} of the answers, "
+                f"{seen.statuses / whole.statuses:.3f} of the statuses, longest {seen.longest_s:.2f} s; "
+                f"after {COLD_S:.0f} s {seen.late_answers / whole.late_answers:.3f}, "
+                f"before: longest {seen.longest_cold_s:.2f} s"
+            )
+    return lines
+
+
+if __name__ == "__main__":
+    print("\n".join(table()))  # noqa: T201
