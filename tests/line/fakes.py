@@ -12,10 +12,11 @@ from operator import itemgetter
 from gateway.errors import PortError, PortLostError
 from gateway.line.client import LocalLineClient
 from gateway.line.line import Line
+from gateway.line.rtu.forms import Alternate
 from gateway.line.rtu.outcome import Outcome
 from gateway.line.rtu.trace import Trace
 from gateway.line.rtu.transaction import RtuMaster
-from gateway.line.scheduler.requests import Alternate, Poll, Priority
+from gateway.line.scheduler.requests import Poll, Priority
 from gateway.modbus import adu
 from gateway.modbus.codes import Function
 from gateway.modbus.pdu import Request, encode_exception

@@ -20,12 +20,12 @@ from gateway.families.alternates import alternates
 from gateway.families.mapped_registers import plan_with
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
+from gateway.line.rtu.forms import Alternate
 from gateway.line.rtu.late_replies import LOOK_AGAIN_S, Agreed
 from gateway.line.rtu.outcome import Answered, Outcome, Refused
 from gateway.line.rtu.request import EncodedRequest
 from gateway.line.rtu.trace import Trace
 from gateway.line.rtu.transaction import RtuMaster
-from gateway.line.scheduler.requests import Alternate
 from gateway.modbus.codes import Function
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import Framing, LineTiming

@@ -7,9 +7,10 @@ from dataclasses import replace
 
 from gateway.line.rtu.late_replies import LateReplies
 from gateway.line.rtu.request import EncodedRequest
-from gateway.line.scheduler.requests import Alternate
 from gateway.modbus.pdu import Request
 
+# A read that says what another does, by a reply of another length; and what takes the other's value from it.
+Alternate = tuple[Request, Callable[[Any], Any]]
 Alternates = Callable[[Request], tuple[Alternate, ...]]
 
 

@@ -9,14 +9,11 @@ import enum
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import inf
-from typing import Any
 
+from gateway.line.rtu.forms import Alternate
 from gateway.line.rtu.outcome import Outcome
 from gateway.modbus.adu import BROADCAST
 from gateway.modbus.pdu import Request
-
-# A read that says what another does, by a reply of another length; and what takes the other's value from it.
-Alternate = tuple[Request, Callable[[Any], Any]]
 
 
 class Priority(enum.IntEnum):
