@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 from gateway.line.rtu.late_replies import LateReplies
 from gateway.line.rtu.request import EncodedRequest
