@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import json
+import struct
 import time
 from collections import Counter
+from collections.abc import Collection, Mapping
 from contextlib import AsyncExitStack
 from itertools import pairwise
 
@@ -18,7 +20,12 @@ CALM_S = 6.0
 BATCH_S = 0.01
 GROWTH_KB = 20_000
 RATE_KEPT = 0.8  # of every poll's rate in calm; commands that are within the limits need the line as well
+READ_SIZE = 5  # of the PDU that asks for registers or coils
 PARAMETER = "P314"  # not polled; the families that lack it refuse
+
+
+Read = tuple[str, bytes]  # starter and PDU
+Polls = dict[Read, tuple[float, float]]  # so many a second, longest pause in seconds
 
 
 async def flood(site: CommandSite, seconds: int, seed: int) -> None:
@@ -35,7 +42,7 @@ async def flood(site: CommandSite, seconds: int, seed: int) -> None:
     calm = {key: min(standing[key], running[key]) for key in standing.keys() & running.keys()}
     memory_kb = [sample(site.gateway.pid).rss_kb]
     since = len(site.listener.results)
-    measuring = asyncio.create_task(_polls(site, seconds - 0.5))
+    measuring = asyncio.create_task(_polls(site, seconds - 0.5, calm))
     sampling = asyncio.create_task(_sample(site, memory_kb))
     stopping = asyncio.create_task(_stop(site, seconds / 2))
     sent = await _pour(site, per_s, seconds)
@@ -102,26 +109,34 @@ async def _sample(site: CommandSite, memory_kb: list[int]) -> None:
         memory_kb.append(sample(site.gateway.pid).rss_kb)
 
 
-async def _polls(site: CommandSite, seconds: float) -> dict[tuple[str, bytes], tuple[float, float]]:
-    """Return rate and longest gap of every request that is not a write."""
+async def _polls(site: CommandSite, seconds: float, also: Collection[Read] = ()) -> Polls:
+    """Return rate and longest gap of every request that is not a write, and of these others."""
     marks = {name: site.mark(name) for name in STARTERS}
     await asyncio.sleep(seconds)
-    times: dict[tuple[str, bytes], list[float]] = {}
+    times: dict[Read, list[float]] = {}
     for name, mark in marks.items():
         for at_s, pdu in site.ears[name].heard[mark:]:
             if pdu[0] not in WRITES:
                 times.setdefault((name, pdu), []).append(at_s)
-    return {
-        key: (len(each) / seconds, max((b - a for a, b in pairwise(each)), default=seconds))
-        for key, each in times.items()
-    }
+    return {poll: _rate_and_gap(times, poll, seconds) for poll in times.keys() | set(also)}
 
 
-def _kept(
-    site: CommandSite,
-    calm: dict[tuple[str, bytes], tuple[float, float]],
-    flooded: dict[tuple[str, bytes], tuple[float, float]],
-) -> str:
+def _rate_and_gap(times: Mapping[Read, list[float]], poll: Read, seconds: float) -> tuple[float, float]:
+    """Return how often, and with which longest pause, what a poll asks for was read."""
+    at_s = sorted(each_s for read, all_s in times.items() if _covers(read, poll) for each_s in all_s)
+    return len(at_s) / seconds, max((b - a for a, b in pairwise(at_s)), default=seconds)
+
+
+def _covers(read: Read, poll: Read) -> bool:
+    """Return whether a read gives all that a poll asks for: the same rows may be read in a longer form."""
+    (one, long), (other, short) = read, poll
+    if one != other or long[0] != short[0] or not len(long) == len(short) == READ_SIZE:
+        return read == poll
+    (start, count), (first, wanted) = (struct.unpack(">HH", pdu[1:]) for pdu in (long, short))
+    return bool(start <= first and first + wanted <= start + count)
+
+
+def _kept(site: CommandSite, calm: Polls, flooded: Polls) -> str:
     """Compare the polls that come about once a second in calm; return the worst share and gap.
 
     A motor that stands is asked for its current less often: the stop in the flood must not count as a loss.
@@ -130,7 +145,7 @@ def _kept(
     for key, (rate, longest_s) in calm.items():
         if rate < 0.7:
             continue
-        now_rate, now_gap_s = flooded.get(key, (0.0, 99.0))
+        now_rate, now_gap_s = flooded[key]
         worst = min(worst, now_rate / rate)
         gap_s, calm_gap_s = max(gap_s, now_gap_s), max(calm_gap_s, longest_s)
         name, pdu = key
