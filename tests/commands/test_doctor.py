@@ -19,7 +19,7 @@ from gateway.config.convert import timing_of
 from gateway.config.load import parse
 from gateway.config.schema import Config
 from gateway.errors import BrokerError, PortError
-from gateway.families.diagnosis.findings import Weight
+from gateway.families.devices.findings import Weight
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit

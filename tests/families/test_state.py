@@ -4,8 +4,11 @@ from typing import Any
 
 import pytest
 
+from gateway.families.devices import alarms_of
 from gateway.families.profile.load import FAMILIES, load_profile
-from gateway.families.profile.state import STARTING, STATES, alarms_of, hindrance, state_of
+from gateway.families.profile.state import STATES, hindrance, state_of
+
+STARTING = load_profile("ssw900").state.starting
 
 WEG_AT_REST: dict[str, Any] = {
     **dict.fromkeys(

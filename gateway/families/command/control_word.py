@@ -6,16 +6,13 @@ from what is in force: a word built from zero would also command general disable
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from gateway.families.profile.decode import decode_points
-from gateway.families.profile.refusals import refused
+from gateway.families.profile.procedure import Seen, refused
 from gateway.families.profile.schema import Profile, Table, Variant, Write
-from gateway.families.profile.state import STARTING
 from gateway.modbus.pdu import Request
 from gateway.modbus.writes import WriteCoil, WriteRegister
-
-Seen = Mapping[str, tuple[int, ...]]  # raw words by code
 
 RUN, ENABLE, JOG, REVERSE, REMOTE, RESET = 0x01, 0x02, 0x04, 0x08, 0x10, 0x80  # SSW900 S5.2; ssw07 4.2.2
 COMMAND_BITS = RUN | ENABLE | JOG | REVERSE | REMOTE | RESET  # the others are reserved and stay 0
@@ -105,7 +102,7 @@ def flags_of(profile: Profile, seen: Seen) -> dict[str, bool]:
     points = decode_points(profile, Variant(), seen)
     flags = {name: point.value for name, point in points.items() if isinstance(point.value, bool)}
     if "running" in flags:
-        flags["moving"] = any(flags.get(name) for name in ("running", "accelerating", *STARTING))
+        flags["moving"] = any(flags.get(name) for name in ("running", "accelerating", *profile.state.starting))
     return flags
 
 

@@ -22,7 +22,6 @@ from gateway.families.command.control_word import (
     COMMAND_BITS,
     JOG,
     RUN,
-    Seen,
     flags_of,
     has_plain_word,
     run_row,
@@ -31,8 +30,7 @@ from gateway.families.command.control_word import (
 )
 from gateway.families.command.interlock import points_needed
 from gateway.families.profile.decode import is_known
-from gateway.families.profile.procedure import Expect, Preparation, Procedure, WriteStep
-from gateway.families.profile.refusals import refused
+from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep, refused
 from gateway.families.profile.schema import Profile, Variant, Write
 from gateway.families.reading.bulk import reads_for, rows_of_points
 from gateway.modbus.pdu import Request
@@ -125,10 +123,11 @@ def _jog_off(profile: Profile, variant: Variant, seen: Seen) -> Sequence[Request
 def _strict(profile: Profile, request: Request, seen: Seen) -> WriteStep:
     """Return run = 0 as a step: when it is not taken, nothing that follows is written.
 
-    An SST whose configuration is not complete may refuse every write of coil 1, and cannot be started either
-    (coil table, NOTES); it is read below that coil 1 is 0.
+    A starter that may refuse it cannot be started either (the profile says when); it is read below that the
+    run command is 0.
     """
-    is_barred = profile.state_rule == "sst" and flags_of(profile, seen).get("configured") is False
+    condition = profile.commands["stop"].refused_unless
+    is_barred = flags_of(profile, seen).get(condition) is False
     return WriteStep(request, is_run_off=True, may_be_refused=is_barred)
 
 

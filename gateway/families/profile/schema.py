@@ -202,6 +202,7 @@ class Command(Model):
     ceilings: dict[str, Ceiling] = {}  # rows that must not read more
     since_firmware: str = ""  # older firmware does not know it
     note: str = ""  # what the operator must know once it is done
+    refused_unless: str = ""  # a point: while it is false the starter may refuse it, and needs it not
 
 
 class Output(Model):
@@ -226,7 +227,43 @@ class Join(Model):
     """A text that lies over several rows."""
 
     codes: tuple[str, ...]  # in the order of their registers
-    how: Literal["text", "version", "serial"]  # families/profile/joined.py
+    how: Literal["text", "version", "serial"]  # families/profile/word_types.py
+    begins: str = ""  # what a plausible text begins with
+
+
+class State(Model):
+    """Which points make the state of a starter; a point that the family does not have says nothing."""
+
+    order: dict[str, Literal["fault", "starting", "running", "stopping"]]  # the first that is true counts
+    ready: tuple[str, ...]  # what must be true of a motor at rest that can be started
+    starting: tuple[str, ...] = ()  # between an accepted start and the ramp
+    waiting: tuple[str, ...] = ()  # after a stop, while a start is not carried out
+    adjusting: str = ""  # not 0 while the motor cannot be run
+
+
+class Rows(Model):
+    """What kinds of rows there are, by how their codes begin."""
+
+    settings: tuple[str, ...] = ()  # what people set, neither readings nor outputs
+    clock: tuple[str, ...] = ()  # settings that go on by themselves
+    automatic: tuple[str, ...] = ()  # settings that the gateway or the starter's own program may write
+    volatile: tuple[str, ...] = ()  # not kept in non-volatile memory
+
+
+class Timeout(Model):
+    """Two rows of one supervision, which must not be active with a time of 0."""
+
+    mode: str  # 0: off
+    time: str
+
+
+class ShownBy(Model):
+    """The bits of another row that show that a written row has acted."""
+
+    written: int
+    code: str
+    mask: int
+    becomes: int
 
 
 class Protected(Model):
@@ -236,6 +273,8 @@ class Protected(Model):
     waking: dict[str, str] = {}  # may let a run command act that stands, without choosing its source
     connection: dict[str, str] = {}  # to set one cuts the connection to the starter: refused
     actions: dict[str, str] = {}  # no settings: they load, copy or erase whole sets of parameters: refused
+    password: dict[str, str] = {}  # not needed over the serial line, and not kept: refused
+    timeout: Timeout | None = None
 
     def wakes(self, code: str) -> bool:
         """Return whether a change of this row may let a run command act that stands in the starter."""
@@ -259,15 +298,13 @@ class MappedWords(Model):
     read: int = Field(ge=0, le=0xFFFF)  # the first of these registers
     map: int = Field(ge=0, le=0xFFFF)  # of the first one's own register, which holds a parameter's address
     words: int = Field(ge=1)  # how many there are
+    write: int = Field(ge=0, le=0xFFFF)  # the first of those that write what is mapped onto them, and
+    write_words: int = Field(ge=1)  # how many of these there are
 
-
-class Identification(Model):
-    """How to learn who answers: by FC43 object 1, by registers, or both."""
-
-    how: Literal["fc43", "sst_registers"]
-    expect: tuple[str, ...]  # one of these begins the model text, e.g. "SSW-07"
-    model_register: str = ""  # code of a register with a fixed value, e.g. VB00
-    model_value: int | None = None
+    @property
+    def written(self) -> range:
+        """The registers of which each write lands in another row, in a command word too if it is mapped so."""
+        return range(self.write, self.write + self.write_words)
 
 
 class Profile(Model):
@@ -280,8 +317,8 @@ class Profile(Model):
     limits: Limits
     framings: tuple[str, ...]
     bauds: tuple[int, ...]  # empty: the manual does not say
-    identification: Identification
-    state_rule: Literal["weg", "sst"]
+    state: State
+    rows: Rows = Rows()
     status_word: str = ""  # code of the status row
     command_word: tuple[str, ...] = ()  # code of the command word per slot (SSW900), one otherwise
     points: dict[str, Point]
@@ -289,6 +326,7 @@ class Profile(Model):
     fast_words: MappedWords | None = None  # None: the family has none
     joins: dict[str, Join] = {}  # by what they are: name, firmware, serial
     protected: Protected = Protected()
+    shown_by: dict[str, ShownBy] = {}  # by the row that is written
     outputs: dict[str, Output] = {}  # by the name of their terminals: RL1, AO1, DO1
     parameters: dict[str, Parameter]  # by code
     enums: dict[str, dict[int, str]] = {}  # "VB01.0" is what 0 and 1 mean of a bit
@@ -296,6 +334,8 @@ class Profile(Model):
     alarms: tuple[Alarm, ...] = ()
     alarm_rows: dict[str, Literal["a", "e", "f"]] = {}  # rows that hold an alarm's number, and its letter
     raw_range: tuple[int, int] | None = None  # holding addresses readable as raw words: P0-P999
+    first_coil: int = 0  # the number of the coil at address 0
+    simulated: dict[str, tuple[str, ...]] = {}  # options of its simulation; or the rows that set them
 
     @cached_property
     def rows_at(self) -> dict[tuple[Table, int], tuple[Parameter, ...]]:
@@ -311,6 +351,11 @@ class Profile(Model):
         """The name of the point that is this row, or this bit of it; tests of a row's value are left out."""
         named = ((name, point) for name, point in self.points.items() if point.code and not point.true_when)
         return {(point.code, point.bit): name for name, point in named}
+
+    @cached_property
+    def alarm_points(self) -> tuple[str, ...]:
+        """The names of the points that read the number of a fault or an alarm."""
+        return tuple(name for name, point in self.points.items() if point.code in self.alarm_rows)
 
 
 Word = Annotated[int, Field(ge=0, le=0xFFFF)]

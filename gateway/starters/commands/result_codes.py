@@ -106,9 +106,6 @@ CODES: Mapping[str, Mapping[str, Code]] = {
         "not_configured": Code("The SST's configuration is not complete.", "Send configure first."),
         "motor_running": Code("The motor is not stopped.", "Stop it first."),
         "no_power": Code("The power section has no supply.", "Switch it on."),
-        "in_adjusting_mode": Code(
-            "The starter is in an adjusting mode.", "Leave that mode: configure, or at the starter."
-        ),
         "capacitor_charged": Code(
             "The start capacitor of the SST130i is charged: the motor would start late.",
             "Wait until it is discharged, then send the start again, with a new id.",

@@ -8,7 +8,8 @@ import logging
 from collections.abc import Callable
 from typing import Any
 
-from gateway.families.profile.identify import Identity, Question, identify, identify_requests, why_not
+from gateway.families.devices.identity import Identity, Question
+from gateway.families.diagnosis.identify import identify, identify_requests, why_not
 from gateway.line.client import LineClient
 from gateway.line.rtu.outcome import Answered, Outcome, Refused
 from gateway.line.scheduler.requests import Priority

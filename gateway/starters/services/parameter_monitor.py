@@ -33,7 +33,7 @@ EVENT = "parameter_changed"
 
 def watched_codes(profile: Profile) -> tuple[str, ...]:
     """Return the settings of a family that change only when somebody sets them."""
-    return tuple(row.code for row in profile.parameters.values() if is_set_by_people(row))
+    return tuple(row.code for row in profile.parameters.values() if is_set_by_people(profile, row))
 
 
 class ParameterChanges:

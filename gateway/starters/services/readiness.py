@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from gateway.errors import CommandError, PortLostError
-from gateway.families.diagnosis.findings import Finding, Weight
+from gateway.families.devices.findings import Finding, Weight
 from gateway.families.diagnosis.readiness import readiness, readiness_codes, refuses_start
 from gateway.families.diagnosis.watchdogs import watchdog_codes, watchdogs
 from gateway.families.reading.bulk import bulk_reads
