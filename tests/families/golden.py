@@ -9,6 +9,7 @@ import hashlib
 import random
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from gateway.families.mapped_registers import build_map, fast_block, plan_with, 
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.procedure import Expect, Preparation, Procedure, Read
 from gateway.families.profile.schema import Access, Parameter, Profile, Variant
-from gateway.families.profile.state import hindrance, state_of
+from gateway.families.profile.state import state_of
 from gateway.modbus.device_id import DeviceIdentification
 from gateway.starters.parameters.model import ParameterEntry, ParameterSet, entries_of
 from gateway.starters.parameters.restore_plan import plan_restore, prepare_change
@@ -44,13 +45,25 @@ _ARGS: dict[str, tuple[dict[str, Any], ...]] = {
     "direction": ({"value": "forward"}, {"value": "reverse"}),
     "local_remote": ({"value": "local"}, {"value": "remote"}, {"value": "x"}),
     "reset": ({}, {"whole": True}),
-    "configure": ({}, {"leave": "factory"}, {"leave": "P202"}, {"R31": 20}, {"R41": 30, "R42": 60}, {"R0": 1}),
+    "configure": (
+        {},
+        {"leave": "factory"},
+        {"leave": "P202"},
+        {"R31": 20},
+        {"R41": 30, "R42": 60},
+        {"R0": 1},
+    ),
     "output": tuple(
         {"output": name, "value": value}
         for name in ("RL1", "RL3", "AO1", "AO2", "DO1", "DO3")
         for value in (True, False, 0, 50, 101)
     ),
-    "read": ({"parameter": "P003"}, {"parameter": "S1.1.4"}, {"parameters": "R19,COIL5"}, {"parameters": "P002,P3"}),
+    "read": (
+        {"parameter": "P003"},
+        {"parameter": "S1.1.4"},
+        {"parameters": "R19,COIL5"},
+        {"parameters": "P002,P3"},
+    ),
     "set": (
         {"parameters": {"P220": 2, "P229": 1}},
         {"parameters": {"P313": 1, "P314": 30}},
@@ -86,7 +99,7 @@ def of_procedure(procedure: Procedure) -> str:
         f"{_expect(step.then) if step.then else ''}"
         for step in procedure.steps
     )
-    rest = (procedure.subject, procedure.subjects, procedure.is_unchanged, procedure.note, procedure.wears)
+    rest = (procedure.subject, procedure.subjects, procedure.is_unchanged, procedure.wears)
     flags = (procedure.is_run_cleared, procedure.is_source)
     abandon = " ".join(request.encode().hex() for request in procedure.abandon)
     return f"{steps} | {_expect(procedure.verify)} | {abandon} | {rest} {flags}"
@@ -114,11 +127,18 @@ def _rows(profile: Profile, chance: random.Random) -> dict[str, tuple[int, ...]]
     }
 
 
-def _tried(make: Callable[[], str]) -> str:
+def _prepared(make: Callable[..., Preparation], *args: Any) -> str:
     try:
-        return make()
+        return of_preparation(make(*args))
     except CommandError as error:
-        return f"{error.code}: {error.text}"
+        return error.code
+
+
+def _built(*args: Any, seen: Mapping[str, tuple[int, ...]]) -> str:
+    try:
+        return of_procedure(build(*args, seen=seen))
+    except CommandError as error:
+        return error.code
 
 
 def _verbs(profile: Profile) -> Iterator[tuple[str, str]]:
@@ -126,12 +146,12 @@ def _verbs(profile: Profile) -> Iterator[tuple[str, str]]:
         chance = random.Random(f"{profile.family} {verb}")
         for args in _ARGS.get(verb, ({},)):
             for variant in VARIANTS:
-                yield verb, _tried(lambda: of_preparation(prepare(profile, variant, verb, args)))  # noqa: B023
+                yield verb, _prepared(prepare, profile, variant, verb, args)
                 for _ in range(STATES):
                     seen = _rows(profile, chance)
                     yield (
                         verb,
-                        _tried(lambda: of_procedure(build(profile, variant, verb, args, seen=seen))),  # noqa: B023
+                        _built(profile, variant, verb, args, seen=seen),
                     )
 
 
@@ -139,16 +159,18 @@ def _sets(profile: Profile) -> Iterator[tuple[str, str]]:
     """Each row of the family, set to this and that."""
     chance = random.Random(f"{profile.family} every row")
     for row in profile.parameters.values():
+        variant, seen = chance.choice(VARIANTS), _rows(profile, chance)
         for value in (0, 1, 12, row.raw_max, "2026-11-22T05:30:00", "abc"):
             args = {"parameter": row.code, "value": value}
-            variant = chance.choice(VARIANTS)
-            seen = _rows(profile, chance)
-            yield "every row", _tried(lambda: of_preparation(prepare(profile, variant, "set", args)))  # noqa: B023
-            yield "every row", _tried(lambda: of_procedure(build(profile, variant, "set", args, seen=seen)))  # noqa: B023
+            yield "every row", _prepared(prepare, profile, variant, "set", args)
+            yield "every row", _built(profile, variant, "set", args, seen=seen)
     for code in ("P000", "P999", "HR1600", "HR1619", "HR5003", "COIL1", "IR0"):
-        yield "every row", _tried(lambda: of_preparation(prepare(profile, Variant(), "read", {"parameter": code})))  # noqa: B023
+        yield (
+            "every row",
+            _prepared(prepare, profile, Variant(), "read", {"parameter": code}),
+        )
         args = {"parameter": code, "value": 1}
-        yield "every row", _tried(lambda: of_procedure(build(profile, Variant(), "set", args, seen={})))  # noqa: B023
+        yield "every row", _built(profile, Variant(), "set", args, seen={})
 
 
 def _restores(profile: Profile) -> Iterator[tuple[str, str]]:
@@ -161,17 +183,22 @@ def _restores(profile: Profile) -> Iterator[tuple[str, str]]:
         saved = ParameterSet("s", profile.family, "", None, None, None, entries)
         for with_sources in (True, False):
             plan = plan_restore(profile, variant, wanted=saved, seen=seen, with_sources=with_sources)
-            yield "restore", " / ".join((*(each.text for each in plan.changes), repr(dict(plan.left))))
+            yield "restore", repr(([(each.code, each.value) for each in plan.changes], list(plan.left)))
             values = {each.code: each.value for each in plan.changes}
             verb = "configure" if any(each.is_configuration for each in plan.changes) else "set"
-            for args in [values] if verb == "configure" else [{"parameter": c, "value": v} for c, v in values.items()]:
-                yield "restore", _tried(lambda: of_preparation(prepare_change(profile, variant, verb, args)))  # noqa: B023
-                yield "restore", _tried(lambda: of_procedure(build(profile, variant, verb, args, seen=seen)))  # noqa: B023
+            for args in (
+                [values] if verb == "configure" else [{"parameter": c, "value": v} for c, v in values.items()]
+            ):
+                yield "restore", _prepared(prepare_change, profile, variant, verb, args)
+                yield "restore", _built(profile, variant, verb, args, seen=seen)
 
 
 def _looks(profile: Profile) -> Iterator[tuple[str, str]]:
     chance = random.Random(f"{profile.family} looks")
-    yield "rows looked at", f"{sorted(readiness_codes(profile))} {sorted(watchdog_codes(profile))} {sorted(time_codes(profile))}"
+    yield (
+        "rows looked at",
+        f"{sorted(readiness_codes(profile))} {sorted(watchdog_codes(profile))} {sorted(time_codes(profile))}",
+    )
     for number in range(400):
         rows, variant = _rows(profile, chance), chance.choice(VARIANTS)
         gap_s, watchdog_s = chance.choice((None, 0.5, 9.0)), chance.choice((None, 1.0, 30.0))
@@ -179,22 +206,33 @@ def _looks(profile: Profile) -> Iterator[tuple[str, str]]:
             if code in rows and chance.random() < 0.8:
                 rows[code] = tuple(chance.choice(range(12)) for _ in rows[code])
         found = readiness(profile, variant, rows, gap_s=gap_s, watchdog_s=watchdog_s)
-        yield "readiness", repr([(each.topic, each.weight, each.text) for each in found])
-        yield "watchdogs", repr([(w.code, w.after_s, w.does, w.is_felt) for w in watchdogs(profile, variant, rows)])
+        yield "readiness", repr([(each.topic, each.weight) for each in found])
+        yield "watchdogs", repr([(w.code, w.after_s, w.is_felt) for w in watchdogs(profile, variant, rows)])
         names = [name for name in profile.points if chance.random() < 0.95]
         points: Mapping[str, Any] = {
-            name: chance.choice((False, False, False, True, None) if number % 2 else (False, 0, 5, 17, 128)) for name in names
+            name: chance.choice((False, False, False, True, None) if number % 2 else (False, 0, 5, 17, 128))
+            for name in names
         }
-        alarms = [alarm.model_dump() for alarm in alarms_of(profile, points)]
+        alarms = [(alarm.code, alarm.severity) for alarm in alarms_of(profile, points)]
         for rule in ("remote", "serial_controls", "no_fault", "has_fault", "is_ready", "is_stopped"):
             if rule not in ("remote", "serial_controls") or rule in points:
-                yield "rules", repr(check(profile, (rule,), points))
+                yield "rules", repr([each.code for each in check(profile, (rule,), points)])
         yield "rules", repr(points_needed(profile, ("is_ready", "serial_controls", "is_stopped", "no_fault")))
-        yield "state", f"{state_of(profile, points)} {hindrance(profile, points)} {alarms}"
+        yield "state", f"{state_of(profile, points)} {alarms}"
 
 
 def _identities(profile: Profile) -> Iterator[tuple[str, str]]:
-    texts = ("SSW-06 820.0A", "SSW-07 85.0A", "ssw 8 30A", "SSW900", "SSW-900 48A", "SSW-0600", "PUMP", "", "SSW-06/SSW-07")
+    texts = (
+        "SSW-06 820.0A",
+        "SSW-07 85.0A",
+        "ssw 8 30A",
+        "SSW900",
+        "SSW-900 48A",
+        "SSW-0600",
+        "PUMP",
+        "",
+        "SSW-06/SSW-07",
+    )
     asked = identify_requests(profile)
     yield "identify", " ".join(f"{each.tag}={each.request.encode().hex()}" for each in asked)
     chance = random.Random(f"{profile.family} who")
@@ -205,8 +243,10 @@ def _identities(profile: Profile) -> Iterator[tuple[str, str]]:
         for each in asked:
             if each.tag != "fc43" and chance.random() < 0.8:
                 count = each.request.count  # type: ignore[attr-defined]
-                answers[each.tag] = tuple(chance.choice((0, 2, 3, 15, 130, 330, 360, 12345, 0x5353)) for _ in range(count))
-        yield "identify", repr(identify(profile, answers))
+                answers[each.tag] = tuple(
+                    chance.choice((0, 2, 3, 15, 130, 330, 360, 12345, 0x5353)) for _ in range(count)
+                )
+        yield "identify", repr(replace(identify(profile, answers), reason=""))
 
 
 def _mapped(profile: Profile) -> Iterator[tuple[str, str]]:
@@ -224,7 +264,7 @@ def _mapped(profile: Profile) -> Iterator[tuple[str, str]]:
             yield "mapped", repr(written_rows(profile, requests))
 
 
-def lines() -> Iterator[tuple[str, str, str]]:
+def everything() -> Iterator[tuple[str, str, str]]:
     """Yield family, topic and what is done, in their order."""
     for family in ("ssw06", "ssw07", "ssw900", "sst"):
         profile = load_profile(family)
@@ -236,15 +276,18 @@ def lines() -> Iterator[tuple[str, str, str]]:
 def table() -> list[str]:
     """Return one line for each family and topic: how much there is of it, and its digest."""
     found: dict[tuple[str, str], tuple[int, Any]] = {}
-    for family, topic, text in lines():
+    for family, topic, text in everything():
         count, digest = found.get((family, topic), (0, hashlib.sha256()))
         digest.update(text.encode() + b"\n")
         found[family, topic] = count + 1, digest
-    return [f"{family:7} {topic:15} {count:6} {digest.hexdigest()[:24]}" for (family, topic), (count, digest) in found.items()]
+    return [
+        f"{family:7} {topic:15} {count:6} {digest.hexdigest()[:24]}"
+        for (family, topic), (count, digest) in found.items()
+    ]
 
 
 if __name__ == "__main__":
     if "--whole" in sys.argv:
-        sys.stdout.writelines(f"{family} {topic}: {text}\n" for family, topic, text in lines())
+        sys.stdout.writelines(f"{family} {topic}: {text}\n" for family, topic, text in everything())
     else:
-        print("\n".join(table()))
+        sys.stdout.writelines(f"{line}\n" for line in table())

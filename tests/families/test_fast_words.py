@@ -205,9 +205,9 @@ def test_the_read_back_of_a_map_is_met_by_the_map_and_by_nothing_else() -> None:
 
 def test_a_map_on_registers_that_are_no_writable_rows_is_a_mistake_of_the_profile() -> None:
     assert contradictions(PROFILE) == []
-    assert contradictions(changed(fast_words=MappedWords(read=1500, map=1349, words=2, write=1600, write_words=20))) == [
-        "fast_words: register 1350 of the map is no writable row of one word"
-    ]
+    assert contradictions(
+        changed(fast_words=MappedWords(read=1500, map=1349, words=2, write=1600, write_words=20))
+    ) == ["fast_words: register 1350 of the map is no writable row of one word"]
 
 
 def test_a_map_needs_a_layout() -> None:

@@ -102,7 +102,9 @@ def flags_of(profile: Profile, seen: Seen) -> dict[str, bool]:
     points = decode_points(profile, Variant(), seen)
     flags = {name: point.value for name, point in points.items() if isinstance(point.value, bool)}
     if "running" in flags:
-        flags["moving"] = any(flags.get(name) for name in ("running", "accelerating", *profile.state.starting))
+        flags["moving"] = any(
+            flags.get(name) for name in ("running", "accelerating", *profile.state.starting)
+        )
     return flags
 
 

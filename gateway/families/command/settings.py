@@ -139,7 +139,7 @@ def _check_timeout(profile: Profile, wanted: Wanted, seen: Seen) -> None:
 
 
 def _steps(profile: Profile, changes: Wanted) -> list[WriteStep]:
-    """Return one write for each run of neighbouring registers; the time of a timeout stands before its mode."""
+    """Return one write for each run of neighbours; the time of a timeout stands before its mode."""
     writes = writes_for(profile, changes)
     timeout = profile.protected.timeout
     time = timeout.time if timeout is not None and len(writes) > 1 else ""

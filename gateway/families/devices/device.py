@@ -23,7 +23,7 @@ from gateway.modbus.device_id import ReadDeviceIdentification
 class Device:
     """A family; its methods here are those of one without habits of its own."""
 
-    # Identity: how object 1 of FC43 names the family, and whether with the rated current. None: it has no FC43.
+    # How object 1 of FC43 names the family (None: it has no FC43), and whether with the rated current.
     product: re.Pattern[str] | None = None
     is_current_named = True
     slot_rows: tuple[str, ...] = ()  # what slots 1 and 2 hold

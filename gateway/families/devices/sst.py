@@ -77,7 +77,9 @@ class Sst(Device):
             yield start(Weight.ERROR, what)
         if settings.number(_READY) == 0:
             what = "it is not ready for a start (coil 26 = 0)"
-            yield start(Weight.ERROR, f"{what}: mains and power source are not detected, or an error is present")
+            yield start(
+                Weight.ERROR, f"{what}: mains and power source are not detected, or an error is present"
+            )
         stop_s, restart_s = settings.number(_STOP_AFTER), settings.number(_RESTART_AFTER)
         if stop_s and restart_s and restart_s <= stop_s:
             what = "it would restart before it stops the motor, which the manual does not describe"
@@ -95,13 +97,13 @@ class Sst(Device):
                 yield Watchdog(code, float(after_s), does, is_felt=True)
 
     def prepare_configure(self, profile: Profile, variant: Variant, args: Mapping[str, Any]) -> Preparation:
-        """Return what to read before the starter is initialised; `args` are new values by register, or none."""
+        """Return what to read before initialisation; `args` are new values by register, or none."""
         return self.prepare_configuration(profile, "configure", codes=_wanted(profile, variant, args))
 
     def build_configure(
         self, profile: Profile, variant: Variant, args: Mapping[str, Any], *, seen: Seen
     ) -> Procedure:
-        """Return the whole sequence, also when no register differs from what was seen: it releases the start."""
+        """Return the whole sequence, also when no register differs: it releases the start."""
         wanted = _wanted(profile, variant, args)
         return self.configuration(profile, "configure", wanted=wanted, seen=seen)
 
@@ -120,7 +122,7 @@ class Sst(Device):
         subject: str = "",
         subjects: tuple[str, ...] = (),
     ) -> Procedure:
-        """Return the sequence that writes those registers that differ from what was seen (each goes to flash).
+        """Return the sequence that writes the registers that differ from what was seen (each goes to flash).
 
         Registers are written one by one: what the text says of FC16 contradicts the Modbus specification.
         Leaving the mode counts as one write of the flash, whether something differs or not.

@@ -303,7 +303,7 @@ class MappedWords(Model):
 
     @property
     def written(self) -> range:
-        """The registers of which each write lands in another row, in a command word too if it is mapped so."""
+        """The registers of which each write lands in another row, a command word too if it is mapped so."""
         return range(self.write, self.write + self.write_words)
 
 

@@ -79,9 +79,7 @@ def read_back(profile: Profile, wanted: Iterable[tuple[Parameter, tuple[int, ...
     return replace(first, also=tuple(others))
 
 
-def _shown_by(
-    profile: Profile, row: Parameter, words: tuple[int, ...]
-) -> tuple[str, int, tuple[int, ...]]:
+def _shown_by(profile: Profile, row: Parameter, words: tuple[int, ...]) -> tuple[str, int, tuple[int, ...]]:
     """Return the row that shows that these words were written, which of its bits, and what they are then."""
     other = profile.shown_by.get(row.code)
     if other is None or words != (other.written,):
