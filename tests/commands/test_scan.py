@@ -19,7 +19,7 @@ from gateway.cli.scan.scan import addresses_in, scan, show, stable_name
 from gateway.cli.scan.search import BAUDS, FRAMINGS, Find, Wish, timings_in_order
 from gateway.config.load import parse
 from gateway.errors import PortError, UsageError
-from gateway.families.devices.identity import Identity
+from gateway.families.devices.device import Identity
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.modbus.adu import decode
 from gateway.modbus.timing import Framing, LineTiming

@@ -18,8 +18,14 @@ from gateway.families.command.build import build, prepare, verbs
 from gateway.families.command.interlock import check, points_needed
 from gateway.families.devices import alarms_of
 from gateway.families.diagnosis.identify import identify, identify_requests
-from gateway.families.diagnosis.readiness import readiness, readiness_codes
-from gateway.families.diagnosis.watchdogs import time_codes, watchdog_codes, watchdogs, written_rows
+from gateway.families.diagnosis.readiness import (
+    readiness,
+    readiness_codes,
+    time_codes,
+    watchdog_codes,
+    watchdogs,
+    written_rows,
+)
 from gateway.families.mapped_registers import build_map, fast_block, plan_with, prepare_map, probes
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.procedure import Expect, Preparation, Procedure, Read

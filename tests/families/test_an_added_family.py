@@ -95,7 +95,7 @@ from gateway.families.command.interlock import check
 from gateway.families.devices import device_of
 from gateway.families.diagnosis.identify import identify, identify_requests, matches
 from gateway.families.diagnosis.readiness import readiness, readiness_codes, refuses_start
-from gateway.families.diagnosis.watchdogs import shortest_s
+from gateway.families.diagnosis.readiness import shortest_s
 from gateway.families.profile.decode import decode_points
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Variant

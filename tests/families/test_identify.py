@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from gateway.families.devices.identity import Identity
+from gateway.families.devices.device import Identity
 from gateway.families.diagnosis.identify import identify, identify_requests, matches, why_not
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant

@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from gateway.families.devices.identity import Identity
+from gateway.families.devices.device import Identity
 from gateway.families.diagnosis.identify import stop_note, stop_profile
 from gateway.families.profile.load import load_profile
 from gateway.line.scheduler.requests import Priority

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from gateway.families.devices.identity import Identity
+from gateway.families.devices.device import Identity
 from gateway.families.diagnosis.identify import identify_requests
 from gateway.families.profile.load import FAMILIES
 from gateway.line.rtu.outcome import Outcome, Silent

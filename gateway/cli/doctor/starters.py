@@ -15,8 +15,7 @@ from gateway.errors import BrokerError, CommandError, PortError, PortLostError
 from gateway.families.devices import device_of
 from gateway.families.devices.findings import Weight
 from gateway.families.diagnosis.identify import identify
-from gateway.families.diagnosis.readiness import as_delivered, readiness, readiness_codes
-from gateway.families.diagnosis.watchdogs import watchdogs
+from gateway.families.diagnosis.readiness import as_delivered, readiness, readiness_codes, watchdogs
 from gateway.families.profile.schema import Variant
 from gateway.families.reading.bulk import bulk_reads
 from gateway.line.client import LineClient

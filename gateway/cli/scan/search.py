@@ -13,10 +13,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from gateway.errors import CommandError, PortError
+from gateway.families.devices.device import Identity
 from gateway.families.devices.findings import Watchdog
-from gateway.families.devices.identity import Identity
 from gateway.families.diagnosis.identify import candidates, identify, identify_requests, matches
-from gateway.families.diagnosis.watchdogs import watchdog_codes, watchdogs
+from gateway.families.diagnosis.readiness import watchdog_codes, watchdogs
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.reading.bulk import bulk_reads
 from gateway.line.direct import Survey, silent_cost_s

@@ -69,10 +69,10 @@ def prepare(profile: Profile, variant: Variant, verb: str, args: Mapping[str, An
     """
     _check_verb(profile, verb)
     preparation = _prepare(profile, variant, verb, args)
-    if _wakes(profile, variant, verb, args):
-        is_source = _chooses_source(profile, variant, verb, args)
-        return run_command.with_standstill(profile, variant, preparation, is_source=is_source)
-    return preparation
+    wakes, is_source = _effects(profile, variant, verb, args)
+    if not wakes:
+        return preparation
+    return run_command.with_standstill(profile, variant, preparation, is_source=is_source)
 
 
 def _prepare(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> Preparation:
@@ -95,9 +95,9 @@ def build(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]
     """Return the steps of a command from the rows seen: freshly read, or for a stop what was last known."""
     _check_verb(profile, verb)
     procedure = _build(profile, variant, verb, args, seen=seen)
-    if not procedure.steps or not _wakes(profile, variant, verb, args):
+    wakes, is_source = _effects(profile, variant, verb, args)
+    if not procedure.steps or not wakes:
         return procedure
-    is_source = _chooses_source(profile, variant, verb, args)
     return run_command.with_run_cleared(profile, variant, procedure, seen=seen, is_source=is_source)
 
 
@@ -128,23 +128,16 @@ _VALUE = "value"
 _RELEASES = ("stop", "jog_off")
 
 
-def _wakes(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> bool:
-    """Return whether a command may let a run command act that stands in the starter."""
+def _effects(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> tuple[bool, bool]:
+    """Return whether a command may let a run command act that stands, and whether it chooses the source."""
     if verb in ("stop", "read"):
-        return False
+        return False, False
     if verb == "set":
-        return any(
-            row.is_configuration or profile.protected.wakes(row.code) for row in rows_set(profile, args)
-        )
-    if verb in ("output", "configure"):
-        return run_command.wakes(verb)
-    return run_command.wakes(_entry(profile, variant, verb, args))
-
-
-def _chooses_source(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> bool:
-    if verb == "set":
-        return any(profile.protected.wakes(row.code) for row in rows_set(profile, args))
-    return verb != "configure" and run_command.changes_source(_entry(profile, variant, verb, args))
+        rows = rows_set(profile, args)
+        is_source = any(profile.protected.wakes(row.code) for row in rows)
+        return is_source or any(row.is_configuration for row in rows), is_source
+    entry = verb if verb in ("output", "configure") else _entry(profile, variant, verb, args)
+    return run_command.wakes(entry), run_command.changes_source(entry)
 
 
 def _check_verb(profile: Profile, verb: str) -> None:

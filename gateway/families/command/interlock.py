@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -84,7 +84,7 @@ def check(profile: Profile, rules: Sequence[str], points: Mapping[str, Any]) -> 
     """Return the rules that do not hold on these points, in the order asked."""
     violations = []
     for rule in rules:
-        reading = _CHECKS[rule](profile, points)
+        reading = _reading(profile, rule, points)
         if reading is not None:
             violations.append(_violation(profile, rule, reading, points))
     return tuple(violations)
@@ -106,9 +106,6 @@ def points_needed(profile: Profile, rules: Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for name in names if name in profile.points))
 
 
-Check = Callable[[Profile, Mapping[str, Any]], str | None]  # None when the rule holds, else the reading
-
-
 def _needed(profile: Profile, rule: str) -> tuple[str, ...]:
     state = profile.state
     if rule == "is_ready":
@@ -122,25 +119,33 @@ def _needed(profile: Profile, rule: str) -> tuple[str, ...]:
 
 def _foreign_control(profile: Profile) -> tuple[str, ...]:
     """Return the points that say that another is in control: none of them is true in remote mode."""
-    return profile.points["remote"].none_of
+    return profile.points["remote"].none_of if "remote" in profile.points else ()
 
 
-def _must_be(name: str, *, is_on: bool) -> Check:
-    def read(_profile: Profile, points: Mapping[str, Any]) -> str | None:
-        value = points.get(name)
-        if value is None:
-            return f"{name}{IS_UNKNOWN}"
-        return None if bool(value) is is_on else f"{name} is {_word(value)}"
+def _reading(profile: Profile, rule: str, points: Mapping[str, Any]) -> str | None:
+    """Return what was read where a rule does not hold, None when it does."""
+    match rule:
+        case "is_ready":
+            return _state(profile, points)
+        case "is_stopped":
+            return _motion(profile, points)
+        case "serial_controls":
+            readings = (_other_than(points, name, is_on=False) for name in _foreign_control(profile))
+            return next(filter(None, readings), None)
+        case "no_fault" | "has_fault":
+            return _other_than(points, "fault", is_on=rule == "has_fault")
+        case _:  # named as the point that must be true
+            return _other_than(points, rule, is_on=True)
 
-    return read
+
+def _other_than(points: Mapping[str, Any], name: str, *, is_on: bool) -> str | None:
+    value = points.get(name)
+    if value is None:
+        return f"{name}{IS_UNKNOWN}"
+    return None if bool(value) is is_on else f"{name} is {str(value).lower()}"
 
 
-def _serial_controls(profile: Profile, points: Mapping[str, Any]) -> str | None:
-    readings = (_must_be(name, is_on=False)(profile, points) for name in _foreign_control(profile))
-    return next((reading for reading in readings if reading is not None), None)
-
-
-def _is_stopped(profile: Profile, points: Mapping[str, Any]) -> str | None:
+def _motion(profile: Profile, points: Mapping[str, Any]) -> str | None:
     for name in moving(profile):
         if points.get(name):
             return f"{name} is true"
@@ -149,26 +154,9 @@ def _is_stopped(profile: Profile, points: Mapping[str, Any]) -> str | None:
     return None
 
 
-def _is_ready(profile: Profile, points: Mapping[str, Any]) -> str | None:
+def _state(profile: Profile, points: Mapping[str, Any]) -> str | None:
     state = state_of(profile, points)
     if state == "ready":
         return None
     why = hindrance(profile, points) if state in ("not_ready", "unknown") else ""
     return f"the state is {state}: {why}" if why else f"the state is {state}"
-
-
-def _word(value: object) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)
-
-
-_CHECKS: dict[str, Check] = {
-    "remote": _must_be("remote", is_on=True),
-    "serial_controls": _serial_controls,
-    "general_enabled": _must_be("general_enabled", is_on=True),
-    "no_fault": _must_be("fault", is_on=False),
-    "has_fault": _must_be("fault", is_on=True),
-    "is_ready": _is_ready,
-    "configured": _must_be("configured", is_on=True),
-    "is_stopped": _is_stopped,
-    "power_present": _must_be("power_present", is_on=True),
-}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -51,7 +52,8 @@ def prepare_set(profile: Profile, variant: Variant, args: Mapping[str, Any]) -> 
     wanted, is_single = _wanted(profile, variant, args)
     codes = [row.code for row, _ in wanted]
     if _is_configuration(wanted):
-        return device_of(profile).prepare_configuration(profile, "set", codes=codes)
+        preparation = device_of(profile).prepare_configure(profile, variant, asked_values(args)[0])
+        return replace(preparation, verb="set")
     requires = ("is_stopped",) if any(row.is_stopped_only for row, _ in wanted) else ()
     others = [code for code in _timeout_rows(profile, codes) if code not in codes]
     others += rows_of_points(profile, points_needed(profile, requires))
@@ -76,11 +78,8 @@ def build_set(profile: Profile, variant: Variant, args: Mapping[str, Any], *, se
     if not changes:
         return Procedure("set", (), is_unchanged=True, subject=subject, subjects=subjects)
     if _is_configuration(wanted):
-        rows = {row.code: words for row, words in wanted}
-        device = device_of(profile)
-        return device.configuration(
-            profile, "set", wanted=rows, seen=seen, subject=subject, subjects=subjects
-        )
+        procedure = device_of(profile).build_configure(profile, variant, asked_values(args)[0], seen=seen)
+        return replace(procedure, verb="set", subject=subject, subjects=subjects)
     return Procedure(
         "set",
         tuple(_steps(profile, changes)),

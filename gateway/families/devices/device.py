@@ -10,14 +10,39 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Literal
 
 from gateway.families.devices.findings import Finding, Settings, Watchdog
-from gateway.families.devices.identity import Identity, Question
 from gateway.families.profile.decode import alarm_code
 from gateway.families.profile.procedure import Preparation, Procedure, Seen, refused
 from gateway.families.profile.schema import Alarm, Profile, Variant
 from gateway.modbus.device_id import ReadDeviceIdentification
+from gateway.modbus.pdu import Request
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """One request of an identification; the answer is handed to `identify` under its tag."""
+
+    tag: str  # fc43, model_register, slots, firmware, model, name
+    request: Request
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """What a unit said about itself; None is unknown. `reason` says why the family is, or is not, known."""
+
+    family_seen: str | None = None
+    model: str | None = None
+    firmware: str | None = None
+    serial: str | None = None
+    rated_current_a: float | None = None
+    rating: str | None = None  # SSW900: the range of currents of its size (S3.3.1)
+    slot: Literal[1, 2] | None = None  # SSW900: where the RS-485 accessory sits
+    accessories: tuple[str, ...] = ()  # SSW900: the kinds in slots 1 and 2
+    hardware: str | None = None  # SST: its version
+    reason: str = ""
 
 
 class Device:
@@ -65,30 +90,13 @@ class Device:
         return ()
 
     def prepare_configure(self, profile: Profile, variant: Variant, args: Mapping[str, Any]) -> Preparation:  # noqa: ARG002
-        """Return what the verb `configure` reads and demands first."""
+        """Return what the verb `configure` reads and demands first; `set` too, of rows `is_configuration`."""
         raise refused("unknown_verb", f"{profile.title} has no procedure of its own")
 
     def build_configure(
         self, profile: Profile, variant: Variant, args: Mapping[str, Any], *, seen: Seen
     ) -> Procedure:
-        """Return what the verb `configure` writes: a procedure, not the writes of a profile's entry."""
-        raise NotImplementedError
-
-    def prepare_configuration(self, profile: Profile, verb: str, *, codes: Iterable[str]) -> Preparation:
-        """Return what is read and demanded before rows are written that need a procedure of their own."""
-        raise NotImplementedError
-
-    def configuration(
-        self,
-        profile: Profile,
-        verb: str,
-        *,
-        wanted: Mapping[str, tuple[int, ...]],
-        seen: Seen,
-        subject: str = "",
-        subjects: tuple[str, ...] = (),
-    ) -> Procedure:
-        """Return the procedure that writes such rows (`is_configuration`)."""
+        """Return what it writes: a procedure, not the writes of a profile's entry."""
         raise NotImplementedError
 
 

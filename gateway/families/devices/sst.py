@@ -6,12 +6,11 @@ A configuration register written outside the configuration mode stops the motor,
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
-from gateway.families.devices.device import Device, alarm, fault
+from gateway.families.devices.device import Device, Identity, Question, alarm, fault
 from gateway.families.devices.findings import Finding, Settings, Topic, Watchdog, Weight, start, unread
-from gateway.families.devices.identity import Identity, Question
 from gateway.families.profile.parameters import find, settable_words, write_request
 from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep, refused
 from gateway.families.profile.schema import Alarm, Profile, Type, Variant
@@ -97,37 +96,23 @@ class Sst(Device):
                 yield Watchdog(code, float(after_s), does, is_felt=True)
 
     def prepare_configure(self, profile: Profile, variant: Variant, args: Mapping[str, Any]) -> Preparation:
-        """Return what to read before initialisation; `args` are new values by register, or none."""
-        return self.prepare_configuration(profile, "configure", codes=_wanted(profile, variant, args))
+        """Return what to read before initialisation; `args` are new values by register, or none.
+
+        That the motor must stand is said in families/command/run_command.py.
+        """
+        reads = reads_for(profile, (_USB, _INPUTS, _COMPLETE, *_wanted(profile, variant, args)))
+        return Preparation("configure", reads=reads, requires=("serial_controls",))
 
     def build_configure(
         self, profile: Profile, variant: Variant, args: Mapping[str, Any], *, seen: Seen
     ) -> Procedure:
-        """Return the whole sequence, also when no register differs: it releases the start."""
-        wanted = _wanted(profile, variant, args)
-        return self.configuration(profile, "configure", wanted=wanted, seen=seen)
+        """Return the whole sequence, also when no register differs: it releases the start.
 
-    def prepare_configuration(self, profile: Profile, verb: str, *, codes: Iterable[str]) -> Preparation:
-        """Return what to read, and what must hold; also standstill: families/command/run_command.py."""
-        reads = reads_for(profile, (_USB, _INPUTS, _COMPLETE, *codes))
-        return Preparation(verb, reads=reads, requires=("serial_controls",))
-
-    def configuration(
-        self,
-        profile: Profile,
-        verb: str,
-        *,
-        wanted: Mapping[str, tuple[int, ...]],
-        seen: Seen,
-        subject: str = "",
-        subjects: tuple[str, ...] = (),
-    ) -> Procedure:
-        """Return the sequence that writes the registers that differ from what was seen (each goes to flash).
-
-        Registers are written one by one: what the text says of FC16 contradicts the Modbus specification.
-        Leaving the mode counts as one write of the flash, whether something differs or not.
+        Only registers that differ from what was seen are written (each goes to flash), one by one: what the
+        text says of FC16 contradicts the Modbus specification. Leaving the mode counts as one write of the
+        flash, whether something differs or not.
         """
-        pairs = [(profile.parameters[code], words) for code, words in wanted.items()]
+        pairs = [(profile.parameters[code], words) for code, words in _wanted(profile, variant, args).items()]
         differing = [(row, words) for row, words in pairs if not holds(row, words, seen)]
         complete = _is_set(profile, _COMPLETE, within_s=_FLASH_WITHIN_S)
         mode = profile.parameters[_MODE].address
@@ -137,15 +122,8 @@ class Sst(Device):
             *(WriteStep(write_request(profile, row, words)) for row, words in differing),
             WriteStep(leave, then=complete),
         )
-        return Procedure(
-            verb,
-            steps,
-            verify=read_back(profile, pairs) if pairs else complete,
-            abandon=(leave,),
-            subject=subject,
-            subjects=subjects,
-            wears=1,
-        )
+        verify = read_back(profile, pairs) if pairs else complete
+        return Procedure("configure", steps, verify=verify, abandon=(leave,), wears=1)
 
 
 def _wanted(profile: Profile, variant: Variant, args: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
+from gateway.families.devices.device import Identity, Question
 from gateway.families.devices.findings import Finding, Settings, Weight, start
-from gateway.families.devices.identity import Identity, Question
 from gateway.families.devices.ssw07 import Ssw07
 from gateway.families.profile.arguments import check_names, choice
 from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep, refused

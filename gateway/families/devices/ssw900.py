@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, Literal
 
-from gateway.families.devices.device import Device, alarm, fault, some_alarm
+from gateway.families.devices.device import Device, Identity, Question, alarm, fault, some_alarm
 from gateway.families.devices.findings import (
     Finding,
     Settings,
@@ -19,7 +19,6 @@ from gateway.families.devices.findings import (
     start,
     unread,
 )
-from gateway.families.devices.identity import Identity, Question
 from gateway.families.profile.decode import alarm_code
 from gateway.families.profile.schema import Alarm, Profile, Variant
 from gateway.modbus.reads import ReadHoldingRegisters

@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from gateway.families.devices import DEVICES, device_of
-from gateway.families.devices.identity import Identity, Question
+from gateway.families.devices.device import Identity, Question
 from gateway.families.profile.decode import rated_current_a
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Profile

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from decimal import Decimal, InvalidOperation
+from typing import TypeVar
 
 from gateway.families.profile.procedure import refused
 from gateway.families.profile.schema import (
@@ -24,6 +25,7 @@ from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegister, WriteRegisters
 
+_Item = TypeVar("_Item")
 RowWords = tuple[Parameter, tuple[int, ...]]  # a row, and what it is to hold
 
 _UNNAMED = "not named in this manual"
@@ -100,6 +102,17 @@ def _raw(code: str, table: Table, address: int) -> Parameter:
     )
 
 
+def runs_of(items: Iterable[_Item], may_join: Callable[[list[_Item], _Item], bool]) -> list[list[_Item]]:
+    """Return the items in runs: each joins the one before it where it may."""
+    runs: list[list[_Item]] = []
+    for item in items:
+        if runs and may_join(runs[-1], item):
+            runs[-1].append(item)
+        else:
+            runs.append([item])
+    return runs
+
+
 def read_run(table: Table, address: int, count: int) -> Request:
     """Return the request that reads a run of neighbours in a table."""
     if table is Table.COIL:
@@ -132,14 +145,12 @@ def write_request(profile: Profile, parameter: Parameter, words: tuple[int, ...]
 
 def writes_for(profile: Profile, changes: Sequence[RowWords]) -> list[tuple[Request, list[RowWords]]]:
     """Return one write for each run of neighbouring registers, in order of address, with what it sets."""
-    runs: list[list[RowWords]] = []
-    for row, words in changes:
-        first, last = (runs[-1][0][0], runs[-1][-1][0]) if runs else (row, row)
-        is_next = last.address + last.words == row.address
-        if is_next and row.address + row.words - first.address <= profile.limits.write_registers:
-            runs[-1].append((row, words))
-        else:
-            runs.append([(row, words)])
+
+    def follows(run: list[RowWords], change: RowWords) -> bool:
+        first, last, row = run[0][0], run[-1][0], change[0]
+        count = row.address + row.words - first.address
+        return last.address + last.words == row.address and count <= profile.limits.write_registers
+
     return [
         (
             write_request(profile, *run[0])
@@ -147,7 +158,7 @@ def writes_for(profile: Profile, changes: Sequence[RowWords]) -> list[tuple[Requ
             else WriteRegisters(run[0][0].address, tuple(word for _, words in run for word in words)),
             run,
         )
-        for run in runs
+        for run in runs_of(changes, follows)
     ]
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from gateway.families.profile.parameters import find, raw_row, read_request, read_run
+from gateway.families.profile.parameters import find, raw_row, read_request, read_run, runs_of
 from gateway.families.profile.procedure import Expect, Read, Seen
 from gateway.families.profile.schema import Access, Parameter, Profile, Table, Type
 from gateway.families.profile.word_types import shown_within
@@ -22,13 +22,7 @@ def reads_for(profile: Profile, codes: Iterable[str]) -> tuple[Read, ...]:
     rows = sorted(
         (profile.parameters[code] for code in set(codes)), key=lambda row: (row.table, row.address, row.code)
     )
-    runs: list[list[Parameter]] = []
-    for row in rows:
-        if runs and _may_join(profile, runs[-1], row):
-            runs[-1].append(row)
-        else:
-            runs.append([row])
-    return tuple(_read(run) for run in runs)
+    return tuple(_read(run) for run in runs_of(rows, lambda run, row: _may_join(profile, run, row)))
 
 
 def rows_of_points(profile: Profile, names: Iterable[str]) -> tuple[str, ...]:

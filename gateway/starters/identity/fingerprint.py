@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
-from gateway.families.devices.identity import Identity
+from gateway.families.devices.device import Identity
 from gateway.families.profile.decode import rated_current_a
 
 

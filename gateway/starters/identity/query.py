@@ -8,7 +8,7 @@ import logging
 from collections.abc import Callable
 from typing import Any
 
-from gateway.families.devices.identity import Identity, Question
+from gateway.families.devices.device import Identity, Question
 from gateway.families.diagnosis.identify import identify, identify_requests, why_not
 from gateway.line.client import LineClient
 from gateway.line.rtu.outcome import Answered, Outcome, Refused

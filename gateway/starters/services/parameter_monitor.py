@@ -13,7 +13,7 @@ from math import inf
 from typing import Any
 
 from gateway.errors import CommandError, PortLostError
-from gateway.families.diagnosis.watchdogs import watchdog_codes
+from gateway.families.diagnosis.readiness import watchdog_codes
 from gateway.families.profile.parameters import find, to_words
 from gateway.families.profile.procedure import Read
 from gateway.families.profile.schema import Profile, Variant

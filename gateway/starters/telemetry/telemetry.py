@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import assert_never
 
-from gateway.families.devices.identity import Identity
+from gateway.families.devices.device import Identity
 from gateway.families.diagnosis.identify import stop_profile, why_not
 from gateway.families.mapped_registers import MappedBlock
 from gateway.families.profile.schema import Profile, Variant
