@@ -288,7 +288,7 @@ class Ceiling(Model):
     unit: str
     models: tuple[str, ...]  # how the names of the models begin that have the reading
     since_firmware: str = ""  # older firmware does not give it
-    refusal: str  # a code of families/profile/refusals.py
+    refusal: str  # a code of `REFUSALS`, families/profile/procedure.py
     remedy: str  # what to do
 
 

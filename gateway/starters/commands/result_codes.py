@@ -1,6 +1,6 @@
 """The closed list of result codes: what an operator should read, and what to do.
 
-The codes of `families.refusals` and the rules of `families.interlock` are in it too. A result's own `text`
+The codes of `families.profile.procedure` and the rules of `families.command.interlock` are in it too. A result's own `text`
 says more: the reading, the value, the starter. `docs/results.md` is made from this.
 """
 
