@@ -72,7 +72,8 @@ def prepare(profile: Profile, variant: Variant, verb: str, args: Mapping[str, An
     wakes, is_source = _effects(profile, variant, verb, args)
     if not wakes:
         return preparation
-    return run_command.with_standstill(profile, variant, preparation, is_source=is_source)
+    rows = run_command.run_rows(profile, variant, is_source=is_source)
+    return run_command.with_standstill(profile, preparation, rows)
 
 
 def _prepare(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> Preparation:

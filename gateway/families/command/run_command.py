@@ -15,7 +15,7 @@ command of every family, in this order:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from gateway.families.command.control_word import (
@@ -55,15 +55,17 @@ def changes_source(entry: str) -> bool:
     return entry in _CHANGES_SOURCE
 
 
-def with_standstill(
-    profile: Profile, variant: Variant, preparation: Preparation, *, is_source: bool
-) -> Preparation:
-    """Return a preparation that also reads the command word and demands that the motor stands."""
-    variant = _scope(variant, is_source=is_source)
+def with_standstill(profile: Profile, preparation: Preparation, codes: Iterable[str] = ()) -> Preparation:
+    """Return a preparation that also demands that the motor stands, and reads these rows."""
     requires = tuple(dict.fromkeys((*preparation.requires, STANDSTILL)))
-    codes = [code for read in preparation.reads for code in read.codes]
-    codes += [*_word_rows(profile, variant), *rows_of_points(profile, points_needed(profile, requires))]
-    return replace(preparation, reads=reads_for(profile, codes), requires=requires)
+    needed = rows_of_points(profile, points_needed(profile, requires))
+    read = (code for each in preparation.reads for code in each.codes)
+    return replace(preparation, reads=reads_for(profile, (*read, *codes, *needed)), requires=requires)
+
+
+def run_rows(profile: Profile, variant: Variant, *, is_source: bool) -> tuple[str, ...]:
+    """Return the rows whose bit 0 is the run command that is cleared, as far as it can be read back."""
+    return _word_rows(profile, _scope(variant, is_source=is_source))
 
 
 def with_run_cleared(

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from decimal import Decimal
 
 from gateway.errors import CommandError
 from gateway.families.command.build import prepare
-from gateway.families.command.interlock import points_needed
+from gateway.families.command.run_command import with_standstill
 from gateway.families.profile.decode import Value
 from gateway.families.profile.parameters import settable_words
 from gateway.families.profile.procedure import Preparation
 from gateway.families.profile.schema import Parameter, Profile, Variant
 from gateway.families.profile.word_types import TYPE_LIMITS, from_words
-from gateway.families.reading.bulk import holds, is_setting, reads_for, rows_of_points
+from gateway.families.reading.bulk import holds, is_setting
 from gateway.starters.parameters.model import ParameterEntry, ParameterSet, entries_of
-
-STANDSTILL = "is_stopped"
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,11 +85,7 @@ def restore_codes(profile: Profile, wanted: ParameterSet) -> tuple[str, ...]:
 
 def prepare_change(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Value]) -> Preparation:
     """Return what a `set` or `configure` must read and demand, standstill included whatever the row says."""
-    preparation = prepare(profile, variant, verb, args)
-    codes = [code for read in preparation.reads for code in read.codes]
-    codes += rows_of_points(profile, points_needed(profile, (STANDSTILL,)))
-    requires = tuple(dict.fromkeys((*preparation.requires, STANDSTILL)))
-    return replace(preparation, reads=reads_for(profile, codes), requires=requires)
+    return with_standstill(profile, prepare(profile, variant, verb, args))
 
 
 def _change(
