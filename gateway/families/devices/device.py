@@ -43,6 +43,7 @@ class Identity:
     accessories: tuple[str, ...] = ()  # SSW900: the kinds in slots 1 and 2
     hardware: str | None = None  # SST: its version
     reason: str = ""
+    lacks: str = ""  # what every device of the configured family has and this one has not; empty: nothing
 
 
 class Device:

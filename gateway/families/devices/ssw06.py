@@ -41,13 +41,13 @@ class Ssw06(Ssw07):
         if answer is None:
             return seen
         reading = f"{seen.reason}; {_MODEL_ROW} is {answer[0]}"
-        family = seen.family_seen
+        family, lacks = seen.family_seen, ""
         if answer[0] == _MODEL_VALUE and family is None and seen.model is None:
             family = profile.family
-        elif answer[0] != _MODEL_VALUE and family == profile.family:
+        elif answer[0] != _MODEL_VALUE and family in (None, profile.family):
             family = None
-            reading += f" and should be {_MODEL_VALUE}"
-        return replace(seen, family_seen=family, reason=reading)
+            lacks = reading = f"{reading} and should be {_MODEL_VALUE}"
+        return replace(seen, family_seen=family, reason=reading, lacks=lacks)
 
     def start_findings(self, settings: Settings) -> Iterator[Finding]:
         """See `Ssw07`, and 4.3."""

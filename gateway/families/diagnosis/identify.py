@@ -36,6 +36,8 @@ def matches(profile: Profile, identity: Identity) -> bool:
 
 def why_not(profile: Profile, identity: Identity) -> str | None:
     """Return in words why the unit must not be taken for this family, None when it has proved to be of it."""
+    if identity.lacks:
+        return f"it is not {profile.family}: {identity.lacks}"
     if identity.family_seen == profile.family:
         return None
     if identity.family_seen is None:

@@ -1,7 +1,7 @@
 """The closed list of result codes: what an operator should read, and what to do.
 
-The codes of `families.profile.procedure` and the rules of `families.command.interlock` are in it too. A result's own `text`
-says more: the reading, the value, the starter. `docs/results.md` is made from this.
+The codes of `families.profile.procedure` and the rules of `families.command.interlock` are in it too. A
+result's own `text` says more: the reading, the value, the starter. `docs/results.md` is made from this.
 """
 
 from __future__ import annotations
