@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from gateway.families.devices import DEVICES
+from gateway.families.devices.device import Device
 from gateway.families.profile.load import FAMILIES, load_profile
 
 GATEWAY = Path(__file__).parents[2] / "gateway"
@@ -50,3 +51,10 @@ def test_a_device_looks_only_at_rows_of_its_profile(family: str) -> None:
 
     assert rows <= set(profile.parameters)
     assert set(device.source_rows) <= set(profile.protected.command_sources)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_the_verb_configure_is_a_procedure_of_the_device_or_not_there(family: str) -> None:
+    has_procedure = type(DEVICES[family]).build_configure is not Device.build_configure
+
+    assert ("configure" in load_profile(family).commands) == has_procedure

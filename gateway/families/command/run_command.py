@@ -19,9 +19,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from gateway.families.command.control_word import (
-    COMMAND_BITS,
-    JOG,
-    RUN,
     flags_of,
     has_plain_word,
     run_row,
@@ -108,7 +105,8 @@ def _run_off(profile: Profile, variant: Variant, seen: Seen) -> tuple[WriteStep,
     requests = stop_requests(profile, variant, profile.commands["stop"].writes, seen=seen)
     rows = _word_rows(profile, variant)
     reads = reads_for(profile, rows)
-    first, *others = (Expect(reads, row, ((0,),), CLEARED_WITHIN_S, mask=RUN) for row in rows)
+    run = profile.command_bits.run
+    first, *others = (Expect(reads, row, ((0,),), CLEARED_WITHIN_S, mask=run) for row in rows)
     *before, last = (_strict(profile, request, seen) for request in requests)
     steps = (*before, replace(last, then=replace(first, also=tuple(others))))
     return (*steps, *(_lenient(request) for request in _jog_off(profile, variant, seen)))
@@ -152,5 +150,5 @@ def writes_of(profile: Profile, entry: str) -> tuple[Write, ...]:
     writes = profile.commands[entry].writes
     if not wakes(entry) or not has_plain_word(writes):
         return writes
-    off = (RUN | JOG) & COMMAND_BITS
+    off = profile.command_bits.run | profile.command_bits.jog
     return tuple(write.model_copy(update={"clear_bits": write.clear_bits | off}) for write in writes)

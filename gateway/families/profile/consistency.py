@@ -151,6 +151,8 @@ def _write(profile: Profile, write: Write) -> Iterator[str]:
         row = profile.parameters.get(write.word)
         if row is None or not _is_command((row,)):
             yield f"{write.word} is not there for commands"
+        if write.mask_shift is None and (write.set_bits | write.clear_bits) & ~profile.command_bits.all:
+            yield f"a bit that is written in {write.word} is none of command_bits"
     masks = (write.set_bits | write.clear_bits) << (write.mask_shift or 0)
     if write.set_bits & write.clear_bits or not 0 <= masks <= 0xFFFF:
         yield f"bits {write.set_bits:#x} and {write.clear_bits:#x} do not fit one word"

@@ -102,11 +102,6 @@ def _joined(profile: Profile, found: Mapping[str, Mapping[str, Any]]) -> dict[st
     return shown
 
 
-def is_present(point: Point, variant: Variant) -> bool:
-    """Return whether a starter of this firmware has the point; it has while the firmware is unknown."""
-    return is_known(point.since_firmware, variant)
-
-
 def is_known(since_firmware: str, variant: Variant) -> bool:
     """Return whether this starter's firmware knows what exists since then; it does while it is unknown."""
     seen, wanted = _version(variant.firmware or ""), _version(since_firmware)
@@ -156,7 +151,7 @@ def _value(variant: Variant, row: Parameter, number: int) -> Value:
 
 def _decode_point(profile: Profile, variant: Variant, point: Point, words: tuple[int, ...]) -> Decoded:
     row = profile.parameters[point.code]
-    if not is_present(point, variant):
+    if not is_known(point.since_firmware, variant):
         return Decoded(None, label=None, unit="", raw=words)
     if point.bit is not None or row.type is Type.BIT:
         return Decoded(bool(words[0] >> (point.bit or 0) & 1), label=None, unit="", raw=words)

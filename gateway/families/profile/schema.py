@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import enum
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -194,6 +194,27 @@ class Write(Model):
     mask_shift: int | None = None  # SSW-06: each named bit also sets its mask bit, this many places up
 
 
+class CommandBits(Model):
+    """What the bits of a command word command; 0: it has no such bit. All others are reserved and stay 0."""
+
+    run: int = 0x01
+    general_enabled: int = 0
+    jog: int = 0
+    reverse: int = 0
+    remote: int = 0
+    reset: int = 0
+
+    @property
+    def all(self) -> int:
+        """The bits that mean something."""
+        return self.run | self.general_enabled | self.jog | self.reverse | self.remote | self.reset
+
+    @property
+    def safe_stop(self) -> int:
+        """Stop by ramp, all else as in normal service."""
+        return self.general_enabled | self.remote
+
+
 class Command(Model):
     """A verb of this family: what is required, written and read back."""
 
@@ -327,6 +348,7 @@ class Profile(Model):
     rows: Rows = Rows()
     status_word: str = ""  # code of the status row
     command_word: tuple[str, ...] = ()  # code of the command word per slot (SSW900), one otherwise
+    command_bits: CommandBits = CommandBits()  # needed of a word that is written whole, without a mask
     points: dict[str, Point]
     commands: dict[str, Command]
     fast_words: MappedWords | None = None  # None: the family has none
@@ -362,9 +384,6 @@ class Profile(Model):
     def alarm_points(self) -> tuple[str, ...]:
         """The names of the points that read the number of a fault or an alarm."""
         return tuple(name for name, point in self.points.items() if point.code in self.alarm_rows)
-
-
-Word = Annotated[int, Field(ge=0, le=0xFFFF)]
 
 
 class Variant(Model):

@@ -12,7 +12,7 @@ from itertools import groupby
 from math import inf
 from typing import Any
 
-from gateway.families.profile.decode import is_present
+from gateway.families.profile.decode import is_known
 from gateway.families.profile.parameters import read_run, runs_of
 from gateway.families.profile.schema import Limits, Parameter, Profile, Table, Variant
 from gateway.modbus.pdu import Request
@@ -97,7 +97,7 @@ def plan_blocks(
         codes = {
             point.code
             for point in profile.points.values()
-            if point.group == group and point.code and is_present(point, variant)
+            if point.group == group and point.code and is_known(point.since_firmware, variant)
         }
         rows = [profile.parameters[code] for code in codes - seen]
         seen |= codes
