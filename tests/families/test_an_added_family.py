@@ -10,9 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from gateway.errors import ProfileError
+from gateway.errors import CommandError, ProfileError
 from gateway.families.command.build import build, prepare, verbs
 from gateway.families.command.interlock import check
+from gateway.families.devices import device_of
 from gateway.families.profile.decode import decode_points, decode_words
 from gateway.families.profile.load import read_profile
 from gateway.families.profile.schema import Table, Variant
@@ -56,6 +57,13 @@ def test_its_parameters_are_set_within_the_manuals_range() -> None:
     procedure = build(PROFILE, SOFTY, "set", {"parameter": "T1", "value": 12.0}, seen={"T1": (50,)})
 
     assert [step.request.encode().hex(" ") for step in procedure.steps] == ["06 03 00 00 78"]
+
+
+def test_without_a_procedure_of_its_own_it_is_not_configured() -> None:
+    with pytest.raises(CommandError, match="no procedure of its own"):
+        device_of(PROFILE).prepare_configure(PROFILE, SOFTY, {})
+    with pytest.raises(CommandError, match="no procedure of its own"):
+        device_of(PROFILE).build_configure(PROFILE, SOFTY, {}, seen={})
 
 
 def test_every_contradiction_of_a_new_profile_is_reported_at_once(tmp_path: Path) -> None:

@@ -98,7 +98,7 @@ class Device:
         self, profile: Profile, variant: Variant, args: Mapping[str, Any], *, seen: Seen
     ) -> Procedure:
         """Return what it writes: a procedure, not the writes of a profile's entry."""
-        raise NotImplementedError
+        raise refused("unknown_verb", f"{profile.title} has no procedure of its own")
 
 
 def fault(profile: Profile) -> Alarm:
