@@ -60,11 +60,11 @@ class Device:
     watchdog_rows: tuple[str, ...] = ()  # whether one is on, and after how long it acts
     watchdog_action = ""  # the one of these that only says what it does
 
-    def questions(self, profile: Profile) -> tuple[Question, ...]:  # noqa: ARG002 - part of the protocol
+    def questions(self, profile: Profile) -> tuple[Question, ...]:
         """Return what to ask a unit that is configured as this family; any may stay without answer."""
         return (Question("fc43", ReadDeviceIdentification(read_code=1, object_id=0)),)
 
-    def identity(self, profile: Profile, seen: Identity, answers: Mapping[str, Any]) -> Identity:  # noqa: ARG002
+    def identity(self, profile: Profile, seen: Identity, answers: Mapping[str, Any]) -> Identity:
         """Return who the unit is, out of what FC43 made known of it and the other answers by their tags."""
         return seen
 
@@ -82,15 +82,15 @@ class Device:
             found.append(some_alarm(profile))
         return found
 
-    def start_findings(self, settings: Settings) -> Iterable[Finding]:  # noqa: ARG002 - part of the protocol
+    def start_findings(self, settings: Settings) -> Iterable[Finding]:
         """Return what the settings mean for a start from afar."""
         return ()
 
-    def watchdogs(self, settings: Settings) -> Iterable[Watchdog]:  # noqa: ARG002 - part of the protocol
+    def watchdogs(self, settings: Settings) -> Iterable[Watchdog]:
         """Return the supervisions of the communication that are on."""
         return ()
 
-    def prepare_configure(self, profile: Profile, variant: Variant, args: Mapping[str, Any]) -> Preparation:  # noqa: ARG002
+    def prepare_configure(self, profile: Profile, variant: Variant, args: Mapping[str, Any]) -> Preparation:
         """Return what the verb `configure` reads and demands first; `set` too, of rows `is_configuration`."""
         raise refused("unknown_verb", f"{profile.title} has no procedure of its own")
 

@@ -33,11 +33,11 @@ class Sst(Device):
     start_rows = (_COMPLETE, _USB, _INPUTS, _READY)
     watchdog_rows = (_STOP_AFTER, _RESTART_AFTER)
 
-    def questions(self, profile: Profile) -> tuple[Question, ...]:  # noqa: ARG002 - part of the protocol
+    def questions(self, profile: Profile) -> tuple[Question, ...]:
         """Model, versions and serial number; the name, which old firmware refuses (erratum E-25)."""
         return Question("model", ReadInputRegisters(0, 12)), Question("name", ReadInputRegisters(22, 8))
 
-    def identity(self, profile: Profile, seen: Identity, answers: Mapping[str, Any]) -> Identity:  # noqa: ARG002
+    def identity(self, profile: Profile, seen: Identity, answers: Mapping[str, Any]) -> Identity:
         """Register 0 is the number of a model."""
         registers = answers.get("model")
         if registers is None:

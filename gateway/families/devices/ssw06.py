@@ -56,7 +56,7 @@ class Ssw06(Ssw07):
             what = "the motor cannot be run in an adjusting mode"
             yield start(Weight.ERROR, f"{what}: {settings.shown(_SHOWN)} (leave it at the starter)")
 
-    def prepare_configure(self, profile: Profile, variant: Variant, args: Mapping[str, Any]) -> Preparation:  # noqa: ARG002
+    def prepare_configure(self, profile: Profile, variant: Variant, args: Mapping[str, Any]) -> Preparation:
         """Return what to read before an adjusting mode is left."""
         _mode(args)
         return Preparation("configure", reads=reads_for(profile, (_SHOWN,)), requires=())
@@ -64,7 +64,7 @@ class Ssw06(Ssw07):
     def build_configure(
         self,
         profile: Profile,
-        variant: Variant,  # noqa: ARG002 - part of the protocol
+        variant: Variant,
         args: Mapping[str, Any],
         *,
         seen: Seen,
