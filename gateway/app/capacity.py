@@ -11,7 +11,7 @@ from gateway.app.advice import mend_of
 from gateway.config.convert import setups_of, timing_of
 from gateway.config.mistakes import Mistake
 from gateway.config.schema import Config, LineTable, StarterTable
-from gateway.families.profile.identify import identify_requests
+from gateway.families.diagnosis.identify import identify_requests
 from gateway.line.capacity.deadline_check import missed_in
 from gateway.line.capacity.forecast import Forecast, forecast, longest_gap_s
 from gateway.line.scheduler.requests import Poll

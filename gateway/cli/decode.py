@@ -8,10 +8,9 @@ import json
 from gateway.cli.arguments import whole_number
 from gateway.cli.command import Subparsers
 from gateway.errors import CommandError, UsageError
-from gateway.families.command.writable import MAPPED_WRITES
 from gateway.families.mapped_registers import decode_mapped
 from gateway.families.profile.decode import decode_words
-from gateway.families.profile.load import load_profile
+from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.parameters import find
 from gateway.families.profile.schema import Profile, Table, Variant
 
@@ -19,7 +18,7 @@ from gateway.families.profile.schema import Profile, Table, Variant
 def add_parser(subparsers: Subparsers) -> None:
     """Add the command's parser."""
     parser = subparsers.add_parser("decode", description="Decode words read from a starter, to JSON.")
-    parser.add_argument("family", metavar="FAMILY", help="ssw06, ssw07, ssw900 or sst")
+    parser.add_argument("family", metavar="FAMILY", help=", ".join(FAMILIES))
     parser.add_argument("table", metavar="TABLE", help="holding, input or coil")
     parser.add_argument(
         "start",
@@ -76,7 +75,7 @@ def _check_mapped(profile: Profile, table: Table, start: int, count: int) -> Non
     layout = profile.fast_words
     if layout is None:
         raise UsageError(f"{profile.title} has no registers that others are mapped onto (leave --map out)")
-    spans = (range(layout.read, layout.read + layout.words), MAPPED_WRITES)
+    spans = (range(layout.read, layout.read + layout.words), layout.written)
     if table is not Table.HOLDING or not any(start in span and start + count - 1 in span for span in spans):
         where = " and ".join(f"{span[0]}-{span[-1]}" for span in spans)
         raise UsageError(f"--map is for the holding registers {where}")

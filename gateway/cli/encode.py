@@ -10,7 +10,7 @@ from gateway.cli.arguments import arguments, whole_number
 from gateway.cli.command import Subparsers
 from gateway.errors import CommandError, UsageError
 from gateway.families.command.build import build, prepare
-from gateway.families.profile.load import load_profile
+from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Profile, Variant
 from gateway.modbus import adu
 from gateway.modbus.pdu import Request
@@ -24,7 +24,7 @@ def add_parser(subparsers: Subparsers) -> None:
     parser = subparsers.add_parser(
         "encode", description="Print the request frames of a command: hex, CRC included, one a line."
     )
-    parser.add_argument("family", metavar="FAMILY", help="ssw06, ssw07, ssw900 or sst")
+    parser.add_argument("family", metavar="FAMILY", help=", ".join(FAMILIES))
     parser.add_argument("address", metavar="ADDRESS", help="of the starter, 1..247")
     parser.add_argument("verb", metavar="VERB", help="start, stop, reset, set, read ...")
     parser.add_argument("args", metavar="KEY=VALUE", nargs="*", help="e.g. parameter=P314 value=30")

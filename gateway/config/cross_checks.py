@@ -223,9 +223,12 @@ def _simulated(document: Document) -> Iterator[Mistake]:
                     )
                     where = (*starter_key, "simulated", "parameters", code)
                     yield Mistake(where, f"{profile.family} has no such parameter", mend)
-            if table.get("braking_s") and profile.family not in ("ssw06", "ssw07"):
-                mend = "leave it out" if profile.family == "sst" else "set C7.4.1 and C7.4.2 as parameters"
-                yield Mistake((*starter_key, "simulated", "braking_s"), "is for ssw06 and ssw07", mend)
+            rows = profile.simulated.get("braking_s")
+            if table.get("braking_s") and rows != ():
+                mend = f"set {' and '.join(rows)} as parameters" if rows else "leave it out"
+                known = (each for each in FAMILIES if load_profile(each).simulated.get("braking_s") == ())
+                what = f"is for {' and '.join(known)}"
+                yield Mistake((*starter_key, "simulated", "braking_s"), what, mend)
 
 
 def _fits(name: str, pattern: object) -> bool:

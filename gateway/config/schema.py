@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import ipaddress
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 from urllib.parse import SplitResult, urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field
+
+from gateway.families.profile.load import FAMILIES
 
 NAME_PATTERN = r"^[a-z0-9_-]+$"
 FIRMWARE_PATTERN = r"^\d{1,2}\.\d{1,2}$"
@@ -20,7 +22,10 @@ SCHEMES = {"mqtt": 1883, "mqtts": 8883}
 Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=64)]
 Glob = Annotated[str, Field(pattern=GLOB_PATTERN, max_length=64)]
 Text = Annotated[str, Field(min_length=1, max_length=1024)]
-Family = Literal["ssw06", "ssw07", "ssw900", "sst"]
+if TYPE_CHECKING:
+    Family = str
+else:
+    Family = Literal[FAMILIES]  # whatever profiles there are
 Baud = Literal[1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400]  # what a tty can be set to
 FramingText = Literal["8N1", "8N2", "8E1", "8E2", "8O1", "8O2"]
 Verb = Literal[

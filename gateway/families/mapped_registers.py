@@ -8,25 +8,21 @@ Registers that carry what is mapped onto them, decoded by what the map says (ssw
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
 from gateway.errors import CommandError, UsageError
-from gateway.families.command.control_word import Seen
 from gateway.families.command.interlock import points_needed
-from gateway.families.command.writable import holds, read_back, read_of
 from gateway.families.profile.decode import decode_words
-from gateway.families.profile.parameters import find, write_request
-from gateway.families.profile.procedure import Preparation, Procedure, Read, WriteStep
+from gateway.families.profile.parameters import RowWords, find, writes_for
+from gateway.families.profile.procedure import Preparation, Procedure, Read, Seen, WriteStep
 from gateway.families.profile.schema import Parameter, Profile, Table, Variant
-from gateway.families.reading.bulk import reads_for, rows_of_points
+from gateway.families.reading.bulk import holds, read_back, read_of, reads_for, rows_of_points
 from gateway.families.reading.poll_blocks import Block, plan_blocks, rows_of
-from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import LineTiming
-from gateway.modbus.writes import WriteRegisters
 
 VERB = "fast_words"
 RULES = ("is_stopped",)  # the map has the property Stopped (ssw900 C8.1)
@@ -109,7 +105,7 @@ def build_map(profile: Profile, block: MappedBlock, *, seen: Seen) -> Procedure:
     changes = [(row, words) for row, words in wanted if not holds(row, words, seen)]
     return Procedure(
         VERB,
-        steps=tuple(WriteStep(request) for request in _requests(profile, changes)),
+        steps=tuple(WriteStep(request) for request, _ in writes_for(profile, changes)),
         verify=read_back(profile, wanted),
         is_unchanged=not changes,
         subjects=tuple(row.code for row, _ in changes),
@@ -122,27 +118,11 @@ def mapped(profile: Profile, block: MappedBlock) -> dict[str, tuple[int, ...]]:
     return {row.code: words for row, words in _wanted(profile, block)}
 
 
-def _wanted(profile: Profile, block: MappedBlock) -> list[tuple[Parameter, tuple[int, ...]]]:
+def _wanted(profile: Profile, block: MappedBlock) -> list[RowWords]:
     layout = profile.fast_words
     start = 0 if layout is None else layout.map
     return [
         (profile.rows_at[Table.HOLDING, address][0], (word,)) for address, word in enumerate(block.map, start)
-    ]
-
-
-def _requests(profile: Profile, changes: Iterable[tuple[Parameter, tuple[int, ...]]]) -> list[Request]:
-    """Return one write for each run of neighbouring registers."""
-    runs: list[list[tuple[Parameter, tuple[int, ...]]]] = []
-    for row, words in changes:
-        if runs and runs[-1][-1][0].address + 1 == row.address:
-            runs[-1].append((row, words))
-        else:
-            runs.append([(row, words)])
-    return [
-        write_request(profile, *run[0])
-        if len(run) == 1
-        else WriteRegisters(run[0][0].address, tuple(word for _, words in run for word in words))
-        for run in runs
     ]
 
 

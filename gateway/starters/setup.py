@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gateway.families.profile.identify import Identity
+from gateway.families.devices.device import Identity
 from gateway.families.profile.schema import Profile, Variant
 from gateway.line.rtu.timeouts import ALLOWANCE_S
 from gateway.modbus.pdu import Request

@@ -14,7 +14,7 @@ from gateway.cli.doctor.broker import BrokerAccess
 from gateway.cli.doctor.finding import DoctorFinding
 from gateway.cli.main import main
 from gateway.errors import BrokerError, PortError
-from gateway.families.diagnosis.findings import Weight
+from gateway.families.devices.findings import Weight
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.factory import make_unit
 from tests.commands.doctor_site import NoBroker, biting, examine, site

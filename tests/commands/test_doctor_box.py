@@ -14,7 +14,7 @@ from gateway.cli.doctor.machine import (
     state_dir_remark,
     wear_remarks,
 )
-from gateway.families.diagnosis.findings import Weight
+from gateway.families.devices.findings import Weight
 
 
 @pytest.mark.parametrize(("milliseconds", "weight"), [("1", None), ("2", None), ("16", Weight.WARNING)])

@@ -9,8 +9,8 @@ import pytest
 
 from gateway.cli.parameters.restore import identity_trouble
 from gateway.errors import CommandError
-from gateway.families.diagnosis.findings import Weight
-from gateway.families.profile.identify import Identity
+from gateway.families.devices.device import Identity
+from gateway.families.devices.findings import Weight
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.sim.factory import make_unit

@@ -19,7 +19,7 @@ from gateway.cli.scan.scan import addresses_in, scan, show, stable_name
 from gateway.cli.scan.search import BAUDS, FRAMINGS, Find, Wish, timings_in_order
 from gateway.config.load import parse
 from gateway.errors import PortError, UsageError
-from gateway.families.profile.identify import Identity
+from gateway.families.devices.device import Identity
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.modbus.adu import decode
 from gateway.modbus.timing import Framing, LineTiming
@@ -62,8 +62,8 @@ def functions(bus: SimulatedLine) -> set[int]:
 def test_every_family_is_found_and_told_apart() -> None:
     found = search(SimulatedLine(TIMING, four_units()))
 
-    assert families(found) == {3: "ssw06", 4: "ssw07", 5: "ssw900", 6: "sst"}
-    assert [find.identity.model for find in found][:2] == ["SSW-06 85.0A", "SSW-07 85.0A"]
+    assert families(found) == {3: "sst", 4: "ssw06", 5: "ssw07", 6: "ssw900"}
+    assert [find.identity.model for find in found][1:3] == ["SSW-06 85.0A", "SSW-07 85.0A"]
 
 
 @pytest.mark.parametrize("is_thorough", [False, True])
@@ -247,7 +247,7 @@ def test_progress_and_the_time_left_are_shown() -> None:
     shares = [int(line[:3]) for line in steps.getvalue().splitlines() if " left" in line]
     assert shares == sorted(shares)
     assert len(shares) == 10
-    assert "address 3 at 19200 8N2: SSW-06 85.0A" in steps.getvalue()
+    assert "address 4 at 19200 8N2: SSW-06 85.0A" in steps.getvalue()
 
 
 @pytest.mark.parametrize(("text", "expected"), [("7", (7,)), ("1-3", (1, 2, 3)), ("2,1-2,247", (2, 1, 247))])

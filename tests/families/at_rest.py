@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from gateway.families.profile.state import STARTING
+from gateway.families.profile.load import load_profile
 
 WEG_AT_REST: dict[str, Any] = {
     **dict.fromkeys(
         ("running", "jog", "accelerating", "decelerating", "braking", "reversing", "fault"), False
     ),
-    **dict.fromkeys(STARTING, False),
+    **dict.fromkeys(load_profile("ssw900").state.starting, False),
     "general_enabled": True,
     "power_present": True,
 }

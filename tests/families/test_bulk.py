@@ -107,6 +107,7 @@ def test_two_names_of_one_register_are_still_told_apart() -> None:
 def test_settings_are_told_from_readings_outputs_and_commands(
     family: str, code: str, expected: tuple[bool, bool]
 ) -> None:
-    row = load_profile(family).parameters[code]
+    profile = load_profile(family)
+    row = profile.parameters[code]
 
-    assert (is_setting(row), is_set_by_people(row)) == expected
+    assert (is_setting(profile, row), is_set_by_people(profile, row)) == expected

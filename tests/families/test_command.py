@@ -7,8 +7,7 @@ import pytest
 from gateway.errors import CommandError
 from gateway.families.command.build import build, prepare, verbs
 from gateway.families.profile.load import FAMILIES, load_profile
-from gateway.families.profile.procedure import Preparation
-from gateway.families.profile.refusals import REFUSALS
+from gateway.families.profile.procedure import REFUSALS, Preparation
 from gateway.families.profile.schema import Variant
 from tests.families.starters import (
     ACCELERATING,

@@ -11,8 +11,7 @@ from gateway.errors import CommandError
 from gateway.families.command.build import build, prepare, verbs
 from gateway.families.command.interlock import RULES
 from gateway.families.profile.load import FAMILIES, load_profile
-from gateway.families.profile.procedure import Preparation, Procedure
-from gateway.families.profile.refusals import REFUSALS
+from gateway.families.profile.procedure import REFUSALS, Preparation, Procedure
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.reading.bulk import rows_in
 

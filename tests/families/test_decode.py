@@ -9,7 +9,7 @@ from gateway.families.profile.decode import (
     decode_points,
     decode_row,
     decode_words,
-    is_present,
+    is_known,
     rated_current_a,
 )
 from gateway.families.profile.load import load_profile
@@ -231,7 +231,7 @@ def test_bits_that_old_firmware_does_not_have_are_unknown_there(
 
 
 def test_a_point_that_all_firmware_has_is_always_present() -> None:
-    assert is_present(Point(code="VB01"), Variant(firmware="V0.01"))
+    assert is_known(Point(code="VB01").since_firmware, Variant(firmware="V0.01"))
 
 
 def test_a_combination_of_unknown_points_is_unknown_unless_one_is_true() -> None:

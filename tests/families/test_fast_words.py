@@ -85,7 +85,7 @@ def test_a_row_that_the_manual_does_not_vouch_for_is_not_mapped() -> None:
 
 
 def test_what_does_not_fit_is_read_as_before_and_the_status_goes_first() -> None:
-    profile = changed(fast_words=MappedWords(read=1500, map=1300, words=20))
+    profile = changed(fast_words=MappedWords(read=1500, map=1300, words=20, write=1600, write_words=20))
 
     block = planned(profile)
     plan = plan_with(profile, VARIANT, block)
@@ -205,9 +205,9 @@ def test_the_read_back_of_a_map_is_met_by_the_map_and_by_nothing_else() -> None:
 
 def test_a_map_on_registers_that_are_no_writable_rows_is_a_mistake_of_the_profile() -> None:
     assert contradictions(PROFILE) == []
-    assert contradictions(changed(fast_words=MappedWords(read=1500, map=1349, words=2))) == [
-        "fast_words: register 1350 of the map is no writable row of one word"
-    ]
+    assert contradictions(
+        changed(fast_words=MappedWords(read=1500, map=1349, words=2, write=1600, write_words=20))
+    ) == ["fast_words: register 1350 of the map is no writable row of one word"]
 
 
 def test_a_map_needs_a_layout() -> None:

@@ -4,7 +4,8 @@ from typing import Any
 
 import pytest
 
-from gateway.families.profile.identify import Identity, identify, identify_requests, matches, why_not
+from gateway.families.devices.device import Identity
+from gateway.families.diagnosis.identify import identify, identify_requests, matches, why_not
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.modbus.device_id import DeviceIdentification

@@ -40,7 +40,6 @@ def test_an_unknown_reading_breaks_a_rule_of_the_sst(rule: str) -> None:
         ("no_fault", {"fault": False}, {"fault": True}),
         ("has_fault", {"fault": True}, {"fault": False}),
         ("power_present", {"power_present": True}, {"power_present": False}),
-        ("not_adjusting", {"vb06": 0}, {"vb06": 2}),
         ("is_ready", WEG_AT_REST, {**WEG_AT_REST, "running": True}),
         ("is_stopped", WEG_AT_REST, {**WEG_AT_REST, "braking": True}),
     ],
@@ -93,11 +92,6 @@ def test_a_bit_that_an_old_ssw07_does_not_have_does_not_keep_it_from_being_stopp
     assert broken("ssw07", ("is_stopped",), points) == []
 
 
-def test_an_unknown_adjusting_mode_counts_only_where_there_is_one() -> None:
-    assert broken("ssw06", ("not_adjusting",), {}) == ["not_adjusting"]
-    assert broken("ssw07", ("not_adjusting",), {}) == []
-
-
 def test_a_violation_tells_what_was_read_and_what_to_do() -> None:
     (violation,) = check(load_profile("ssw07"), ("remote",), {"remote": False})
 
@@ -119,7 +113,6 @@ def test_a_violation_tells_what_was_read_and_what_to_do() -> None:
         ("is_ready", {"general_enabled": None}, "state_unknown"),
         ("is_stopped", {"running": True}, "motor_running"),
         ("power_present", {"power_present": False}, "no_power"),
-        ("not_adjusting", {"vb06": 2}, "in_adjusting_mode"),
         ("remote", {"remote": None}, "state_unknown"),
         ("no_fault", {"fault": None}, "state_unknown"),
         ("is_stopped", {"running": None}, "state_unknown"),

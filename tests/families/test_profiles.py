@@ -6,9 +6,8 @@ import pytest
 
 from gateway.errors import CommandError
 from gateway.families.command.interlock import RULES
-from gateway.families.diagnosis.factory_settings import factory_settings
 from gateway.families.profile.load import FAMILIES, load_profile
-from gateway.families.profile.parameters import to_words
+from gateway.families.profile.parameters import factory_settings, to_words
 from gateway.families.profile.schema import Access, Confidence, Table
 
 COMMON_POINTS = """

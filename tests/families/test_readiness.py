@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.families.diagnosis.findings import Finding, Topic, Weight
-from gateway.families.diagnosis.readiness import readiness, readiness_codes, refuses_start
-from gateway.families.diagnosis.watchdogs import watchdogs
+from gateway.families.devices.findings import Finding, Topic, Weight
+from gateway.families.diagnosis.readiness import readiness, readiness_codes, refuses_start, watchdogs
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Variant
 

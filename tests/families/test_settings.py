@@ -7,8 +7,7 @@ import pytest
 from gateway.errors import CommandError
 from gateway.families.command.build import build, prepare
 from gateway.families.profile.load import load_profile
-from gateway.families.profile.procedure import Preparation
-from gateway.families.profile.refusals import REFUSALS
+from gateway.families.profile.procedure import REFUSALS, Preparation
 from gateway.families.profile.schema import Access, Profile, Table
 from gateway.families.reading.bulk import rows_in
 from tests.families.starters import SLOT_1, built, frame, frames

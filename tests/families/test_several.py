@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from gateway.errors import CommandError
-from gateway.families.command.arguments import MOST
 from gateway.families.command.build import build, prepare
+from gateway.families.profile.arguments import MOST
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.procedure import Preparation
 from tests.families.starters import READY, SLOT_1, built, frame, frames, own

@@ -4,9 +4,12 @@ from typing import Any
 
 import pytest
 
+from gateway.families.devices import alarms_of
 from gateway.families.profile.load import FAMILIES, load_profile
-from gateway.families.profile.state import STARTING, STATES, alarms_of, hindrance, state_of
+from gateway.families.profile.state import STATES, hindrance, state_of
 from tests.families.at_rest import SST_AT_REST, WEG_AT_REST
+
+STARTING = load_profile("ssw900").state.starting
 
 WEG = ("ssw06", "ssw07", "ssw900")
 

@@ -6,8 +6,9 @@ import asyncio
 
 import pytest
 
-from gateway.families.profile.identify import Identity
-from gateway.families.profile.load import load_profile, stop_note, stop_profile
+from gateway.families.devices.device import Identity
+from gateway.families.diagnosis.identify import stop_note, stop_profile
+from gateway.families.profile.load import load_profile
 from gateway.line.scheduler.requests import Priority
 from gateway.modbus.writes import WriteCoil, WriteRegister
 from gateway.records import Phase

@@ -7,8 +7,9 @@ import importlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from gateway.families.command.interlock import UNKNOWN_CODE, WRONG
-from gateway.families.profile.refusals import REFUSALS
+from gateway.families.command.interlock import RULES as INTERLOCKS
+from gateway.families.command.interlock import UNKNOWN_CODE
+from gateway.families.profile.procedure import REFUSALS
 from gateway.modbus.codes import ExceptionCode
 from gateway.starters.commands.result_codes import CODES, explain
 from gateway.starters.commands.starter_io import exception_code_word
@@ -59,7 +60,7 @@ def listed() -> list[str]:
 
 def given() -> set[str]:
     words = {code for path in sources() for code in codes_in(path)}
-    interlocks = {UNKNOWN_CODE, *(wrong.code for wrong in WRONG.values())}
+    interlocks = {UNKNOWN_CODE, *(rule.code for rule in INTERLOCKS.values())}
     exceptions = {exception_code_word(code) for code in ExceptionCode}
     return words | exceptions | NAMED_ELSEWHERE | REFUSALS.keys() | interlocks | RULES.keys()
 

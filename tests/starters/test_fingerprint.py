@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.families.profile.identify import Identity
+from gateway.families.devices.device import Identity
 from gateway.starters.identity.fingerprint import (
     FIELDS,
     Fingerprint,

@@ -7,7 +7,8 @@ from collections.abc import Callable
 
 import pytest
 
-from gateway.families.profile.identify import Identity, identify_requests
+from gateway.families.devices.device import Identity
+from gateway.families.diagnosis.identify import identify_requests
 from gateway.families.profile.load import FAMILIES
 from gateway.line.rtu.outcome import Outcome, Silent
 from gateway.line.scheduler.requests import Priority

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.families.profile.identify import Identity
+from gateway.families.devices.device import Identity
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.modbus.pdu import Request

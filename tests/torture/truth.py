@@ -6,7 +6,7 @@ from collections import deque
 from typing import Any
 
 from gateway.errors import GatewayError
-from gateway.families.profile.identify import identify, identify_requests
+from gateway.families.diagnosis.identify import identify, identify_requests
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Table, Variant
 from gateway.modbus.codes import EXCEPTION_BIT, Function

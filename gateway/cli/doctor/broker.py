@@ -12,7 +12,7 @@ from gateway.cli.operator_login import settings_of, user_name
 from gateway.config.convert import rights_of
 from gateway.config.schema import Config
 from gateway.errors import BrokerError, ConfigError
-from gateway.families.diagnosis.findings import Weight
+from gateway.families.devices.findings import Weight
 from gateway.mqtt.connection.command_client import CommandClient, Order, connected
 from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.mqtt.contract.topics import Topics

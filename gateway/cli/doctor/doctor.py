@@ -16,7 +16,7 @@ from gateway.cli.operator_login import add_login, checked_client, user_name
 from gateway.config.convert import timing_of
 from gateway.config.load import load
 from gateway.config.schema import Config
-from gateway.families.diagnosis.findings import Weight
+from gateway.families.devices.findings import Weight
 from gateway.line.port.event_loop import new_precise_loop
 from gateway.line.port.opener import SerialOpener
 from gateway.system.clock import SystemClock

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gateway.families.diagnosis.findings import Weight
+from gateway.families.devices.findings import Weight
 
 
 @dataclass(frozen=True, slots=True)

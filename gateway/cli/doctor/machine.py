@@ -9,7 +9,7 @@ from pathlib import Path
 
 from gateway.cli.doctor.finding import DoctorFinding
 from gateway.errors import DamagedError
-from gateway.families.diagnosis.findings import Weight
+from gateway.families.devices.findings import Weight
 from gateway.starters.policy.write_budget import WEAR_FILE, WRITES_BORNE, totals_in
 from gateway.storage.json_file import JsonFile
 

@@ -12,11 +12,10 @@ from gateway.cli.parameters.restore import identity_trouble
 from gateway.config.convert import setups_of, timing_of
 from gateway.config.schema import LineTable
 from gateway.errors import BrokerError, CommandError, PortError, PortLostError
-from gateway.families.diagnosis.factory_settings import as_delivered
-from gateway.families.diagnosis.findings import Weight
-from gateway.families.diagnosis.readiness import readiness, readiness_codes
-from gateway.families.diagnosis.watchdogs import watchdogs
-from gateway.families.profile.identify import identify
+from gateway.families.devices import device_of
+from gateway.families.devices.findings import Weight
+from gateway.families.diagnosis.identify import identify
+from gateway.families.diagnosis.readiness import as_delivered, readiness, readiness_codes, watchdogs
 from gateway.families.profile.schema import Variant
 from gateway.families.reading.bulk import bulk_reads
 from gateway.line.client import LineClient
@@ -99,7 +98,7 @@ class LineCheckup:
 
     async def _ask_the_gateway(self, setup: StarterSetup, tell: Callable[[DoctorFinding], None]) -> None:
         where = f"starter {setup.name}"
-        slots = ("S3.5.1", "S3.5.2") if len(setup.profile.command_word) > 1 else ()
+        slots = device_of(setup.profile).slot_rows
         try:
             known = await self._broker.known(setup.name)
             if known:

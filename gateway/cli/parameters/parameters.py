@@ -47,8 +47,8 @@ def add_parser(subparsers: Subparsers) -> None:
     restore.add_argument(
         "--command-sources",
         action="store_true",
-        help="also those that say who commands the motor (P220, P229, P230; C3): may start it when a run"
-        " command stands there",
+        help="also those that say who commands the motor ([protected.command_sources]): may start it when"
+        " a run command stands there",
     )
     restore.add_argument(
         "--other-model", action="store_true", help="although it was saved from another model"

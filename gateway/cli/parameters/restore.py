@@ -21,7 +21,7 @@ from pathlib import Path
 from gateway.cli.parameters.live import LiveStarter, read_with_progress
 from gateway.cli.progress import Progress
 from gateway.errors import CommandError, DamagedError, StoreError, UsageError
-from gateway.families.profile.identify import Identity
+from gateway.families.devices.device import Identity
 from gateway.families.reading.bulk import bulk_reads
 from gateway.line.port.event_loop import new_precise_loop
 from gateway.starters.identity.registry import IDENTITIES_FILE, stranger_in

@@ -13,10 +13,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from gateway.errors import CommandError, PortError
-from gateway.families.diagnosis.findings import Watchdog
-from gateway.families.diagnosis.watchdogs import watchdog_codes, watchdogs
-from gateway.families.profile.identify import Identity, identify, identify_requests, matches
-from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.devices.device import Identity
+from gateway.families.devices.findings import Watchdog
+from gateway.families.diagnosis.identify import candidates, identify, identify_requests, matches
+from gateway.families.diagnosis.readiness import watchdog_codes, watchdogs
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.reading.bulk import bulk_reads
 from gateway.line.direct import Survey, silent_cost_s
@@ -209,7 +209,7 @@ class Search:
             return asked[request]
 
         reasons: dict[str, None] = {}
-        for profile in _candidates():
+        for profile in candidates():
             answers = {
                 question.tag: outcome.value
                 for question in identify_requests(profile)
@@ -250,9 +250,3 @@ def _legs(wish: Wish) -> Iterator[tuple[LineTiming, tuple[int, ...]]]:
     others = tuple(address for address in wish.addresses if address not in LIKELY_ADDRESSES)
     for addresses in (likely, others):
         yield from ((timing, addresses) for timing in wish.timings if addresses)
-
-
-def _candidates() -> Iterator[Profile]:
-    """Yield the families, those first that name themselves by FC43."""
-    profiles = [load_profile(family) for family in FAMILIES]
-    yield from sorted(profiles, key=lambda profile: profile.identification.how != "fc43")

@@ -11,9 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gateway.families.command import run_command
-from gateway.families.command.arguments import check_names, choice, switch
 from gateway.families.command.control_word import (
-    Seen,
     command_requests,
     has_plain_word,
     is_jogging,
@@ -24,13 +22,11 @@ from gateway.families.command.control_word import (
 from gateway.families.command.interlock import points_needed
 from gateway.families.command.outputs import build_output, prepare_output
 from gateway.families.command.settings import build_read, build_set, prepare_read, prepare_set, rows_set
-from gateway.families.command.sst_configuration import build_configure, prepare_configure
-from gateway.families.command.ssw06_adjusting import build_leaving, prepare_leaving
+from gateway.families.devices import device_of
+from gateway.families.profile.arguments import check_names, choice, switch
 from gateway.families.profile.decode import is_known
-from gateway.families.profile.procedure import Expect, Preparation, Procedure, WriteStep
-from gateway.families.profile.refusals import refused
+from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep, refused
 from gateway.families.profile.schema import Command, Profile, Variant
-from gateway.families.profile.state import STARTING
 from gateway.families.reading.bulk import reads_for, rows_of_points
 from gateway.modbus.pdu import Request
 
@@ -45,7 +41,7 @@ def verification(profile: Profile, variant: Variant, verb: str, command: Command
     reads = reads_for(profile, rows_of_points(profile, names))
     # A ramp says as much as its end, and only the SSW-06 is known to drop `running` at once (ssw06-es 4.2.2).
     # So does the time before a start, which may be set to a quarter of an hour (ssw900 S5.1, C5.7.1).
-    telling = {"start": ("accelerating", *STARTING), "stop": ("decelerating",)}.get(verb, ())
+    telling = {"start": ("accelerating", *profile.state.starting), "stop": ("decelerating",)}.get(verb, ())
     or_else = tuple(Expect(reads, each, (True,), within_s) for each in telling if each in profile.points)
     also = tuple(Expect(reads, name, (False,), within_s) for name in names[1:])
     return Expect(reads, point, (becomes,), within_s, or_else=or_else, also=also)
@@ -73,10 +69,11 @@ def prepare(profile: Profile, variant: Variant, verb: str, args: Mapping[str, An
     """
     _check_verb(profile, verb)
     preparation = _prepare(profile, variant, verb, args)
-    if _wakes(profile, variant, verb, args):
-        is_source = _chooses_source(profile, variant, verb, args)
-        return run_command.with_standstill(profile, variant, preparation, is_source=is_source)
-    return preparation
+    wakes, is_source = _effects(profile, variant, verb, args)
+    if not wakes:
+        return preparation
+    rows = run_command.run_rows(profile, variant, is_source=is_source)
+    return run_command.with_standstill(profile, preparation, rows)
 
 
 def _prepare(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> Preparation:
@@ -89,10 +86,8 @@ def _prepare(profile: Profile, variant: Variant, verb: str, args: Mapping[str, A
             return prepare_set(profile, variant, args)
         case "output":
             return prepare_output(profile, args)
-        case "configure" if _is_leaving(profile):
-            return prepare_leaving(profile, args)
         case "configure":
-            return prepare_configure(profile, variant, args)
+            return device_of(profile).prepare_configure(profile, variant, args)
         case _:
             return _prepare_command(profile, variant, verb, args)
 
@@ -101,9 +96,9 @@ def build(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]
     """Return the steps of a command from the rows seen: freshly read, or for a stop what was last known."""
     _check_verb(profile, verb)
     procedure = _build(profile, variant, verb, args, seen=seen)
-    if not procedure.steps or not _wakes(profile, variant, verb, args):
+    wakes, is_source = _effects(profile, variant, verb, args)
+    if not procedure.steps or not wakes:
         return procedure
-    is_source = _chooses_source(profile, variant, verb, args)
     return run_command.with_run_cleared(profile, variant, procedure, seen=seen, is_source=is_source)
 
 
@@ -119,10 +114,8 @@ def _build(
             return build_set(profile, variant, args, seen=seen)
         case "output":
             return build_output(profile, args, seen=seen)
-        case "configure" if _is_leaving(profile):
-            return build_leaving(profile, args, seen=seen)
         case "configure":
-            return build_configure(profile, variant, args, seen=seen)
+            return device_of(profile).build_configure(profile, variant, args, seen=seen)
         case _:
             return _build_command(profile, variant, verb, _entry(profile, variant, verb, args), seen=seen)
 
@@ -136,33 +129,22 @@ _VALUE = "value"
 _RELEASES = ("stop", "jog_off")
 
 
-def _wakes(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> bool:
-    """Return whether a command may let a run command act that stands in the starter."""
+def _effects(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> tuple[bool, bool]:
+    """Return whether a command may let a run command act that stands, and whether it chooses the source."""
     if verb in ("stop", "read"):
-        return False
+        return False, False
     if verb == "set":
-        return any(
-            row.is_configuration or profile.protected.wakes(row.code) for row in rows_set(profile, args)
-        )
-    if verb in ("output", "configure"):
-        return run_command.wakes(verb)
-    return run_command.wakes(_entry(profile, variant, verb, args))
-
-
-def _chooses_source(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> bool:
-    if verb == "set":
-        return any(profile.protected.wakes(row.code) for row in rows_set(profile, args))
-    return verb != "configure" and run_command.changes_source(_entry(profile, variant, verb, args))
+        rows = rows_set(profile, args)
+        is_source = any(profile.protected.wakes(row.code) for row in rows)
+        return is_source or any(row.is_configuration for row in rows), is_source
+    entry = verb if verb in ("output", "configure") else _entry(profile, variant, verb, args)
+    return run_command.wakes(entry), run_command.changes_source(entry)
 
 
 def _check_verb(profile: Profile, verb: str) -> None:
     known = verbs(profile)
     if verb not in known:
         raise refused("unknown_verb", f"{verb[:40]!r}; there are {', '.join(known)}")
-
-
-def _is_leaving(profile: Profile) -> bool:
-    return "leave" in profile.commands["configure"].args
 
 
 def _entry(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> str:

@@ -6,20 +6,13 @@ from what is in force: a word built from zero would also command general disable
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from gateway.families.profile.decode import decode_points
-from gateway.families.profile.refusals import refused
+from gateway.families.profile.procedure import Seen, refused
 from gateway.families.profile.schema import Profile, Table, Variant, Write
-from gateway.families.profile.state import STARTING
 from gateway.modbus.pdu import Request
 from gateway.modbus.writes import WriteCoil, WriteRegister
-
-Seen = Mapping[str, tuple[int, ...]]  # raw words by code
-
-RUN, ENABLE, JOG, REVERSE, REMOTE, RESET = 0x01, 0x02, 0x04, 0x08, 0x10, 0x80  # SSW900 S5.2; ssw07 4.2.2
-COMMAND_BITS = RUN | ENABLE | JOG | REVERSE | REMOTE | RESET  # the others are reserved and stay 0
-SAFE_STOP = ENABLE | REMOTE  # stop by ramp, all else as in normal service
 
 
 def has_plain_word(writes: Sequence[Write]) -> bool:
@@ -74,9 +67,10 @@ def stop_requests(
     if not has_plain_word(writes):
         return _requests(profile, writes)
     found: list[Request] = []
+    bits = profile.command_bits
     for code in word_codes(profile, variant):
         word = word_in_force(profile, code, seen)
-        word = SAFE_STOP if word is None else word & ~JOG
+        word = bits.safe_stop if word is None else word & ~bits.jog
         found += _requests(profile, writes, code=code, word=word)
     return tuple(found)
 
@@ -90,11 +84,16 @@ def word_in_force(profile: Profile, code: str, seen: Seen) -> int | None:
     last, flags = seen.get(code), flags_of(profile, seen)
     if last is None and not flags:
         return None
-    word = 0 if last is None else last[0] & COMMAND_BITS
-    for name, bit in (("general_enabled", ENABLE), ("remote", REMOTE), ("reverse", REVERSE)):
+    bits = profile.command_bits
+    word = 0 if last is None else last[0] & bits.all
+    for name, bit in (
+        ("general_enabled", bits.general_enabled),
+        ("remote", bits.remote),
+        ("reverse", bits.reverse),
+    ):
         if name in flags:
             word = word | bit if flags[name] else word & ~bit
-    for name, bit in (("moving", RUN), ("jog", JOG)):
+    for name, bit in (("moving", bits.run), ("jog", bits.jog)):
         if flags.get(name) is False:
             word &= ~bit
     return word
@@ -105,7 +104,9 @@ def flags_of(profile: Profile, seen: Seen) -> dict[str, bool]:
     points = decode_points(profile, Variant(), seen)
     flags = {name: point.value for name, point in points.items() if isinstance(point.value, bool)}
     if "running" in flags:
-        flags["moving"] = any(flags.get(name) for name in ("running", "accelerating", *STARTING))
+        flags["moving"] = any(
+            flags.get(name) for name in ("running", "accelerating", *profile.state.starting)
+        )
     return flags
 
 

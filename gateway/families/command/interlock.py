@@ -2,72 +2,63 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from gateway.families.profile.schema import Profile
-from gateway.families.profile.state import (
-    ADJUSTING_ROW,
-    IS_UNKNOWN,
-    MOVING,
-    WAITING,
-    hindrance,
-    is_decisive,
-    points_on,
-    state_of,
-)
-
-RULES: dict[str, str] = {
-    "remote": "the starter is in remote mode",
-    "serial_controls": "neither USB nor the parallel input controls the starter (coils 7 and 8 are 0)",
-    "general_enabled": "the starter is generally enabled",
-    "no_fault": "no fault is active",
-    "has_fault": "a fault is active",
-    "is_ready": "the starter is ready for a start",
-    "configured": "the configuration of the starter is complete (coil 5 is 1)",
-    "is_stopped": "the motor is stopped",
-    "power_present": "the power section is supplied",
-    "not_adjusting": "the starter is not in an adjusting mode (VB06 is 0)",
-}
+from gateway.families.profile.state import IS_UNKNOWN, hindrance, is_decisive, moving, state_of
 
 
-class Wrong(NamedTuple):
-    """What a broken rule means for the operator."""
+class Rule(NamedTuple):
+    """What must hold, and what a broken rule means for the operator."""
 
+    holds: str
     code: str  # of the result: what is wrong, never what would have been right
-    text: str
+    wrong: str
     remedy: str
 
 
 UNKNOWN_CODE = "state_unknown"
 
-WRONG: dict[str, Wrong] = {
-    "remote": Wrong("in_local", "the starter is in local mode", "switch it to remote"),
-    "serial_controls": Wrong(
+RULES: dict[str, Rule] = {
+    "remote": Rule(
+        "the starter is in remote mode", "in_local", "the starter is in local mode", "switch it to remote"
+    ),
+    "serial_controls": Rule(
+        "neither USB nor the parallel input controls the starter",
         "controlled_elsewhere",
         "USB or the parallel input controls the starter",
         "give control back to the serial line",
     ),
-    "general_enabled": Wrong(
+    "general_enabled": Rule(
+        "the starter is generally enabled",
         "not_enabled",
         "the starter is not generally enabled",
         "enable it (general_enable, or its enable input)",
     ),
-    "no_fault": Wrong("fault_active", "a fault is active", "find its cause, then reset"),
-    "has_fault": Wrong("no_fault_to_reset", "no fault is active", "there is nothing to reset"),
-    "is_ready": Wrong(
-        "not_ready", "the starter is not ready for a start", "see the state and the alarms of the starter"
+    "no_fault": Rule("no fault is active", "fault_active", "a fault is active", "find its cause, then reset"),
+    "has_fault": Rule(
+        "a fault is active", "no_fault_to_reset", "no fault is active", "there is nothing to reset"
     ),
-    "configured": Wrong(
-        "not_configured", "the configuration of the starter is not complete", "send configure first"
+    "is_ready": Rule(
+        "the starter is ready for a start",
+        "not_ready",
+        "the starter is not ready for a start",
+        "see the state and the alarms of the starter",
     ),
-    "is_stopped": Wrong("motor_running", "the motor is not stopped", "stop it first"),
-    "power_present": Wrong("no_power", "the power section is not supplied", "switch its supply on"),
-    "not_adjusting": Wrong(
-        "in_adjusting_mode",
-        "the starter is in an adjusting mode",
-        "leave that mode: configure, or at the starter",
+    "configured": Rule(
+        "the configuration of the starter is complete",
+        "not_configured",
+        "the configuration of the starter is not complete",
+        "send configure first",
+    ),
+    "is_stopped": Rule("the motor is stopped", "motor_running", "the motor is not stopped", "stop it first"),
+    "power_present": Rule(
+        "the power section is supplied",
+        "no_power",
+        "the power section is not supplied",
+        "switch its supply on",
     ),
 }
 
@@ -93,20 +84,20 @@ def check(profile: Profile, rules: Sequence[str], points: Mapping[str, Any]) -> 
     """Return the rules that do not hold on these points, in the order asked."""
     violations = []
     for rule in rules:
-        reading = _CHECKS[rule](profile, points)
+        reading = _reading(profile, rule, points)
         if reading is not None:
             violations.append(_violation(profile, rule, reading, points))
     return tuple(violations)
 
 
 def _violation(profile: Profile, rule: str, reading: str, points: Mapping[str, Any]) -> Violation:
-    wrong = WRONG[rule]
+    broken = RULES[rule]
     state = state_of(profile, points) if rule == "is_ready" else ""
     if reading.endswith(IS_UNKNOWN) or state == "unknown":
-        text = f"it is not known whether {RULES[rule]} ({reading}); look at the starter and its line"
+        text = f"it is not known whether {broken.holds} ({reading}); look at the starter and its line"
         return Violation(rule, reading, text, UNKNOWN_CODE)
-    code = _STATE_CODES.get(state, wrong.code)
-    return Violation(rule, reading, f"{wrong.text} ({reading}); {wrong.remedy}", code)
+    code = _STATE_CODES.get(state, broken.code)
+    return Violation(rule, reading, f"{broken.wrong} ({reading}); {broken.remedy}", code)
 
 
 def points_needed(profile: Profile, rules: Sequence[str]) -> tuple[str, ...]:
@@ -115,54 +106,47 @@ def points_needed(profile: Profile, rules: Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for name in names if name in profile.points))
 
 
-Check = Callable[[Profile, Mapping[str, Any]], str | None]  # None when the rule holds, else the reading
-
-_DECIDING: dict[str, tuple[str, ...]] = {
-    "weg": ("fault", "general_enabled", "power_present", *MOVING),
-    "sst": ("fault", "configured", "ready_to_start", *MOVING),
-}
-
-
 def _needed(profile: Profile, rule: str) -> tuple[str, ...]:
+    state = profile.state
     if rule == "is_ready":
-        return (*_DECIDING[profile.state_rule], *WAITING, *_adjusting(profile))
+        return ("fault", *state.ready, *moving(profile), *state.waiting, state.adjusting)
     if rule == "serial_controls":
         return _foreign_control(profile)
-    if rule == "not_adjusting":
-        return _adjusting(profile)
     if rule == "is_stopped":
-        return MOVING
+        return moving(profile)
     return ("fault",) if rule in ("no_fault", "has_fault") else (rule,)
 
 
 def _foreign_control(profile: Profile) -> tuple[str, ...]:
-    return tuple(name for code in ("COIL7", "COIL8") for name in points_on(profile, code))
+    """Return the points that say that another is in control: none of them is true in remote mode."""
+    return profile.points["remote"].none_of if "remote" in profile.points else ()
 
 
-def _adjusting(profile: Profile) -> tuple[str, ...]:
-    return points_on(profile, ADJUSTING_ROW)
+def _reading(profile: Profile, rule: str, points: Mapping[str, Any]) -> str | None:
+    """Return what was read where a rule does not hold, None when it does."""
+    match rule:
+        case "is_ready":
+            return _state(profile, points)
+        case "is_stopped":
+            return _motion(profile, points)
+        case "serial_controls":
+            readings = (_other_than(points, name, is_on=False) for name in _foreign_control(profile))
+            return next(filter(None, readings), None)
+        case "no_fault" | "has_fault":
+            return _other_than(points, "fault", is_on=rule == "has_fault")
+        case _:  # named as the point that must be true
+            return _other_than(points, rule, is_on=True)
 
 
-def _must_be(name: str, *, is_on: bool) -> Check:
-    def read(_profile: Profile, points: Mapping[str, Any]) -> str | None:
-        value = points.get(name)
-        if value is None:
-            return f"{name}{IS_UNKNOWN}"
-        return None if bool(value) is is_on else f"{name} is {_word(value)}"
-
-    return read
+def _other_than(points: Mapping[str, Any], name: str, *, is_on: bool) -> str | None:
+    value = points.get(name)
+    if value is None:
+        return f"{name}{IS_UNKNOWN}"
+    return None if bool(value) is is_on else f"{name} is {str(value).lower()}"
 
 
-def _none_set(names_of: Callable[[Profile], tuple[str, ...]]) -> Check:
-    def read(profile: Profile, points: Mapping[str, Any]) -> str | None:
-        readings = (_must_be(name, is_on=False)(profile, points) for name in names_of(profile))
-        return next((reading for reading in readings if reading is not None), None)
-
-    return read
-
-
-def _is_stopped(profile: Profile, points: Mapping[str, Any]) -> str | None:
-    for name in MOVING:
+def _motion(profile: Profile, points: Mapping[str, Any]) -> str | None:
+    for name in moving(profile):
         if points.get(name):
             return f"{name} is true"
         if points.get(name) is None and is_decisive(profile, name):
@@ -170,27 +154,9 @@ def _is_stopped(profile: Profile, points: Mapping[str, Any]) -> str | None:
     return None
 
 
-def _is_ready(profile: Profile, points: Mapping[str, Any]) -> str | None:
+def _state(profile: Profile, points: Mapping[str, Any]) -> str | None:
     state = state_of(profile, points)
     if state == "ready":
         return None
     why = hindrance(profile, points) if state in ("not_ready", "unknown") else ""
     return f"the state is {state}: {why}" if why else f"the state is {state}"
-
-
-def _word(value: object) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)
-
-
-_CHECKS: dict[str, Check] = {
-    "remote": _must_be("remote", is_on=True),
-    "serial_controls": _none_set(_foreign_control),
-    "general_enabled": _must_be("general_enabled", is_on=True),
-    "no_fault": _must_be("fault", is_on=False),
-    "has_fault": _must_be("fault", is_on=True),
-    "is_ready": _is_ready,
-    "configured": _must_be("configured", is_on=True),
-    "is_stopped": _is_stopped,
-    "power_present": _must_be("power_present", is_on=True),
-    "not_adjusting": _none_set(_adjusting),
-}

@@ -11,19 +11,14 @@ from collections.abc import Mapping
 from decimal import Decimal
 from typing import Any
 
-from gateway.families.command.arguments import check_names, choice, to_switch
-from gateway.families.command.control_word import Seen
-from gateway.families.command.writable import read_of
-from gateway.families.profile.procedure import Expect, Preparation, Procedure, WriteStep
-from gateway.families.profile.refusals import refused
+from gateway.families.profile.arguments import check_names, choice, to_switch
+from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep, refused
 from gateway.families.profile.schema import Output, Profile
 from gateway.families.profile.word_types import of_percent
-from gateway.families.reading.bulk import reads_for
+from gateway.families.reading.bulk import SET_WITHIN_S, read_of, reads_for
 from gateway.modbus.codes import Function
 from gateway.modbus.pdu import Request
 from gateway.modbus.writes import MaskWriteRegister, WriteRegister
-
-SET_WITHIN_S = 2.0  # until the word reads back as written
 
 
 def prepare_output(profile: Profile, args: Mapping[str, Any]) -> Preparation:

@@ -15,14 +15,10 @@ command of every family, in this order:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from gateway.families.command.control_word import (
-    COMMAND_BITS,
-    JOG,
-    RUN,
-    Seen,
     flags_of,
     has_plain_word,
     run_row,
@@ -31,8 +27,7 @@ from gateway.families.command.control_word import (
 )
 from gateway.families.command.interlock import points_needed
 from gateway.families.profile.decode import is_known
-from gateway.families.profile.procedure import Expect, Preparation, Procedure, WriteStep
-from gateway.families.profile.refusals import refused
+from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep, refused
 from gateway.families.profile.schema import Profile, Variant, Write
 from gateway.families.reading.bulk import reads_for, rows_of_points
 from gateway.modbus.pdu import Request
@@ -57,15 +52,17 @@ def changes_source(entry: str) -> bool:
     return entry in _CHANGES_SOURCE
 
 
-def with_standstill(
-    profile: Profile, variant: Variant, preparation: Preparation, *, is_source: bool
-) -> Preparation:
-    """Return a preparation that also reads the command word and demands that the motor stands."""
-    variant = _scope(variant, is_source=is_source)
+def with_standstill(profile: Profile, preparation: Preparation, codes: Iterable[str] = ()) -> Preparation:
+    """Return a preparation that also demands that the motor stands, and reads these rows."""
     requires = tuple(dict.fromkeys((*preparation.requires, STANDSTILL)))
-    codes = [code for read in preparation.reads for code in read.codes]
-    codes += [*_word_rows(profile, variant), *rows_of_points(profile, points_needed(profile, requires))]
-    return replace(preparation, reads=reads_for(profile, codes), requires=requires)
+    needed = rows_of_points(profile, points_needed(profile, requires))
+    read = (code for each in preparation.reads for code in each.codes)
+    return replace(preparation, reads=reads_for(profile, (*read, *codes, *needed)), requires=requires)
+
+
+def run_rows(profile: Profile, variant: Variant, *, is_source: bool) -> tuple[str, ...]:
+    """Return the rows whose bit 0 is the run command that is cleared, as far as it can be read back."""
+    return _word_rows(profile, _scope(variant, is_source=is_source))
 
 
 def with_run_cleared(
@@ -108,7 +105,8 @@ def _run_off(profile: Profile, variant: Variant, seen: Seen) -> tuple[WriteStep,
     requests = stop_requests(profile, variant, profile.commands["stop"].writes, seen=seen)
     rows = _word_rows(profile, variant)
     reads = reads_for(profile, rows)
-    first, *others = (Expect(reads, row, ((0,),), CLEARED_WITHIN_S, mask=RUN) for row in rows)
+    run = profile.command_bits.run
+    first, *others = (Expect(reads, row, ((0,),), CLEARED_WITHIN_S, mask=run) for row in rows)
     *before, last = (_strict(profile, request, seen) for request in requests)
     steps = (*before, replace(last, then=replace(first, also=tuple(others))))
     return (*steps, *(_lenient(request) for request in _jog_off(profile, variant, seen)))
@@ -125,10 +123,11 @@ def _jog_off(profile: Profile, variant: Variant, seen: Seen) -> Sequence[Request
 def _strict(profile: Profile, request: Request, seen: Seen) -> WriteStep:
     """Return run = 0 as a step: when it is not taken, nothing that follows is written.
 
-    An SST whose configuration is not complete may refuse every write of coil 1, and cannot be started either
-    (coil table, NOTES); it is read below that coil 1 is 0.
+    A starter that may refuse it cannot be started either (the profile says when); it is read below that the
+    run command is 0.
     """
-    is_barred = profile.state_rule == "sst" and flags_of(profile, seen).get("configured") is False
+    condition = profile.commands["stop"].refused_unless
+    is_barred = flags_of(profile, seen).get(condition) is False
     return WriteStep(request, is_run_off=True, may_be_refused=is_barred)
 
 
@@ -151,5 +150,5 @@ def writes_of(profile: Profile, entry: str) -> tuple[Write, ...]:
     writes = profile.commands[entry].writes
     if not wakes(entry) or not has_plain_word(writes):
         return writes
-    off = (RUN | JOG) & COMMAND_BITS
+    off = profile.command_bits.run | profile.command_bits.jog
     return tuple(write.model_copy(update={"clear_bits": write.clear_bits | off}) for write in writes)

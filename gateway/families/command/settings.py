@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
-from gateway.families.command.arguments import asked_codes, asked_values
-from gateway.families.command.control_word import Seen
 from gateway.families.command.interlock import points_needed
-from gateway.families.command.sst_configuration import configuration, prepare_configuration
-from gateway.families.command.writable import holds, is_kept, read_back, read_of, settable_words
-from gateway.families.profile.parameters import find, write_request
-from gateway.families.profile.procedure import Preparation, Procedure, Read, WriteStep
-from gateway.families.profile.refusals import refused
+from gateway.families.devices import device_of
+from gateway.families.profile.arguments import asked_codes, asked_values
+from gateway.families.profile.parameters import RowWords, find, is_volatile, settable_words, writes_for
+from gateway.families.profile.procedure import Preparation, Procedure, Read, Seen, WriteStep, refused
 from gateway.families.profile.schema import Parameter, Profile, Variant
 from gateway.families.profile.word_types import in_order_of
-from gateway.families.reading.bulk import reads_for, rows_of_points
-from gateway.modbus.writes import WriteRegisters
+from gateway.families.reading.bulk import holds, read_back, read_of, reads_for, rows_of_points
 
-Wanted = list[tuple[Parameter, tuple[int, ...]]]
+Wanted = list[RowWords]
 
 
 def prepare_read(profile: Profile, args: Mapping[str, Any]) -> Preparation:
@@ -55,9 +52,10 @@ def prepare_set(profile: Profile, variant: Variant, args: Mapping[str, Any]) -> 
     wanted, is_single = _wanted(profile, variant, args)
     codes = [row.code for row, _ in wanted]
     if _is_configuration(wanted):
-        return prepare_configuration(profile, "set", codes=codes)
+        preparation = device_of(profile).prepare_configure(profile, variant, asked_values(args)[0])
+        return replace(preparation, verb="set")
     requires = ("is_stopped",) if any(row.is_stopped_only for row, _ in wanted) else ()
-    others = [*(other for code in codes for other in _TIMEOUT.get(code, ()))]
+    others = [code for code in _timeout_rows(profile, codes) if code not in codes]
     others += rows_of_points(profile, points_needed(profile, requires))
     if is_single:
         reads: tuple[Read, ...] = (read_of(profile, codes[0]), *reads_for(profile, others))
@@ -70,7 +68,7 @@ def build_set(profile: Profile, variant: Variant, args: Mapping[str, Any], *, se
     """Return the writes that are needed and their read-back; for the SST its whole procedure."""
     wanted, is_single = _wanted(profile, variant, args)
     wanted = [(row, _in_order(row, words, seen)) for row, words in wanted]
-    _check_timeout(wanted, seen)
+    _check_timeout(profile, wanted, seen)
     codes = tuple(row.code for row, _ in wanted)
     subject, subjects = (codes[0], ()) if is_single else ("", codes)
     changes = sorted(
@@ -80,22 +78,23 @@ def build_set(profile: Profile, variant: Variant, args: Mapping[str, Any], *, se
     if not changes:
         return Procedure("set", (), is_unchanged=True, subject=subject, subjects=subjects)
     if _is_configuration(wanted):
-        rows = {row.code: words for row, words in wanted}
-        return configuration(profile, "set", wanted=rows, seen=seen, subject=subject, subjects=subjects)
+        procedure = device_of(profile).build_configure(profile, variant, asked_values(args)[0], seen=seen)
+        return replace(procedure, verb="set", subject=subject, subjects=subjects)
     return Procedure(
         "set",
         tuple(_steps(profile, changes)),
         verify=read_back(profile, wanted),
         subject=subject,
         subjects=subjects,
-        wears=sum(is_kept(row) for row, _ in changes),
+        wears=sum(not is_volatile(profile, row) for row, _ in changes),
     )
 
 
-# The mode of the timeout and its time: the manual does not say what an active timeout of 0.0 s does
-# (ssw900 C8.2.5), so neither row may bring it about.
-_MODE, _TIME = "C8.2.5.1", "C8.2.5.3"
-_TIMEOUT = {_MODE: (_TIME,), _TIME: (_MODE,)}
+def _timeout_rows(profile: Profile, codes: Sequence[str]) -> tuple[str, ...]:
+    """Return the rows of the timeout where one of them is set: neither may make it active at 0."""
+    timeout = profile.protected.timeout
+    rows = () if timeout is None else (timeout.mode, timeout.time)
+    return rows if any(code in rows for code in codes) else ()
 
 
 def _wanted(profile: Profile, variant: Variant, args: Mapping[str, Any]) -> tuple[Wanted, bool]:
@@ -126,45 +125,24 @@ def _is_configuration(wanted: Wanted) -> bool:
     return any(row.is_configuration for row, _ in wanted)  # the SST has no other rows to be set
 
 
-def _check_timeout(wanted: Wanted, seen: Seen) -> None:
+def _check_timeout(profile: Profile, wanted: Wanted, seen: Seen) -> None:
+    timeout = profile.protected.timeout
+    if timeout is None:
+        return
+    mode, time = timeout.mode, timeout.time
     words = {row.code: words for row, words in wanted}
-    time = words.get(_TIME, seen.get(_TIME, ()))
-    if any(words.get(_MODE, ())) and not any(time):
-        raise refused("timeout_unset", f"set {_TIME} above 0 first")
-    if _TIME in words and not any(words[_TIME]) and any(seen.get(_MODE, (1,))):
-        raise refused("timeout_unset", f"set {_MODE} to 0 first")
+    if any(words.get(mode, ())) and not any(words.get(time, seen.get(time, ()))):
+        raise refused("timeout_unset", f"set {time} above 0 first")
+    if time in words and not any(words[time]) and any(seen.get(mode, (1,))):
+        raise refused("timeout_unset", f"set {mode} to 0 first")
 
 
 def _steps(profile: Profile, changes: Wanted) -> list[WriteStep]:
-    """Return one write for each run of neighbouring registers, all of which change.
-
-    The time of the timeout must stand before its mode makes it act.
-    """
-    runs: list[Wanted] = []
-    for row, words in changes:
-        if runs and _follows(profile, runs[-1], row):
-            runs[-1].append((row, words))
-        else:
-            runs.append([(row, words)])
-    steps = []
-    for run in runs:
-        must_stand = len(runs) > 1 and any(row.code == _TIME for row, _ in run)
-        steps.append(_step(profile, run, must_stand=must_stand))
-    return steps
-
-
-def _follows(profile: Profile, run: Wanted, row: Parameter) -> bool:
-    first, last = run[0][0], run[-1][0]
-    count = row.address + row.words - first.address
-    return last.address + last.words == row.address and count <= profile.limits.write_registers
-
-
-def _step(
-    profile: Profile, run: Sequence[tuple[Parameter, tuple[int, ...]]], *, must_stand: bool
-) -> WriteStep:
-    row, words = run[0]
-    if len(run) == 1:
-        request = write_request(profile, row, words)
-    else:
-        request = WriteRegisters(row.address, tuple(word for _, words in run for word in words))
-    return WriteStep(request, then=read_back(profile, run) if must_stand else None)
+    """Return one write for each run of neighbours; the time of a timeout stands before its mode."""
+    writes = writes_for(profile, changes)
+    timeout = profile.protected.timeout
+    time = timeout.time if timeout is not None and len(writes) > 1 else ""
+    return [
+        WriteStep(request, then=read_back(profile, run) if any(row.code == time for row, _ in run) else None)
+        for request, run in writes
+    ]

@@ -1,1 +1,1 @@
-"""What a starter's settings mean for its operation. Start at `readiness`."""
+"""Who answers, and what its settings mean for its operation. Start at `identify` and `readiness`."""

@@ -82,13 +82,20 @@ def _labels(profile: Profile) -> Iterator[str]:
 
 
 def _names(profile: Profile) -> Iterator[str]:
-    named = {profile.status_word, *profile.command_word, profile.identification.model_register} - {""}
+    named = {profile.status_word, *profile.command_word} - {""}
     yield from (f"family.toml: {code} is no parameter" for code in sorted(named - set(profile.parameters)))
     protected = profile.protected
-    rows_named = (*protected.command_sources, *protected.waking, *protected.connection, *protected.actions)
+    kinds = (protected.command_sources, protected.waking, protected.connection, protected.actions)
+    rows_named = [code for kind in (*kinds, protected.password) for code in kind]
+    rows_named += [each.code for each in profile.shown_by.values()] + list(profile.shown_by)
+    if protected.timeout is not None:
+        rows_named += [protected.timeout.mode, protected.timeout.time]
     yield from (f"protected: {code} is no parameter" for code in rows_named if code not in profile.parameters)
     rows = (code for code in profile.alarm_rows if code not in profile.parameters)
     yield from (f"family.toml: {code} is no parameter" for code in rows)
+    state = profile.state
+    points = {*state.order, *state.ready, *state.starting, *state.waiting, state.adjusting} - {""}
+    yield from (f"state: {name} is no point" for name in sorted(points - set(profile.points)))
     codes = [alarm.code for alarm in profile.alarms]
     yield from (f"alarms.csv: {code} stands twice" for code in sorted(set(codes)) if codes.count(code) > 1)
 
@@ -144,6 +151,8 @@ def _write(profile: Profile, write: Write) -> Iterator[str]:
         row = profile.parameters.get(write.word)
         if row is None or not _is_command((row,)):
             yield f"{write.word} is not there for commands"
+        if write.mask_shift is None and (write.set_bits | write.clear_bits) & ~profile.command_bits.all:
+            yield f"a bit that is written in {write.word} is none of command_bits"
     masks = (write.set_bits | write.clear_bits) << (write.mask_shift or 0)
     if write.set_bits & write.clear_bits or not 0 <= masks <= 0xFFFF:
         yield f"bits {write.set_bits:#x} and {write.clear_bits:#x} do not fit one word"

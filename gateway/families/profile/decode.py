@@ -8,11 +8,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-from gateway.families.profile.joined import joined
 from gateway.families.profile.parameters import raw_row, unnamed_code
 from gateway.families.profile.schema import OFF, RESERVED, Parameter, Point, Profile, Table, Type, Variant
-from gateway.families.profile.state import alarm_code, alarm_label
-from gateway.families.profile.word_types import TYPE_LIMITS, from_words, to_percent, to_text
+from gateway.families.profile.word_types import JOINS, TYPE_LIMITS, from_words, to_percent, to_text
 
 Value = bool | int | float | str | None
 
@@ -94,23 +92,14 @@ def decode_words(
 
 def _joined(profile: Profile, found: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
     """Return what lies over several of these rows, under the first and the last of them: R22-R29."""
-    raw = {code: shown["raw"] for code, shown in found.items()}
-    return {
-        f"{codes[0]}-{codes[-1]}": {
-            "point": name,
-            "value": text,
-            "unit": "",
-            "label": None,
-            "raw": [word for code in codes for word in raw[code]],
-        }
-        for name, text in joined(profile, raw).items()
-        if (codes := profile.joins[name].codes)
-    }
-
-
-def is_present(point: Point, variant: Variant) -> bool:
-    """Return whether a starter of this firmware has the point; it has while the firmware is unknown."""
-    return is_known(point.since_firmware, variant)
+    shown = {}
+    for name, join in profile.joins.items():
+        if all(code in found for code in join.codes):
+            raw = [word for code in join.codes for word in found[code]["raw"]]
+            value = JOINS[join.how](raw, join.begins)
+            as_json = {"point": name, "value": value, "unit": "", "label": None, "raw": raw}
+            shown[f"{join.codes[0]}-{join.codes[-1]}"] = as_json
+    return shown
 
 
 def is_known(since_firmware: str, variant: Variant) -> bool:
@@ -126,11 +115,18 @@ def rated_current_a(model: str) -> float | None:
     return value or None
 
 
+def alarm_code(letter: str, number: int) -> str:
+    """Return an alarm's code as the manuals print it, in lower case: e05 (SSW-07), f005, a128 (SSW900)."""
+    return f"{letter}{number:0{2 if letter == 'e' else 3}d}"
+
+
 def _label(profile: Profile, row: Parameter, number: int) -> str | None:
     """Return what a number is called: an enum's member, a coil's meaning, a fault, an alarm, off, a time."""
     letter = profile.alarm_rows.get(row.code)
     if letter is not None:
-        return alarm_label(profile, alarm_code(letter, number)) if number else None
+        code = alarm_code(letter, number)
+        text = next((alarm.text for alarm in profile.alarms if alarm.code == code), "")
+        return f"{code.upper()} {text}".rstrip() if number else None
     if number == row.off:
         return OFF
     if row.type is Type.TIME:
@@ -155,7 +151,7 @@ def _value(variant: Variant, row: Parameter, number: int) -> Value:
 
 def _decode_point(profile: Profile, variant: Variant, point: Point, words: tuple[int, ...]) -> Decoded:
     row = profile.parameters[point.code]
-    if not is_present(point, variant):
+    if not is_known(point.since_firmware, variant):
         return Decoded(None, label=None, unit="", raw=words)
     if point.bit is not None or row.type is Type.BIT:
         return Decoded(bool(words[0] >> (point.bit or 0) & 1), label=None, unit="", raw=words)

@@ -3,7 +3,7 @@
 A profile is a directory `profiles/<family>` with `family.toml` (identity, timing, limits, points, commands),
 `parameters.csv` (a `Parameter` a line) and, where the family needs them, `enums.csv`, `bits.csv`,
 `alarms.csv`, `ranges.csv` (limits that differ by model) and `presets.csv` (factory settings, off,
-full scale). An empty cell means that the manual does not say.
+full scale). A new family is a new directory. An empty cell means that the manual does not say.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import csv
 import functools
 import tomllib
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from importlib import resources
 from importlib.resources.abc import Traversable
 from typing import Any, TypeVar
@@ -20,11 +20,12 @@ from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError
 
 from gateway.errors import ProfileError, UsageError
 from gateway.families.profile.consistency import contradictions
-from gateway.families.profile.identify import Identity
 from gateway.families.profile.schema import Alarm, ModelRange, Parameter, Preset, Profile
 from gateway.system.value_demands import demand_of
 
-FAMILIES = ("ssw06", "ssw07", "ssw900", "sst")
+_PROFILES = resources.files("gateway.families") / "profiles"
+
+FAMILIES = tuple(sorted(each.name for each in _PROFILES.iterdir() if (each / "family.toml").is_file()))
 
 _Row = TypeVar("_Row", bound=BaseModel)
 
@@ -56,7 +57,7 @@ def load_profile(family: str) -> Profile:
     """Return a shipped profile by its family's name, one of `FAMILIES`; UsageError for any other name."""
     if family not in FAMILIES:
         raise UsageError(f"no family {family!r}; there are {', '.join(FAMILIES)}")
-    return read_profile(resources.files("gateway.families") / "profiles" / family)
+    return read_profile(_PROFILES / family)
 
 
 def read_profile(directory: Traversable) -> Profile:
@@ -151,28 +152,3 @@ def _explain(where: str, error: ValidationError) -> list[str]:
         f"{where}: {'.'.join(map(str, detail['loc']))}: {demand_of(detail['type'], detail.get('ctx', {}))}"
         for detail in error.errors(include_url=False)
     ]
-
-
-def stop_profile(configured: Profile, identity: Identity) -> Profile:
-    """Return the family whose words a stop must speak: the proven one where it is known here."""
-    seen = identity.family_seen
-    return load_profile(seen) if seen in FAMILIES and seen != configured.family else configured
-
-
-def stop_note(configured: Profile, identity: Identity, spoken: Collection[str]) -> str:
-    """Return what the result of a stop says of its words; empty where nothing contradicts them.
-
-    `spoken` names the families in whose words it was sent, in their order.
-    """
-    seen = identity.family_seen
-    if seen == configured.family or (seen is None and not identity.model):
-        return ""
-    if seen in FAMILIES:
-        proved = f"the device proved to be {seen}, not {configured.family}"
-        if configured.family not in spoken:
-            return f"{proved}: the stop was sent as {seen} takes it"
-        then = f", then as {seen} takes it" if seen in spoken else ""
-        early = f"before that the stop was sent as {configured.family} takes it{then}"
-        return f"{proved}; {early}: look at the starter, it may be disabled or in local mode"
-    what = f"the device is of no known family ({identity.reason})"
-    return f"{what}: the stop was sent as {configured.family} takes it, as configured"

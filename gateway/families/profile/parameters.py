@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Iterable, Sequence
 from decimal import Decimal, InvalidOperation
+from typing import TypeVar
 
-from gateway.families.profile.refusals import refused
+from gateway.families.profile.procedure import refused
 from gateway.families.profile.schema import (
     OFF,
     RESERVED,
@@ -22,6 +24,9 @@ from gateway.modbus.codes import Function
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegister, WriteRegisters
+
+_Item = TypeVar("_Item")
+RowWords = tuple[Parameter, tuple[int, ...]]  # a row, and what it is to hold
 
 _UNNAMED = "not named in this manual"
 _RAW_CODE = re.compile(r"P([0-9]{1,5})")
@@ -40,10 +45,9 @@ _LARGEST = Decimal(10) ** 12  # no row carries more; keeps the arithmetic small 
 def find(profile: Profile, code: str) -> Parameter:
     """Return the row with this code, in any case; CommandError("unknown_parameter") when there is none.
 
-    On the SSW-06 and SSW-07 every other P0-P999 is a row too, read as a raw word: the serial manuals name
+    Where there is a `raw_range` every other P0-P999 is a row too, read as a raw word: the serial manuals name
     only some of them (ssw07 5.3.2). HR, IR, COIL or DI and an address name any register, coil or discrete
-    input; those without a row are read raw, such as the SoftPLC's markers (ssw900 7.1, 7.2.2). Only the
-    SSW900 has discrete inputs (function 02).
+    input; those without a row are read raw, such as the SoftPLC's markers (ssw900 7.1, 7.2.2).
     """
     wanted = code.strip().upper()
     number = _RAW_CODE.fullmatch(wanted)
@@ -73,8 +77,7 @@ def unnamed_code(profile: Profile, table: Table, address: int) -> str:
 
 
 def _first_number(profile: Profile, table: Table) -> int:
-    """Return the number of a table's address 0: the SST counts its coils from 1."""
-    return int(table is Table.COIL and "COIL1" in profile.parameters)
+    return profile.first_coil if table is Table.COIL else 0
 
 
 def _register(profile: Profile, prefix: str, number: int) -> Parameter | None:
@@ -102,6 +105,17 @@ def _raw(code: str, table: Table, address: int) -> Parameter:
         access=Access.RO,
         confidence=Confidence.INFERRED,
     )
+
+
+def runs_of(items: Iterable[_Item], may_join: Callable[[list[_Item], _Item], bool]) -> list[list[_Item]]:
+    """Return the items in runs: each joins the one before it where it may."""
+    runs: list[list[_Item]] = []
+    for item in items:
+        if runs and may_join(runs[-1], item):
+            runs[-1].append(item)
+        else:
+            runs.append([item])
+    return runs
 
 
 def read_run(table: Table, address: int, count: int) -> Request:
@@ -136,6 +150,45 @@ def write_request(profile: Profile, parameter: Parameter, words: tuple[int, ...]
     return WriteRegisters(parameter.address, words)
 
 
+def writes_for(profile: Profile, changes: Sequence[RowWords]) -> list[tuple[Request, list[RowWords]]]:
+    """Return one write for each run of neighbouring registers, in order of address, with what it sets."""
+
+    def follows(run: list[RowWords], change: RowWords) -> bool:
+        first, last, row = run[0][0], run[-1][0], change[0]
+        count = row.address + row.words - first.address
+        return last.address + last.words == row.address and count <= profile.limits.write_registers
+
+    return [
+        (
+            write_request(profile, *run[0])
+            if len(run) == 1
+            else WriteRegisters(run[0][0].address, tuple(word for _, words in run for word in words)),
+            run,
+        )
+        for run in runs_of(changes, follows)
+    ]
+
+
+def is_volatile(profile: Profile, row: Parameter) -> bool:
+    """Return whether a write of this row does not go to non-volatile memory: what commands and outputs."""
+    return row.code.startswith(profile.rows.volatile)
+
+
+def settable_words(profile: Profile, variant: Variant, row: Parameter, value: object) -> tuple[int, ...]:
+    """Return the words that set a row to a value; CommandError when no `set` may do so."""
+    if row.code in profile.protected.connection:
+        raise refused(
+            "would_cut_connection", f"change {row.code} at the starter, together with the line's settings"
+        )
+    if row.code in profile.protected.actions:
+        raise refused("not_writable", f"{row.code} is an action on all parameters: do it at the starter")
+    mapped = profile.fast_words.written if profile.fast_words is not None else ()
+    is_mapped = row.table is Table.HOLDING and row.address in mapped
+    if row.table.is_bits or row.access is Access.COMMAND or is_mapped:
+        raise refused("not_writable", f"{row.code} is not written by set, but by the verbs of the family")
+    return to_words(profile, row, value, variant=variant)
+
+
 def raw_limits(parameter: Parameter, variant: Variant | None = None) -> tuple[int, int] | None:
     """Return the smallest and largest raw number the row takes; None when it cannot be set.
 
@@ -152,6 +205,15 @@ def raw_limits(parameter: Parameter, variant: Variant | None = None) -> tuple[in
     return (min(lows), max(highs)) if lows and highs else None
 
 
+def factory_settings(profile: Profile) -> dict[str, tuple[int, ...]]:
+    """Return the words of each row whose factory setting is printed, by code."""
+    return {
+        row.code: to_number_words(row, row.factory)
+        for row in profile.parameters.values()
+        if row.factory is not None
+    }
+
+
 def to_words(
     profile: Profile, parameter: Parameter, value: object, *, variant: Variant | None = None
 ) -> tuple[int, ...]:
@@ -163,7 +225,7 @@ def to_words(
         return _text_words(parameter, value)
     limits = raw_limits(parameter, variant)
     if limits is None:
-        raise refused("not_writable", f"{profile.title} {parameter.code} ({_why_not(parameter)})")
+        raise refused("not_writable", f"{profile.title} {parameter.code} ({_why_not(profile, parameter)})")
     members = profile.enums.get(parameter.enum, {})
     raw = _member(parameter, members, value)
     if raw is None:
@@ -190,7 +252,7 @@ def _may_be(one: str, model: str) -> bool:
     return model.startswith(one) or one.startswith(model)
 
 
-def _why_not(parameter: Parameter) -> str:
+def _why_not(profile: Profile, parameter: Parameter) -> str:
     if parameter.access is Access.COMMAND:
         return "only commands write it"
     if parameter.access is Access.NONE:
@@ -199,7 +261,7 @@ def _why_not(parameter: Parameter) -> str:
         return "the serial manual does not give it: it can be read, but not set over the serial line"
     if parameter.access is not Access.RW:
         return "read-only"
-    if parameter.code == "P000":  # ssw06-es 4.3, ssw07 4.3
+    if parameter.code in profile.protected.password:
         return "no password is needed over the serial line, and none would be kept"
     if not parameter.is_sure:
         return "its row is not legible in the manual"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import enum
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -194,6 +194,27 @@ class Write(Model):
     mask_shift: int | None = None  # SSW-06: each named bit also sets its mask bit, this many places up
 
 
+class CommandBits(Model):
+    """What the bits of a command word command; 0: it has no such bit. All others are reserved and stay 0."""
+
+    run: int = 0x01
+    general_enabled: int = 0
+    jog: int = 0
+    reverse: int = 0
+    remote: int = 0
+    reset: int = 0
+
+    @property
+    def all(self) -> int:
+        """The bits that mean something."""
+        return self.run | self.general_enabled | self.jog | self.reverse | self.remote | self.reset
+
+    @property
+    def safe_stop(self) -> int:
+        """Stop by ramp, all else as in normal service."""
+        return self.general_enabled | self.remote
+
+
 class Command(Model):
     """A verb of this family: what is required, written and read back."""
 
@@ -208,6 +229,7 @@ class Command(Model):
     ceilings: dict[str, Ceiling] = {}  # rows that must not read more
     since_firmware: str = ""  # older firmware does not know it
     note: str = ""  # what the operator must know once it is done
+    refused_unless: str = ""  # a point: while it is false the starter may refuse it, and needs it not
 
 
 class Output(Model):
@@ -232,7 +254,43 @@ class Join(Model):
     """A text that lies over several rows."""
 
     codes: tuple[str, ...]  # in the order of their registers
-    how: Literal["text", "version", "serial"]  # families/profile/joined.py
+    how: Literal["text", "version", "serial"]  # families/profile/word_types.py
+    begins: str = ""  # what a plausible text begins with
+
+
+class State(Model):
+    """Which points make the state of a starter; a point that the family does not have says nothing."""
+
+    order: dict[str, Literal["fault", "starting", "running", "stopping"]]  # the first that is true counts
+    ready: tuple[str, ...]  # what must be true of a motor at rest that can be started
+    starting: tuple[str, ...] = ()  # between an accepted start and the ramp
+    waiting: tuple[str, ...] = ()  # after a stop, while a start is not carried out
+    adjusting: str = ""  # not 0 while the motor cannot be run
+
+
+class Rows(Model):
+    """What kinds of rows there are, by how their codes begin."""
+
+    settings: tuple[str, ...] = ()  # what people set, neither readings nor outputs
+    clock: tuple[str, ...] = ()  # settings that go on by themselves
+    automatic: tuple[str, ...] = ()  # settings that the gateway or the starter's own program may write
+    volatile: tuple[str, ...] = ()  # not kept in non-volatile memory
+
+
+class Timeout(Model):
+    """Two rows of one supervision, which must not be active with a time of 0."""
+
+    mode: str  # 0: off
+    time: str
+
+
+class ShownBy(Model):
+    """The bits of another row that show that a written row has acted."""
+
+    written: int
+    code: str
+    mask: int
+    becomes: int
 
 
 class Protected(Model):
@@ -242,6 +300,8 @@ class Protected(Model):
     waking: dict[str, str] = {}  # may let a run command act that stands, without choosing its source
     connection: dict[str, str] = {}  # to set one cuts the connection to the starter: refused
     actions: dict[str, str] = {}  # no settings: they load, copy or erase whole sets of parameters: refused
+    password: dict[str, str] = {}  # not needed over the serial line, and not kept: refused
+    timeout: Timeout | None = None
 
     def wakes(self, code: str) -> bool:
         """Return whether a change of this row may let a run command act that stands in the starter."""
@@ -255,7 +315,7 @@ class Ceiling(Model):
     unit: str
     models: tuple[str, ...]  # how the names of the models begin that have the reading
     since_firmware: str = ""  # older firmware does not give it
-    refusal: str  # a code of families/profile/refusals.py
+    refusal: str  # a code of `REFUSALS`, families/profile/procedure.py
     remedy: str  # what to do
 
 
@@ -265,15 +325,13 @@ class MappedWords(Model):
     read: int = Field(ge=0, le=0xFFFF)  # the first of these registers
     map: int = Field(ge=0, le=0xFFFF)  # of the first one's own register, which holds a parameter's address
     words: int = Field(ge=1)  # how many there are
+    write: int = Field(ge=0, le=0xFFFF)  # the first of those that write what is mapped onto them, and
+    write_words: int = Field(ge=1)  # how many of these there are
 
-
-class Identification(Model):
-    """How to learn who answers: by FC43 object 1, by registers, or both."""
-
-    how: Literal["fc43", "sst_registers"]
-    expect: tuple[str, ...]  # one of these begins the model text, e.g. "SSW-07"
-    model_register: str = ""  # code of a register with a fixed value, e.g. VB00
-    model_value: int | None = None
+    @property
+    def written(self) -> range:
+        """The registers of which each write lands in another row, a command word too if it is mapped so."""
+        return range(self.write, self.write + self.write_words)
 
 
 class Profile(Model):
@@ -286,15 +344,17 @@ class Profile(Model):
     limits: Limits
     framings: tuple[str, ...]
     bauds: tuple[int, ...]  # empty: the manual does not say
-    identification: Identification
-    state_rule: Literal["weg", "sst"]
+    state: State
+    rows: Rows = Rows()
     status_word: str = ""  # code of the status row
     command_word: tuple[str, ...] = ()  # code of the command word per slot (SSW900), one otherwise
+    command_bits: CommandBits = CommandBits()  # needed of a word that is written whole, without a mask
     points: dict[str, Point]
     commands: dict[str, Command]
     fast_words: MappedWords | None = None  # None: the family has none
     joins: dict[str, Join] = {}  # by what they are: name, firmware, serial
     protected: Protected = Protected()
+    shown_by: dict[str, ShownBy] = {}  # by the row that is written
     outputs: dict[str, Output] = {}  # by the name of their terminals: RL1, AO1, DO1
     parameters: dict[str, Parameter]  # by code
     enums: dict[str, dict[int, str]] = {}  # "VB01.0" is what 0 and 1 mean of a bit
@@ -302,6 +362,8 @@ class Profile(Model):
     alarms: tuple[Alarm, ...] = ()
     alarm_rows: dict[str, Literal["a", "e", "f"]] = {}  # rows that hold an alarm's number, and its letter
     raw_range: tuple[int, int] | None = None  # holding addresses readable as raw words: P0-P999
+    first_coil: int = 0  # the number of the coil at address 0
+    simulated: dict[str, tuple[str, ...]] = {}  # options of its simulation; or the rows that set them
 
     @cached_property
     def rows_at(self) -> dict[tuple[Table, int], tuple[Parameter, ...]]:
@@ -337,8 +399,10 @@ class Profile(Model):
         named = ((name, point) for name, point in self.points.items() if point.code and not point.true_when)
         return {(point.code, point.bit): name for name, point in named}
 
-
-Word = Annotated[int, Field(ge=0, le=0xFFFF)]
+    @cached_property
+    def alarm_points(self) -> tuple[str, ...]:
+        """The names of the points that read the number of a fault or an alarm."""
+        return tuple(name for name, point in self.points.items() if point.code in self.alarm_rows)
 
 
 class Variant(Model):

@@ -205,3 +205,32 @@ _READERS: dict[Type, Callable[[Sequence[int]], str | None]] = {
     Type.VERSION_LOW: _version_low,
     Type.VERSION_HIGH: _version_high,
 }
+
+
+def text_of(words: Sequence[int], begins: str) -> str | None:
+    """Return a text over several rows, whichever byte comes first: the order is not stated (SST 22-29)."""
+    for order in ("big", "little"):
+        octets = b"".join(word.to_bytes(2, order) for word in words)
+        text = octets.split(b"\0", 1)[0].decode("latin-1").rstrip()
+        if text.startswith(begins) and text.isascii() and text.isprintable():
+            return text
+    return None
+
+
+def version_of(words: Sequence[int], _begins: str = "") -> str:
+    """Return the version in two rows: 0204h, 0001h is 4.21 (SST 2-3, erratum E-14)."""
+    return f"{words[0] & 0xFF}.{words[0] >> 8}{words[1] & 0xFF}"
+
+
+def serial_of(words: Sequence[int], _begins: str = "") -> str | None:
+    """Return the serial number: 32 bits in the first two rows, or 64 when the others are used (SST 8-11)."""
+    used = words if any(words[2:]) else words[:2]
+    number = int.from_bytes(b"".join(word.to_bytes(2, "big") for word in used), "big")
+    return str(number) if number else None
+
+
+JOINS: dict[str, Callable[[Sequence[int], str], str | None]] = {
+    "text": text_of,
+    "version": version_of,
+    "serial": serial_of,
+}

@@ -1,15 +1,20 @@
 """Few requests that read a given set of rows, and how their answers are taken apart again.
 
-Reading many rows of a starter: which rows there are to read, in as few requests as it takes.
+Which rows there are to read, whether one holds a value, and how it is read back.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
-from gateway.families.profile.parameters import find, raw_row, read_run
-from gateway.families.profile.procedure import Read
-from gateway.families.profile.schema import Access, Parameter, Profile, Table
+from gateway.families.profile.parameters import find, raw_row, read_request, read_run, runs_of
+from gateway.families.profile.procedure import Expect, Read, Seen
+from gateway.families.profile.schema import Access, Parameter, Profile, Table, Type
+from gateway.families.profile.word_types import shown_within
+
+SET_WITHIN_S = 2.0  # until a written row reads back as written
+_CLOCK_GOES_ON_S = 5  # until the last reading of a clock that was set
 
 
 def reads_for(profile: Profile, codes: Iterable[str]) -> tuple[Read, ...]:
@@ -17,13 +22,7 @@ def reads_for(profile: Profile, codes: Iterable[str]) -> tuple[Read, ...]:
     rows = sorted(
         (profile.parameters[code] for code in set(codes)), key=lambda row: (row.table, row.address, row.code)
     )
-    runs: list[list[Parameter]] = []
-    for row in rows:
-        if runs and _may_join(profile, runs[-1], row):
-            runs[-1].append(row)
-        else:
-            runs.append([row])
-    return tuple(_read(run) for run in runs)
+    return tuple(_read(run) for run in runs_of(rows, lambda run, row: _may_join(profile, run, row)))
 
 
 def rows_of_points(profile: Profile, names: Iterable[str]) -> tuple[str, ...]:
@@ -46,6 +45,46 @@ def rows_in(profile: Profile, read: Read, answer: Sequence[int]) -> dict[str, tu
     }
 
 
+def read_of(profile: Profile, code: str) -> Read:
+    """Return the read of one row; CommandError when there is none, or it cannot be read."""
+    row = find(profile, code)
+    return Read(request=read_request(profile, row), codes=(row.code,))
+
+
+def holds(row: Parameter, words: tuple[int, ...], seen: Seen) -> bool:
+    """Return whether the row was seen to hold these words already."""
+    return tuple(word & _mask(row) for word in seen.get(row.code, ())) == words
+
+
+def read_back(profile: Profile, wanted: Iterable[tuple[Parameter, tuple[int, ...]]]) -> Expect:
+    """Return the expectation that all of these rows (at least one) read back as written."""
+    shown = [(row, *_shown_by(profile, row, words)) for row, words in wanted]
+    reads = reads_for(profile, (code for _, code, _, _ in shown))
+    first, *others = (
+        Expect(
+            reads,
+            code,
+            is_one_of=shown_within(row.type, words, _CLOCK_GOES_ON_S),
+            within_s=SET_WITHIN_S,
+            mask=mask,
+        )
+        for row, code, mask, words in shown
+    )
+    return replace(first, also=tuple(others))
+
+
+def _shown_by(profile: Profile, row: Parameter, words: tuple[int, ...]) -> tuple[str, int, tuple[int, ...]]:
+    """Return the row that shows that these words were written, which of its bits, and what they are then."""
+    other = profile.shown_by.get(row.code)
+    if other is None or words != (other.written,):
+        return row.code, _mask(row), words
+    return other.code, other.mask, (other.becomes,)
+
+
+def _mask(row: Parameter) -> int:
+    return 0xFF if row.type in (Type.LOW_U8, Type.LOW_S8, Type.LOW_ENUM) else 0xFFFF
+
+
 def _may_join(profile: Profile, run: list[Parameter], row: Parameter) -> bool:
     """Return whether one request may span this row too, with nothing in between that could refuse it."""
     limits = profile.limits
@@ -66,10 +105,6 @@ def _read(run: list[Parameter]) -> Read:
 
 
 _SPANNED = 24  # registers that are no parameter, rather than a second request: both take some 25 ms at 19200
-_SETTING_LETTERS = ("P", "C", "R")  # Pnnn, Cn.n, Rn; COILn is none, VBnn and S5.3 are outputs
-_CLOCK = "C6.3."  # SSW900
-# SSW900: the maps of the indirect registers, which the gateway may set itself, and what the SoftPLC writes.
-_NOT_OF_PEOPLE = ("C8.1.", "C11.")
 
 
 def readable_codes(profile: Profile, *, with_unnamed: bool = False) -> tuple[str, ...]:
@@ -83,15 +118,15 @@ def readable_codes(profile: Profile, *, with_unnamed: bool = False) -> tuple[str
     return tuple(codes)
 
 
-def is_setting(row: Parameter) -> bool:
+def is_setting(profile: Profile, row: Parameter) -> bool:
     """Return whether a row is a parameter that people set, neither a reading nor an output."""
-    letter = row.code[:1] if row.table is not Table.COIL else ""
-    return row.access is Access.RW and letter in _SETTING_LETTERS and not row.code.startswith(_CLOCK)
+    is_one = row.code.startswith(profile.rows.settings) and not row.code.startswith(profile.rows.clock)
+    return row.access is Access.RW and row.table is not Table.COIL and is_one
 
 
-def is_set_by_people(row: Parameter) -> bool:
+def is_set_by_people(profile: Profile, row: Parameter) -> bool:
     """Return whether a row changes only when somebody sets it: not by itself, not by the gateway."""
-    return is_setting(row) and not row.code.startswith(_NOT_OF_PEOPLE)
+    return is_setting(profile, row) and not row.code.startswith(profile.rows.automatic)
 
 
 def bulk_reads(profile: Profile, codes: Iterable[str], *, longest: int | None = None) -> tuple[Read, ...]:
@@ -116,7 +151,7 @@ def bulk_reads(profile: Profile, codes: Iterable[str], *, longest: int | None = 
     found = [*reads_for(bulk, sure)]
     for group in [[code] for code in unsure] if reads_zero else [unsure]:
         found += reads_for(bulk, group)
-    return (*found, *(_unnamed(profile, code) for code in unnamed))
+    return (*found, *(read_of(profile, code) for code in unnamed))
 
 
 def halves(profile: Profile, read: Read) -> tuple[Read, ...]:
@@ -127,14 +162,4 @@ def halves(profile: Profile, read: Read) -> tuple[Read, ...]:
     middle = len(rows) // 2
     while middle < len(rows) - 1 and rows[middle].address == rows[middle - 1].address:
         middle += 1  # names of one register stay together
-    return tuple(_run(part) for part in (rows[:middle], rows[middle:]))
-
-
-def _unnamed(profile: Profile, code: str) -> Read:
-    return _run([find(profile, code)])
-
-
-def _run(rows: list[Parameter]) -> Read:
-    start = rows[0].address
-    end = max(row.address + row.words for row in rows)
-    return Read(read_run(rows[0].table, start, end - start), tuple(row.code for row in rows))
+    return tuple(_read(part) for part in (rows[:middle], rows[middle:]))

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import groupby
 from math import inf
 from typing import Any
 
-from gateway.families.profile.decode import is_present
-from gateway.families.profile.parameters import read_run
+from gateway.families.profile.decode import is_known
+from gateway.families.profile.parameters import read_run, runs_of
 from gateway.families.profile.schema import Limits, Parameter, Profile, Table, Variant
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
@@ -96,7 +97,7 @@ def plan_blocks(
         codes = {
             point.code
             for point in profile.points.values()
-            if point.group == group and point.code and is_present(point, variant)
+            if point.group == group and point.code and is_known(point.since_firmware, variant)
         }
         rows = [profile.parameters[code] for code in codes - seen]
         seen |= codes
@@ -136,13 +137,7 @@ def _runs(rows: Iterable[Parameter], limits: Limits, timing: LineTiming | None) 
             runs += cheapest_runs(list(alike), timing, longest=limits.read_registers)
             continue
         longest = limits.read_bits if table.is_bits else limits.read_registers
-        run: list[Parameter] = []
-        for row in alike:
-            if run and not _fits(run, row, longest=longest, max_gap=limits.max_gap):
-                runs.append(run)
-                run = []
-            run.append(row)
-        runs.append(run)
+        runs += runs_of(alike, partial(_fits, longest=longest, max_gap=limits.max_gap))
     return runs
 
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 
-from gateway.families.profile.identify import Identity
-from gateway.families.profile.load import stop_note, stop_profile
+from gateway.families.devices.device import Identity
+from gateway.families.diagnosis.identify import stop_note, stop_profile
 from gateway.families.profile.schema import Profile, Variant
 from gateway.line.client import LineClient
 from gateway.starters.commands.view import StarterControlView

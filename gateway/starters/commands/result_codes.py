@@ -1,7 +1,7 @@
 """The closed list of result codes: what an operator should read, and what to do.
 
-The codes of `families.refusals` and the rules of `families.interlock` are in it too. A result's own `text`
-says more: the reading, the value, the starter. `docs/results.md` is made from this.
+The codes of `families.profile.procedure` and the rules of `families.command.interlock` are in it too. A
+result's own `text` says more: the reading, the value, the starter. `docs/results.md` is made from this.
 """
 
 from __future__ import annotations
@@ -106,9 +106,6 @@ CODES: Mapping[str, Mapping[str, Code]] = {
         "not_configured": Code("The SST's configuration is not complete.", "Send configure first."),
         "motor_running": Code("The motor is not stopped.", "Stop it first."),
         "no_power": Code("The power section has no supply.", "Switch it on."),
-        "in_adjusting_mode": Code(
-            "The starter is in an adjusting mode.", "Leave that mode: configure, or at the starter."
-        ),
         "capacitor_charged": Code(
             "The start capacitor of the SST130i is charged: the motor would start late.",
             "Wait until it is discharged, then send the start again, with a new id.",

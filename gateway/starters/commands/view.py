@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from gateway.families.profile.identify import Identity
+from gateway.families.devices.device import Identity
 from gateway.families.profile.schema import Profile, Variant
 from gateway.line.client import LineClient
 from gateway.starters.identity.query import IdentityStatus

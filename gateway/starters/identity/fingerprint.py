@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
+from gateway.families.devices.device import Identity
 from gateway.families.profile.decode import rated_current_a
-from gateway.families.profile.identify import Identity
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,8 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from typing import Any
 
-from gateway.families.profile.identify import Identity, Question, identify, identify_requests, why_not
+from gateway.families.devices.device import Identity, Question
+from gateway.families.diagnosis.identify import identify, identify_requests, why_not
 from gateway.families.profile.schema import Profile
 from gateway.line.client import LineClient
 from gateway.line.rtu.outcome import Answered, Outcome, Refused

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from gateway.errors import CommandError, DamagedError
-from gateway.families.profile.identify import Identity
+from gateway.families.devices.device import Identity
 from gateway.records import EventRecord, SequenceNumbers, Severity, Sink
 from gateway.starters.identity.fingerprint import (
     NOTHING,

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from gateway.families.diagnosis.factory_settings import factory_settings
 from gateway.families.profile.decode import Value, decode_row
-from gateway.families.profile.parameters import find
+from gateway.families.profile.parameters import factory_settings, find
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.reading.bulk import is_setting
 
@@ -91,7 +90,7 @@ def differences(
     found = []
     for code in dict.fromkeys((*before.parameters, *after.parameters)):
         row = profile.parameters.get(code)
-        if not with_readings and (row is None or not is_setting(row)):
+        if not with_readings and (row is None or not is_setting(profile, row)):
             continue
         one, other = before.parameters.get(code), after.parameters.get(code)
         if not _is_same(one, other):

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 
 from gateway.errors import CommandError
-from gateway.families.profile.identify import Identity, identify, identify_requests, why_not
+from gateway.families.devices.device import Identity
+from gateway.families.diagnosis.identify import identify, identify_requests, why_not
 from gateway.families.profile.procedure import Read
 from gateway.families.profile.schema import Profile, Variant
 from gateway.line.client import LineClient

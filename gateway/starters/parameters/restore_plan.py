@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from decimal import Decimal
 
 from gateway.errors import CommandError
 from gateway.families.command.build import prepare
-from gateway.families.command.interlock import points_needed
-from gateway.families.command.writable import holds, settable_words
+from gateway.families.command.run_command import with_standstill
 from gateway.families.profile.decode import Value
+from gateway.families.profile.parameters import settable_words
 from gateway.families.profile.procedure import Preparation
 from gateway.families.profile.schema import Parameter, Profile, Variant
 from gateway.families.profile.word_types import TYPE_LIMITS, from_words
-from gateway.families.reading.bulk import is_setting, reads_for, rows_of_points
+from gateway.families.reading.bulk import holds, is_setting
 from gateway.starters.parameters.model import ParameterEntry, ParameterSet, entries_of
-
-STANDSTILL = "is_stopped"
-
-_TIME = "C8.2.5.3"  # before its mode, or behind it when it becomes 0: 0.0 s must never be active
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +60,7 @@ def plan_restore(
     left: dict[str, str] = {}
     for code, entry in wanted.parameters.items():
         row = profile.parameters.get(code)
-        if row is None or not is_setting(row):
+        if row is None or not is_setting(profile, row):
             continue
         if code not in seen:
             left[code] = "the starter does not give it"
@@ -84,16 +80,12 @@ def plan_restore(
 def restore_codes(profile: Profile, wanted: ParameterSet) -> tuple[str, ...]:
     """Return the rows that must be read before a restore is planned."""
     rows = (profile.parameters.get(code) for code in wanted.parameters)
-    return tuple(row.code for row in rows if row is not None and is_setting(row))
+    return tuple(row.code for row in rows if row is not None and is_setting(profile, row))
 
 
 def prepare_change(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Value]) -> Preparation:
     """Return what a `set` or `configure` must read and demand, standstill included whatever the row says."""
-    preparation = prepare(profile, variant, verb, args)
-    codes = [code for read in preparation.reads for code in read.codes]
-    codes += rows_of_points(profile, points_needed(profile, (STANDSTILL,)))
-    requires = tuple(dict.fromkeys((*preparation.requires, STANDSTILL)))
-    return replace(preparation, reads=reads_for(profile, codes), requires=requires)
+    return with_standstill(profile, prepare(profile, variant, verb, args))
 
 
 def _change(
@@ -128,12 +120,16 @@ def _value(row: Parameter, entry: ParameterEntry) -> Value:
 
 
 def _in_order(profile: Profile, changes: list[PlannedWrite]) -> tuple[PlannedWrite, ...]:
-    """Return the changes with the command sources last, and the timeout never active at 0.0 s.
+    """Return the changes with the command sources last, and a timeout never active at 0.0 s.
+
+    The time stands before its mode, or behind it when it becomes 0.
 
     Who may run the motor changes with the command sources: everything else is as it shall be by then.
     """
-    ends = [change for change in changes if change.code == _TIME and not any(change.after.raw or ())]
-    first = [change for change in changes if change.code == _TIME and change not in ends]
+    timeout = profile.protected.timeout
+    times = [change for change in changes if timeout is not None and change.code == timeout.time]
+    ends = [change for change in times if not any(change.after.raw or ())]
+    first = [change for change in times if change not in ends]
     last = [change for change in changes if change.code in profile.protected.command_sources]
     others = [change for change in changes if change not in (*ends, *first, *last)]
     return (*first, *others, *ends, *last)

@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from gateway.families.command.arguments import to_switch
 from gateway.families.command.interlock import Violation
+from gateway.families.profile.arguments import to_switch
 from gateway.starters.policy.motor_history import MotorHistory
 from gateway.starters.policy.rate_limit import RateLimits
 

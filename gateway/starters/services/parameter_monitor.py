@@ -13,7 +13,7 @@ from math import inf
 from typing import Any
 
 from gateway.errors import CommandError, PortLostError
-from gateway.families.diagnosis.watchdogs import watchdog_codes
+from gateway.families.diagnosis.readiness import watchdog_codes
 from gateway.families.profile.parameters import find, to_words
 from gateway.families.profile.procedure import Read
 from gateway.families.profile.schema import Profile, Variant
@@ -33,7 +33,7 @@ EVENT = "parameter_changed"
 
 def watched_codes(profile: Profile) -> tuple[str, ...]:
     """Return the settings of a family that change only when somebody sets them."""
-    return tuple(row.code for row in profile.parameters.values() if is_set_by_people(row))
+    return tuple(row.code for row in profile.parameters.values() if is_set_by_people(profile, row))
 
 
 class ParameterChanges:

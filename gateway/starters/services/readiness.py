@@ -9,9 +9,14 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from gateway.errors import CommandError, PortLostError
-from gateway.families.diagnosis.findings import Finding, Weight
-from gateway.families.diagnosis.readiness import readiness, readiness_codes, refuses_start
-from gateway.families.diagnosis.watchdogs import watchdog_codes, watchdogs
+from gateway.families.devices.findings import Finding, Weight
+from gateway.families.diagnosis.readiness import (
+    readiness,
+    readiness_codes,
+    refuses_start,
+    watchdog_codes,
+    watchdogs,
+)
 from gateway.families.reading.bulk import bulk_reads
 from gateway.line.rtu.outcome import Outcome
 from gateway.line.scheduler.requests import Priority

@@ -16,7 +16,7 @@ from collections import deque
 from dataclasses import dataclass
 from math import inf
 
-from gateway.families.diagnosis.watchdogs import watchdog_codes
+from gateway.families.diagnosis.readiness import watchdog_codes
 from gateway.families.profile.schema import Profile
 from gateway.families.reading.bulk import rows_of_points
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from gateway.families.command.build import verbs
-from gateway.families.profile.identify import Identity
+from gateway.families.devices.device import Identity
 from gateway.families.profile.schema import Profile, Variant
 from gateway.records import (
     OWN_VERBS,

@@ -11,7 +11,7 @@ import logging
 from collections.abc import Callable, Mapping
 
 from gateway.errors import CommandError, PortLostError
-from gateway.families.diagnosis.watchdogs import time_codes
+from gateway.families.diagnosis.readiness import time_codes
 from gateway.families.reading.bulk import bulk_reads
 from gateway.line.client import LineClient
 from gateway.line.rtu.outcome import Outcome

@@ -14,7 +14,7 @@ from math import isinf
 from typing import Any, TypeVar
 
 from gateway.errors import CommandError, DamagedError
-from gateway.families.diagnosis.watchdogs import shortest_s, watchdog_codes, written_rows
+from gateway.families.diagnosis.readiness import shortest_s, watchdog_codes, written_rows
 from gateway.families.profile.procedure import Procedure
 from gateway.line.capacity.deadline_check import (
     Limits,

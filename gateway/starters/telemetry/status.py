@@ -7,8 +7,9 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
+from gateway.families.devices import alarms_of
 from gateway.families.profile.schema import Profile
-from gateway.families.profile.state import alarms_of, state_of
+from gateway.families.profile.state import state_of
 from gateway.records import Quality, Severity
 from gateway.starters.telemetry.decoding import is_flag
 from gateway.starters.telemetry.emitter import Emitter
@@ -26,7 +27,6 @@ from gateway.starters.telemetry.transitions import (
 )
 
 MOMENTS_BEFORE = 3  # sets of values that an event carries from before it
-NUMBERS = ("fault_code", *(f"d2_1_{place}" for place in range(1, 6)))  # of the faults and alarms
 NUMBER_WITHIN_S = 10.0  # of the first reading of a run, until a fault is published without its number
 FAULT, FAULT_CODE = "fault", "fault_code"
 STATE = "state"  # among what settles; no point has this name
@@ -40,7 +40,7 @@ class Status:
         self._profile = profile
         self._publisher = publisher
         self._told = told or PublishedFaults()
-        self._numbers = tuple(name for name in NUMBERS if name in profile.points)
+        self._numbers = profile.alarm_points
         self._settled = Settled()
         self._settled_alarms = AlarmBook()
         self._first_seen: tuple[float, dict[str, Any]] | None = None  # UTC, and the values before

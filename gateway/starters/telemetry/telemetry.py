@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import assert_never
 
+from gateway.families.devices.device import Identity
+from gateway.families.diagnosis.identify import stop_profile, why_not
 from gateway.families.mapped_registers import MappedBlock
-from gateway.families.profile.identify import Identity, why_not
-from gateway.families.profile.load import stop_profile
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.reading.bulk import rows_of_points
 from gateway.families.reading.poll_blocks import Block

@@ -1,0 +1,74 @@
+"""WEG SSW-07 and SSW-08, and what the SSW-06 shares with them: P2xx, P3xx and E28 [ssw07, ssw06-es]."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from gateway.families.devices.device import Device
+from gateway.families.devices.findings import (
+    Finding,
+    Settings,
+    Topic,
+    Watchdog,
+    Weight,
+    is_one_of,
+    sources,
+    start,
+    unread,
+)
+
+_SERIAL = 2  # P229, P230 [ssw06-es 2.6, 2.7; ssw07 2.6, 2.7]
+_MODE_BY_SERIAL = (5, 6)  # P220 [ssw06-es 2.5; ssw07 2.5]
+_RAMP_STOP, _DISABLE, _TO_LOCAL, _FATAL = 1, 2, 3, 5  # P313; 5 on the SSW-06 only [ssw06-es 2.3; ssw07 2.3]
+
+
+class Ssw07(Device):
+    """SSW-07 or SSW-08; what the SSW-08 says to FC43 is not stated [ssw07 5.4.7]."""
+
+    product = re.compile(r"SSW[- ]?0?[78](?![0-9])", re.IGNORECASE)  # "SSW-07 85.0A"
+    source_rows = ("P220", "P229", "P230")
+    watchdog_rows = ("P314", "P313")
+    watchdog_action = "P313"
+    relays: tuple[str, ...] = ("P277", "P278")
+    start_rows: tuple[str, ...] = (*source_rows, *relays, "P630")
+
+    def start_findings(self, settings: Settings) -> Iterator[Finding]:
+        """See [ssw06-es 2.5-2.7, 4.2.3-4.3; ssw07 2.5-2.7, 4.2.2-4.3]."""
+        codes = self.source_rows
+        yield from unread(settings, codes, Topic.START)
+        yield from sources(settings, codes, own=_SERIAL, name="Serial", own_modes=_MODE_BY_SERIAL)
+        if settings.number("P630"):
+            what = "right after a stop a start is ignored for a time, without an error"
+            yield start(Weight.NOTE, f"{what}: {settings.shown('P630')}")
+        known = [code for code in self.relays if settings.number(code) is not None]
+        if known:  # the number that means Serial is not printed [ssw06-es 4.2.6; ssw07 4.2.3]
+            shown = ", ".join(settings.shown(code) for code in known)
+            what = "a relay follows `output` only where its function is Serial, whose number is not printed"
+            yield Finding(Topic.OUTPUT, Weight.NOTE, f"{what}: {shown}")
+
+    def watchdogs(self, settings: Settings) -> tuple[Watchdog, ...]:
+        """E28 after P314 [ssw06-es 2.3, 2.4; ssw07 2.3, 2.4]."""
+        after_s, action = settings.number("P314"), settings.number("P313")
+        if not after_s:
+            return ()
+        is_serial = is_one_of((_SERIAL,), settings.number("P229"), settings.number("P230"))
+        does, is_felt = "shows E28 and does nothing else", False
+        if action == _RAMP_STOP and is_serial:
+            does, is_felt = "shows E28 and stops the motor by ramp", True
+        elif action == _RAMP_STOP:
+            does = "shows E28; P313 = 1 does not stop the motor, since P229 and P230 are not Serial"
+        elif action == _DISABLE:
+            does, is_felt = "shows E28 and disables the motor, which coasts", True
+        elif action == _TO_LOCAL and is_one_of(_MODE_BY_SERIAL, settings.number("P220")):
+            does, is_felt = "shows E28 and changes to local", True
+        elif action == _TO_LOCAL:
+            does = "shows E28; P313 = 3 does not change to local, since P220 is not Serial"
+        elif action == _FATAL:
+            does, is_felt = "shows E28 as a fatal error: the motor is disabled until a reset", True
+        elif action is None:
+            does, is_felt = "shows E28 and does what P313 says, which could not be read", True
+        return (Watchdog("P314", float(after_s), does, is_felt),)
+
+
+DEVICE = Ssw07()

@@ -1,0 +1,105 @@
+"""Which family answers: what a unit is asked, what its answers prove, and in whose words a stop is sent.
+
+Nothing is taken for granted: a unit that proves nothing has no family.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from gateway.families.devices import DEVICES, device_of
+from gateway.families.devices.device import Identity, Question
+from gateway.families.profile.decode import rated_current_a
+from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.profile.schema import Profile
+from gateway.modbus.device_id import DeviceIdentification
+
+_PRODUCT, _REVISION = 1, 2  # objects of the basic identification [APP 6.21]
+
+
+def identify_requests(profile: Profile) -> tuple[Question, ...]:
+    """Return what to ask a unit that is configured as this family; any of them may stay without answer."""
+    return device_of(profile).questions(profile)
+
+
+def identify(profile: Profile, answers: Mapping[str, Any]) -> Identity:
+    """Return who the unit is; an answer is what `decode_reply` gave, None when there was none."""
+    return device_of(profile).identity(profile, _from_text(answers.get("fc43")), answers)
+
+
+def matches(profile: Profile, identity: Identity) -> bool:
+    """Return whether the unit has proved to be of this family."""
+    return why_not(profile, identity) is None
+
+
+def why_not(profile: Profile, identity: Identity) -> str | None:
+    """Return in words why the unit must not be taken for this family, None when it has proved to be of it."""
+    if identity.lacks:
+        return f"it is not {profile.family}: {identity.lacks}"
+    if identity.family_seen == profile.family:
+        return None
+    if identity.family_seen is None:
+        return f"not known to be {profile.family}: {identity.reason}"
+    return f"it is {identity.family_seen}, not {profile.family}: {identity.reason}"
+
+
+def candidates() -> tuple[Profile, ...]:
+    """Return the families as an unknown unit is asked: those first that name themselves by FC43."""
+    order = sorted(DEVICES, key=lambda family: DEVICES[family].product is None)
+    return tuple(load_profile(family) for family in order)
+
+
+def stop_profile(configured: Profile, identity: Identity) -> Profile:
+    """Return the family whose words a stop must speak: the proven one where it is known here."""
+    seen = identity.family_seen
+    return load_profile(seen) if seen in FAMILIES and seen != configured.family else configured
+
+
+def stop_note(configured: Profile, identity: Identity, spoken: Collection[str]) -> str:
+    """Return what the result of a stop says of its words; empty where nothing contradicts them.
+
+    `spoken` names the families in whose words it was sent, in their order.
+    """
+    seen = identity.family_seen
+    if seen == configured.family or (seen is None and not identity.model):
+        return ""
+    if seen in FAMILIES:
+        proved = f"the device proved to be {seen}, not {configured.family}"
+        if configured.family not in spoken:
+            return f"{proved}: the stop was sent as {seen} takes it"
+        then = f", then as {seen} takes it" if seen in spoken else ""
+        early = f"before that the stop was sent as {configured.family} takes it{then}"
+        return f"{proved}; {early}: look at the starter, it may be disabled or in local mode"
+    what = f"the device is of no known family ({identity.reason})"
+    return f"{what}: the stop was sent as {configured.family} takes it, as configured"
+
+
+def _from_text(answer: DeviceIdentification | None) -> Identity:
+    """Return what FC43 makes known, of whatever family; the first family that its text names counts."""
+    if answer is None:
+        return Identity(reason="it does not answer Read Device Identification (FC43)")
+    text = _printable(answer.objects.get(_PRODUCT, ""))
+    revision = _printable(answer.objects.get(_REVISION, "")).removeprefix("V") or None
+    patterns = {family: device.product for family, device in DEVICES.items()}
+    places = {
+        found.start(): family
+        for family, pattern in patterns.items()
+        if pattern is not None and (found := pattern.search(text))
+    }
+    if not places:
+        return Identity(model=text or None, firmware=revision, reason=f"FC43 names {text or 'no product'!r}")
+    family = places[min(places)]
+    return Identity(
+        family_seen=family,
+        model=text,
+        firmware=revision,
+        rated_current_a=rated_current_a(text) if DEVICES[family].is_current_named else None,
+        reason=f"FC43 names {text!r}",
+    )
+
+
+def _printable(text: str) -> str:
+    """Return a text up to its first character that is not printable ASCII, such as what fills it up."""
+    return "".join(itertools.takewhile(lambda each: each.isascii() and each.isprintable(), text)).strip()
