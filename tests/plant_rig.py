@@ -13,7 +13,7 @@ from gateway.config.convert import policy_of, rights_of, timing_of
 from gateway.config.diff import changes_of
 from gateway.config.load import parse
 from gateway.config.schema import Config, LineTable
-from gateway.records import AvailabilityRecord, SequenceNumbers, Severity, StateRecord
+from gateway.records import AvailabilityRecord, SequenceNumbers, Severity, StateRecord, ValueRecord
 from gateway.sim.bus.port import SimulatedLine, SimulatedOpener
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.starters.policy.policy import Policy
@@ -113,6 +113,10 @@ class Here:
 
     def states(self, name: str) -> list[str]:
         return [record.state for record in self.sink.of(StateRecord) if record.starter == name]
+
+    def of_point(self, starter: str, point: str) -> list[ValueRecord]:
+        """Return what was published of one point."""
+        return [each for each in self.sink.of(ValueRecord) if (each.starter, each.point) == (starter, point)]
 
     def said(self, name: str) -> list[str]:
         """Return the availability of a starter as it was told, one after the other."""

@@ -10,6 +10,7 @@ from tests.plant_rig import HALL, running, starter
 from tests.starters.rig import virtually
 
 TURN_S = 0.25  # more than any one turn of another starter on its line
+BROKER = 'url = "mqtt://127.0.0.1"'
 FAN = starter("fan", 2, "ssw06")
 
 
@@ -40,6 +41,20 @@ async def test_another_period_takes_effect_and_the_starter_stays_online() -> Non
         assert here.said("fan") == ["offline", "online"]
         assert not [r for r in here.sink.records[records:] if isinstance(r, AvailabilityRecord)]
         assert sum(at_s > 30.0 for at_s in here.heard_s["hall 2"]) > 45
+
+
+@virtually
+async def test_unchanged_values_are_published_again_after_the_configured_time_also_a_reloaded_one() -> None:
+    async with running() as here:
+        for changes, refresh_s in (((), 300.0), (((BROKER, f"{BROKER}\nrefresh_s = 20.0"),), 20.0)):
+            await here.reload(*changes)
+            await asyncio.sleep(20.0)
+            before = here.of_point("fan", "remote")
+            await asyncio.sleep(600.0)
+
+            again = here.of_point("fan", "remote")[len(before) :]
+            assert len(again) >= 600.0 // refresh_s
+            assert len(again) <= 600.0 // (0.9 * refresh_s) + 1
 
 
 @virtually

@@ -83,6 +83,7 @@ class App:
             companions=self._companions,
             clock=self._clock,
             sequence=self._sequence,
+            refresh_s=site.config.mqtt.refresh_s,
         )
         self._host = LineHost(self._plant, is_unread=self._uplink.unread)
         self._plant.build(self._host, site.config.lines)

@@ -24,6 +24,7 @@ from gateway.records import SequenceNumbers, Severity
 from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
 from gateway.starters.setup import StarterSetup
+from gateway.starters.telemetry.reporting import REFRESH_S
 from gateway.starters.telemetry.telemetry import StarterTelemetry
 from gateway.system.clock import Clock
 
@@ -91,6 +92,7 @@ class Plant:
         clock: Clock,
         sequence: SequenceNumbers,
         make_opener: Callable[[LineTable], PortOpener] = serial_opener,
+        refresh_s: float = REFRESH_S,
     ) -> None:
         self.starters: dict[str, StarterTelemetry] = {}
         self.lines: dict[str, LineClient] = {}
@@ -105,6 +107,7 @@ class Plant:
         self._edition = 0  # counts the changes
 
     def build(self, host: Host, tables: Iterable[LineTable]) -> None:
+        self._refresh_s = refresh_s  # after which unchanged values are published again
         """Make these lines in a host, with all their starters; once."""
         self._host = host
         for table in tables:
@@ -131,6 +134,10 @@ class Plant:
             self.starters[name].set_every(every_s)
         come = [starter for comers in changes.starters_new for starter in self._join(comers)]
         come += [starter for table in changes.lines_new for starter in self._add_line(table)]
+        if changes.refresh_s is not None:
+            self._refresh_s = changes.refresh_s
+            for starter in self.starters.values():
+                starter.set_refresh(changes.refresh_s)
         return self._welcome(come, endings)
 
     def end(self, reason: str) -> None:
@@ -237,6 +244,8 @@ class Plant:
             told_faults=self._precautions.told_faults,
         )
         self.starters[setup.name] = self._by_unit[setup.line, setup.address] = starter
+            lock_of=self._precautions.logbook.lock_of,
+            refresh_s=self._refresh_s,
         starter.when_troubled(partial(self._listener.note_starter, setup.name))
         self._companions.add(starter)
         return starter

@@ -12,7 +12,7 @@ from gateway.families.profile.state import alarms_of, state_of
 from gateway.records import Quality, Severity
 from gateway.starters.telemetry.decoding import is_flag
 from gateway.starters.telemetry.emitter import Emitter
-from gateway.starters.telemetry.reporting import LATEST_S
+from gateway.starters.telemetry.reporting import TICK_S
 from gateway.starters.telemetry.snapshot import Reading, Snapshot, Value, as_flag, good_values
 from gateway.starters.telemetry.transitions import (
     LASTING_S,
@@ -25,6 +25,7 @@ from gateway.starters.telemetry.transitions import (
     Watch,
 )
 
+STATE_EVERY_S = 30.0 - TICK_S  # the timer may run out a tick late
 MOMENTS_BEFORE = 3  # sets of values that an event carries from before it
 NUMBERS = ("fault_code", *(f"d2_1_{place}" for place in range(1, 6)))  # of the faults and alarms
 NUMBER_WITHIN_S = 10.0  # of the first reading of a run, until a fault is published without its number
@@ -58,7 +59,12 @@ class Status:
     @property
     def next_due_s(self) -> float:
         """Return when the state is published again although nothing changed."""
-        return self._sent_s + LATEST_S
+        return self._sent_s + STATE_EVERY_S
+
+    def expire(self) -> bool:
+        """Have the state published again by the next `tell`; return whether it ever was."""
+        self._sent_s = -math.inf
+        return self._sent is not None
 
     def remember(self, snapshot: Snapshot, *, now_s: float) -> None:
         """Keep the present values: they may become those before an event. Call before a status is applied."""

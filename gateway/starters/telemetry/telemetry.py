@@ -27,7 +27,7 @@ from gateway.starters.telemetry.emitter import Emitter, info_of
 from gateway.starters.telemetry.first_contact import FirstContact
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from gateway.starters.telemetry.polling import Polling
-from gateway.starters.telemetry.reporting import SOONEST_S, Report, TickTimer
+from gateway.starters.telemetry.reporting import REFRESH_S, SOONEST_S, Report, TickTimer
 from gateway.starters.telemetry.snapshot import Snapshot
 from gateway.starters.telemetry.status import SUMMARY_FLAGS, Status
 from gateway.starters.telemetry.transitions import UNKNOWN, PublishedFaults
@@ -54,6 +54,8 @@ class StarterTelemetry:
         identities: IdentityRegistry | None = None,
         watchdogs: KnownWatchdogs | None = None,
         told_faults: PublishedFaults | None = None,
+        lock_of: LockOf = lambda _: None,
+        refresh_s: float = REFRESH_S,
     ) -> None:
         profile = setup.profile
         self.setup = setup
@@ -68,7 +70,8 @@ class StarterTelemetry:
         summary = (name for name in SUMMARY_FLAGS if name in profile.points)
         self._status_codes = frozenset(rows_of_points(profile, summary))
         self._status = Status(profile, self.publisher, told_faults)
-        self._report = Report({name: point.deadband for name, point in profile.points.items()})
+        deadbands = {name: point.deadband for name, point in profile.points.items()}
+        self._report = Report(deadbands, refresh_s=refresh_s)
         self._identification = IdentityQuery(setup, line, self._take_identity)
         self._first_contact = FirstContact(setup, line, self.note_settings)
         self._watchdogs = watchdogs or KnownWatchdogs()
@@ -185,6 +188,16 @@ class StarterTelemetry:
 
     def retire(self) -> None:
         """Make room for another: ask for nothing and tell nothing any more; `close` must follow."""
+    def set_refresh(self, refresh_s: float) -> None:
+        """Publish unchanged values again after another time, from now on."""
+        self._report.set_refresh(refresh_s)
+        self._publish()
+
+    def restate(self) -> None:
+        """Publish the state again, because the starter's lock has changed."""
+        if self._status.expire():
+            self._publish()
+
         self._on_identified.clear()
         self._identification.cancel()
         self._first_contact.cancel()
