@@ -84,7 +84,6 @@ class StateRecord:
     time_s: float | None
     seq: int
     flags: Mapping[str, bool | None] = field(default_factory=dict)
-    is_lock_told: bool = False  # only then does `lock` mean anything
     lock: LockRecord | None = None
 
 

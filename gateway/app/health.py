@@ -18,7 +18,7 @@ from typing import Any
 from gateway.line.capacity.outage import FEEDS, LOOK_S
 from gateway.line.client import LineClient
 from gateway.mqtt.publisher import Publisher
-from gateway.records import LineRecord, Severity
+from gateway.records import LineRecord, Severity, Sink
 from gateway.system.hang_dump import HangWatch
 from gateway.system.loop_lag import LagMeter
 from gateway.system.systemd import Notifier
@@ -92,6 +92,7 @@ class Health:
         *,
         progress: Callable[[], Mapping[str, int]],
         publisher: Publisher,
+        sink: Sink,
         notifier: Notifier,
         watchdog_every_s: float | None,
         lines_lag: LagMeter,
@@ -102,6 +103,7 @@ class Health:
     ) -> None:
         self._progress = progress  # by line: grows with each step of its loop
         self._publisher = publisher
+        self._sink = sink
         self._notifier = notifier
         self._watchdog_every_s = watchdog_every_s  # half of systemd's limit
         self._hangs = hangs or HangWatch(watchdog_every_s)
@@ -243,7 +245,7 @@ class Health:
     def _put_figures(self) -> None:
         lag_s = {"line": round(self._lines_lag.worst_s, 4), "gateway": round(self._lag.worst_s, 4)}
         for line in self._lines:
-            self._publisher.put(
+            self._sink.put(
                 LineRecord(line.name, {**line.figures(), **self._computed_of(line), "lag_s": lag_s})
             )
 

@@ -8,7 +8,6 @@ from gateway.records import Quality
 from gateway.starters.telemetry.reporting import REFRESH_S, TICK_S, Report, is_news
 from gateway.starters.telemetry.snapshot import Reading, Value
 
-
 LATEST_S = REFRESH_S - TICK_S
 
 

@@ -224,9 +224,8 @@ class Payloads:
             "quality": record.quality,
             "time": rfc3339(record.time_s),
             "seq": record.seq,
+            "locked": _lock(record.lock),
         }
-        if record.is_lock_told:
-            fields["locked"] = _lock(record.lock)
         return _latest(self.topics.state(record.starter), _extended(fields, record.flags))
 
     def _availability(self, record: AvailabilityRecord) -> Message:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gateway.families.profile.schema import Profile
 from gateway.families.profile.state import alarms_of, state_of
-from gateway.records import Quality, Severity
+from gateway.records import Quality, Record, Severity
 from gateway.starters.telemetry.decoding import is_flag
 from gateway.starters.telemetry.emitter import Emitter
 from gateway.starters.telemetry.reporting import TICK_S
@@ -34,7 +34,7 @@ SUMMARY_FLAGS = (FAULT, "alarm")  # decide whether the alarms can be told at all
 
 
 class Status:
-    """Tells the state of one starter whenever it changes, and at the latest every 30 s."""
+    """Which records follow from each reading: the state when it changes, at the latest every 30 s."""
 
     def __init__(self, profile: Profile, publisher: Emitter, told: PublishedFaults | None = None) -> None:
         self._profile = profile
@@ -54,7 +54,9 @@ class Status:
         self._fault_since_s: float | None = None  # steady clock, when the present fault was seen first
         self._sent: tuple[str, Quality, dict[str, Value]] | None = None
         self._sent_s = -math.inf
-        self._standing = -1  # of the snapshot that was told last
+        self._standing = -1  # of the snapshot that was looked at last
+        self._state = UNKNOWN
+        self._records: list[Record] = []  # made by the present look
 
     @property
     def next_due_s(self) -> float:
@@ -62,7 +64,7 @@ class Status:
         return self._sent_s + STATE_EVERY_S
 
     def expire(self) -> bool:
-        """Have the state published again by the next `tell`; return whether it ever was."""
+        """Have the state published again by the next look; return whether it ever was."""
         self._sent_s = -math.inf
         return self._sent is not None
 
@@ -71,26 +73,32 @@ class Status:
         if snapshot.has_good():
             self._before.append((now_s, dict(snapshot.readings)))
 
-    def tell(self, snapshot: Snapshot, *, now_s: float, utc_s: float) -> str:
-        """Publish what a snapshot says and return the state; where nothing is new this costs nothing."""
+    @property
+    def state(self) -> str:
+        """Return the state as of the latest look."""
+        return self._state
+
+    def look(self, snapshot: Snapshot, *, now_s: float, utc_s: float) -> Sequence[Record]:
+        """Return what is to be published of a snapshot; where nothing is new this costs nothing."""
         has_fault = self._fault_since_s is not None or self._settled.is_waiting  # then times matter too
         if self._sent and snapshot.standing == self._standing and now_s < self.next_due_s and not has_fault:
-            return self._sent[0]
+            return ()
         self._standing = snapshot.standing
         values = snapshot.good_values()
-        state = state_of(self._profile, values)
-        self._tell_state(state, values, snapshot, now_s=now_s)
+        self._records = []
+        state = self._state = state_of(self._profile, values)
+        self._add_state(state, values, snapshot, now_s=now_s)
         shown = self._shown(snapshot, values)
-        self._tell_alarms(values, shown, utc_s=utc_s)
-        self._tell_events(snapshot, values, shown, now_s=now_s, utc_s=utc_s)
-        return state
+        self._add_alarms(values, shown, utc_s=utc_s)
+        self._add_events(snapshot, values, shown, now_s=now_s, utc_s=utc_s)
+        return self._records
 
     @property
     def is_waiting(self) -> bool:
         """Return whether something has changed that a second reading must show before it is an event."""
         return self._settled.is_waiting
 
-    def _tell_events(
+    def _add_events(
         self,
         snapshot: Snapshot,
         values: Mapping[str, Value],
@@ -108,7 +116,7 @@ class Status:
         first_s, before = self._first_seen or (utc_s, self._values_before(now_s))
         settled = self._settled.values
         state = state_of(self._profile, settled)
-        codes = self._tell_alarm_events(settled, shown, utc_s=first_s)
+        codes = self._add_alarm_events(settled, shown, utc_s=first_s)
         if state == "fault" and self._is_number_awaited(settled, now_s):
             return
         for change in self._watch.note(
@@ -117,12 +125,12 @@ class Status:
             time_s=first_s,
             is_known=self._told.is_told(self._publisher.starter, codes),
         ):
-            self._publisher.change(change, time_s=first_s, more=before)
+            self._records.append(self._publisher.change(change, time_s=first_s, more=before))
         self._remember_fault(state, codes, now_s=now_s)
         if not self._settled.is_waiting:
             self._first_seen = None
 
-    def _tell_alarm_events(
+    def _add_alarm_events(
         self, settled: Mapping[str, Value], shown: Mapping[str, Value], *, utc_s: float
     ) -> tuple[str, ...]:
         """Publish the alarms that came or went, and return the codes of the faults that stand."""
@@ -138,7 +146,7 @@ class Status:
             came = {standing.alarm.severity for standing in changed if standing.is_active}
             for standing in changed:
                 if standing.is_active or standing.alarm.severity not in came:
-                    self._publisher.change(_alarm_change(standing), time_s=utc_s)
+                    self._records.append(self._publisher.change(_alarm_change(standing), time_s=utc_s))
         return self._settled_alarms.active_codes("fault")
 
     def _is_number_awaited(self, settled: Mapping[str, Value], now_s: float) -> bool:
@@ -160,7 +168,7 @@ class Status:
         if now_s - self._fault_told_s >= LASTING_S:
             self._told.note(self._publisher.starter, codes)
 
-    def _tell_state(
+    def _add_state(
         self, state: str, values: Mapping[str, Value], snapshot: Snapshot, *, now_s: float
     ) -> None:
         flags = {name: values.get(name) for name in self._flags}
@@ -170,7 +178,8 @@ class Status:
             return
         times = [snapshot.readings[name].time_s for name in self._flags]
         known = [time_s for time_s in times if time_s is not None]
-        self._publisher.state(state, quality=quality, time_s=max(known, default=None), flags=flags)
+        time_s = max(known, default=None)
+        self._records.append(self._publisher.state(state, quality=quality, time_s=time_s, flags=flags))
         self._sent, self._sent_s = said, now_s
 
     def _quality(self, state: str, snapshot: Snapshot) -> Quality:
@@ -189,12 +198,12 @@ class Status:
             )
         return shown
 
-    def _tell_alarms(self, values: Mapping[str, Value], shown: Mapping[str, Value], *, utc_s: float) -> None:
+    def _add_alarms(self, values: Mapping[str, Value], shown: Mapping[str, Value], *, utc_s: float) -> None:
         """Publish the alarms as they stand; nothing can be said while a summary flag is not known."""
         if any(name not in values for name in self._summary_flags):
             return
         for standing in self._alarms.update(alarms_of(self._profile, shown), time_s=utc_s):
-            self._publisher.alarm(standing)
+            self._records.append(self._publisher.alarm(standing))
 
     def _is_number_of_this_fault(self, snapshot: Snapshot, *, has_fault: bool) -> bool:
         if not has_fault:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import assert_never
@@ -15,22 +17,23 @@ from gateway.families.reading.bulk import rows_of_points
 from gateway.families.reading.poll_blocks import Block
 from gateway.line.client import LineClient
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.scheduler.requests import Poll
+from gateway.line.scheduler.requests import Poll, Priority
 from gateway.modbus.codes import exception_name
+from gateway.modbus.pdu import Request
 from gateway.records import InfoRecord, SequenceNumbers, Severity, Sink
-from gateway.starters.identity.query import IdentityQuery, IdentityStatus, standing_of
+from gateway.starters.identity.first_contact import FirstContact, IdentityStatus, standing_of
 from gateway.starters.identity.registry import IdentityRegistry
-from gateway.starters.setup import StarterSetup, merged
+from gateway.starters.setup import Asked, StarterSetup, ask, merged
+from gateway.starters.telemetry.availability import Availability
 from gateway.starters.telemetry.decoding import AnswerCache, PointSources, Told, unit_of
 from gateway.starters.telemetry.degraded import LONGEST_PAUSE_S, PollLoss
-from gateway.starters.telemetry.emitter import Emitter, info_of
-from gateway.starters.telemetry.first_contact import FirstContact
+from gateway.starters.telemetry.emitter import Emitter, LockOf, info_of
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from gateway.starters.telemetry.polling import Polling
 from gateway.starters.telemetry.reporting import REFRESH_S, SOONEST_S, Report, TickTimer
 from gateway.starters.telemetry.snapshot import Snapshot
 from gateway.starters.telemetry.status import SUMMARY_FLAGS, Status
-from gateway.starters.telemetry.transitions import UNKNOWN, PublishedFaults
+from gateway.starters.telemetry.transitions import PublishedFaults
 from gateway.system.clock import Clock
 
 logger = logging.getLogger(__name__)
@@ -62,7 +65,7 @@ class StarterTelemetry:
         self.line = line
         self.variant = setup.variant
         self.snapshot = Snapshot({name: unit_of(profile, name) for name in profile.points})
-        self.publisher = Emitter(setup.name, sink=sink, clock=clock, sequence=sequence)
+        self.publisher = Emitter(setup.name, sink=sink, clock=clock, sequence=sequence, lock_of=lock_of)
         self._clock = clock
         self._sources = PointSources(profile)
         self._answers = AnswerCache(profile, self._sources)
@@ -72,23 +75,20 @@ class StarterTelemetry:
         self._status = Status(profile, self.publisher, told_faults)
         deadbands = {name: point.deadband for name, point in profile.points.items()}
         self._report = Report(deadbands, refresh_s=refresh_s)
-        self._identification = IdentityQuery(setup, line, self._take_identity)
-        self._first_contact = FirstContact(setup, line, self.note_settings)
+        self._first_contact = FirstContact(
+            setup, line, on_rows=self.note_settings, on_identity=self._take_identity
+        )
         self._watchdogs = watchdogs or KnownWatchdogs()
         self._watchdogs.add(setup, line)
         self._identities = identities or IdentityRegistry(sink=sink, clock=clock, sequence=sequence)
         self._identities.when_accepted(setup.name, self._judge_values)
         self._identity = Identity(reason="not yet asked")
         self._info: InfoRecord | None = None
-        self._is_answering = False
-        self._was_lost = False
+        self.availability = Availability(self.publisher)
         self._has_ended = False
-        self._troubles: dict[str, str] = {}  # by topic: what cannot be read at present
         self._loss = PollLoss()
         self._refused: tuple[str, ...] = ()  # rows that decide something, as told last
-        self._on_trouble: Callable[[str], None] = lambda _: None
         self._never_answered = "not yet read"  # why, as last told
-        self._state = UNKNOWN
         self._on_identified: list[Callable[[], None]] = []
         self._on_fast_words_lost: Callable[[str], None] = lambda _: None
         self._waker = TickTimer(clock, self._publish)
@@ -102,7 +102,7 @@ class StarterTelemetry:
     @property
     def is_answering(self) -> bool:
         """Return whether the starter is online."""
-        return self._is_answering
+        return self.availability.is_online
 
     @property
     def identity(self) -> Identity:
@@ -145,27 +145,13 @@ class StarterTelemetry:
         """Have something done with the reason when the mapped words must not be read any more."""
         self._on_fast_words_lost = call
 
-    def when_troubled(self, call: Callable[[str], None]) -> None:
-        """Have something done with each change of what cannot be read of it; empty: nothing."""
-        self._on_trouble = call
-
     def set_trouble(self, topic: str, reason: str) -> None:
         """Publish that a part of the starter cannot be read at present; an empty reason: it can be again."""
-        if self._troubles.get(topic, "") == reason:
-            return
-        was_degraded = bool(self._troubles)
-        if reason:
-            self._troubles[topic] = reason
-        else:
-            del self._troubles[topic]
-        text = "; ".join(self._troubles.values())
-        if self._is_answering:
-            self._publish_availability()
-        if reason:
-            self.publisher.event("degraded", Severity.WARNING, reason, {"topic": topic})
-        elif was_degraded and not text:
-            self.publisher.event("recovered", Severity.INFO, "the starter can be read whole again")
-        self._on_trouble(text)
+        self.availability.set_trouble(topic, reason)
+
+    def ask(self, request: Request, *, lane: Priority, until_s: float = math.inf) -> Asked:
+        """Send the starter a request, not later than `until_s`."""
+        return ask(self.line, self.setup, request, lane=lane, until_s=until_s)
 
     def use_fast_words(self, block: MappedBlock | None) -> None:
         """Read the points of this block in one request from now on; None: as they stand in the starter."""
@@ -174,10 +160,7 @@ class StarterTelemetry:
     def start(self) -> None:
         """Publish what is known so far, usually before the first answer; call once, on the app's loop."""
         self._publish_info()
-        if not self.setup.is_enabled:
-            self.publisher.availability("disabled", reason="disabled in the configuration")
-        elif not self._is_answering:
-            self.publisher.availability("offline", reason=self._never_answered)
+        self.availability.start(is_enabled=self.setup.is_enabled)
         self._publish()
 
     def set_every(self, every_s: float) -> None:
@@ -186,8 +169,6 @@ class StarterTelemetry:
         self._polling.set_every(every_s)
         self._watchdogs.add(self.setup, self.line)
 
-    def retire(self) -> None:
-        """Make room for another: ask for nothing and tell nothing any more; `close` must follow."""
     def set_refresh(self, refresh_s: float) -> None:
         """Publish unchanged values again after another time, from now on."""
         self._report.set_refresh(refresh_s)
@@ -198,12 +179,13 @@ class StarterTelemetry:
         if self._status.expire():
             self._publish()
 
+    def retire(self) -> None:
+        """Make room for another: ask for nothing and tell nothing any more; `close` must follow."""
         self._on_identified.clear()
-        self._identification.cancel()
         self._first_contact.cancel()
         self._waker.cancel()
         self._polling.withdraw()
-        self._on_trouble("")
+        self.availability.on_trouble("")
         self._watchdogs.remove(self.setup.name)
 
     def end(self, reason: str) -> None:
@@ -212,24 +194,21 @@ class StarterTelemetry:
         `publish_stale_values` must follow: it can wait until this has been published of all starters.
         """
         self._has_ended = True
-        self._identification.cancel()
         self._first_contact.cancel()
         self._waker.cancel()
-        if self._is_answering:
-            self.publisher.availability("offline", reason=reason)
+        self.availability.end(reason)
         self.snapshot.mark_stale()
-        self._status.tell(self.snapshot, now_s=self._clock.now_s(), utc_s=self._clock.utc_s())
+        now_s, utc_s = self._clock.now_s(), self._clock.utc_s()
+        self.publisher.put(*self._status.look(self.snapshot, now_s=now_s, utc_s=utc_s))
 
     def publish_stale_values(self) -> None:
         """Publish all values as stale, at once."""
         now_s = self._clock.now_s()
         self._report.offer(self.snapshot.take_changed(), now_s=now_s)
-        for point, reading in self._report.take_due(now_s + SOONEST_S).items():
-            self.publisher.value(point, reading)
+        self._put_values(now_s + SOONEST_S)
 
     async def close(self) -> None:
         """Do nothing more on its own; call once nothing is handed to it any more."""
-        await self._identification.close()
         await self._first_contact.close()
         self._waker.cancel()
 
@@ -238,7 +217,7 @@ class StarterTelemetry:
         block = self._polling.block(key)
         if block is None or self._has_ended:
             return
-        if self._is_answering:
+        if self.is_answering:
             poor = self._loss.note(is_lost=isinstance(outcome, (Silent, Garbled)))
             if poor is not None:
                 self.set_trouble(LOSS_TOPIC, poor)
@@ -259,11 +238,10 @@ class StarterTelemetry:
             return
         if is_answering:
             self._come_online()
-        elif self._is_answering:
+        elif self.is_answering:
             self._go_offline(reason, frames)
-        elif not self._was_lost and reason != self._never_answered:
-            self._never_answered = reason
-            self.publisher.availability("offline", reason=reason)
+        else:
+            self.availability.note_never_answered(reason)
 
     def settings_recalled(self) -> Mapping[str, tuple[int, ...]]:
         """Return the settings of its watchdog as an earlier run has left them."""
@@ -273,13 +251,20 @@ class StarterTelemetry:
         """Record settings that were just read: the watchdog's count for the line."""
         self._watchdogs.note(self.setup.name, rows)
 
-    def take_rows(
-        self, rows: Mapping[str, tuple[int, ...]], *, at_s: float, told: Told | None = None
-    ) -> None:
-        """Take over rows that were just read, by a poll or for a command, and publish what they say."""
+    def take_rows(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
+        """Record rows that were just read for a command; it goes on before they are decoded and published."""
+        self._record(rows, at_s=at_s)
+        asyncio.get_running_loop().call_soon(self._take_decoded, rows, at_s)
+
+    def _record(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
         self.snapshot.keep_rows(rows, at_s=at_s)
         if self.identity_standing is not IdentityStatus.MISMATCHED:
             self.note_settings(rows)
+
+    def _take_decoded(
+        self, rows: Mapping[str, tuple[int, ...]], at_s: float, told: Told | None = None
+    ) -> None:
+        """Decode rows that were recorded, unless that is done, and publish what they say."""
         if self._polling.is_withdrawn or self._has_ended:
             return  # only a stop asks such a starter, and needs its rows
         self._come_online()
@@ -301,7 +286,8 @@ class StarterTelemetry:
         self._polling.note_answer(key, at_s=answer.at_s)
         if self._refused:
             self._look_at_refusals()
-        self.take_rows(said.rows, at_s=answer.at_s, told=said.told)
+        self._record(said.rows, at_s=answer.at_s)
+        self._take_decoded(said.rows, answer.at_s, said.told)
 
     def _lose_fast_words(self, reason: str) -> None:
         """Read everything as it stands in the starter again, at once."""
@@ -329,40 +315,28 @@ class StarterTelemetry:
     def _look_at_refusals(self, why: str = "") -> None:
         """Publish which of the rows that decide state, fault or watchdog are refused."""
         codes = self._polling.refused_vital()
-        if codes or self._troubles.get(REFUSED_TOPIC):
+        before = self.availability.trouble(REFUSED_TOPIC)
+        if codes or before:
             text = f"{', '.join(codes)} refused ({why}), asked again at least every {LONGEST_PAUSE_S:g} s"
-            reason = self._troubles.get(REFUSED_TOPIC) if codes == self._refused else text
+            reason = before if codes == self._refused else text
             self._refused = codes
             self.set_trouble(REFUSED_TOPIC, (reason or text) if codes else "")
 
     def _come_online(self) -> None:
-        if self._is_answering:
+        if self.is_answering:
             return
-        self._is_answering = True
-        self._publish_availability()
-        if self._was_lost:
-            self.publisher.event("answers_again", Severity.INFO, "the starter answers again")
+        self.availability.come_online()
+        if self.availability.was_lost:
             self._polling.restore()
         self._first_contact.begin(is_known=self._watchdogs.is_known(self.setup))
-        self._identification.begin()
-
-    def _publish_availability(self) -> None:
-        text = "; ".join(self._troubles.values())
-        self.publisher.availability("degraded" if text else "online", reason=text or None)
 
     def _go_offline(self, reason: str, frames: tuple[str, ...]) -> None:
-        self._is_answering, self._was_lost = False, True
-        self._identification.cancel()
         self._first_contact.cancel()
         self._identity = Identity(reason="it has not been asked since it went silent")
         self._identities.forget(self.setup.name)
         self._refused = ()
         self._loss.clear()
-        self._troubles.clear()  # everything is asked again once it answers
-        self._on_trouble("")
-        self.publisher.availability("offline", reason=reason)
-        data = {"reason": reason, "frames": list(frames)}
-        self.publisher.event("went_silent", Severity.WARNING, f"the starter went silent: {reason}", data)
+        self.availability.go_offline(reason, frames)
         self.snapshot.mark_stale()
         self._polling.note_silence()
         self._publish()
@@ -371,7 +345,7 @@ class StarterTelemetry:
         before = self._identity
         self._identity = identity
         if standing_of(self.setup, identity) is IdentityStatus.MATCHING:
-            is_settled = self._identification.is_settled
+            is_settled = self._first_contact.is_settled
             self._identities.note(self.setup, identity, is_settled=is_settled)
             if standing_of(self.setup, before) is not IdentityStatus.MATCHING:
                 self._polling.restore()  # another device may have refused what this one has
@@ -415,24 +389,35 @@ class StarterTelemetry:
         info = info_of(self.setup, self.variant, self._identity)
         if info != self._info:
             self._info = info
-            self.publisher.sink.put(info)
+            self.publisher.put(info)
 
     def _publish(self, at_s: float | None = None) -> None:
-        """Publish what is due now; `at_s` is when the newest reading was taken."""
+        """Look at all that is known now, pace the polls by it, and publish what is due after that.
+
+        `at_s` is when the newest reading was taken. Publishing itself asks nothing of the line.
+        """
         now_s = self._clock.now_s()
         overdue = self._polling.take_overdue(now_s)
         if overdue:
             self.snapshot.mark_stale(self._sources.fed_by(overdue))
-        was_waiting = self._status.is_waiting
-        state = self._status.tell(self.snapshot, now_s=now_s, utc_s=self._clock.utc_s(at_s))
+        was_waiting, before = self._status.is_waiting, self._status.state
+        records = self._status.look(self.snapshot, now_s=now_s, utc_s=self._clock.utc_s(at_s))
+        self._pace(was_waiting=was_waiting, before=before)
+        self.publisher.put(*records)
+        self._report.offer(self.snapshot.take_changed(), now_s=now_s)
+        self._put_values(now_s)
+        overdue_s = self._polling.next_overdue_s()
+        self._waker.at(min(self._report.next_due_s(), self._status.next_due_s, overdue_s))
+
+    def _pace(self, *, was_waiting: bool, before: str) -> None:
+        """Ask sooner for what has changed, and as often as the state wants it."""
+        state = self._status.state
         if self._status.is_waiting and not was_waiting:
             self._polling.hasten_status()  # what has changed is an event once it is read again
         self._polling.hurry(is_fast=state in BUSY_STATES, is_idle=state in IDLE_STATES)
-        if state == "fault" and self._state != state:
+        if state == "fault" and before != state:
             self._polling.hasten()  # the fault's number and the values around it, as soon as the line allows
-        self._state = state
-        self._report.offer(self.snapshot.take_changed(), now_s=now_s)
+
+    def _put_values(self, now_s: float) -> None:
         for point, reading in self._report.take_due(now_s).items():
-            self.publisher.value(point, reading)
-        overdue_s = self._polling.next_overdue_s()
-        self._waker.at(min(self._report.next_due_s(), self._status.next_due_s, overdue_s))
+            self.publisher.put(self.publisher.value(point, reading))
