@@ -85,6 +85,7 @@ class StateRecord:
     seq: int
     flags: Mapping[str, bool | None] = field(default_factory=dict)
     lock: LockRecord | None = None
+    reason: str = ""  # why it is unknown although the starter answers
 
 
 @dataclass(frozen=True, slots=True)

@@ -224,8 +224,10 @@ class Payloads:
             "quality": record.quality,
             "time": rfc3339(record.time_s),
             "seq": record.seq,
-            "locked": _lock(record.lock),
         }
+        if record.reason:
+            fields["reason"] = record.reason
+        fields["locked"] = _lock(record.lock)
         return _latest(self.topics.state(record.starter), _extended(fields, record.flags))
 
     def _availability(self, record: AvailabilityRecord) -> Message:

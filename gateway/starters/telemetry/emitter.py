@@ -83,12 +83,18 @@ class Emitter:
         )
 
     def state(
-        self, state: str, *, quality: Quality, time_s: float | None, flags: Mapping[str, Value]
+        self,
+        state: str,
+        *,
+        quality: Quality,
+        time_s: float | None,
+        flags: Mapping[str, Value],
+        reason: str = "",
     ) -> StateRecord:
         """Return the state with its boolean points, and the starter's lock."""
         known = {name: as_flag(value) for name, value in flags.items()}
         seq, lock = self._sequence.take(), self._lock_of(self.starter)
-        return StateRecord(self.starter, state, quality, time_s, seq, known, lock)
+        return StateRecord(self.starter, state, quality, time_s, seq, known, lock, reason)
 
     def alarm(self, standing: AlarmStatus) -> AlarmRecord:
         """Return one fault or alarm as it stands."""

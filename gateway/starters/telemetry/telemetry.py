@@ -34,6 +34,7 @@ from gateway.starters.telemetry.reporting import REFRESH_S, SOONEST_S, Report, T
 from gateway.starters.telemetry.snapshot import Snapshot
 from gateway.starters.telemetry.status import SUMMARY_FLAGS, Status
 from gateway.starters.telemetry.transitions import PublishedFaults
+from gateway.starters.telemetry.withheld import Withheld
 from gateway.system.clock import Clock
 
 logger = logging.getLogger(__name__)
@@ -83,6 +84,7 @@ class StarterTelemetry:
         self._identities = identities or IdentityRegistry(sink=sink, clock=clock, sequence=sequence)
         self._identities.when_accepted(setup.name, self._judge_values)
         self._identity = Identity(reason="not yet asked")
+        self._withheld = Withheld()
         self._info: InfoRecord | None = None
         self.availability = Availability(self.publisher)
         self._has_ended = False
@@ -268,6 +270,13 @@ class StarterTelemetry:
         if self._polling.is_withdrawn or self._has_ended:
             return  # only a stop asks such a starter, and needs its rows
         self._come_online()
+        if self._withheld.is_open:
+            self._withheld.put(rows, at_s=at_s)
+        else:
+            self._apply(rows, at_s, told)
+        self._publish(at_s)
+
+    def _apply(self, rows: Mapping[str, tuple[int, ...]], at_s: float, told: Told | None = None) -> None:
         if told is None:
             known = self.snapshot.rows_since(at_s - self._polling.patience_s)
             told = Told(*self._sources.tell(self.variant, rows, known=known))
@@ -275,7 +284,6 @@ class StarterTelemetry:
             self._status.remember(self.snapshot, now_s=at_s)
         self.snapshot.apply(told.points, at_s=at_s, time_s=self._clock.utc_s(at_s))
         self.snapshot.refuse(told.untold)
-        self._publish(at_s)
 
     def _take_answer(self, key: str, block: Block, answer: Answered) -> None:
         said = self._answers.read(key, block, self.variant, answer.value)
@@ -334,6 +342,7 @@ class StarterTelemetry:
         self._first_contact.cancel()
         self._identity = Identity(reason="it has not been asked since it went silent")
         self._identities.forget(self.setup.name)
+        self._withheld.withhold()
         self._refused = ()
         self._loss.clear()
         self.availability.go_offline(reason, frames)
@@ -356,6 +365,17 @@ class StarterTelemetry:
         elif self.identity_reason != why_not(self.profile, before):
             self._tell_held()
         self._judge_values()
+        if self._withheld.is_open and self._first_contact.is_answered:
+            for at_s, rows in self._withheld.release():
+                self._apply(rows, at_s)
+                self._publish(at_s)
+            self._publish()
+
+    def _why_unknown(self) -> str:
+        """Return why nothing is said of a starter that answers; empty when something is."""
+        if not self.is_answering:
+            return ""
+        return "it is being identified" if self._withheld.is_open else self.contradiction
 
     def _judge_values(self) -> None:
         """Make values bad while the device contradicts the configuration, good again once it does not."""
@@ -401,7 +421,9 @@ class StarterTelemetry:
         if overdue:
             self.snapshot.mark_stale(self._sources.fed_by(overdue))
         was_waiting, before = self._status.is_waiting, self._status.state
-        records = self._status.look(self.snapshot, now_s=now_s, utc_s=self._clock.utc_s(at_s))
+        records = self._status.look(
+            self.snapshot, now_s=now_s, utc_s=self._clock.utc_s(at_s), reason=self._why_unknown()
+        )
         self._pace(was_waiting=was_waiting, before=before)
         self.publisher.put(*records)
         self._report.offer(self.snapshot.take_changed(), now_s=now_s)
