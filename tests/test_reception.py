@@ -16,9 +16,8 @@ from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.freshness import Tokens
 from gateway.mqtt.contract.payloads import Payloads
 from gateway.mqtt.contract.run_token import RunToken
-from gateway.mqtt.contract.strict_json import rfc3339
 from gateway.mqtt.contract.topics import Topics
-from gateway.records import AuditRecord, ResultRecord, Severity
+from gateway.records import AuditRecord, ResultRecord, Severity, rfc3339
 from gateway.starters.policy.rights import Operator
 from gateway.system.clock import ClockWatch
 from gateway.system.clock_steps import ClockReading

@@ -21,6 +21,7 @@ from gateway.mqtt.publisher import Publisher
 from gateway.records import LineRecord, Severity, Sink
 from gateway.system.hang_dump import HangWatch
 from gateway.system.loop_lag import LagMeter
+from gateway.system.once import Alarm
 from gateway.system.systemd import Notifier
 
 FULL = 0.95  # of its time
@@ -57,7 +58,7 @@ class WatchdogAlarm:
 
     def __init__(self) -> None:
         self._is_full = False  # the watchdogs need more than there is
-        self._missed: dict[int, float] = {}  # by unit: when one was last left for too long
+        self._missed: dict[int, Alarm] = {}  # by unit
 
     def take(self, figures: Mapping[str, float | int], now_s: float) -> str | None:
         """Return what is wrong when that is news, None otherwise."""
@@ -66,10 +67,10 @@ class WatchdogAlarm:
         told = None
         if self._is_full and not was_full:
             told = f"the starters' watchdogs need {load:.0%} of its time and cannot all be kept"
-        if share >= 1.0:
-            if now_s - self._missed.get(unit, -QUIET_S) >= QUIET_S and told is None:
-                told = f"address {unit} was left for {share:.0%} of its watchdog's time: it may have acted"
-            self._missed[unit] = now_s
+        if share >= 1.0 and self._missed.setdefault(unit, Alarm(QUIET_S)).sounds(now_s):
+            told = (
+                told or f"address {unit} was left for {share:.0%} of its watchdog's time: it may have acted"
+            )
         return told
 
 
@@ -262,16 +263,12 @@ class _LagWatch:
         self._what = what
         self._meter = meter
         self._tell = tell
-        self._warned_s = self._alarmed_s = float("-inf")
+        self._warning, self._alarm = Alarm(LAG_QUIET_S), Alarm(LAG_QUIET_S)
 
     def look(self, now_s: float) -> None:
         worst_s = self._meter.take_worst_s()
         text = f"{self._what} was {worst_s:.3f} s late"
-        if worst_s > (self.shortest_watchdog_s or float("inf")) / 3:
-            if now_s - self._alarmed_s > LAG_QUIET_S:
-                self._tell("lag", Severity.ERROR, f"{text}: starters' watchdogs may act")
-            self._alarmed_s = now_s
-        if worst_s > LAG_WARNS_S:
-            if now_s - self._warned_s > LAG_QUIET_S:
-                log.warning("%s; it is told once, the worst is in the line's figures", text)
-            self._warned_s = now_s
+        if worst_s > (self.shortest_watchdog_s or float("inf")) / 3 and self._alarm.sounds(now_s):
+            self._tell("lag", Severity.ERROR, f"{text}: starters' watchdogs may act")
+        if worst_s > LAG_WARNS_S and self._warning.sounds(now_s):
+            log.warning("%s; it is said once, the worst is in the line's statistics", text)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 
 from gateway import __version__
 from gateway.app.site import Site
-from gateway.config.convert import policy_of, tls_files_of
+from gateway.config.convert import policy_of, rights_of, tls_files_of
 from gateway.config.schema import Config
 from gateway.mqtt.connection.broker import BrokerConnection
 from gateway.mqtt.connection.reconnect import Version
@@ -20,7 +20,7 @@ from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
 from gateway.mqtt.connection.unread import Unread
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.freshness import Tokens
-from gateway.mqtt.contract.payloads import GatewayInfo, Message, OperatorInfo, Payloads
+from gateway.mqtt.contract.payloads import GatewayInfo, Message, Payloads
 from gateway.mqtt.contract.topics import Topics
 from gateway.mqtt.outbox.disk_sync import DiskSync, Tell
 from gateway.mqtt.outbox.outbox import Outbox
@@ -94,10 +94,7 @@ class Uplink:
                 version=__version__,
                 starters=tuple(starter.name for line in config.lines for starter in line.starters),
                 lines=tuple(line.name for line in config.lines),
-                operators=tuple(
-                    OperatorInfo(each.client, each.may, each.starters, each.freshness)
-                    for each in config.operators
-                ),
+                operators=rights_of(config).operators,
                 groups=policy_of(config).groups,
                 mqtt_version=self._version,
             )

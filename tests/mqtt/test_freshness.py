@@ -11,9 +11,8 @@ from gateway.mqtt.contract.commands import CommandParser, Incoming, Rejection
 from gateway.mqtt.contract.freshness import MAX_TTL_S, Moment, Tokens
 from gateway.mqtt.contract.payloads import Payloads
 from gateway.mqtt.contract.run_token import RunToken
-from gateway.mqtt.contract.strict_json import rfc3339
 from gateway.mqtt.contract.topics import Topics
-from gateway.records import EventRecord, LockRecord, Quality, Severity, StateRecord
+from gateway.records import EventRecord, LockRecord, Quality, Severity, StateRecord, rfc3339
 from gateway.starters.policy.request import CommandRequest
 
 NOW_S = 1_795_222_923.0

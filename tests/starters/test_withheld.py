@@ -6,7 +6,6 @@ import asyncio
 from typing import Any
 
 import pytest
-from gateway.starters.identity.first_contact import IdentityStatus
 
 from gateway.families.profile.load import FAMILIES
 from gateway.line.rtu.outcome import Refused, Silent
@@ -15,6 +14,7 @@ from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadInputRegisters
 from gateway.records import AvailabilityRecord, EventRecord, Quality, StateRecord, ValueRecord
 from gateway.sim.factory import make_unit
+from gateway.starters.identity.first_contact import IdentityStatus
 from gateway.starters.telemetry.withheld import Withheld
 from tests.starters.fakes import AT_SPEED, P003, VB01, RecordingSink
 from tests.starters.one_starter import TestMemory, one_starter

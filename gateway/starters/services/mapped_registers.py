@@ -29,6 +29,7 @@ from gateway.starters.commands.view import StarterControlView
 from gateway.starters.identity.first_contact import IdentityStatus
 from gateway.starters.policy.write_budget import WriteBudget
 from gateway.system.clock import Clock
+from gateway.system.once import News
 from gateway.system.supervised import SupervisedTask
 
 logger = logging.getLogger(__name__)
@@ -77,7 +78,7 @@ class MappedRegisters:
         self._task = SupervisedTask(f"fast words {starter.setup.name}")
         self.close = self._task.close
         self._is_contested = False
-        self._told = ""  # the last event, so that nothing is said twice
+        self._news = News()  # the code of the last event
         self._writings = 0  # that did not read back, in a row
         self._pause_s = RETRY_S
         self._is_waiting = False  # until it is allowed to write; nothing is asked meanwhile
@@ -221,9 +222,8 @@ class MappedRegisters:
         )
 
     def _tell(self, code: str, severity: Severity, text: str) -> None:
-        if code == self._told:
+        if not self._news.is_new(code):
             return
-        self._told = code
         logger.log(
             logging.INFO if severity is Severity.INFO else logging.WARNING,
             "starter=%s %s",

@@ -18,6 +18,7 @@ from gateway.line.scheduler.requests import Priority
 from gateway.records import Severity
 from gateway.starters.bulk_read import BulkReading, read_in_bulk
 from gateway.starters.commands.view import StarterControlView
+from gateway.system.once import News
 from gateway.system.supervised import SupervisedTask
 
 logger = logging.getLogger(__name__)
@@ -40,7 +41,7 @@ class ReadinessService:
         self.on_rows: Callable[[Mapping[str, tuple[int, ...]]], None] = lambda _: None  # gets what was read
         self._task = SupervisedTask(f"readiness {starter.setup.name}")
         self.close = self._task.close
-        self._said: object = None  # what the last event was told from
+        self._news = News()  # what the last event was made of
 
     def begin(self) -> None:
         """Look; the starter is identified."""
@@ -92,9 +93,8 @@ class ReadinessService:
             watchdog_s=starter.setup.watchdog_s,
         )
         said = (tuple(sorted(rows.items())), tuple(finding.weight for finding in findings))
-        if said == self._said or not findings:
+        if not findings or not self._news.is_new(said):
             return
-        self._said = said
         data = {
             "would_refuse_start": refuses_start(findings),
             "findings": [_as_data(finding) for finding in findings],

@@ -28,7 +28,7 @@ from gateway.records import (
 )
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.decoding import type_of, unit_of
-from gateway.starters.telemetry.snapshot import Reading, Value, as_flag
+from gateway.starters.telemetry.snapshot import Reading, Value
 from gateway.starters.telemetry.transitions import AlarmStatus, Change
 from gateway.system.clock import Clock
 
@@ -92,7 +92,7 @@ class Emitter:
         reason: str = "",
     ) -> StateRecord:
         """Return the state with its boolean points, and the starter's lock."""
-        known = {name: as_flag(value) for name, value in flags.items()}
+        known = {name: value if isinstance(value, bool) else None for name, value in flags.items()}
         seq, lock = self._sequence.take(), self._lock_of(self.starter)
         return StateRecord(self.starter, state, quality, time_s, seq, known, lock, reason)
 

@@ -109,8 +109,10 @@ class Report:
         return self._next_due_s
 
     def _look_ahead(self) -> None:
-        due_s = (min(each.changed_s, each.sent_s + self._latest_s) for each in self._entries.values())
-        self._next_due_s = min(due_s, default=math.inf)
+        next_due_s = math.inf
+        for entry in self._entries.values():  # no generator: this runs at each publication
+            next_due_s = min(next_due_s, entry.changed_s, entry.sent_s + self._latest_s)
+        self._next_due_s = next_due_s
 
 
 def is_news(sent: Reading, now: Reading, deadband: float) -> bool:

@@ -114,14 +114,13 @@ class Status:
     ) -> None:
         """Publish what two readings in a row say has happened, as of the first of them."""
         deciding = (*self._flags, *self._numbers)
-        known = {name: snapshot.readings[name] for name in deciding if name in values}
+        all_readings = snapshot.readings
         readings: dict[str, tuple[Any, float]] = {
-            name: (each.value, each.at_s or 0.0) for name, each in known.items()
+            name: (values[name], all_readings[name].at_s or 0.0) for name in deciding if name in values
         }
         if self._state != UNKNOWN:
             # Of one reading as a whole: flags that settle one by one may never have stood together.
-            at_s = min(known[name].at_s or 0.0 for name in self._flags if name in known)
-            readings[STATE] = (self._state, at_s)
+            readings[STATE] = (self._state, min([readings[n][1] for n in self._flags if n in readings]))
         self._settled.note(readings)
         if self._settled.is_waiting and self._first_seen is None:
             self._first_seen = (utc_s, self._values_before(now_s))
@@ -188,9 +187,9 @@ class Status:
         said = (state, quality, flags, reason)
         if said == self._sent and now_s < self.next_due_s:
             return
-        times = [snapshot.readings[name].time_s for name in self._flags]
-        known = [time_s for time_s in times if time_s is not None]
-        time_s = max(known, default=None)
+        readings = snapshot.readings
+        times = [readings[name].time_s for name in self._flags]
+        time_s = max([each for each in times if each is not None], default=None)
         self._records.append(
             self._publisher.state(state, quality=quality, time_s=time_s, flags=flags, reason=reason)
         )

@@ -20,7 +20,7 @@ from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.scheduler.requests import Poll, Priority
 from gateway.modbus.codes import exception_name
 from gateway.modbus.pdu import Request
-from gateway.records import InfoRecord, SequenceNumbers, Severity, Sink
+from gateway.records import SequenceNumbers, Severity, Sink
 from gateway.starters.identity.first_contact import FirstContact, IdentityStatus, standing_of
 from gateway.starters.identity.registry import IdentityRegistry
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
@@ -36,6 +36,7 @@ from gateway.starters.telemetry.status import SUMMARY_FLAGS, Status
 from gateway.starters.telemetry.transitions import PublishedFaults
 from gateway.starters.telemetry.withheld import Withheld
 from gateway.system.clock import Clock
+from gateway.system.once import News
 
 logger = logging.getLogger(__name__)
 
@@ -85,7 +86,7 @@ class StarterTelemetry:
         self._identities.when_accepted(setup.name, self._judge_values)
         self._identity = Identity(reason="not yet asked")
         self._withheld = Withheld()
-        self._info: InfoRecord | None = None
+        self._info = News()  # what was published of it
         self.availability = Availability(self.publisher)
         self._has_ended = False
         self._loss = PollLoss()
@@ -407,8 +408,7 @@ class StarterTelemetry:
 
     def _publish_info(self) -> None:
         info = info_of(self.setup, self.variant, self._identity)
-        if info != self._info:
-            self._info = info
+        if self._info.is_new(info):
             self.publisher.put(info)
 
     def _publish(self, at_s: float | None = None) -> None:
