@@ -10,8 +10,7 @@ from dataclasses import replace
 from typing import assert_never
 
 from gateway.families.mapped_registers import MappedBlock
-from gateway.families.profile.identify import Identity, why_not
-from gateway.families.profile.load import stop_profile
+from gateway.families.profile.identify import Identity
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.reading.bulk import rows_of_points
 from gateway.families.reading.poll_blocks import Block
@@ -20,7 +19,7 @@ from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.scheduler.requests import Poll, Priority
 from gateway.modbus.codes import exception_name
 from gateway.modbus.pdu import Request
-from gateway.records import SequenceNumbers, Severity, Sink
+from gateway.records import SequenceNumbers, Sink
 from gateway.starters.identity.first_contact import FirstContact, IdentityStatus, standing_of
 from gateway.starters.identity.registry import IdentityRegistry
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
@@ -28,13 +27,13 @@ from gateway.starters.telemetry.availability import Availability
 from gateway.starters.telemetry.decoding import AnswerCache, PointSources, Told, unit_of
 from gateway.starters.telemetry.degraded import LONGEST_PAUSE_S, PollLoss
 from gateway.starters.telemetry.emitter import Emitter, LockOf, info_of
+from gateway.starters.telemetry.identity_check import IdentityCheck, Withheld
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from gateway.starters.telemetry.polling import Polling
 from gateway.starters.telemetry.reporting import REFRESH_S, SOONEST_S, Report, TickTimer
 from gateway.starters.telemetry.snapshot import Snapshot
 from gateway.starters.telemetry.status import SUMMARY_FLAGS, Status
 from gateway.starters.telemetry.transitions import PublishedFaults
-from gateway.starters.telemetry.withheld import Withheld
 from gateway.system.clock import Clock
 from gateway.system.once import News
 
@@ -82,16 +81,15 @@ class StarterTelemetry:
         )
         self._watchdogs = watchdogs or KnownWatchdogs()
         self._watchdogs.add(setup, line)
-        self._identities = identities or IdentityRegistry(sink=sink, clock=clock, sequence=sequence)
-        self._identities.when_accepted(setup.name, self._judge_values)
-        self._identity = Identity(reason="not yet asked")
+        identities = identities or IdentityRegistry(sink=sink, clock=clock, sequence=sequence)
+        identities.when_accepted(setup.name, self._judge_values)
+        self._identity = IdentityCheck(setup, identities, self.publisher)
         self._withheld = Withheld()
         self._info = News()  # what was published of it
         self.availability = Availability(self.publisher)
         self._has_ended = False
         self._loss = PollLoss()
         self._refused: tuple[str, ...] = ()  # rows that decide something, as told last
-        self._never_answered = "not yet read"  # why, as last told
         self._on_identified: list[Callable[[], None]] = []
         self._on_fast_words_lost: Callable[[str], None] = lambda _: None
         self._waker = TickTimer(clock, self._publish)
@@ -109,27 +107,23 @@ class StarterTelemetry:
 
     @property
     def identity(self) -> Identity:
-        """Return what the one who answers said about itself."""
-        return self._identity
+        """Return what the device said about itself."""
+        return self._identity.seen
 
     @property
     def identity_standing(self) -> IdentityStatus:
-        """Return whether the one who answers has proved to be the configured family, as before."""
-        standing = standing_of(self.setup, self._identity)
-        is_held = standing is IdentityStatus.MATCHING and self._identities.trouble(self.setup.name)
-        return IdentityStatus.CHANGED if is_held else standing
+        """Return whether the device has proved to be the configured family, as before."""
+        return self._identity.standing
 
     @property
     def identity_reason(self) -> str:
         """Return in words why the identity is not matching; empty when it is."""
-        return why_not(self.profile, self._identity) or self._identities.trouble(self.setup.name)
+        return self._identity.reason
 
     @property
     def contradiction(self) -> str:
         """Return in what the device contradicts the configuration, so that its values mean nothing."""
-        if standing_of(self.setup, self._identity) is IdentityStatus.MISMATCHED:
-            return why_not(self.profile, self._identity) or ""
-        return self._identities.contradiction(self.setup.name)
+        return self._identity.contradiction
 
     @property
     def status_period_s(self) -> float:
@@ -341,8 +335,7 @@ class StarterTelemetry:
 
     def _go_offline(self, reason: str, frames: tuple[str, ...]) -> None:
         self._first_contact.cancel()
-        self._identity = Identity(reason="it has not been asked since it went silent")
-        self._identities.forget(self.setup.name)
+        self._identity.forget()
         self._withheld.withhold()
         self._refused = ()
         self._loss.clear()
@@ -352,19 +345,14 @@ class StarterTelemetry:
         self._publish()
 
     def _take_identity(self, identity: Identity) -> None:
-        before = self._identity
-        self._identity = identity
-        if standing_of(self.setup, identity) is IdentityStatus.MATCHING:
-            is_settled = self._first_contact.is_settled
-            self._identities.note(self.setup, identity, is_settled=is_settled)
-            if standing_of(self.setup, before) is not IdentityStatus.MATCHING:
+        was_matching = standing_of(self.setup, self.identity) is IdentityStatus.MATCHING
+        if self._identity.take(identity, is_settled=self._first_contact.is_settled):
+            if not was_matching:
                 self._polling.restore()  # another device may have refused what this one has
             self._take_variant(merged(self.setup.variant, identity))
             self._publish_info()
             for call in self._on_identified:
                 call()
-        elif self.identity_reason != why_not(self.profile, before):
-            self._tell_held()
         self._judge_values()
         if self._withheld.is_open and self._first_contact.is_answered:
             for at_s, rows in self._withheld.release():
@@ -395,19 +383,8 @@ class StarterTelemetry:
             self._polling.replan(variant)
             self._polling.hasten()  # some rows mean something else now
 
-    def _tell_held(self) -> None:
-        """Say that commands are held, because someone else answers or because it is not known who does."""
-        text = f"commands are held: {self.identity_reason}"
-        if self.identity_standing is IdentityStatus.MISMATCHED:
-            seen = self._identity
-            stop_profile(self.profile, seen)  # loaded now, so that a stop need not wait for it
-            data = {"expected": self.profile.family, "seen": seen.family_seen, "model": seen.model}
-            self.publisher.event("identity_mismatch", Severity.ERROR, text, data)
-        else:
-            self.publisher.event("identity_unknown", Severity.WARNING, text)
-
     def _publish_info(self) -> None:
-        info = info_of(self.setup, self.variant, self._identity)
+        info = info_of(self.setup, self.variant, self.identity)
         if self._info.is_new(info):
             self.publisher.put(info)
 
