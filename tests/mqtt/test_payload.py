@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from gateway.mqtt.contract.payloads import GatewayInfo, Message, OperatorInfo, Payloads, cleared
+from gateway.mqtt.contract.payloads import GatewayInfo, Message, Payloads, cleared
 from gateway.mqtt.contract.topics import Topics
 from gateway.records import (
     AlarmRecord,
@@ -23,6 +23,7 @@ from gateway.records import (
     StateRecord,
     ValueRecord,
 )
+from gateway.starters.policy.rights import Operator
 
 T = 1_795_222_923.456
 AT = '"2026-11-21T01:02:03.456Z"'
@@ -241,7 +242,7 @@ def test_the_info_says_who_may_do_what_and_that_this_is_no_safety_function() -> 
         version="0.1.0",
         starters=("pump-1",),
         lines=("pumps",),
-        operators=(OperatorInfo("alice", ("start", "stop"), ("pump-*",)),),
+        operators=(Operator("alice", ("start", "stop"), ("pump-*",)),),
     )
 
     message = payloads().gateway_info(info)

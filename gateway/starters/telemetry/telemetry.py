@@ -173,11 +173,12 @@ class StarterTelemetry:
 
     def restate(self) -> None:
         """Publish the state again, because the starter's lock has changed."""
-        if self._status.expire():
+        if not self._has_ended and self._status.expire():
             self._publish()
 
     def retire(self) -> None:
-        """Make room for another: ask for nothing and tell nothing any more; `close` must follow."""
+        """Make room for another: ask for nothing and publish nothing any more; `close` must follow."""
+        self._has_ended = True
         self._on_identified.clear()
         self._first_contact.cancel()
         self._waker.cancel()
