@@ -208,13 +208,13 @@ class AuditRecord:
             "time": rfc3339(self.time_s),
             "starter": self.starter,
             "client": self.client,
-            "id": self.id,
             "verb": self.verb,
             "args": self.args,
             "decision": self.decision,
             "code": self.code,
             "before": self.before,
             "after": self.after,
+            "id": self.id,
         }
 
 

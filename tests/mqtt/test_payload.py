@@ -72,7 +72,8 @@ FIGURES = {"qos": 0, "retain": True, "is_kept": False}
             ),
             "b/starter/pump-1/state",
             LATEST,
-            f'{{"state":"running","quality":"good","time":{AT},"seq":5,"running":true,"fault":null}}',
+            f'{{"state":"running","quality":"good","time":{AT},"seq":5,"locked":null,"running":true,'
+            '"fault":null}',
         ),
         (
             AvailabilityRecord("pump-1", "offline", T, "silent"),
@@ -146,9 +147,9 @@ FIGURES = {"qos": 0, "retain": True, "is_kept": False}
             ),
             "b/audit",
             KEPT,
-            f'{{"seq":10,"time":{AT},"boot":"boot-1","starter":"pump-1","client":"alice","operator":"Al",'
+            f'{{"seq":10,"time":{AT},"starter":"pump-1","client":"alice",'
             '"verb":"set","args":{"value":30.0},"decision":"confirmed","code":"ok","before":{"P314":20},'
-            '"after":{"P314":30},"id":"c1","reason":null}',
+            '"after":{"P314":30},"id":"c1","operator":"Al","reason":null,"boot":"boot-1"}',
         ),
         (LineRecord("pumps", {"polls": 3}), "b/gateway/line/pumps", FIGURES, '{"polls":3}'),
     ],
