@@ -8,8 +8,10 @@ The number that tells records of one boot apart and puts them in order.
 from __future__ import annotations
 
 import enum
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from typing import Any, Protocol
 
 SELECT, CANCEL, LOCK, UNLOCK, ACCEPT = "select", "cancel", "lock", "unlock", "accept"
@@ -49,6 +51,17 @@ class Phase(enum.StrEnum):
         return self not in (Phase.ACCEPTED, Phase.WRITTEN)
 
 
+def rfc3339(time_s: float | None) -> str | None:
+    """Return seconds since 1970 as `2026-11-21T01:02:03.456Z`; None when unknown or beyond the calendar."""
+    if time_s is None or not math.isfinite(time_s):
+        return None
+    try:
+        moment = datetime.fromtimestamp(round(time_s, 3), UTC)
+    except (ValueError, OverflowError, OSError):
+        return None
+    return moment.replace(tzinfo=None).isoformat(timespec="milliseconds") + "Z"
+
+
 @dataclass(frozen=True, slots=True)
 class ValueRecord:
     """One point's value; `time_s` is None when it was never read."""
@@ -84,7 +97,6 @@ class StateRecord:
     time_s: float | None
     seq: int
     flags: Mapping[str, bool | None] = field(default_factory=dict)
-    is_lock_told: bool = False  # only then does `lock` mean anything
     lock: LockRecord | None = None
     reason: str = ""  # why it is unknown although the starter answers
 
@@ -188,6 +200,22 @@ class AuditRecord:
     after: Mapping[str, Any] = field(default_factory=dict)
     id: str | None = None
     reason: str | None = None  # the operator's, a claim
+
+    def as_data(self) -> dict[str, Any]:
+        """Return what MQTT and the audit files say alike; what the operator claims is named by each."""
+        return {
+            "seq": self.seq,
+            "time": rfc3339(self.time_s),
+            "starter": self.starter,
+            "client": self.client,
+            "verb": self.verb,
+            "args": self.args,
+            "decision": self.decision,
+            "code": self.code,
+            "before": self.before,
+            "after": self.after,
+            "id": self.id,
+        }
 
 
 @dataclass(frozen=True, slots=True)

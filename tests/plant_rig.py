@@ -9,11 +9,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from gateway.app.plant import Plant
+from gateway.app.record_bus import RecordBus
 from gateway.config.convert import policy_of, rights_of, timing_of
 from gateway.config.diff import changes_of
 from gateway.config.load import parse
 from gateway.config.schema import Config, LineTable
-from gateway.records import AvailabilityRecord, SequenceNumbers, Severity, StateRecord
+from gateway.records import AvailabilityRecord, SequenceNumbers, Severity, StateRecord, ValueRecord
 from gateway.sim.bus.port import SimulatedLine, SimulatedOpener
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.starters.policy.policy import Policy
@@ -114,6 +115,10 @@ class RunningPlant:
     def states(self, name: str) -> list[str]:
         return [record.state for record in self.sink.of(StateRecord) if record.starter == name]
 
+    def of_point(self, starter: str, point: str) -> list[ValueRecord]:
+        """Return what was published of one point."""
+        return [each for each in self.sink.of(ValueRecord) if (each.starter, each.point) == (starter, point)]
+
     def said(self, name: str) -> list[str]:
         """Return the availability of a starter as it was told, one after the other."""
         return [record.state for record in self.sink.of(AvailabilityRecord) if record.starter == name]
@@ -141,30 +146,19 @@ async def running(settled_s: float = 30.0, *changes: tuple[str, str]) -> AsyncIt
         *(("yard", 1, "ssw900"), ("yard", 2, "sst")),
     ):
         here.connect(port, address, family)
-    precautions = Policy(
-        policy_of(here.config),
-        ["pump", "fan", "mill", "belt"],
-        rights=rights_of(here.config),
-        sink=here.sink,
-        clock=clock,
-        sequence=sequence,
-    )
-    companions = here.companions = StarterServices(
-        here.sink, patrol_every_s=3600.0
-    )  # both would look at the same instant
+    bus = RecordBus()
+    made: dict[str, Any] = {"sink": bus, "clock": clock, "sequence": sequence}
+    rights = rights_of(here.config)
+    precautions = Policy(policy_of(here.config), ["pump", "fan", "mill", "belt"], rights=rights, **made)
+    # Seldom: it would look at the same instant as what is tested.
+    companions = StarterServices(precautions, may_write=True, patrol_every_s=3600.0, **made)
+    here.companions = companions
+    bus.connect(precautions, companions, here.sink)
     plant = here.plant = Plant(
-        here,
-        precautions=precautions,
-        companions=companions,
-        clock=clock,
-        sequence=sequence,
-        make_opener=here.opener,
+        here, precautions=precautions, companions=companions, make_opener=here.opener, **made
     )
     host = LocalHost(plant)
     plant.build(host, here.config.lines)
-    companions.add_fast_lanes(
-        precautions=precautions, sink=here.sink, clock=clock, sequence=sequence, may_write=True
-    )
     await plant.start()
     companions.start()
     await asyncio.sleep(settled_s)

@@ -10,6 +10,7 @@ from tests.plant_rig import HALL, running, starter
 from tests.starters.rig import virtually
 
 TURN_S = 0.25  # more than any one turn of another starter on its line
+BROKER = 'url = "mqtt://127.0.0.1"'
 FAN = starter("fan", 2, "ssw06")
 
 
@@ -40,6 +41,33 @@ async def test_another_period_takes_effect_and_the_starter_stays_online() -> Non
         assert here.said("fan") == ["offline", "online"]
         assert not [r for r in here.sink.records[records:] if isinstance(r, AvailabilityRecord)]
         assert sum(at_s > 30.0 for at_s in here.heard_s["hall 2"]) > 45
+
+
+@virtually
+async def test_unchanged_values_are_published_again_after_the_configured_time_also_a_reloaded_one() -> None:
+    async with running() as here:
+        first = len(here.of_point("fan", "remote"))
+        await asyncio.sleep(300.0)
+        second = len(here.of_point("fan", "remote"))
+
+        await here.reload((BROKER, f"{BROKER}\nrefresh_s = 20.0"))
+        await asyncio.sleep(60.0)
+
+        assert second - first == 1
+        assert len(here.of_point("fan", "remote")) - second >= 3
+
+
+@virtually
+async def test_a_lock_that_ends_after_its_starter_went_publishes_nothing_of_it() -> None:
+    async with running() as here:
+        fan = here.plant.starters["fan"]
+        await here.reload((FAN, ""))
+        records = len(here.sink.records)
+
+        fan.restate()
+        await asyncio.sleep(400.0)
+
+        assert not [r for r in here.sink.records[records:] if getattr(r, "starter", "") == "fan"]
 
 
 @virtually

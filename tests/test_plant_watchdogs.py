@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from gateway.app.plant import Plant
+from gateway.app.record_bus import RecordBus
 from gateway.config.convert import policy_of, rights_of, setups_of, timing_of
 from gateway.config.load import parse
 from gateway.config.schema import Config, LineTable
@@ -147,11 +148,12 @@ async def running(
     """Run the plant with its commander from the opening of the port to its closing."""
     clock, sequence, sink = VirtualClock(asyncio.get_running_loop()), SequenceNumbers(), WatchedSink()
     watchdogs = KnownWatchdogs(memory=memory)
+    bus_of_records = RecordBus()
     precautions = Policy(
         policy_of(config),
         [starter.name for starter in config.lines[0].starters],
         rights=rights_of(config),
-        sink=sink,
+        sink=bus_of_records,
         clock=clock,
         sequence=sequence,
         watchdogs=watchdogs,
@@ -160,12 +162,21 @@ async def running(
     def opener(table: LineTable) -> SimulatedOpener:
         return bus.opener(timing=timing_of(table))
 
-    companions = StarterServices(sink, patrol_every_s=lap_s)
+    companions = StarterServices(
+        precautions,
+        sink=bus_of_records,
+        clock=clock,
+        sequence=sequence,
+        may_write=bool(config.operators),
+        patrol_every_s=lap_s,
+    )
+    bus_of_records.connect(precautions, companions, sink)
     listener: Any = RunningPlant(config=config)
     plant = Plant(
         listener,
         precautions=precautions,
         companions=companions,
+        sink=bus_of_records,
         clock=clock,
         sequence=sequence,
         make_opener=opener,
@@ -175,7 +186,7 @@ async def running(
     commander = Dispatcher(
         plant.starters,
         rights=rights_of(config),
-        sink=companions,
+        sink=bus_of_records,
         clock=clock,
         sequence=sequence,
         precautions=precautions,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -17,9 +16,8 @@ from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.freshness import Tokens
 from gateway.mqtt.contract.payloads import Payloads
 from gateway.mqtt.contract.run_token import RunToken
-from gateway.mqtt.contract.strict_json import rfc3339
 from gateway.mqtt.contract.topics import Topics
-from gateway.records import AuditRecord, ResultRecord, Severity
+from gateway.records import AuditRecord, ResultRecord, Severity, rfc3339
 from gateway.starters.policy.rights import Operator
 from gateway.system.clock import ClockWatch
 from gateway.system.clock_steps import ClockReading
@@ -40,6 +38,7 @@ class Desk:
         self.asleep_s = 0.0
         self.tokens: list[str] = []  # as told again
         self.events: list[tuple[Any, ...]] = []
+        self.standstill = self._watch()
         self.reception = IncomingCommands(
             Topics("b"),
             self._tokens,
@@ -48,7 +47,7 @@ class Desk:
             clock_watch=ClockWatch("trusted", ask=lambda: False, read=self._read_clocks),
             restate=lambda: self.tokens.append(self.boot.token),
             tell=lambda *event: self.events.append(event),
-            standstill=self._watch,
+            standstill=self.standstill,
         )
 
     def token(self) -> str:
@@ -58,9 +57,9 @@ class Desk:
         clock = self.plant.clock
         return ClockReading(clock.now_s() + self.asleep_s, clock.utc_s())
 
-    def _watch(self, on_standstill: Callable[[float], None]) -> SuspendWatch:
+    def _watch(self) -> SuspendWatch:
         clock = self.plant.clock
-        return SuspendWatch(on_standstill, up_s=lambda: clock.now_s() + self.asleep_s, utc_s=clock.utc_s)
+        return SuspendWatch(clock.now_s, up_s=lambda: clock.now_s() + self.asleep_s, utc_s=clock.utc_s)
 
     def take(self, verb: str, id_: str, starter: str = "pump-1", **fields: Any) -> None:
         payload = json.dumps({"id": id_, **fields}).encode()
@@ -200,11 +199,11 @@ async def test_what_is_no_command_topic_is_nobodys() -> None:
 @virtually
 async def test_a_command_under_way_learns_of_a_standstill_that_nobody_has_noticed_yet() -> None:
     here = await desk()
-    before_s = here.reception.stood_still_s()
+    before_s = here.standstill.ended_s()
     await asyncio.sleep(0.01)
     here.asleep_s = 3600.0
 
-    assert here.reception.stood_still_s() == here.plant.clock.now_s() > before_s
+    assert here.standstill.ended_s() == here.plant.clock.now_s() > before_s
     assert [event[0] for event in here.events] == ["stood_still"]
 
 

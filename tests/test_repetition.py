@@ -7,7 +7,7 @@ import logging
 
 import pytest
 
-from gateway.system.log_once import MOST_KNOWN, TraceFilter
+from gateway.system.log_thread import MOST_KNOWN, TraceFilter
 
 
 class Log:

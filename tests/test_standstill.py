@@ -16,7 +16,8 @@ class Clocks:
     def __init__(self) -> None:
         self.up_s, self.utc_s = 1000.0, 1.8e9
         self.told_s: list[float] = []
-        self.watch = SuspendWatch(self.told_s.append, up_s=lambda: self.up_s, utc_s=lambda: self.utc_s)
+        self.watch = SuspendWatch(lambda: self.up_s, up_s=lambda: self.up_s, utc_s=lambda: self.utc_s)
+        self.watch.on_standstill = self.told_s.append
         self.watch.look()
 
     def pass_by(self, up_s: float, utc_s: float) -> list[float]:
@@ -56,7 +57,8 @@ def test_it_looks_often_enough_not_to_take_its_own_pauses_for_standstills() -> N
 
     async def scenario() -> None:
         loop = asyncio.get_running_loop()
-        watch = SuspendWatch(told_s.append, up_s=loop.time, utc_s=loop.time)
+        watch = SuspendWatch(loop.time, up_s=loop.time, utc_s=loop.time)
+        watch.on_standstill = told_s.append
         looking = asyncio.create_task(watch.run(also=lambda: looks.append(loop.time())))
         await asyncio.sleep(60.0)
         looking.cancel()

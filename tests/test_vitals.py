@@ -80,6 +80,7 @@ class World:
             [line],
             progress=self.progress,
             publisher=self,  # type: ignore[arg-type] # all that is asked of it
+            sink=self,  # type: ignore[arg-type] # the same
             notifier=self,  # type: ignore[arg-type] # the same
             watchdog_every_s=LIMIT_S / 2,
             lines_lag=self.lag,

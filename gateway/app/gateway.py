@@ -14,6 +14,7 @@ from gateway.app.clock_memory import CLOCK_FILE, ClockMemory
 from gateway.app.health import Health
 from gateway.app.incoming import IncomingCommands
 from gateway.app.plant import Plant
+from gateway.app.record_bus import RecordBus
 from gateway.app.record_log import RecordLog
 from gateway.app.site import Site
 from gateway.app.uplink import Uplink
@@ -38,6 +39,7 @@ from gateway.starters.telemetry.transitions import FAULTS_FILE, PublishedFaults
 from gateway.storage.json_file import JsonFile, SwitchedStore
 from gateway.storage.state_dir import StateDir
 from gateway.system.clock import Clock, ClockWatch, SystemClock
+from gateway.system.suspend_watch import SuspendWatch
 from gateway.system.systemd import Notifier
 
 log = logging.getLogger(__name__)
@@ -63,26 +65,28 @@ class App:
         self._sequence = SequenceNumbers()
         self._boot = RunToken(secrets.token_hex(8))
         self._tokens = Tokens(self._boot)
-        self._uplink = Uplink(
-            site,
-            self._tokens,
-            clock=self._clock,
-            on_incoming=lambda incoming: self._inbox.put(incoming),
-            on_link=self._note_link,
-            tell=self.tell,
-        )
-        self._records = RecordLog(self._uplink.publisher, self._clock)
+        self._records = RecordBus()
+        self._standstill = SuspendWatch(self._clock.now_s)
+        self._uplink = Uplink(site, self._tokens, clock=self._clock, tell=self.tell)
         self._memories = _memories_of(site)
-        self._clock_memory = self._build_clock_memory()
+        self._clock_memory = ClockMemory(self._clock_watch, self._memories[-1], tell=self.tell)
         self._watchdogs = self._build_watchdogs()
         self._precautions = self._build_precautions()
-        self._companions = StarterServices(self._records)
+        self._companions = StarterServices(
+            self._precautions,
+            sink=self._records,
+            clock=self._clock,
+            sequence=self._sequence,
+            may_write=bool(site.config.operators),
+        )
         self._plant = Plant(
             self,
             precautions=self._precautions,
             companions=self._companions,
+            sink=self._records,
             clock=self._clock,
             sequence=self._sequence,
+            refresh_s=site.config.mqtt.refresh_s,
         )
         self._host = LineHost(self._plant, is_unread=self._uplink.unread)
         self._plant.build(self._host, site.config.lines)
@@ -96,9 +100,17 @@ class App:
             refuse=self._commander.refuse_unread,
             now_s=self._clock.now_s,
         )
+        self._uplink.connect(on_incoming=self._inbox.put, on_link=self._note_link)
         self._capture = capture_of(site.config, site.folder, self._host.capture, self._clock)
         self._vitals = self._build_vitals(notifier, watchdog_every_s)
         self._is_up = asyncio.Event()
+        self._records.connect(
+            self._keeper,  # the audit has a decision before anybody can read of it
+            self._precautions,  # states: starts and standstills
+            self._companions,  # what commands set
+            RecordLog(self._clock),
+            self._uplink.publisher,
+        )
 
     async def run(self, ending: asyncio.Future[str]) -> None:
         """Serve until `ending` has a reason, then end in order: nothing is written to any starter."""
@@ -116,7 +128,7 @@ class App:
             )
         ]
         await self._host.start()  # before all else: the starters' watchdogs run
-        self._keeper.start(__version__)
+        self._keeper.start(__version__, on_recalled=self._commander.recall, on_untold=self._uplink.tell_again)
         await self._plant.start()
         self._uplink.start()
         self._companions.start()
@@ -190,7 +202,8 @@ class App:
         ended = self._plant.apply(changes)
         for memory in self._memories:
             memory.is_on = operators
-        self._precautions.take_over(policy_of(config), rights=rights_of(config))
+        for name in self._precautions.take_over(policy_of(config), rights=rights_of(config)):
+            self._plant.starters[name].restate()
         self._commander.take_over(rights_of(config))
         self._keeper.take_over(is_read_only=not operators)
         if not operators:
@@ -247,31 +260,18 @@ class App:
             hold_s=MAX_TTL_S + MAX_AHEAD_S,
             is_read_only=not self._site.config.operators,
             tell=self.tell,
-            on_recalled=lambda commands: self._commander.recall(commands),
-            on_untold=self._uplink.tell_again,
         )
-
-    def _build_clock_memory(self) -> ClockMemory:
-        return ClockMemory(self._clock_watch, self._memories[-1], tell=self.tell)
 
     def _build_commander(self) -> Dispatcher:
-        sink = self._keeper.sink(self._companions)
-        self._companions.add_fast_lanes(
-            precautions=self._precautions,
-            sink=sink,
-            clock=self._clock,
-            sequence=self._sequence,
-            may_write=bool(self._site.config.operators),
-        )
         return Dispatcher(
             self._plant.starters,
             rights=rights_of(self._site.config),
-            sink=sink,
+            sink=self._records,
             clock=self._clock,
             sequence=self._sequence,
             journal=self._keeper.journal,
             precautions=self._precautions,
-            stood_still_s=lambda: self._reception.stood_still_s(),
+            stood_still_s=self._standstill.ended_s,
             proofs=Proofs(MAX_TTL_S + MAX_AHEAD_S, boot=lambda: self._boot.token, renew=self._renew_boot),
         )
 
@@ -286,6 +286,7 @@ class App:
             commander=self._commander,
             clock=self._clock,
             clock_watch=self._clock_watch,
+            standstill=self._standstill,
             restate=self._uplink.restate,
             tell=self.tell,
         )
@@ -295,6 +296,7 @@ class App:
             self._plant.lines.values(),
             progress=self._host.progress,
             publisher=self._uplink.publisher,
+            sink=self._records,
             notifier=notifier,
             watchdog_every_s=watchdog_every_s,
             lines_lag=self._host.lag,

@@ -18,9 +18,10 @@ from typing import Any
 from gateway.line.capacity.outage import FEEDS, LOOK_S
 from gateway.line.client import LineClient
 from gateway.mqtt.publisher import Publisher
-from gateway.records import LineRecord, Severity
+from gateway.records import LineRecord, Severity, Sink
 from gateway.system.hang_dump import HangWatch
 from gateway.system.loop_lag import LagMeter
+from gateway.system.once import Alarm
 from gateway.system.systemd import Notifier
 
 FULL = 0.95  # of its time
@@ -57,7 +58,7 @@ class WatchdogAlarm:
 
     def __init__(self) -> None:
         self._is_full = False  # the watchdogs need more than there is
-        self._missed: dict[int, float] = {}  # by unit: when one was last left for too long
+        self._missed: dict[int, Alarm] = {}  # by unit
 
     def take(self, figures: Mapping[str, float | int], now_s: float) -> str | None:
         """Return what is wrong when that is news, None otherwise."""
@@ -66,10 +67,10 @@ class WatchdogAlarm:
         told = None
         if self._is_full and not was_full:
             told = f"the starters' watchdogs need {load:.0%} of its time and cannot all be kept"
-        if share >= 1.0:
-            if now_s - self._missed.get(unit, -QUIET_S) >= QUIET_S and told is None:
-                told = f"address {unit} was left for {share:.0%} of its watchdog's time: it may have acted"
-            self._missed[unit] = now_s
+        if share >= 1.0 and self._missed.setdefault(unit, Alarm(QUIET_S)).sounds(now_s):
+            told = (
+                told or f"address {unit} was left for {share:.0%} of its watchdog's time: it may have acted"
+            )
         return told
 
 
@@ -92,6 +93,7 @@ class Health:
         *,
         progress: Callable[[], Mapping[str, int]],
         publisher: Publisher,
+        sink: Sink,
         notifier: Notifier,
         watchdog_every_s: float | None,
         lines_lag: LagMeter,
@@ -102,6 +104,7 @@ class Health:
     ) -> None:
         self._progress = progress  # by line: grows with each step of its loop
         self._publisher = publisher
+        self._sink = sink
         self._notifier = notifier
         self._watchdog_every_s = watchdog_every_s  # half of systemd's limit
         self._hangs = hangs or HangWatch(watchdog_every_s)
@@ -243,7 +246,7 @@ class Health:
     def _put_figures(self) -> None:
         lag_s = {"line": round(self._lines_lag.worst_s, 4), "gateway": round(self._lag.worst_s, 4)}
         for line in self._lines:
-            self._publisher.put(
+            self._sink.put(
                 LineRecord(line.name, {**line.figures(), **self._computed_of(line), "lag_s": lag_s})
             )
 
@@ -260,16 +263,12 @@ class _LagWatch:
         self._what = what
         self._meter = meter
         self._tell = tell
-        self._warned_s = self._alarmed_s = float("-inf")
+        self._warning, self._alarm = Alarm(LAG_QUIET_S), Alarm(LAG_QUIET_S)
 
     def look(self, now_s: float) -> None:
         worst_s = self._meter.take_worst_s()
         text = f"{self._what} was {worst_s:.3f} s late"
-        if worst_s > (self.shortest_watchdog_s or float("inf")) / 3:
-            if now_s - self._alarmed_s > LAG_QUIET_S:
-                self._tell("lag", Severity.ERROR, f"{text}: starters' watchdogs may act")
-            self._alarmed_s = now_s
-        if worst_s > LAG_WARNS_S:
-            if now_s - self._warned_s > LAG_QUIET_S:
-                log.warning("%s; it is told once, the worst is in the line's figures", text)
-            self._warned_s = now_s
+        if worst_s > (self.shortest_watchdog_s or float("inf")) / 3 and self._alarm.sounds(now_s):
+            self._tell("lag", Severity.ERROR, f"{text}: starters' watchdogs may act")
+        if worst_s > LAG_WARNS_S and self._warning.sounds(now_s):
+            log.warning("%s; it is said once, the worst is in the line's statistics", text)

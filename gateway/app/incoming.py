@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
-from math import inf
 from typing import Any, Protocol
 
 from gateway.mqtt.contract.commands import MALFORMED_TOPIC, CommandParser, Incoming, Rejection
@@ -45,7 +44,7 @@ class IncomingCommands:
         clock_watch: ClockWatch,
         restate: Callable[[], None],
         tell: Tell,
-        standstill: Callable[[Callable[[float], None]], SuspendWatch] = SuspendWatch,
+        standstill: SuspendWatch,
     ) -> None:
         self._intake = CommandParser(topics, tokens, freshness_of=self._freshness_of)
         self._boot = tokens.boot
@@ -54,18 +53,13 @@ class IncomingCommands:
         self._clock_watch = clock_watch
         self._restate = restate
         self._tell = tell
-        self._stood_still_s = -inf
-        self._standstill = standstill(self._note_standstill)
+        self._standstill = standstill
+        standstill.on_standstill = self._note_standstill
         self._malformed = Damped(self._tell_malformed, clock=clock, every_s=MALFORMED_EVERY_S)
 
     async def run(self) -> None:
         """Watch for standstills and for steps of the clock, for ever."""
         await self._standstill.run(also=self._clock_watch.look)
-
-    def stood_still_s(self) -> float:
-        """Return when the latest standstill ended, on the steady clock; one that just has is noticed."""
-        self._standstill.look()
-        return self._stood_still_s
 
     def take(self, incoming: Incoming, received_s: float | None = None) -> None:
         """Pass an operator's message on, or answer why not; `received_s` is its arrival (steady clock)."""
@@ -109,8 +103,7 @@ class IncomingCommands:
 
     def _note_standstill(self, seconds: float) -> None:
         """Refuse what was sent before now: it may have waited as long, in the broker or in our own socket."""
-        self._stood_still_s = self._clock.now_s()
-        self._boot.stood_still(self._stood_still_s)
+        self._boot.stood_still(self._standstill.ended_s())
         self._restate()
         text = f"stood still for {seconds:.1f} s, or the clock was set ahead: what was sent before is refused"
         self._tell("stood_still", Severity.WARNING, text)

@@ -20,10 +20,11 @@ from gateway.line.port_recovery import DEAF
 from gateway.line.rtu.outcome import Outcome
 from gateway.line.scheduler.requests import Poll
 from gateway.modbus.timing import LineTiming
-from gateway.records import SequenceNumbers, Severity
+from gateway.records import SequenceNumbers, Severity, Sink
 from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
 from gateway.starters.setup import StarterSetup
+from gateway.starters.telemetry.reporting import REFRESH_S
 from gateway.starters.telemetry.telemetry import StarterTelemetry
 from gateway.system.clock import Clock
 
@@ -88,8 +89,10 @@ class Plant:
         *,
         precautions: Policy,
         companions: StarterServices,
+        sink: Sink,
         clock: Clock,
         sequence: SequenceNumbers,
+        refresh_s: float = REFRESH_S,
         make_opener: Callable[[LineTable], PortOpener] = serial_opener,
     ) -> None:
         self.starters: dict[str, StarterTelemetry] = {}
@@ -98,11 +101,13 @@ class Plant:
         self._listener = listener
         self._precautions = precautions
         self._companions = companions
+        self._sink = sink
         self._clock = clock
         self._sequence = sequence
         self._make_opener = make_opener
         self._host: Host
         self._edition = 0  # counts the changes
+        self._refresh_s = refresh_s  # after which unchanged values are published again
 
     def build(self, host: Host, tables: Iterable[LineTable]) -> None:
         """Make these lines in a host, with all their starters; once."""
@@ -129,6 +134,10 @@ class Plant:
             endings.append(self._host.remove_line(name))
         for name, every_s in changes.paces:
             self.starters[name].set_every(every_s)
+        if changes.refresh_s is not None:
+            self._refresh_s = changes.refresh_s
+            for starter in self.starters.values():
+                starter.set_refresh(changes.refresh_s)
         come = [starter for comers in changes.starters_new for starter in self._join(comers)]
         come += [starter for table in changes.lines_new for starter in self._add_line(table)]
         return self._welcome(come, endings)
@@ -229,15 +238,17 @@ class Plant:
         starter = StarterTelemetry(
             setup,
             line=self.lines[setup.line],
-            sink=self._precautions.witness,
+            sink=self._sink,
             clock=self._clock,
             sequence=self._sequence,
             identities=self._precautions.identities,
             watchdogs=self._precautions.watchdogs,
             told_faults=self._precautions.told_faults,
+            lock_of=self._precautions.logbook.lock_of,
+            refresh_s=self._refresh_s,
         )
         self.starters[setup.name] = self._by_unit[setup.line, setup.address] = starter
-        starter.when_troubled(partial(self._listener.note_starter, setup.name))
+        starter.availability.on_trouble = partial(self._listener.note_starter, setup.name)
         self._companions.add(starter)
         return starter
 

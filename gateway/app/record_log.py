@@ -10,7 +10,7 @@ from collections import OrderedDict
 from collections.abc import Mapping
 from typing import Any
 
-from gateway.records import AvailabilityRecord, EventRecord, Phase, Record, ResultRecord, Severity, Sink
+from gateway.records import AvailabilityRecord, EventRecord, Phase, Record, ResultRecord, Severity
 from gateway.system.clock import Clock
 
 log = logging.getLogger("gateway")
@@ -34,10 +34,9 @@ _LEVELS = {
 
 
 class RecordLog:
-    """A sink that logs what an operator wants to know, and passes every record on."""
+    """Subscribes to the records, and logs what an operator wants to know."""
 
-    def __init__(self, sink: Sink, clock: Clock) -> None:
-        self._sink = sink
+    def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self._accepted_s: OrderedDict[tuple[str, str, str | None], float] = OrderedDict()
         self._answered: set[str] = set()  # starters that were online once: events say what follows
@@ -58,7 +57,6 @@ class RecordLog:
                 self._log_first_answer(record)
             case _:
                 pass
-        self._sink.put(record)
 
     def _log_event(self, event: EventRecord) -> None:
         if event.code in SAID_BY_RESULT | LOGGED_WHERE_THEY_ARISE:

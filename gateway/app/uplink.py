@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 
 from gateway import __version__
 from gateway.app.site import Site
-from gateway.config.convert import policy_of, tls_files_of
+from gateway.config.convert import policy_of, rights_of, tls_files_of
 from gateway.config.schema import Config
 from gateway.mqtt.connection.broker import BrokerConnection
 from gateway.mqtt.connection.reconnect import Version
@@ -20,7 +20,7 @@ from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
 from gateway.mqtt.connection.unread import Unread
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.freshness import Tokens
-from gateway.mqtt.contract.payloads import GatewayInfo, Message, OperatorInfo, Payloads
+from gateway.mqtt.contract.payloads import GatewayInfo, Message, Payloads
 from gateway.mqtt.contract.topics import Topics
 from gateway.mqtt.outbox.disk_sync import DiskSync, Tell
 from gateway.mqtt.outbox.outbox import Outbox
@@ -42,10 +42,7 @@ MOVED = "the configuration names another broker or another login"
 
 
 class Uplink:
-    """Speaks MQTT below one base; all calls on the app's loop.
-
-    `on_incoming` hears every message on a command topic, `on_link` every change of the connection.
-    """
+    """Speaks MQTT below one base; all calls on the app's loop."""
 
     def __init__(
         self,
@@ -53,13 +50,11 @@ class Uplink:
         tokens: Tokens,
         *,
         clock: Clock,
-        on_incoming: Callable[[Incoming], None],
-        on_link: Callable[[bool, str], None],
         tell: Tell,
     ) -> None:
-        self._on_incoming = on_incoming
-        self._on_link = on_link
-        self._tell = tell
+        self._on_incoming: Callable[[Incoming], None]
+        self._on_link: Callable[[bool, str], None]
+        self._connection: BrokerConnection
         self._seed = secrets.randbits(32)
         self._settings = self._settings_of(site)
         self.unread = Unread()
@@ -72,19 +67,24 @@ class Uplink:
         self.outbox = Outbox(
             last_topic=self.topics.gateway_status, pack=self._payloads.history, boot=tokens.boot.run
         )
-        self.spooler = DiskSync(
-            self.outbox,
-            OutboxDisk(site.state_dir),
-            clock=clock,
-            tell=tell,
-            wake=lambda: self._connection.wake(),
-        )
         self.publisher = Publisher(self._payloads, self.outbox, clock)
+        self.spooler = DiskSync(
+            self.outbox, OutboxDisk(site.state_dir), clock=clock, tell=tell, wake=self.publisher.wake
+        )
         self._config = site.config
         self.tell_info(site.config)
-        self._connection = self._connect()
         self._serving: asyncio.Task[None] | None = None
         self._moved = asyncio.Event()
+
+    def connect(
+        self, *, on_incoming: Callable[[Incoming], None], on_link: Callable[[bool, str], None]
+    ) -> None:
+        """Make the connection, which `run` opens; once, before anything else is called.
+
+        `on_incoming` gets every message on a command topic, `on_link` every change of the connection.
+        """
+        self._on_incoming, self._on_link = on_incoming, on_link
+        self._connection = self._made()
 
     def tell_info(self, config: Config) -> None:
         """Publish what this gateway is."""
@@ -94,10 +94,7 @@ class Uplink:
                 version=__version__,
                 starters=tuple(starter.name for line in config.lines for starter in line.starters),
                 lines=tuple(line.name for line in config.lines),
-                operators=tuple(
-                    OperatorInfo(each.client, each.may, each.starters, each.freshness)
-                    for each in config.operators
-                ),
+                operators=rights_of(config).operators,
                 groups=policy_of(config).groups,
                 mqtt_version=self._version,
             )
@@ -132,7 +129,7 @@ class Uplink:
             self._serving.cancel()
             await asyncio.wait((self._serving,))
         self._settings = settings
-        self._connection = self._connect()
+        self._connection = self._made()
         is_connected = False
         self._on_link(is_connected, f"moving to broker {settings.address}: {MOVED}")
         self._moved.set()
@@ -158,7 +155,7 @@ class Uplink:
         """Keep what could not be said, for the next run; after `close`."""
         await self.spooler.close(within_s=KEEP_WITHIN_S)
 
-    def _connect(self) -> BrokerConnection:
+    def _made(self) -> BrokerConnection:
         connection = BrokerConnection(
             self._settings,
             self.outbox,

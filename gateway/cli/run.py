@@ -18,8 +18,7 @@ from gateway.cli.command import Subparsers
 from gateway.config.schema import Config
 from gateway.storage.private_files import keep_private
 from gateway.system.instance_lock import instance_lock
-from gateway.system.log_once import TraceFilter
-from gateway.system.log_thread import BackgroundHandler
+from gateway.system.log_thread import BackgroundHandler, TraceFilter
 from gateway.system.systemd import Notifier, PriorityFormatter, is_journal, watchdog_interval_s
 
 

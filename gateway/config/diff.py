@@ -30,6 +30,7 @@ class ConfigChanges:
     paces: tuple[tuple[str, float], ...]  # starters of which only `every_s` is another: they stay
     lines_forgotten: tuple[str, ...]  # configured no more under any port
     starters_forgotten: tuple[str, ...]
+    refresh_s: float | None  # after which unchanged values are published again; None: as before
 
     def to_dict(self) -> dict[str, list[str]]:
         """Return the names for people, without what there is none of."""
@@ -85,6 +86,7 @@ def changes_of(old: Config, new: Config) -> ConfigChanges:
         paces=tuple(paces),
         lines_forgotten=tuple(name for name in before if name not in after),
         starters_forgotten=tuple(each.name for each in _starters(old) if each.name not in still),
+        refresh_s=None if old.mqtt.refresh_s == new.mqtt.refresh_s else new.mqtt.refresh_s,
     )
 
 

@@ -78,6 +78,7 @@ class MqttTable(ConfigTable):
     key_file: Text | None = None
     client_id: Text | None = None  # None: the gateway's name
     keepalive_s: int = Field(default=15, ge=5, le=3600)
+    refresh_s: float = Field(default=300.0, ge=1, le=86400)  # an unchanged value is published again
     allow_plaintext: bool = False  # mqtt:// to a broker on another machine
 
     @property

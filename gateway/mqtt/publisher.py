@@ -1,4 +1,4 @@
-"""The sink of all records: turns each into a message, puts it into the outbox and wakes the sender."""
+"""Subscribes to the records for MQTT: makes each a message, puts it into the outbox, wakes the sender."""
 
 from __future__ import annotations
 
@@ -33,6 +33,10 @@ class Publisher:
     def wake_with(self, wake: Callable[[], None]) -> None:
         """Name whom to wake when there is something to send."""
         self._wake = wake
+
+    def wake(self) -> None:
+        """Have what waits sent."""
+        self._wake()
 
     def put(self, record: Record) -> None:
         """Take one record, in order; returns at once and never raises."""

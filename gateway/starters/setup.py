@@ -1,15 +1,22 @@
-"""What a starter is by configuration, and what its identification adds to that."""
+"""What a starter is by configuration, what its identification adds to that, and the one way to ask it."""
 
 from __future__ import annotations
 
+import asyncio
 from dataclasses import dataclass
+from math import inf
 
 from gateway.families.devices.device import Identity
 from gateway.families.profile.schema import Profile, Variant
+from gateway.line.client import LineClient
+from gateway.line.rtu.outcome import Outcome
 from gateway.line.rtu.timeouts import ALLOWANCE_S
+from gateway.line.scheduler.requests import Priority
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
 from gateway.modbus.writes import WriteRegisters
+
+Asked = asyncio.Future[Outcome]  # what becomes of a request; cancelled, it is withdrawn while it waits
 
 LEARNT_FLOOR_S = 0.005
 UNSTATED_FLOOR_S = 0.030  # where the manual names no time, ours is a guess on the long side
@@ -54,6 +61,19 @@ class StarterSetup:
             return LEARNT_FLOOR_S
         is_ours = not self.profile.timing.is_stated and self.response_time_s is None
         return UNSTATED_FLOOR_S if is_ours else None
+
+
+def ask(
+    line: LineClient, setup: StarterSetup, request: Request, *, lane: Priority, until_s: float = inf
+) -> Asked:
+    """Send a request to a starter, not later than `until_s`."""
+    return line.transact(
+        setup.address,
+        request,
+        response_time_s=setup.response_time_of(request),
+        lane=lane,
+        until_s=until_s,
+    )
 
 
 def merged(configured: Variant, identity: Identity) -> Variant:

@@ -46,16 +46,16 @@ class StoredJournal:
         *,
         clock: Clock,
         hold_s: float,
-        on_recalled: Callable[[Sequence[Remembered]], None],
         on_slow: Callable[[str], None],
+        on_recalled: Callable[[Sequence[Remembered]], None] = lambda _: None,
         on_untold: Callable[[Sequence[ResultRecord]], None] = lambda _: None,
     ) -> None:
         self._store = store
         self._table = table
         self._clock = clock
         self._hold_s = hold_s
-        self._on_recalled = on_recalled
-        self._on_untold = on_untold
+        self.on_recalled = on_recalled
+        self.on_untold = on_untold
         self._on_slow = on_slow
         self._is_recalled = False
         self._untold: set[str] = set()  # keys of final results on their way to the broker
@@ -225,11 +225,11 @@ class StoredJournal:
             ago_s = max(0.0, self._clock.utc_s() - self._store.lost_s)
             self._held_until_s = self._clock.now_s() + self._hold_s - ago_s
         remembered, untold = future.result()
-        self._on_recalled(remembered)
+        self.on_recalled(remembered)
         results = (each.result for each in remembered if each.result.phase.is_final)
         finals = [result for result in results if (result.client, result.id) in untold]
         self._untold |= {result.key for result in finals}
-        self._on_untold(finals)
+        self.on_untold(finals)
 
     def _when_done(self, future: Future[Any], call: Callable[[Future[Any]], None]) -> None:
         """Have something done on the loop when the store's thread is done with its part."""

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from gateway.records import AuditRecord, Record, ResultRecord, Severity, Sink
+from gateway.records import AuditRecord, Record, ResultRecord, Severity
 from gateway.storage.audit.log import AuditLog
 from gateway.storage.audit.segments import FOLDER
 from gateway.storage.journal import Remembered
@@ -42,9 +42,7 @@ class StateDir:
         hold_s: float,
         is_read_only: bool,
         tell: Tell,
-        on_recalled: Callable[[Sequence[Remembered]], None],
         retry_s: float = RETRY_S,
-        on_untold: Callable[[Sequence[ResultRecord]], None] = lambda _: None,
     ) -> None:
         self._tell = tell
         self._severity = _severity(is_read_only=is_read_only)
@@ -58,21 +56,31 @@ class StateDir:
             table,
             clock=clock,
             hold_s=hold_s,
-            on_recalled=on_recalled,
             on_slow=self._slow,
-            on_untold=on_untold,
         )
 
-    def start(self, version: str) -> None:
-        """Begin; the files are opened in threads of their own."""
+    def start(
+        self,
+        version: str,
+        *,
+        on_recalled: Callable[[Sequence[Remembered]], None],
+        on_untold: Callable[[Sequence[ResultRecord]], None] = lambda _: None,
+    ) -> None:
+        """Begin; the files are opened in threads of their own.
+
+        `on_recalled` gets the commands of earlier runs, `on_untold` those of their final results that the
+        broker may not have had.
+        """
+        self.journal.on_recalled, self.journal.on_untold = on_recalled, on_untold
         self._loop = asyncio.get_running_loop()
         self._store.start()
         self._audit.start()
         self._audit.note("gateway_started", f"version {version}")
 
-    def sink(self, sink: Sink) -> Sink:
-        """Return a sink that passes everything on to `sink`, and keeps what belongs into the audit."""
-        return _AuditingSink(self._audit, sink)
+    def put(self, record: Record) -> None:
+        """Store what belongs into the audit."""
+        if isinstance(record, AuditRecord):
+            self._audit.put(record)
 
     def take_over(self, *, is_read_only: bool) -> None:
         """Go on by another configuration, and let the audit know from when."""
@@ -133,15 +141,3 @@ class StateDir:
 def _severity(*, is_read_only: bool) -> Severity:
     """Return how bad it is when nothing can be kept: where nobody may give commands, it is no error."""
     return Severity.WARNING if is_read_only else Severity.ERROR
-
-
-class _AuditingSink:
-    def __init__(self, audit: AuditLog, sink: Sink) -> None:
-        self._audit = audit
-        self._sink = sink
-
-    def put(self, record: Record) -> None:
-        """Take one record."""
-        if isinstance(record, AuditRecord):
-            self._audit.put(record)
-        self._sink.put(record)

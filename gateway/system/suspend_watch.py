@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import time
 from collections.abc import Callable
 
@@ -24,22 +25,30 @@ class SuspendWatch:
 
     def __init__(
         self,
-        on_standstill: Callable[[float], None],
+        now_s: Callable[[], float] = time.monotonic,
         *,
         up_s: Callable[[], float] = up_s,
         utc_s: Callable[[], float] = time.time,
     ) -> None:
-        self._on_standstill = on_standstill  # hears for how long
+        self.on_standstill: Callable[[float], None] = lambda _: None  # gets how long it lasted
+        self._now_s = now_s  # the steady clock
+        self._ended_s = -math.inf
         self._clocks = (up_s, utc_s)
         self._seen_s: tuple[float, ...] | None = None
 
     def look(self) -> None:
-        """Tell of a standstill that ended since the last look; to be called before any command is judged."""
+        """Notice a standstill that ended since the last look; to be called before any command is judged."""
         now_s = tuple(clock() for clock in self._clocks)
         seen_s, self._seen_s = self._seen_s or now_s, now_s
         longest_s = max(now - seen for now, seen in zip(now_s, seen_s, strict=True))
         if longest_s > LIMIT_S:
-            self._on_standstill(longest_s)
+            self._ended_s = self._now_s()
+            self.on_standstill(longest_s)
+
+    def ended_s(self) -> float:
+        """Look, and return when the latest standstill ended, on the steady clock."""
+        self.look()
+        return self._ended_s
 
     async def run(self, *, also: Callable[[], None]) -> None:
         """Look for ever, and each time have `also` look."""

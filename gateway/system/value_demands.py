@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-UNKNOWN_KEY = "extra_forbidden"
-
 _KINDS = {
     "string_type": "a text in quotes",
     "path_type": "a path in quotes",

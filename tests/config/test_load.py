@@ -25,6 +25,7 @@ def test_a_right_configuration_is_loaded_with_its_defaults() -> None:
     assert config.base == "starters/mcc1"
     assert config.client_id == "mcc1"
     assert (config.mqtt.host, config.mqtt.port, config.mqtt.is_tls) == ("broker.plant", 8883, True)
+    assert config.mqtt.refresh_s == 300.0
     assert config.gateway.state_dir == Path("/var/lib/starter-gateway")
     assert [starter.every_s for starter in config.lines[0].starters] == [1.0, 2.0]
     assert config.lines[0].starters[0].enabled
@@ -224,3 +225,15 @@ def test_by_default_a_token_proves_it_and_what_proves_nothing_is_no_setting() ->
 
     assert site().operators[0].freshness == "token"
     assert any("freshness" in problem for problem in problems(wrong))
+
+
+@pytest.mark.parametrize(
+    ("refresh_s", "demand"), [("0.5", "at least 1"), ("1e5", "at most 86400"), ("nan", "")]
+)
+def test_values_are_published_again_after_a_second_at_the_soonest_and_a_day_at_the_latest(
+    refresh_s: str, demand: str
+) -> None:
+    (problem,) = problems(SITE.replace("[mqtt]\n", f"[mqtt]\nrefresh_s = {refresh_s}\n", 1))
+
+    assert "mqtt.refresh_s" in problem
+    assert demand in problem

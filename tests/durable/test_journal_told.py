@@ -27,7 +27,7 @@ async def begin(path: Path) -> tuple[JournalRun, list[ResultRecord]]:
     """Begin a run; return it with what it wants to have told again."""
     untold: list[ResultRecord] = []
     run = JournalRun(path)
-    run.journal._on_untold = untold.extend
+    run.journal.on_untold = untold.extend
     await run.begin()
     await run.journal.settle(5.0)
     return run, untold

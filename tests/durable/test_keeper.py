@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.records import AuditRecord, Phase, Record, ResultRecord, Severity
+from gateway.records import AuditRecord, Phase, ResultRecord, Severity
 from gateway.storage.audit.chain import read_line
 from gateway.storage.audit.segments import lines
 from gateway.storage.journal import Remembered
@@ -25,7 +25,6 @@ class Gateway:
 
     def __init__(self, state_dir: Path, *, is_read_only: bool = False) -> None:
         self.events: list[tuple[str, Severity]] = []
-        self.records: list[Record] = []
         self.recalled: list[Remembered] | None = None
         self._changed = asyncio.Event()
         self.keeper = StateDir(
@@ -35,12 +34,8 @@ class Gateway:
             hold_s=0.0,
             is_read_only=is_read_only,
             tell=self._tell,
-            on_recalled=self._recall,
             retry_s=0.02,
         )
-
-    def put(self, record: Record) -> None:
-        self.records.append(record)
 
     async def until(self, is_true: Callable[[], bool]) -> None:
         async with asyncio.timeout(PATIENCE_S):
@@ -49,7 +44,7 @@ class Gateway:
                 await self._changed.wait()
 
     async def begin(self) -> Gateway:
-        self.keeper.start("9.9")
+        self.keeper.start("9.9", on_recalled=self._recall)
         await self.until(lambda: self.recalled is not None)
         return self
 
@@ -71,16 +66,13 @@ def said(state_dir: Path) -> list[str]:
 
 async def test_a_run_leaves_its_ledger_and_its_audit_behind(tmp_path: Path) -> None:
     first = await Gateway(tmp_path / "state").begin()
-    sink = first.keeper.sink(first)
-    sink.put(AUDIT)
-    sink.put(RESULT)
-    first.keeper.journal.note(RESULT, then=lambda: sink.put(RESULT))
+    first.keeper.put(AUDIT)
+    first.keeper.journal.note(RESULT)
     await first.keeper.close("ended by SIGTERM")
 
     second = await Gateway(tmp_path / "state").begin()
     await second.keeper.close("over")
 
-    assert first.records == [AUDIT, RESULT, RESULT]
     assert [remembered.result for remembered in second.recalled or ()] == [RESULT]
     codes = ["gateway_started", "ok", "gateway_ended", "gateway_started", "gateway_ended"]
     assert said(tmp_path / "state") == codes
@@ -94,7 +86,7 @@ async def test_a_state_directory_that_cannot_be_made_is_told_and_recovers(
     obstacle = tmp_path / "state"
     obstacle.touch()
     gateway = Gateway(obstacle, is_read_only=is_read_only)
-    gateway.keeper.start("9.9")
+    gateway.keeper.start("9.9", on_recalled=gateway._recall)
     await gateway.until(lambda: len(gateway.events) == 2)
     told = sorted(gateway.events)
     assert gateway.keeper.journal.trouble

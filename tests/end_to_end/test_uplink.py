@@ -59,10 +59,9 @@ async def uplink(
         first,
         Tokens(RunToken("run")),
         clock=SystemClock(),
-        on_incoming=incoming.append,
-        on_link=links.note,
         tell=lambda code, _severity, text, _data: (events if events is not None else []).append((code, text)),
     )
+    up.connect(on_incoming=incoming.append, on_link=links.note)
     running = asyncio.create_task(up.run())
     yield up, links
     await up.close("over")

@@ -11,9 +11,8 @@ from gateway.mqtt.contract.commands import CommandParser, Incoming, Rejection
 from gateway.mqtt.contract.freshness import MAX_TTL_S, Moment, Tokens
 from gateway.mqtt.contract.payloads import Payloads
 from gateway.mqtt.contract.run_token import RunToken
-from gateway.mqtt.contract.strict_json import rfc3339
 from gateway.mqtt.contract.topics import Topics
-from gateway.records import EventRecord, LockRecord, Quality, Severity, StateRecord
+from gateway.records import EventRecord, LockRecord, Quality, Severity, StateRecord, rfc3339
 from gateway.starters.policy.request import CommandRequest
 
 NOW_S = 1_795_222_923.0
@@ -297,8 +296,8 @@ def test_the_status_tells_the_token_and_the_run_and_events_the_run() -> None:
 
 def test_a_state_tells_by_whom_and_why_the_starter_is_locked() -> None:
     lock = LockRecord("alice", NOW_S, "belt is off", "Alice A.")
-    locked = StateRecord("pump-1", "ready", Quality.GOOD, NOW_S, 1, is_lock_told=True, lock=lock)
-    free = StateRecord("pump-1", "ready", Quality.GOOD, NOW_S, 1, is_lock_told=True)
+    locked = StateRecord("pump-1", "ready", Quality.GOOD, NOW_S, 1, lock=lock)
+    free = StateRecord("pump-1", "ready", Quality.GOOD, NOW_S, 1)
     payloads = Payloads(TOPICS, "run")
 
     assert json.loads(payloads.message(locked).payload)["locked"] == {

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.mqtt.contract.commands import Rejection
-from gateway.mqtt.contract.strict_json import rfc3339
+from gateway.records import rfc3339
 from gateway.starters.policy.request import CommandRequest
 from tests.mqtt.commands import NOW, NOW_S, TOKEN, command, fresh, judge, refusal
 

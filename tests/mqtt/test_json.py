@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.mqtt.contract.strict_json import MAX_DEPTH, read_object, rfc3339, to_json, to_payload
-from gateway.records import Quality
+from gateway.mqtt.contract.strict_json import MAX_DEPTH, read_object, to_json, to_payload
+from gateway.records import Quality, rfc3339
 
 ANYTHING = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(st.characters()),

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from gateway.mqtt.contract.payloads import GatewayInfo, Message, OperatorInfo, Payloads, cleared
+from gateway.mqtt.contract.payloads import GatewayInfo, Message, Payloads, cleared
 from gateway.mqtt.contract.topics import Topics
 from gateway.records import (
     AlarmRecord,
@@ -23,6 +23,7 @@ from gateway.records import (
     StateRecord,
     ValueRecord,
 )
+from gateway.starters.policy.rights import Operator
 
 T = 1_795_222_923.456
 AT = '"2026-11-21T01:02:03.456Z"'
@@ -71,7 +72,8 @@ FIGURES = {"qos": 0, "retain": True, "is_kept": False}
             ),
             "b/starter/pump-1/state",
             LATEST,
-            f'{{"state":"running","quality":"good","time":{AT},"seq":5,"running":true,"fault":null}}',
+            f'{{"state":"running","quality":"good","time":{AT},"seq":5,"locked":null,"running":true,'
+            '"fault":null}',
         ),
         (
             AvailabilityRecord("pump-1", "offline", T, "silent"),
@@ -145,9 +147,9 @@ FIGURES = {"qos": 0, "retain": True, "is_kept": False}
             ),
             "b/audit",
             KEPT,
-            f'{{"seq":10,"time":{AT},"boot":"boot-1","starter":"pump-1","client":"alice","operator":"Al",'
+            f'{{"seq":10,"time":{AT},"starter":"pump-1","client":"alice",'
             '"verb":"set","args":{"value":30.0},"decision":"confirmed","code":"ok","before":{"P314":20},'
-            '"after":{"P314":30},"id":"c1","reason":null}',
+            '"after":{"P314":30},"id":"c1","operator":"Al","reason":null,"boot":"boot-1"}',
         ),
         (LineRecord("pumps", {"polls": 3}), "b/gateway/line/pumps", FIGURES, '{"polls":3}'),
     ],
@@ -241,7 +243,7 @@ def test_the_info_says_who_may_do_what_and_that_this_is_no_safety_function() -> 
         version="0.1.0",
         starters=("pump-1",),
         lines=("pumps",),
-        operators=(OperatorInfo("alice", ("start", "stop"), ("pump-*",)),),
+        operators=(Operator("alice", ("start", "stop"), ("pump-*",)),),
     )
 
     message = payloads().gateway_info(info)

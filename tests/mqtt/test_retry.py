@@ -2,11 +2,12 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.mqtt.connection.reconnect import Backoff, Version, VersionChoice
+from gateway.mqtt.connection.reconnect import Version, VersionChoice
+from gateway.system.backoff import Backoff
 
 
 def test_the_pauses_double_to_their_ceiling() -> None:
-    backoff = Backoff(first_s=0.5, last_s=30.0, seed=1)
+    backoff = Backoff(0.5, 30.0, seed=1)
 
     pauses_s = [backoff.next_s() for _ in range(10)]
 
@@ -17,7 +18,7 @@ def test_the_pauses_double_to_their_ceiling() -> None:
 def test_gateways_with_different_seeds_come_back_at_different_times() -> None:
     pauses_s = set()
     for seed in range(5):
-        backoff = Backoff(first_s=0.5, last_s=30.0, seed=seed)
+        backoff = Backoff(0.5, 30.0, seed=seed)
         backoff.next_s()
         pauses_s.add(backoff.next_s())
 
@@ -25,7 +26,7 @@ def test_gateways_with_different_seeds_come_back_at_different_times() -> None:
 
 
 def test_a_connection_that_held_makes_the_next_pause_short() -> None:
-    backoff = Backoff(first_s=0.5, last_s=30.0, seed=1)
+    backoff = Backoff(0.5, 30.0, seed=1)
     for _ in range(5):
         backoff.next_s()
 

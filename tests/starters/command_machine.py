@@ -15,8 +15,7 @@ from typing import Any
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
 
-from gateway.mqtt.contract.strict_json import rfc3339
-from gateway.records import Phase
+from gateway.records import Phase, rfc3339
 from gateway.system.suspend_watch import LIMIT_S
 from tests.starters.history import TTL_S, History
 from tests.starters.world import NAMES, PAUSE_S, GatewayWorld

@@ -8,6 +8,7 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
+from gateway.app.record_bus import RecordBus
 from gateway.errors import DamagedError, StoreError
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
@@ -138,40 +139,20 @@ async def one_starter(
     router = StarterRouter()
     scheduler = Line(name="pumps", opener=bus.opener(), timing=TIMING, polls=polls_of(setup), listener=router)
     rights = Rights([Operator("alice", ("*",), ("*",))])
-    precautions = Policy(
-        PolicySettings(),
-        ["pump"],
-        rights=rights,
-        sink=sink,
-        clock=clock,
-        sequence=sequence,
-        identities_memory=memory,
-    )
+    bus_of_records = RecordBus()
+    made: dict[str, Any] = {"sink": bus_of_records, "clock": clock, "sequence": sequence}
+    precautions = Policy(PolicySettings(), ["pump"], rights=rights, identities_memory=memory, **made)
     telemetry = StarterTelemetry(
         setup,
         line=LocalLineClient(scheduler),
-        sink=precautions.witness,
-        clock=clock,
-        sequence=sequence,
         identities=precautions.identities,
+        lock_of=precautions.logbook.lock_of,
+        **made,
     )
-    companions = StarterServices(sink, patrol_every_s=lap_s)
+    companions = StarterServices(precautions, may_write=may_write, patrol_every_s=lap_s, **made)
     companions.add(telemetry)
-    commander = Dispatcher(
-        {"pump": telemetry},
-        rights=rights,
-        sink=companions,
-        clock=clock,
-        sequence=sequence,
-        precautions=precautions,
-    )
-    companions.add_fast_lanes(
-        precautions=precautions,
-        sink=companions,
-        clock=clock,
-        sequence=sequence,
-        may_write=may_write,
-    )
+    commander = Dispatcher({"pump": telemetry}, rights=rights, precautions=precautions, **made)
+    bus_of_records.connect(precautions, companions, sink)
     router.starter = telemetry
     telemetry.start()
     companions.start()

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from gateway.app.record_bus import RecordBus
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Variant
 from gateway.line.client import LocalLineClient
@@ -22,8 +23,10 @@ from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
 from gateway.starters.commands.dispatcher import Dispatcher
+from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.rights import Operator, Rights
+from gateway.starters.policy.start_rules import PolicySettings
 from gateway.starters.services.services import StarterServices
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.polling import polls_of
@@ -70,20 +73,22 @@ class Router:
 @asynccontextmanager
 async def site(unit: SimulatedUnit) -> AsyncIterator[Site]:
     clock, sink, sequence = VirtualClock(asyncio.get_running_loop()), RecordingSink(), SequenceNumbers()
+    records = RecordBus()
     bus = SimulatedLine(TIMING, [unit])
     setup = StarterSetup("pump", "pumps", 1, load_profile(unit.family), Variant())
     router = Router()
     scheduler = Line(name="pumps", opener=bus.opener(), timing=TIMING, polls=polls_of(setup), listener=router)
     telemetry = StarterTelemetry(
-        setup, line=LocalLineClient(scheduler), sink=sink, clock=clock, sequence=sequence
+        setup, line=LocalLineClient(scheduler), sink=records, clock=clock, sequence=sequence
     )
-    companions = StarterServices(sink, patrol_every_s=LAP_S)
+    rights = Rights([Operator("alice", ("*",), ("*",))])
+    made: dict[str, Any] = {"sink": records, "clock": clock, "sequence": sequence}
+    precautions = Policy(PolicySettings(), ["pump"], rights=rights, **made)
+    companions = StarterServices(precautions, may_write=True, patrol_every_s=LAP_S, **made)
     companions.add(telemetry)
     router.starter = telemetry
-    rights = Rights([Operator("alice", ("*",), ("*",))])
-    commander = Dispatcher(
-        {"pump": telemetry}, rights=rights, sink=companions, clock=clock, sequence=sequence
-    )
+    commander = Dispatcher({"pump": telemetry}, rights=rights, precautions=precautions, **made)
+    records.connect(precautions, companions, sink)
     telemetry.start()
     companions.start()
     task = asyncio.create_task(scheduler.run())

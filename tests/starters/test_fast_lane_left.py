@@ -171,5 +171,5 @@ async def test_a_bug_is_logged_and_ends_nothing_else(
     async with one_starter(make_unit("ssw900", 1), has_fast_words=True) as here:
         await asyncio.sleep(20.0)
 
-        assert "fast words ended by a bug" in caplog.text
+        assert "task=fast words pump ended by a bug" in caplog.text
         assert asked(here, STATUS) > 10

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.starters.policy.rate_limit import RateLimiter, RateLimits
+from gateway.starters.policy.start_rules import RateLimiter, RateLimits
 from gateway.system.token_bucket import Bucket, Damper, Rate
 
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import asyncio
 
 from gateway.records import AuditRecord, ResultRecord
-from gateway.starters.policy.rate_limit import RateLimits
 from gateway.starters.policy.request import CommandRequest
-from gateway.starters.policy.start_rules import PolicySettings
+from gateway.starters.policy.start_rules import PolicySettings, RateLimits
 from gateway.system.token_bucket import Rate
 from tests.starters.fakes import AT_SPEED, READY, VB01
 from tests.starters.plant import Plant

@@ -71,7 +71,7 @@ async def test_a_start_does_not_stand_in_its_own_way() -> None:
 async def test_a_lock_of_a_starter_that_was_never_read_is_told_with_its_first_state() -> None:
     plant = Plant()
     plant.precautions.logbook.set_lock("pump-1", LOCK)
-    plant.precautions.witness.restate("pump-1")
+    plant.machines["pump-1"].telemetry.restate()
     assert plant.sink.of(StateRecord) == []
 
     plant.machines["pump-1"].telemetry.start()

@@ -15,7 +15,7 @@ from gateway.line.scheduler.requests import Priority
 from gateway.modbus.device_id import ReadDeviceIdentification
 from gateway.modbus.pdu import Request
 from gateway.records import EventRecord
-from gateway.starters.identity.query import IdentityQuery, IdentityStatus
+from gateway.starters.identity.first_contact import FirstContact, IdentityStatus
 from tests.starters.rig import Rig, virtually
 
 
@@ -145,13 +145,13 @@ async def test_an_error_inside_is_logged_and_leaves_the_identity_unknown(
     def fail(identity: Identity) -> None:
         raise RuntimeError("a bug")
 
-    identification = IdentityQuery(rig.setup, rig.line, fail)
+    contact = FirstContact(rig.setup, rig.line, on_rows=lambda _: None, on_identity=fail)
 
     with caplog.at_level(logging.ERROR):
-        identification.begin()
+        contact.begin(is_known=False)
         await asyncio.sleep(1.0)
 
-    assert "identification ended by a bug" in caplog.text
+    assert "task=first contact pump-1 ended by a bug" in caplog.text
 
 
 @virtually

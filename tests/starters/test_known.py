@@ -6,8 +6,7 @@ import asyncio
 
 from gateway.records import Phase, ResultRecord
 from gateway.starters.commands.ledger import STAYS_REFUSED
-from gateway.starters.policy.rate_limit import RateLimits
-from gateway.starters.policy.start_rules import PolicySettings
+from gateway.starters.policy.start_rules import PolicySettings, RateLimits
 from tests.starters.plant import Plant
 from tests.starters.rig import CommandRig, virtually
 

@@ -10,8 +10,7 @@ import pytest
 from gateway.line.scheduler.requests import Priority
 from gateway.modbus.pdu import Request
 from gateway.records import Phase
-from gateway.starters.policy.rate_limit import RateLimits
-from gateway.starters.policy.start_rules import PolicySettings
+from gateway.starters.policy.start_rules import PolicySettings, RateLimits
 from tests.starters.fakes import TRANSACTION_S
 from tests.starters.plant import Plant
 from tests.starters.rig import virtually

@@ -5,8 +5,10 @@ import math
 import pytest
 
 from gateway.records import Quality
-from gateway.starters.telemetry.reporting import LATEST_S, Report, is_news
+from gateway.starters.telemetry.reporting import REFRESH_S, TICK_S, Report, is_news
 from gateway.starters.telemetry.snapshot import Reading, Value
+
+LATEST_S = REFRESH_S - TICK_S
 
 
 def reading(value: Value, quality: Quality = Quality.GOOD, *, label: str | None = None) -> Reading:
@@ -74,7 +76,7 @@ def test_a_value_that_went_and_came_back_within_the_pause_is_published_again() -
     assert report.take_due(10.25) == {"current": reading(1.0)}
 
 
-def test_an_unchanged_value_is_published_after_thirty_seconds() -> None:
+def test_an_unchanged_value_is_published_again_after_five_minutes() -> None:
     report = Report({})
     sent(report, 1.0, 0.0)
 
@@ -127,12 +129,12 @@ def test_readings_that_were_sent_about_as_long_ago_go_out_together() -> None:
     report = Report({})
     report.offer({"current": reading(1.0)}, now_s=0.0)
     report.take_due(0.0)
-    for at_s, name in ((2.0, "power"), (4.0, "voltage")):
+    for at_s, name in ((20.0, "power"), (40.0, "voltage")):
         report.offer({name: reading(1.0)}, now_s=at_s)
         report.take_due(at_s)
 
     assert set(report.take_due(LATEST_S)) == {"current", "power"}
-    assert report.next_due_s() == 4.0 + LATEST_S
+    assert report.next_due_s() == 40.0 + LATEST_S
 
 
 def test_the_same_reading_offered_again_changes_nothing() -> None:
@@ -152,3 +154,23 @@ def test_a_reading_offered_before_the_first_was_taken_replaces_it() -> None:
     report.offer({"current": reading(2.0)}, now_s=0.1)
 
     assert report.take_due(0.1) == {"current": reading(2.0)}
+
+
+def test_another_time_counts_at_once_for_what_was_sent_before() -> None:
+    report = Report({})
+    sent(report, 1.0, 0.0)
+
+    report.set_refresh(10.0)
+
+    assert report.next_due_s() == 10.0 - TICK_S
+    assert report.take_due(10.0 - TICK_S) == {"current": reading(1.0)}
+
+
+def test_another_time_loses_no_change_that_waits() -> None:
+    report = Report({})
+    sent(report, 1.0, 0.0)
+    sent(report, 2.0, 0.1)
+
+    report.set_refresh(3600.0)
+
+    assert report.take_due(0.25) == {"current": reading(2.0)}

@@ -17,7 +17,8 @@ STRICT = PolicySettings(rules={"pump-1": RuleSet(minimum_pause_s=3600.0)})
 
 def take_over(plant: Plant, policy: PolicySettings, *operators: Operator) -> None:
     rights = Rights(operators or (Operator("alice", ("*",), ("*",)),))
-    plant.precautions.take_over(policy, rights=rights)
+    for name in plant.precautions.take_over(policy, rights=rights):
+        plant.machines[name].telemetry.restate()
     plant.commander.take_over(rights)
 
 

@@ -48,6 +48,15 @@ async def test_an_unchanged_state_is_told_again_within_thirty_seconds() -> None:
     await rig.poll_for(31.0)
 
     assert rig.sink.states() == ["ready"]
+    assert rig.sink.values("running") == []
+
+
+@virtually
+async def test_an_unchanged_value_is_told_again_within_five_minutes() -> None:
+    rig = await Rig().online()
+
+    await rig.poll_for(301.0)
+
     assert len(rig.sink.values("running")) == 1
 
 

@@ -14,8 +14,8 @@ from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadInputRegisters
 from gateway.records import AvailabilityRecord, EventRecord, Quality, StateRecord, ValueRecord
 from gateway.sim.factory import make_unit
-from gateway.starters.identity.query import IdentityStatus
-from gateway.starters.telemetry.withheld import Withheld
+from gateway.starters.identity.first_contact import IdentityStatus
+from gateway.starters.telemetry.identity_check import Withheld
 from tests.starters.fakes import AT_SPEED, P003, VB01, RecordingSink
 from tests.starters.one_starter import TestMemory, one_starter
 from tests.starters.rig import Rig, virtually

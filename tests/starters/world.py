@@ -13,6 +13,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from gateway.app.incoming import IncomingCommands
+from gateway.app.record_bus import RecordBus
 from gateway.errors import StartError
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
@@ -153,15 +154,17 @@ class GatewayWorld:
         clock_watch = ClockWatch("trusted", ask=lambda: self.is_clock_right, read=self._read_clocks)
         clock_watch.recall(self.clock_document)
         self.clock_document = clock_watch.document()
+        bus = RecordBus()
         self.precautions = Policy(
             PolicySettings(rules=dict.fromkeys(NAMES, RULES), groups={"both": NAMES}),
             NAMES,
             rights=rights,
-            sink=self.sink,
+            sink=bus,
             clock=self.clock,
             sequence=sequence,
             memory=self.memory,
         )
+        bus.connect(self.precautions, self.sink)
         profile = load_profile("ssw07")
         setups = [StarterSetup(name, "x", number, profile, Variant()) for number, name in enumerate(NAMES, 1)]
         polls = [poll for setup in setups for poll in polls_of(setup)]
@@ -170,16 +173,17 @@ class GatewayWorld:
             setup.name: StarterTelemetry(
                 setup,
                 line=LocalLineClient(scheduler),
-                sink=self.precautions.witness,
+                sink=bus,
                 clock=self.clock,
                 sequence=sequence,
+                lock_of=self.precautions.logbook.lock_of,
             )
             for setup in setups
         }
         self.commander = Dispatcher(
             self.telemetries,
             rights=rights,
-            sink=self.sink,
+            sink=bus,
             clock=self.clock,
             sequence=sequence,
             journal=self.journal,
@@ -198,12 +202,9 @@ class GatewayWorld:
             clock_watch=clock_watch,
             restate=lambda: None,
             tell=lambda *event: None,
-            standstill=self._watch,
+            standstill=SuspendWatch(self.clock.now_s, up_s=self.clock.now_s, utc_s=self.clock.utc_s),
         )
         self._looking = asyncio.create_task(self.reception.run())
-
-    def _watch(self, on_standstill: Callable[[float], None]) -> SuspendWatch:
-        return SuspendWatch(on_standstill, up_s=self.clock.now_s, utc_s=self.clock.utc_s)
 
     @property
     def is_clock_right(self) -> bool:

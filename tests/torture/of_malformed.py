@@ -16,8 +16,7 @@ from gateway.mqtt.contract.freshness import Moment, Tokens
 from gateway.mqtt.contract.run_token import RunToken
 from gateway.mqtt.contract.topics import Topics
 from gateway.records import Phase, ResultRecord
-from gateway.starters.policy.rate_limit import RateLimits
-from gateway.starters.policy.start_rules import PolicySettings
+from gateway.starters.policy.start_rules import PolicySettings, RateLimits
 from gateway.system.token_bucket import Rate
 from tests.starters.plant import Plant
 from tests.torture.command_site import PACE_S, STARTERS, CommandSite

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from contextlib import AsyncExitStack
 
 from gateway.mqtt.contract.freshness import DEFAULT_TTL_S
-from gateway.mqtt.contract.strict_json import rfc3339
+from gateway.records import rfc3339
 from gateway.system.suspend_watch import LIMIT_S
 from tests.torture.command_site import PACE_S, STARTERS, USERS, CommandSite, Pipe
 from tests.torture.recorder import BASE, is_final

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from gateway.errors import BrokerError
-from gateway.mqtt.connection.reconnect import Backoff, Notice, Version, VersionChoice, perhaps_taken_over
+from gateway.mqtt.connection.reconnect import Notice, Version, VersionChoice, perhaps_taken_over
 from gateway.mqtt.connection.session import CONNECTION_LOST, Session
 from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.mqtt.connection.unread import Unread
@@ -16,6 +16,7 @@ from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.freshness import EVERY_S
 from gateway.mqtt.contract.payloads import Message
 from gateway.mqtt.outbox.outbox import Outgoing
+from gateway.system.backoff import Backoff
 
 log = logging.getLogger(__name__)
 
@@ -88,9 +89,7 @@ class BrokerConnection:
         self._pulse = pulse
         self._on_version = on_version
         self._choice = VersionChoice(settings.version)
-        self._backoff = Backoff(
-            first_s=settings.first_retry_s, last_s=settings.last_retry_s, seed=settings.seed
-        )
+        self._backoff = Backoff(settings.first_retry_s, settings.last_retry_s, seed=settings.seed)
         self._session: Session | None = None
         self._sending: asyncio.Handle | None = None
         self._beating: asyncio.TimerHandle | None = None

@@ -14,9 +14,9 @@ from gateway.mqtt.connection.session import Session
 from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.payloads import Message
-from gateway.mqtt.contract.strict_json import read_object, rfc3339, to_payload
+from gateway.mqtt.contract.strict_json import read_object, to_payload
 from gateway.mqtt.contract.topics import Topics
-from gateway.records import Phase
+from gateway.records import Phase, rfc3339
 
 STOP = "stop"
 STATUS_WITHIN_S = 5.0  # the retained status comes with the subscription

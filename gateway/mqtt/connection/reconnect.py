@@ -6,7 +6,6 @@ Why there is no connection, in words and with the remedy.
 from __future__ import annotations
 
 import enum
-import random
 import socket
 import ssl
 from dataclasses import dataclass
@@ -93,26 +92,6 @@ class Version(enum.StrEnum):
 
     V5 = "5"
     V311 = "3.1.1"
-
-
-class Backoff:
-    """Pauses that double from `first_s` to `last_s`, each up to a quarter shorter by chance."""
-
-    def __init__(self, *, first_s: float, last_s: float, seed: int) -> None:
-        self._first_s = first_s
-        self._last_s = last_s
-        self._random = random.Random(seed)  # so that many gateways do not come back in step
-        self._next_s = first_s
-
-    def next_s(self) -> float:
-        """Return how long to wait before the next attempt."""
-        pause_s = self._next_s * (1 - 0.25 * self._random.random())
-        self._next_s = min(2 * self._next_s, self._last_s)
-        return max(pause_s, self._first_s)
-
-    def reset(self) -> None:
-        """Begin again with the shortest pause, after a connection that held."""
-        self._next_s = self._first_s
 
 
 class VersionChoice:

@@ -23,7 +23,6 @@ from gateway.mqtt.contract.freshness import (
 )
 from gateway.mqtt.contract.strict_json import read_object
 from gateway.mqtt.contract.topics import CommandAddress, Malformed, Topics, shortened
-from gateway.records import AuditRecord, Phase, ResultRecord
 from gateway.starters.policy.request import CommandRequest
 from gateway.system.value_demands import demand_of
 
@@ -62,34 +61,6 @@ class Rejection:
     args: Mapping[str, Any] = field(default_factory=dict)
     correlation: bytes | None = None
     problem: str = ""  # of a malformed topic, in a word
-
-    def to_result(self, time_s: float) -> ResultRecord:
-        """Return the one and final result of this command."""
-        return ResultRecord(
-            starter=self.starter,
-            client=self.client,
-            id=self.id,
-            verb=self.verb,
-            phase=Phase.REJECTED,
-            code=self.code,
-            text=self.text,
-            time_s=time_s,
-            correlation=self.correlation,
-        )
-
-    def to_audit(self, time_s: float, seq: int) -> AuditRecord:
-        """Return the decision for the audit trail."""
-        return AuditRecord(
-            starter=self.starter,
-            client=self.client,
-            operator=self.operator,
-            verb=self.verb,
-            args=self.args,
-            decision=Phase.REJECTED,
-            code=self.code,
-            time_s=time_s,
-            seq=seq,
-        )
 
 
 def _printable(text: str) -> str:

@@ -11,7 +11,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple, assert_never
 
 from gateway.mqtt.contract.run_token import RunToken, boot_of
-from gateway.mqtt.contract.strict_json import join_json, rfc3339, to_json, to_payload
+from gateway.mqtt.contract.strict_json import join_json, to_json, to_payload
 from gateway.mqtt.contract.topics import Topics, to_level
 from gateway.records import (
     AlarmRecord,
@@ -25,7 +25,9 @@ from gateway.records import (
     ResultRecord,
     StateRecord,
     ValueRecord,
+    rfc3339,
 )
+from gateway.starters.policy.rights import Operator
 
 
 class ValueText(NamedTuple):
@@ -107,23 +109,13 @@ class Message:
 
 
 @dataclass(frozen=True, slots=True)
-class OperatorInfo:
-    """What one client may do, as configured."""
-
-    client: str
-    may: tuple[str, ...]
-    starters: tuple[str, ...]
-    freshness: str = "token"
-
-
-@dataclass(frozen=True, slots=True)
 class GatewayInfo:
     """What `gateway/info` tells."""
 
     version: str
     starters: tuple[str, ...]
     lines: tuple[str, ...]
-    operators: tuple[OperatorInfo, ...]
+    operators: tuple[Operator, ...]
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # name -> members, for stop
     mqtt_version: str | None = None  # of the connection; None before the first
 
@@ -227,8 +219,7 @@ class Payloads:
         }
         if record.reason:
             fields["reason"] = record.reason
-        if record.is_lock_told:
-            fields["locked"] = _lock(record.lock)
+        fields["locked"] = _lock(record.lock)
         return _latest(self.topics.state(record.starter), _extended(fields, record.flags))
 
     def _availability(self, record: AvailabilityRecord) -> Message:
@@ -292,22 +283,8 @@ class Payloads:
         return _kept(topic, _extended(fields, record.values), correlation=record.correlation, key=record.key)
 
     def _audit(self, record: AuditRecord) -> Message:
-        fields = {
-            "seq": record.seq,
-            "time": rfc3339(record.time_s),
-            "boot": self._boot.run,
-            "starter": record.starter,
-            "client": record.client,
-            "operator": record.operator,
-            "verb": record.verb,
-            "args": record.args,
-            "decision": record.decision,
-            "code": record.code,
-            "before": record.before,
-            "after": record.after,
-            "id": record.id,
-            "reason": record.reason,
-        }
+        claims = {"operator": record.operator, "reason": record.reason}
+        fields = {**record.as_data(), **claims, "boot": self._boot.run}
         return _kept(self.topics.audit, fields, is_droppable=True)
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping
-from datetime import UTC, datetime
 from json.encoder import encode_basestring
 from typing import Any, NoReturn
 
@@ -142,17 +141,6 @@ def join_json(items: Iterable[str]) -> str:
 def to_payload(value: Any) -> bytes:
     """Return `to_json` as UTF-8; lone surrogates, which UTF-8 cannot carry, become `?`."""
     return to_json(value).encode("utf-8", "replace")
-
-
-def rfc3339(time_s: float | None) -> str | None:
-    """Return seconds since 1970 as `2026-11-21T01:02:03.456Z`; None when unknown or beyond the calendar."""
-    if time_s is None or not math.isfinite(time_s):
-        return None
-    try:
-        moment = datetime.fromtimestamp(round(time_s, 3), UTC)
-    except (ValueError, OverflowError, OSError):
-        return None
-    return moment.replace(tzinfo=None).isoformat(timespec="milliseconds") + "Z"
 
 
 def _float_text(value: float) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from gateway.mqtt.contract.strict_json import rfc3339
+from gateway.records import rfc3339
 from gateway.storage.spool import Changes, Loss, merged
 
 TOLD_EVERY_S = 60.0  # losses that go on are summed up

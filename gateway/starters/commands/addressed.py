@@ -9,20 +9,20 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import replace
+from math import inf
 
-from gateway.families.devices.device import Identity
 from gateway.families.diagnosis.identify import stop_note, stop_profile
 from gateway.families.profile.schema import Profile, Variant
-from gateway.line.client import LineClient
+from gateway.line.scheduler.requests import Priority
+from gateway.modbus.pdu import Request
 from gateway.starters.commands.view import StarterControlView
-from gateway.starters.identity.query import IdentityStatus
-from gateway.starters.setup import StarterSetup, merged
+from gateway.starters.setup import Asked, StarterSetup, ask, merged
 from gateway.starters.telemetry.emitter import Emitter
 from gateway.starters.telemetry.snapshot import Snapshot
 
 
 class StopAddressee:
-    """A `StarterControlView` for a stop: as configured, until the device proves to be of another family."""
+    """A `StarterAccess` for a stop: as configured, until the device proves to be of another family."""
 
     def __init__(self, starter: StarterControlView) -> None:
         self._starter = starter
@@ -54,53 +54,13 @@ class StopAddressee:
         return self._rows if self._is_other else self._starter.snapshot
 
     @property
-    def line(self) -> LineClient:
-        """The line it is on."""
-        return self._starter.line
-
-    @property
     def publisher(self) -> Emitter:
-        """Its voice, for events."""
+        """The starter's records."""
         return self._starter.publisher
 
-    @property
-    def is_answering(self) -> bool:
-        """Whether it is online."""
-        return self._starter.is_answering
-
-    @property
-    def identity(self) -> Identity:
-        """What it said about itself."""
-        return self._starter.identity
-
-    @property
-    def identity_standing(self) -> IdentityStatus:
-        """Whether it has proved to be the configured family."""
-        return self._starter.identity_standing
-
-    @property
-    def identity_reason(self) -> str:
-        """In words why the identity is not matching."""
-        return self._starter.identity_reason
-
-    @property
-    def contradiction(self) -> str:
-        """In what the device contradicts the configuration."""
-        return self._starter.contradiction
-
-    @property
-    def status_period_s(self) -> float:
-        """How long two readings of its status are apart at most."""
-        return self._starter.status_period_s
-
-    def note_settings(self, rows: Mapping[str, tuple[int, ...]]) -> None:
-        """Hand over settings that were just read; those of another family are not kept."""
-        if not self._is_other:
-            self._starter.note_settings(rows)
-
-    def set_trouble(self, topic: str, reason: str) -> None:
-        """Publish that a part of the starter cannot be read at present; an empty reason: it can be again."""
-        self._starter.set_trouble(topic, reason)
+    def ask(self, request: Request, *, lane: Priority, until_s: float = inf) -> Asked:
+        """Send a request, with the times of the family that is spoken to."""
+        return ask(self._starter.line, self.setup, request, lane=lane, until_s=until_s)
 
     def take_rows(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
         """Keep rows that were just read; those of another family are not published."""

@@ -17,7 +17,7 @@ from gateway.starters.commands.command_queue import CommandQueue
 from gateway.starters.commands.ledger import Ledger
 from gateway.starters.commands.lifecycle import STOP, CommandReport, Final, Reporting
 from gateway.starters.commands.view import StarterControlView
-from gateway.starters.identity.query import IdentityStatus
+from gateway.starters.identity.first_contact import IdentityStatus
 from gateway.starters.policy.lock import is_forbidden, refusal
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.preconditions import STATE, Expectation, Guard

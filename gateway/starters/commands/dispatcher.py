@@ -29,10 +29,9 @@ from gateway.starters.commands.stop import GroupStop, Stopping
 from gateway.starters.commands.view import StarterControlView
 from gateway.starters.policy.lock import is_forbidden
 from gateway.starters.policy.policy import Policy
-from gateway.starters.policy.rate_limit import RateLimiter
 from gateway.starters.policy.request import CommandRequest, Refusable, request_of
 from gateway.starters.policy.rights import Rights
-from gateway.starters.policy.start_rules import PolicySettings
+from gateway.starters.policy.start_rules import PolicySettings, RateLimiter
 from gateway.storage.journal import UNAVAILABLE, Journal, NoJournal, Remembered
 from gateway.system.clock import Clock
 

@@ -40,7 +40,6 @@ class LocalVerbs:
         self._selections = precautions.selections
         self._identities = precautions.identities
         self._saver = precautions.saver
-        self._witness = precautions.witness
         self._clock = clock
         self._new_token = new_token
 
@@ -83,9 +82,9 @@ class LocalVerbs:
             errand.before = {"lock": lock}
         if request.verb == LOCK:
             reason = reason_in(request.args, request.reason)
-            self._set_lock(name, LockRecord(request.client, self._clock.utc_s(), reason, request.operator))
+            self._set_lock(starter, LockRecord(request.client, self._clock.utc_s(), reason, request.operator))
         else:
-            self._set_lock(name, None)
+            self._set_lock(starter, None)
         return self._keep(errand, starter, before)
 
     async def _keep(
@@ -114,7 +113,7 @@ class LocalVerbs:
             text = "locked as long as this gateway runs, but that could not be kept on the disk"
             errand.finish(Final(Phase.FAILED, "not_kept", text))
         else:
-            self._set_lock(request.starter, before)
+            self._set_lock(starter, before)
             errand.finish(Final(Phase.FAILED, "not_kept", "still locked: it could not be kept on the disk"))
 
     async def _accepted(self, errand: CommandReport, stranger: IdentityMismatch) -> None:
@@ -128,9 +127,9 @@ class LocalVerbs:
             end = Final(Phase.FAILED, "not_kept", text, seen, seen)
         errand.finish(end)
 
-    def _set_lock(self, starter: str, lock: LockRecord | None) -> None:
-        self._logbook.set_lock(starter, lock)
-        self._witness.restate(starter)
+    def _set_lock(self, starter: StarterControlView, lock: LockRecord | None) -> None:
+        self._logbook.set_lock(starter.setup.name, lock)
+        starter.restate()
         self._saver.touch()
 
     def _check_select(self, request: CommandRequest, starter: StarterControlView) -> None:

@@ -15,7 +15,7 @@ from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.scheduler.requests import Priority
 from gateway.modbus.codes import exception_name
 from gateway.modbus.pdu import Request
-from gateway.starters.commands.view import StarterControlView
+from gateway.starters.commands.view import StarterAccess
 
 T = TypeVar("T")
 
@@ -45,7 +45,7 @@ class RefusedError(GatewayError):
 class StarterIo:
     """Reads and writes of one starter for one command."""
 
-    def __init__(self, starter: StarterControlView, *, read_back_lane: Priority = Priority.READ_BACK) -> None:
+    def __init__(self, starter: StarterAccess, *, read_back_lane: Priority = Priority.READ_BACK) -> None:
         self._starter = starter
         self._read_back_lane = read_back_lane
         self._halted: str | None = None
@@ -66,7 +66,7 @@ class StarterIo:
 
     def hand_over(self, request: Request, *, lane: Priority) -> asyncio.Future[Outcome]:
         """Hand a request to the line at once; what is to become of it is cancelled when halted."""
-        asked = self._ask(request, lane)
+        asked = self._starter.ask(request, lane=lane)
         self._handed_over.add(asked)
         asked.add_done_callback(self._handed_over.discard)
         return asked
@@ -108,6 +108,7 @@ class StarterIo:
             values = self.values(await self.read_back(expect.reads) or {})
             count = count + 1 if expect.is_met(values) else 0
             if count == EQUAL_READINGS:
+                await asyncio.sleep(0)  # they are published before the result that rests on them
                 return values
             if count == 0 and asyncio.get_running_loop().time() >= until_s:
                 return None
@@ -129,17 +130,7 @@ class StarterIo:
     async def _transact(self, request: Request, lane: Priority, *, until_s: float = inf) -> Outcome:
         if self._halted is not None:
             raise HaltedError(self._halted)
-        return await self._do(self._ask(request, lane, until_s=until_s))
-
-    def _ask(self, request: Request, lane: Priority, *, until_s: float = inf) -> asyncio.Future[Outcome]:
-        setup = self._starter.setup
-        return self._starter.line.transact(
-            setup.address,
-            request,
-            response_time_s=setup.response_time_of(request),
-            lane=lane,
-            until_s=until_s,
-        )
+        return await self._do(self._starter.ask(request, lane=lane, until_s=until_s))
 
     def _rows_from(self, read: Read, outcome: Outcome) -> Rows:
         match outcome:

@@ -209,6 +209,7 @@ class Stopping:
                     self._good_from = None
                 elif self._good_from is None:
                     self._good_from = self._readings
+                await asyncio.sleep(0)  # the readings are published before the results that rest on them
                 self._end_what_is_over(values or {})
                 self._send_if_due()
                 await self._pause(READ_BACK_PAUSE_S)

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import inf
 from typing import Protocol
 
 from gateway.families.devices.device import Identity
 from gateway.families.profile.schema import Profile, Variant
 from gateway.line.client import LineClient
-from gateway.starters.identity.query import IdentityStatus
-from gateway.starters.setup import StarterSetup
+from gateway.line.scheduler.requests import Priority
+from gateway.modbus.pdu import Request
+from gateway.starters.identity.first_contact import IdentityStatus
+from gateway.starters.setup import Asked, StarterSetup
 from gateway.starters.telemetry.emitter import Emitter
 from gateway.starters.telemetry.snapshot import Snapshot
 
 
-class StarterControlView(Protocol):
-    """One starter, as the commander sees it; `StarterTelemetry` is one."""
+class StarterAccess(Protocol):
+    """One starter, as far as it is asked, written to and read."""
 
     @property
     def setup(self) -> StarterSetup:
@@ -31,6 +34,18 @@ class StarterControlView(Protocol):
     def variant(self) -> Variant:
         """What is known of it by configuration and identification."""
         ...
+
+    def ask(self, request: Request, *, lane: Priority, until_s: float = inf) -> Asked:
+        """Send it a request, not later than `until_s`; cancelled, it is withdrawn while it waits."""
+        ...
+
+    def take_rows(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
+        """Record rows that were just read for a command; they are published once the command waits again."""
+        ...
+
+
+class StarterControlView(StarterAccess, Protocol):
+    """One starter, as the dispatcher sees it; `StarterTelemetry` is one."""
 
     @property
     def line(self) -> LineClient:
@@ -85,6 +100,6 @@ class StarterControlView(Protocol):
         """Publish that a part of the starter cannot be read at present; an empty reason: it can be again."""
         ...
 
-    def take_rows(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
-        """Hand over rows that were just read for a command."""
+    def restate(self) -> None:
+        """Publish its state again, because its lock has changed."""
         ...

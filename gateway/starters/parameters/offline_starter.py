@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from math import inf
 
 from gateway.errors import CommandError
 from gateway.families.devices.device import Identity
@@ -10,13 +11,13 @@ from gateway.families.diagnosis.identify import identify, identify_requests, why
 from gateway.families.profile.procedure import Read
 from gateway.families.profile.schema import Profile, Variant
 from gateway.line.client import LineClient
-from gateway.line.rtu.outcome import Answered, Outcome, Refused
+from gateway.line.rtu.outcome import Answered, Refused
 from gateway.line.scheduler.requests import Priority
 from gateway.modbus.pdu import Request
 from gateway.records import SequenceNumbers, Sink
 from gateway.starters.bulk_read import BulkReading, read_in_bulk
-from gateway.starters.identity.query import IdentityStatus, standing_of
-from gateway.starters.setup import StarterSetup, merged
+from gateway.starters.identity.first_contact import IdentityStatus, standing_of
+from gateway.starters.setup import Asked, StarterSetup, ask, merged
 from gateway.starters.telemetry.emitter import Emitter
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from gateway.starters.telemetry.snapshot import Snapshot
@@ -81,12 +82,9 @@ class OfflineStarter:
             raise CommandError(f"identity_{standing.value}", self.identity_reason)
         self.variant = merged(self.setup.variant, self.identity)
 
-    async def ask(self, request: Request) -> Outcome:
-        """Send one read and return what became of it."""
-        response_time_s = self.setup.response_time_of(request)
-        return await self.line.transact(
-            self.setup.address, request, response_time_s=response_time_s, lane=Priority.READ_BACK
-        )
+    def ask(self, request: Request, *, lane: Priority = Priority.READ_BACK, until_s: float = inf) -> Asked:
+        """Send a request."""
+        return ask(self.line, self.setup, request, lane=lane, until_s=until_s)
 
     async def read(self, reads: Iterable[Read], *, tell: Callable[[Read], None] | None = None) -> BulkReading:
         """Carry out many reads; CommandError and PortLostError as `read_in_bulk`."""
@@ -96,6 +94,9 @@ class OfflineStarter:
         """Keep rows that were just read for a command."""
         self.snapshot.keep_rows(rows, at_s=at_s)
         self.note_settings(rows)
+
+    def restate(self) -> None:
+        """Do nothing: no state is published."""
 
     def set_trouble(self, topic: str, reason: str) -> None:
         """Ignore what cannot be read: the command itself says so."""

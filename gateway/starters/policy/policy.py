@@ -1,12 +1,8 @@
-"""All that the gateway knows and remembers to judge commands by, beyond the starters' own readings.
-
-Stands between the starters and the sink: keeps the states that pass in the logbook, and adds the locks.
-"""
+"""All that the gateway knows and remembers to judge commands by, beyond the starters' own readings."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from gateway.errors import DamagedError
@@ -25,52 +21,15 @@ from gateway.starters.telemetry.transitions import PublishedFaults
 from gateway.storage.json_file import JsonStore, NoStore, Saver
 from gateway.system.clock import Clock
 
-
-class StateObserver:
-    """A sink for the records of starters; `on_change` hears when the logbook has something new to keep."""
-
-    def __init__(
-        self,
-        sink: Sink,
-        logbook: MotorHistory,
-        *,
-        clock: Clock,
-        sequence: SequenceNumbers,
-        on_change: Callable[[], None],
-    ) -> None:
-        self._sink = sink
-        self._logbook = logbook
-        self._clock = clock
-        self._sequence = sequence
-        self._on_change = on_change
-        self._states: dict[str, StateRecord] = {}
-
-    def put(self, record: Record) -> None:
-        """Pass a record on; a state with its starter's lock."""
-        if not isinstance(record, StateRecord):
-            self._sink.put(record)
-            return
-        if self._logbook.note_state(record.starter, record.state, now_s=self._clock.now_s()):
-            self._on_change()
-        self._states[record.starter] = record
-        self._tell(record)
-
-    def restate(self, starter: str) -> None:
-        """Tell the state of a starter again, because its lock has changed."""
-        record = self._states.get(starter)
-        if record is not None:
-            self._tell(replace(record, seq=self._sequence.take()))
-
-    def _tell(self, record: StateRecord) -> None:
-        self._sink.put(replace(record, is_lock_told=True, lock=self._logbook.lock_of(record.starter)))
-
-
 WEAR_EVENT = "memory_written"
 GATEWAY = "gateway"  # who locks when the locks are not known any more
 
 
 class Policy:
-    """The policy with the logbook, which is read when this is made: before any command is judged."""
+    """The policy with the logbook, which is read when this is made: before any command is judged.
+
+    Subscribes to the records: starts and standstills are what the published states say.
+    """
 
     def __init__(
         self,
@@ -99,9 +58,6 @@ class Policy:
         self.wear = WriteBudget(on_count=self._tell_wear)
         self._wear_saver = Saver(wear_memory or NoStore(), self.wear.to_document, on_trouble=lambda _: None)
         self.saver = Saver(memory or NoStore(), self._document, on_trouble=self._tell_trouble)
-        self.witness = StateObserver(
-            sink, self.logbook, clock=clock, sequence=sequence, on_change=self.saver.touch
-        )
         self._sink = sink
         self._clock = clock
         self._sequence = sequence
@@ -111,13 +67,24 @@ class Policy:
         if self.watchdogs.damage:
             self._tell("memory_damaged", Severity.WARNING, self.watchdogs.damage)
 
-    def take_over(self, policy: PolicySettings, *, rights: Rights) -> None:
-        """Judge by another policy from now on; a command that was admitted keeps to the one it came under."""
+    def put(self, record: Record) -> None:
+        """Remember the states that are published."""
+        if isinstance(record, StateRecord) and self.logbook.note_state(
+            record.starter, record.state, now_s=self._clock.now_s()
+        ):
+            self.saver.touch()
+
+    def take_over(self, policy: PolicySettings, *, rights: Rights) -> list[str]:
+        """Judge by another policy from now on; return the starters that are locked by it.
+
+        A command that was admitted keeps to the policy it came under.
+        """
         self.policy = policy
         self.rulebook = Rulebook(policy.rules, self.logbook)
-        self._lock_unsure(rights)
+        locked = self._lock_unsure(rights)
         self.saver.touch()
         self.identities.keep()
+        return locked
 
     def guard(self, request: CommandRequest, expectations: Sequence[Expectation]) -> Guard:
         """Return what watches over one command until its write."""
@@ -143,7 +110,7 @@ class Policy:
         except DamagedError as error:
             memory.set_aside()
             self._unsure = set(starters)
-            count = self._lock_unsure(rights)
+            count = len(self._lock_unsure(rights))
             text = f"{error}: earlier starts are not known, and {count} starters are locked ({NOTICE})"
             self._tell("memory_damaged", Severity.ERROR, text)
 
@@ -162,15 +129,14 @@ class Policy:
         data = {"last_hour": self.wear.last_hour(starter), "total": self.wear.total(starter)}
         self._tell(WEAR_EVENT, Severity.INFO, text, starter, data)
 
-    def _lock_unsure(self, rights: Rights) -> int:
-        """Lock what may have been locked, where somebody may unlock it; return how many starters that is."""
+    def _lock_unsure(self, rights: Rights) -> list[str]:
+        """Lock what may have been locked, where somebody may unlock it; return those starters."""
         locked = [name for name in self._unsure if rights.is_lockable(name)]
         reason = "the memory of locks was damaged: look, then unlock"
         for name in locked:
             self._unsure.discard(name)
             self.logbook.set_lock(name, LockRecord(GATEWAY, self._clock.utc_s(), reason))
-            self.witness.restate(name)
-        return len(locked)
+        return locked
 
     def _tell_trouble(self, trouble: str) -> None:
         if trouble:

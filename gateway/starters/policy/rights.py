@@ -23,20 +23,20 @@ class Rights:
     """The rights of all operators; what nobody has been given is refused."""
 
     def __init__(self, operators: Iterable[Operator] = ()) -> None:
-        self._operators = tuple(operators)
+        self.operators = tuple(operators)
 
     def is_known(self, client: str) -> bool:
         """Return whether the client has any right at all."""
-        return any(operator.client == client for operator in self._operators)
+        return any(operator.client == client for operator in self.operators)
 
     def has_any(self, client: str, *, starter: str) -> bool:
         """Return whether the client may do anything to this starter."""
-        return any(operator.client == client and _matches(operator, starter) for operator in self._operators)
+        return any(operator.client == client and _matches(operator, starter) for operator in self.operators)
 
     def is_lockable(self, starter: str) -> bool:
         """Return whether anybody may set a maintenance lock on this starter."""
         return any(
-            self.is_allowed(operator.client, verb="lock", starter=starter) for operator in self._operators
+            self.is_allowed(operator.client, verb="lock", starter=starter) for operator in self.operators
         )
 
     def is_allowed(self, client: str, *, verb: str, starter: str) -> bool:
@@ -45,7 +45,7 @@ class Rights:
             operator.client == client
             and (ANY_VERB in operator.may or verb in operator.may)
             and _matches(operator, starter)
-            for operator in self._operators
+            for operator in self.operators
         )
 
     def freshness(self, client: str, *, verb: str, starter: str) -> tuple[str, ...]:
@@ -55,7 +55,7 @@ class Rights:
         """
         settings = tuple(
             operator.freshness
-            for operator in self._operators
+            for operator in self.operators
             if operator.client == client
             and (ANY_VERB in operator.may or verb in operator.may)
             and _matches(operator, starter)

@@ -1,18 +1,18 @@
-"""The gateway's rules for starts: how many, how soon; each refusal with its reading and its mend.
+"""The gateway's rules for starts, each refusal with its reading and its hint; how many commands are taken.
 
 What a site demands of commands beyond what the starters themselves demand, in plain values.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from gateway.families.command.interlock import Violation
 from gateway.families.profile.arguments import to_switch
 from gateway.starters.policy.motor_history import MotorHistory
-from gateway.starters.policy.rate_limit import RateLimits
+from gateway.system.token_bucket import Bucket, Rate
 
 HOUR_S = 3600.0
 
@@ -21,6 +21,18 @@ RULES: Mapping[str, str] = {
     "pause_too_short": "the motor has not stood still for the configured time",
     "feeder_busy": "another motor of this feeder has just been started",
 }
+
+
+@dataclass(frozen=True, slots=True)
+class RateLimits:
+    """What the gateway takes; nobody operates motors this fast by hand."""
+
+    client: Rate = Rate(20.0, 100)
+    starter: Rate = Rate(5.0, 20)  # of one client
+    everyone: Rate = Rate(200.0, 300)
+    under_way_on_line: int = 32  # so that none waits for the line longer than it is fresh
+    parameters_on_line: int = 16  # of them reads and settings, which have a share of the line only
+    answered_stops: int = 8  # of one starter's at the same time; the others are carried out all the same
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,3 +130,19 @@ class PolicySettings:
     rules: Mapping[str, RuleSet] = field(default_factory=dict)
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     limits: RateLimits = field(default_factory=RateLimits)
+
+
+class RateLimiter:
+    """Says which commands are too many. Keys must come from a bounded set."""
+
+    def __init__(self, limits: RateLimits) -> None:
+        self._limits = limits
+        self._clients: dict[Hashable, Bucket] = {}
+        self._starters: dict[Hashable, Bucket] = {}
+        self._everyone = Bucket(limits.everyone)
+
+    def admits(self, *, client: Hashable, starter: Hashable, now_s: float) -> bool:
+        """Count a command and return whether it is within all limits; one too many costs others nothing."""
+        of_client = self._clients.setdefault(client, Bucket(self._limits.client))
+        of_starter = self._starters.setdefault((client, starter), Bucket(self._limits.starter))
+        return of_client.take(now_s) and of_starter.take(now_s) and self._everyone.take(now_s)

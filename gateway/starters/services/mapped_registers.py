@@ -26,9 +26,11 @@ from gateway.line.scheduler.requests import Priority
 from gateway.records import AuditRecord, SequenceNumbers, Severity, Sink
 from gateway.starters.commands.starter_io import RefusedError, Rows, StarterIo
 from gateway.starters.commands.view import StarterControlView
-from gateway.starters.identity.query import IdentityStatus
+from gateway.starters.identity.first_contact import IdentityStatus
 from gateway.starters.policy.write_budget import WriteBudget
 from gateway.system.clock import Clock
+from gateway.system.once import News
+from gateway.system.supervised import SupervisedTask
 
 logger = logging.getLogger(__name__)
 
@@ -73,19 +75,17 @@ class MappedRegisters:
         self._is_locked = is_locked
         self._on_written = on_written
         self._wire = StarterIo(starter)
-        self._task: asyncio.Task[None] | None = None
+        self._task = SupervisedTask(f"fast words {starter.setup.name}")
+        self.close = self._task.close
         self._is_contested = False
-        self._told = ""  # the last event, so that nothing is said twice
+        self._news = News()  # the code of the last event
         self._writings = 0  # that did not read back, in a row
         self._pause_s = RETRY_S
         self._is_waiting = False  # until it is allowed to write; nothing is asked meanwhile
 
     def begin(self) -> None:
         """Look at the map from the beginning, because the starter has just been identified."""
-        if self._task is not None:
-            self._task.cancel()
-        name = f"fast words {self._starter.setup.name}"
-        self._task = asyncio.get_running_loop().create_task(self._run(), name=name)
+        self._task.begin(self._try_on)
 
     def forbid_writing(self) -> None:
         """Write nothing from now on; a map that stands is still used."""
@@ -97,20 +97,11 @@ class MappedRegisters:
         text = f"the mapped words are not used any more: {reason}; everything is read as before"
         self._tell("fast_words_changed", Severity.WARNING, text)
 
-    async def close(self) -> None:
-        """Do nothing more, and wait until nothing of it is left."""
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.wait((self._task,))
-
-    async def _run(self) -> None:
-        try:
-            while True:
-                if await self._attempted():
-                    return
-                await asyncio.sleep(self._pause_s)
-        except Exception:  # the guard at the task's top
-            logger.exception("starter=%s fast words ended by a bug", self._starter.setup.name)
+    async def _try_on(self) -> None:
+        while True:
+            if await self._attempted():
+                return
+            await asyncio.sleep(self._pause_s)
 
     async def _attempted(self) -> bool:
         """Return whether there is nothing left to try."""
@@ -192,11 +183,7 @@ class MappedRegisters:
 
     async def _use(self, block: MappedBlock) -> bool:
         """Read all by the mapped words from now on, if they are what they should be."""
-        setup = self._starter.setup
-        response_time_s = setup.response_time_of(block.request)
-        outcome = await self._starter.line.transact(
-            setup.address, block.request, response_time_s=response_time_s, lane=Priority.READ_BACK
-        )
+        outcome = await self._starter.ask(block.request, lane=Priority.READ_BACK)
         if not isinstance(outcome, (Answered, Refused)):
             return False
         if isinstance(outcome, Refused) or rows_from(self._starter.profile, block, outcome.value) is None:
@@ -235,9 +222,8 @@ class MappedRegisters:
         )
 
     def _tell(self, code: str, severity: Severity, text: str) -> None:
-        if code == self._told:
+        if not self._news.is_new(code):
             return
-        self._told = code
         logger.log(
             logging.INFO if severity is Severity.INFO else logging.WARNING,
             "starter=%s %s",

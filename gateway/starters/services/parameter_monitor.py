@@ -6,9 +6,9 @@ Who turned the keypad: settings that read otherwise than before, although nobody
 from __future__ import annotations
 
 import asyncio
-import logging
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from math import inf
 from typing import Any
 
@@ -18,15 +18,14 @@ from gateway.families.profile.parameters import find, to_words
 from gateway.families.profile.procedure import Read
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.reading.bulk import bulk_reads, is_set_by_people
-from gateway.line.rtu.outcome import Outcome
 from gateway.line.scheduler.requests import Priority
-from gateway.modbus.pdu import Request
 from gateway.records import Severity
 from gateway.starters.bulk_read import read_in_bulk
 from gateway.starters.commands.view import StarterControlView
-from gateway.starters.identity.query import IdentityStatus
+from gateway.starters.identity.first_contact import IdentityStatus
 from gateway.starters.parameters.model import ParameterEntry, entries_of
 from gateway.starters.telemetry.transitions import Change
+from gateway.system.supervised import SupervisedTask
 
 EVENT = "parameter_changed"
 
@@ -114,8 +113,6 @@ def _as_data(entry: ParameterEntry) -> dict[str, Any]:
     }
 
 
-logger = logging.getLogger(__name__)
-
 VERBS = ("set", "configure")
 EVERY_S = 60.0  # one block; an SSW900's settings are some 20 blocks
 FIRST_LAP_EVERY_S = 10.0  # until all of them are known: what is changed before cannot be noticed
@@ -145,19 +142,12 @@ class ParameterMonitor:
         self._left_of_first_lap = len(self._reads)  # blocks: the first lap makes known what there is
         self._refusals: dict[str, int] = {}  # by row, since the hour began
         self._hour_began_s = -inf
-        self._task: asyncio.Task[None] | None = None
+        self._task = SupervisedTask(f"keypad {starter.setup.name}")
+        self.close = self._task.close
 
     def start(self) -> None:
         """Begin to walk; once."""
-        if self._reads:
-            name = f"keypad {self._starter.setup.name}"
-            self._task = asyncio.get_running_loop().create_task(self._run(), name=name)
-
-    async def close(self) -> None:
-        """Walk no more, and wait until nothing of it is left."""
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.wait((self._task,))
+        self._task.begin(self._walk)
 
     def note_command(self, verb: str, args: Mapping[str, Any], *, is_over: bool) -> None:
         """Take over that a command of ours begins or has ended."""
@@ -176,7 +166,7 @@ class ParameterMonitor:
         """Take over that the gateway itself writes these rows now."""
         self._watch.note_written(rows)
 
-    async def _run(self) -> None:
+    async def _walk(self) -> None:
         while self._reads:
             await asyncio.sleep(self._pause_s())
             starter = self._starter
@@ -189,14 +179,12 @@ class ParameterMonitor:
                 self._reads += await self._look(read)
             except (CommandError, PortLostError):  # the polls tell that it is silent
                 self._reads.append(read)
-            except Exception:  # the guard at the task's top
-                logger.exception("starter=%s keypad patrol met a bug", starter.setup.name)
-                return
 
     async def _look(self, read: Read) -> tuple[Read, ...]:
         """Read one block and tell what has changed; return what to read next time."""
         starter = self._starter
-        found = await read_in_bulk(self._ask, starter.profile, [read], tries=1)
+        ask = partial(starter.ask, lane=Priority.PARAMETERS)
+        found = await read_in_bulk(ask, starter.profile, [read], tries=1)
         starter.note_settings(found.rows)
         if self._tell_changes(found.rows):
             self._on_change()
@@ -209,8 +197,7 @@ class ParameterMonitor:
         """Publish which of these rows were changed at the starter; return whether any was."""
         starter = self._starter
         changes = self._watch.note_reading(starter.variant, rows)
-        for change in changes:
-            starter.publisher.change(change)
+        starter.publisher.put(*map(starter.publisher.change, changes))
         return bool(changes)
 
     def _pause_s(self) -> float:
@@ -236,10 +223,3 @@ class ParameterMonitor:
 
     def _planned(self, codes: Iterable[str]) -> tuple[Read, ...]:
         return bulk_reads(self._starter.profile, codes, longest=self._limit)
-
-    async def _ask(self, request: Request) -> Outcome:
-        setup = self._starter.setup
-        response_time_s = setup.response_time_of(request)
-        return await self._starter.line.transact(
-            setup.address, request, response_time_s=response_time_s, lane=Priority.PARAMETERS
-        )

@@ -6,6 +6,7 @@ import asyncio
 import itertools
 import logging
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from typing import Any
 
 from gateway.errors import CommandError, PortLostError
@@ -18,12 +19,12 @@ from gateway.families.diagnosis.readiness import (
     watchdogs,
 )
 from gateway.families.reading.bulk import bulk_reads
-from gateway.line.rtu.outcome import Outcome
 from gateway.line.scheduler.requests import Priority
-from gateway.modbus.pdu import Request
 from gateway.records import Severity
 from gateway.starters.bulk_read import BulkReading, read_in_bulk
 from gateway.starters.commands.view import StarterControlView
+from gateway.system.once import News
+from gateway.system.supervised import SupervisedTask
 
 logger = logging.getLogger(__name__)
 
@@ -40,37 +41,16 @@ class ReadinessService:
     def __init__(
         self,
         starter: StarterControlView,
-        *,
-        on_rows: Callable[[Mapping[str, tuple[int, ...]]], None] = lambda _: None,
     ) -> None:
         self._starter = starter
-        self._on_rows = on_rows
-        self._task: asyncio.Task[None] | None = None
-        self._said: object = None  # what the last event was told from
+        self.on_rows: Callable[[Mapping[str, tuple[int, ...]]], None] = lambda _: None  # gets what was read
+        self._task = SupervisedTask(f"readiness {starter.setup.name}")
+        self.close = self._task.close
+        self._news = News()  # what the last event was made of
 
     def begin(self) -> None:
-        """Look, in a task of its own; the starter is identified."""
-        self._cancel()
-        name = f"readiness {self._starter.setup.name}"
-        self._task = asyncio.get_running_loop().create_task(self._run(), name=name)
-
-    async def close(self) -> None:
-        """Look no more, and wait until nothing of it is left."""
-        task = self._task
-        self._cancel()
-        if task is not None:
-            await asyncio.wait((task,))
-
-    def _cancel(self) -> None:
-        if self._task is not None:
-            self._task.cancel()
-            self._task = None
-
-    async def _run(self) -> None:
-        try:
-            await self._look_until_read()
-        except Exception:  # the guard at the task's top
-            logger.exception("starter=%s readiness ended by a bug", self._starter.setup.name)
+        """Look; the starter is identified."""
+        self._task.begin(self._look_until_read)
 
     async def _look_until_read(self) -> None:
         """Look, and again after ever longer pauses until the starter has given the rows of its watchdog."""
@@ -85,7 +65,7 @@ class ReadinessService:
             else:
                 rows = found.rows
                 self._starter.note_settings(rows)
-                self._on_rows(rows)
+                self.on_rows(rows)
                 self._tell(rows)
                 if not self._tell_refused_watchdog(found):
                     return
@@ -105,7 +85,8 @@ class ReadinessService:
     async def _read(self) -> BulkReading:
         profile = self._starter.profile
         reads = bulk_reads(profile, readiness_codes(profile))
-        return await read_in_bulk(self._ask, profile, reads, tries=1)
+        ask = partial(self._starter.ask, lane=Priority.PARAMETERS)
+        return await read_in_bulk(ask, profile, reads, tries=1)
 
     def _tell(self, rows: dict[str, tuple[int, ...]]) -> None:
         starter = self._starter
@@ -117,9 +98,8 @@ class ReadinessService:
             watchdog_s=starter.setup.watchdog_s,
         )
         said = (tuple(sorted(rows.items())), tuple(finding.weight for finding in findings))
-        if said == self._said or not findings:
+        if not findings or not self._news.is_new(said):
             return
-        self._said = said
         data = {
             "would_refuse_start": refuses_start(findings),
             "findings": [_as_data(finding) for finding in findings],
@@ -130,13 +110,6 @@ class ReadinessService:
         }
         severity = _SEVERITIES[findings[0].weight]  # the gravest comes first
         starter.publisher.event(EVENT, severity, summary(findings), data)
-
-    async def _ask(self, request: Request) -> Outcome:
-        setup = self._starter.setup
-        response_time_s = setup.response_time_of(request)
-        return await self._starter.line.transact(
-            setup.address, request, response_time_s=response_time_s, lane=Priority.PARAMETERS
-        )
 
 
 def summary(findings: Iterable[Finding]) -> str:

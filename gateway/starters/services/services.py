@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Coroutine
+from collections.abc import Coroutine
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -25,7 +25,6 @@ class _Company:
     watch: ReadinessService
     patrol: ParameterMonitor
     lane: MappedRegisters | None = None
-    may_write: bool = False  # on our own account: the map of the fast words
 
     def is_about_readiness(self, record: AuditRecord) -> bool:
         """Return whether a command has set a row that says how ready the starter is, or its watchdog."""
@@ -39,65 +38,65 @@ class _Company:
 
 
 class StarterServices:
-    """The companions of all starters; also the commander's sink, so that they hear what we set ourselves."""
+    """The services of all starters; subscribes to the records, to know what commands set.
 
-    def __init__(self, sink: Sink, *, patrol_every_s: float = EVERY_S) -> None:
+    Without `may_write`, and for a starter that comes after `start`, nothing is written on our own account.
+    """
+
+    def __init__(
+        self,
+        precautions: Policy,
+        *,
+        sink: Sink,
+        clock: Clock,
+        sequence: SequenceNumbers,
+        may_write: bool,
+        patrol_every_s: float = EVERY_S,
+    ) -> None:
+        self._precautions = precautions
         self._sink = sink
+        self._clock = clock
+        self._sequence = sequence
+        self._may_write = may_write
         self._patrol_every_s = patrol_every_s
         self._companies: dict[str, _Company] = {}
-        self._add_lane: Callable[[_Company], None] = lambda _: None
         self._is_started = False
 
     def add(self, starter: StarterTelemetry) -> None:
-        """Go along with this starter; one that comes after the start is not written to on our own account."""
-        patrol = ParameterMonitor(starter, on_change=lambda: watch.begin(), every_s=self._patrol_every_s)
+        """Serve this starter too."""
+        watch = ReadinessService(starter)
+        patrol = ParameterMonitor(starter, on_change=watch.begin, every_s=self._patrol_every_s)
         patrol.recall(starter.settings_recalled())
-        watch = ReadinessService(starter, on_rows=patrol.note_reading)
+        watch.on_rows = patrol.note_reading
         starter.when_identified(watch.begin)
         company = self._companies[starter.setup.name] = _Company(starter, watch, patrol)
+        if starter.setup.has_fast_words and starter.setup.is_enabled:
+            company.lane = self._mapped_registers(starter, patrol)
         if self._is_started:
-            self._add_lane(company)
             patrol.start()
 
     def remove(self, starter: str) -> Coroutine[Any, Any, None]:
         """Leave a starter, whose name another may have at once; await what is returned."""
         return self._companies.pop(starter).close()
 
-    def add_fast_lanes(
-        self,
-        *,
-        precautions: Policy,
-        sink: Sink,
-        clock: Clock,
-        sequence: SequenceNumbers,
-        may_write: bool,
-    ) -> None:
-        """Map the points of those starters for which the configuration wants it."""
-
-        def add_lane(company: _Company) -> None:
-            starter = company.starter
-            if not (starter.setup.has_fast_words and starter.setup.is_enabled):
-                return
-            company.lane = MappedRegisters(
-                starter,
-                wear=precautions.wear,
-                sink=sink,
-                clock=clock,
-                sequence=sequence,
-                may_write=company.may_write,
-                is_locked=partial(_is_locked, precautions, starter.setup.name),
-                on_written=company.patrol.note_written,
-            )
-            starter.when_identified(company.lane.begin)
-            starter.when_fast_words_are_lost(company.lane.lose)
-
-        self._add_lane = add_lane
-        for company in self._companies.values():
-            company.may_write = may_write
-            add_lane(company)
+    def _mapped_registers(self, starter: StarterTelemetry, patrol: ParameterMonitor) -> MappedRegisters:
+        lane = MappedRegisters(
+            starter,
+            wear=self._precautions.wear,
+            sink=self._sink,
+            clock=self._clock,
+            sequence=self._sequence,
+            may_write=self._may_write and not self._is_started,
+            is_locked=partial(_is_locked, self._precautions, starter.setup.name),
+            on_written=patrol.note_written,
+        )
+        starter.when_identified(lane.begin)
+        starter.when_fast_words_are_lost(lane.lose)
+        return lane
 
     def forbid_writing(self) -> None:
         """Write nothing on our own account from now on: nobody may give commands any more."""
+        self._may_write = False
         for company in self._companies.values():
             if company.lane is not None:
                 company.lane.forbid_writing()
@@ -114,14 +113,13 @@ class StarterServices:
             await self.remove(name)
 
     def put(self, record: Record) -> None:
-        """Pass a record of the commander on, and remember what it sets."""
+        """Remember what a command sets."""
         if isinstance(record, AuditRecord) and record.verb in VERBS and record.starter in self._companies:
             is_over = record.decision not in ("accepted", "written")
             company = self._companies[record.starter]
             company.patrol.note_command(record.verb, record.args, is_over=is_over)
             if is_over and company.is_about_readiness(record):
                 company.watch.begin()
-        self._sink.put(record)
 
 
 def _is_locked(precautions: Policy, starter: str) -> bool:

@@ -19,6 +19,7 @@ from math import inf
 from gateway.families.diagnosis.readiness import watchdog_codes
 from gateway.families.profile.schema import Profile
 from gateway.families.reading.bulk import rows_of_points
+from gateway.system.backoff import backoff_s
 
 OF = 200  # polls are looked at
 POOR, GOOD_AGAIN = 8, 3  # of them lost: from 4 % on it is said, until it is 1.5 % or less
@@ -83,7 +84,7 @@ class Refusals:
         """Return how long to wait at least before it is asked again; 0 when it is not refused."""
         if not self.in_row:
             return 0.0
-        return min(FIRST_PAUSE_S * 2.0 ** min(self.in_row - 1, 10), LONGEST_PAUSE_S)
+        return backoff_s(FIRST_PAUSE_S, LONGEST_PAUSE_S, self.in_row - 1)
 
 
 @dataclass(slots=True)
@@ -99,7 +100,7 @@ class Splits:
 
     def is_over(self, now_s: float) -> bool:
         """Return whether the block may be asked for as a whole again."""
-        pause_s = min(REJOINED_AFTER_S * 4.0 ** min(self.count - 1, 10), AGAIN_AFTER_S)
+        pause_s = backoff_s(REJOINED_AFTER_S, AGAIN_AFTER_S, self.count - 1, factor=4.0)
         return now_s - self.since_s >= pause_s
 
 

@@ -1,11 +1,11 @@
-"""One starter's voice: turns what is known into records with their time and number.
+"""Records of one starter: what is known of it, with its time and number.
 
 What a starter is, told once and whenever it changes: its points, its commands, who it says it is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from gateway.families.command.build import verbs
@@ -17,7 +17,9 @@ from gateway.records import (
     AvailabilityRecord,
     EventRecord,
     InfoRecord,
+    LockRecord,
     Quality,
+    Record,
     SequenceNumbers,
     Severity,
     Sink,
@@ -26,34 +28,58 @@ from gateway.records import (
 )
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.decoding import type_of, unit_of
-from gateway.starters.telemetry.snapshot import Reading, Value, as_flag
+from gateway.starters.telemetry.snapshot import Reading, Value
 from gateway.starters.telemetry.transitions import AlarmStatus, Change
 from gateway.system.clock import Clock
+
+LockOf = Callable[[str], LockRecord | None]
 
 
 class Emitter:
     """Puts the records of one starter into the sink."""
 
-    def __init__(self, starter: str, *, sink: Sink, clock: Clock, sequence: SequenceNumbers) -> None:
+    def __init__(
+        self,
+        starter: str,
+        *,
+        sink: Sink,
+        clock: Clock,
+        sequence: SequenceNumbers,
+        lock_of: LockOf = lambda _: None,
+    ) -> None:
         self.starter = starter
-        self.sink = sink
+        self._lock_of = lock_of
+        self._sink = sink
         self._clock = clock
         self._sequence = sequence
 
-    def value(self, point: str, reading: Reading) -> None:
-        """Publish one point's reading."""
-        self.sink.put(
-            ValueRecord(
-                starter=self.starter,
-                point=point,
-                value=reading.value,
-                unit=reading.unit,
-                quality=reading.quality,
-                time_s=reading.time_s,
-                seq=self._sequence.take(),
-                label=reading.label,
-                reason=reading.reason,
-            )
+    def put(self, *records: Record) -> None:
+        """Publish records, in order."""
+        for record in records:
+            self._sink.put(record)
+
+    def event(self, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None) -> None:
+        """Publish something that happened now."""
+        self.put(self.change(Change(code, severity, text, data or {})))
+
+    def availability(self, state: str, *, reason: str | None) -> None:
+        """Publish that the starter is online, offline or disabled from now on."""
+        self.put(AvailabilityRecord(self.starter, state, self._clock.utc_s(), reason))
+
+    # Records that are made where something is decoded, and published after that.
+
+    def value(self, point: str, reading: Reading) -> ValueRecord:
+        """Return one point's reading."""
+        return ValueRecord(
+            starter=self.starter,
+            point=point,
+            value=reading.value,
+            unit=reading.unit,
+            quality=reading.quality,
+            time_s=reading.time_s,
+            seq=self._sequence.take(),
+            label=reading.label,
+            reason=reading.reason,
         )
 
     def state(
@@ -64,60 +90,39 @@ class Emitter:
         time_s: float | None,
         flags: Mapping[str, Value],
         reason: str = "",
-    ) -> None:
-        """Publish the state with its boolean points."""
-        seq = self._sequence.take()
-        self.sink.put(
-            StateRecord(
-                self.starter,
-                state,
-                quality,
-                time_s,
-                seq,
-                {name: as_flag(value) for name, value in flags.items()},
-                reason=reason,
-            )
-        )
+    ) -> StateRecord:
+        """Return the state with its boolean points, and the starter's lock."""
+        known = {name: value if isinstance(value, bool) else None for name, value in flags.items()}
+        seq, lock = self._sequence.take(), self._lock_of(self.starter)
+        return StateRecord(self.starter, state, quality, time_s, seq, known, lock, reason)
 
-    def availability(self, state: str, *, reason: str | None) -> None:
-        """Publish that the starter is online, offline or disabled from now on."""
-        self.sink.put(AvailabilityRecord(self.starter, state, self._clock.utc_s(), reason))
-
-    def alarm(self, standing: AlarmStatus) -> None:
-        """Publish one fault or alarm as it stands."""
-        self.sink.put(
-            AlarmRecord(
-                starter=self.starter,
-                code=standing.alarm.code,
-                is_active=standing.is_active,
-                severity=standing.alarm.severity,
-                text=standing.alarm.text,
-                time_s=standing.raised_s,
-                cleared_s=standing.cleared_s,
-                count=standing.count,
-                seq=self._sequence.take(),
-            )
+    def alarm(self, standing: AlarmStatus) -> AlarmRecord:
+        """Return one fault or alarm as it stands."""
+        return AlarmRecord(
+            starter=self.starter,
+            code=standing.alarm.code,
+            is_active=standing.is_active,
+            severity=standing.alarm.severity,
+            text=standing.alarm.text,
+            time_s=standing.raised_s,
+            cleared_s=standing.cleared_s,
+            count=standing.count,
+            seq=self._sequence.take(),
         )
 
     def change(
         self, change: Change, *, time_s: float | None = None, more: Mapping[str, Any] | None = None
-    ) -> None:
-        """Publish something that happened, now or at `time_s`, with what else is known of it."""
-        self.sink.put(
-            EventRecord(
-                starter=self.starter,
-                code=change.code,
-                severity=change.severity,
-                text=change.text,
-                time_s=self._clock.utc_s() if time_s is None else time_s,
-                seq=self._sequence.take(),
-                data={**change.data, **(more or {})},
-            )
+    ) -> EventRecord:
+        """Return something that happened, now or at `time_s`, with what else is known of it."""
+        return EventRecord(
+            starter=self.starter,
+            code=change.code,
+            severity=change.severity,
+            text=change.text,
+            time_s=self._clock.utc_s() if time_s is None else time_s,
+            seq=self._sequence.take(),
+            data={**change.data, **(more or {})},
         )
-
-    def event(self, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None) -> None:
-        """Publish something that happened now."""
-        self.change(Change(code, severity, text, data or {}))
 
 
 def info_of(setup: StarterSetup, variant: Variant, identity: Identity) -> InfoRecord:

@@ -1,7 +1,7 @@
 """Report by exception: which readings are due to be published, and when the next one will be.
 
 A reading goes out when it differs from the one sent last by more than the point's deadband, or in quality; at
-the soonest 0.25 s after that one and at the latest 30 s after it. What is sent is always the newest reading.
+the soonest 0.25 s after that one and at the latest `refresh_s` after it. What is sent is always the newest.
 To wake up for each point on its own would cost more than to send it, so old ones go out together.
 
 The one timer of a starter.
@@ -50,63 +50,69 @@ class TickTimer:
 
 
 SOONEST_S = 0.25
-LATEST_S = 30.0 - TICK_S  # whoever is to wake up for it may do so a tick late
+REFRESH_S = 300.0  # `mqtt.refresh_s` where nothing else is configured
 TOGETHER = 0.1  # of that time: so much sooner readings go out that were sent long ago, with one that must
 
 
 @dataclass(slots=True)
 class _Reported:
     reading: Reading
-    sent: Reading | None
-    due_s: float
+    sent: Reading | None = None
     sent_s: float = -math.inf
+    changed_s: float = math.inf  # when a reading that says something else is due
 
 
 class Report:
     """The readings of one starter on their way out."""
 
-    def __init__(
-        self, deadbands: Mapping[str, float], *, soonest_s: float = SOONEST_S, latest_s: float = LATEST_S
-    ) -> None:
+    def __init__(self, deadbands: Mapping[str, float], *, refresh_s: float = REFRESH_S) -> None:
         self._deadbands = deadbands  # in the point's unit; a missing one is 0
-        self._soonest_s = soonest_s
-        self._latest_s = latest_s
-        self._together_s = latest_s * TOGETHER
         self._entries: dict[str, _Reported] = {}
         self._next_due_s = math.inf  # no reading is due before
+        self.set_refresh(refresh_s)
+
+    def set_refresh(self, refresh_s: float) -> None:
+        """Publish unchanged readings again this long after they were sent, from now on."""
+        self._latest_s = max(refresh_s - TICK_S, SOONEST_S)  # the timer may run out a tick late
+        self._look_ahead()
 
     def offer(self, readings: Mapping[str, Reading], *, now_s: float) -> None:
-        """Take over readings that are new; a point that is new here is due at once."""
+        """Record readings that are new; a point that is new here is due at once."""
         for name, reading in readings.items():
             entry = self._entries.get(name)
             if entry is None:
-                self._entries[name] = _Reported(reading, None, now_s)
+                self._entries[name] = _Reported(reading)
                 self._next_due_s = min(self._next_due_s, now_s)
                 continue
             if entry.reading is reading:
                 continue
             entry.reading = reading
             if entry.sent is not None and is_news(entry.sent, reading, self._deadbands.get(name, 0.0)):
-                entry.due_s = min(entry.due_s, max(now_s, entry.sent_s + self._soonest_s))
-                self._next_due_s = min(self._next_due_s, entry.due_s)
+                entry.changed_s = min(entry.changed_s, max(now_s, entry.sent_s + SOONEST_S))
+                self._next_due_s = min(self._next_due_s, entry.changed_s)
 
     def take_due(self, now_s: float) -> dict[str, Reading]:
         """Return what is to be published now, and count it as sent."""
         due: dict[str, Reading] = {}
         if now_s < self._next_due_s:
             return due
-        old_s = now_s - self._latest_s + self._together_s
+        old_s = now_s - self._latest_s * (1 - TOGETHER)
         for name, entry in self._entries.items():
-            if entry.due_s <= now_s or entry.sent_s <= old_s:
+            if entry.changed_s <= now_s or entry.sent_s <= old_s:
                 due[name] = entry.sent = entry.reading
-                entry.sent_s = now_s
-                entry.due_s = now_s + self._latest_s
-        self._next_due_s = min((entry.due_s for entry in self._entries.values()), default=math.inf)
+                entry.sent_s, entry.changed_s = now_s, math.inf
+        self._look_ahead()
         return due
 
     def next_due_s(self) -> float:
         """Return when the next reading is due; infinite when there is none."""
         return self._next_due_s
+
+    def _look_ahead(self) -> None:
+        next_due_s = math.inf
+        for entry in self._entries.values():  # no generator: this runs at each publication
+            next_due_s = min(next_due_s, entry.changed_s, entry.sent_s + self._latest_s)
+        self._next_due_s = next_due_s
 
 
 def is_news(sent: Reading, now: Reading, deadband: float) -> bool:

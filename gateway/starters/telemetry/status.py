@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gateway.families.devices import alarms_of
 from gateway.families.profile.schema import Profile
 from gateway.families.profile.state import state_of
-from gateway.records import Quality, Severity
+from gateway.records import Quality, Record, Severity
 from gateway.starters.telemetry.decoding import is_flag
 from gateway.starters.telemetry.emitter import Emitter
-from gateway.starters.telemetry.reporting import LATEST_S
+from gateway.starters.telemetry.reporting import TICK_S
 from gateway.starters.telemetry.snapshot import Reading, Snapshot, Value, as_flag, good_values
 from gateway.starters.telemetry.transitions import (
     LASTING_S,
@@ -26,6 +26,7 @@ from gateway.starters.telemetry.transitions import (
     Watch,
 )
 
+STATE_EVERY_S = 30.0 - TICK_S  # the timer may run out a tick late
 MOMENTS_BEFORE = 3  # sets of values that an event carries from before it
 NUMBER_WITHIN_S = 10.0  # of the first reading of a run, until a fault is published without its number
 FAULT, FAULT_CODE = "fault", "fault_code"
@@ -34,7 +35,7 @@ SUMMARY_FLAGS = (FAULT, "alarm")  # decide whether the alarms can be told at all
 
 
 class Status:
-    """Tells the state of one starter whenever it changes, and at the latest every 30 s."""
+    """Which records follow from each reading: the state when it changes, at the latest every 30 s."""
 
     def __init__(self, profile: Profile, publisher: Emitter, told: PublishedFaults | None = None) -> None:
         self._profile = profile
@@ -54,42 +55,55 @@ class Status:
         self._fault_since_s: float | None = None  # steady clock, when the present fault was seen first
         self._sent: tuple[str, Quality, dict[str, Value], str] | None = None
         self._sent_s = -math.inf
-        self._standing = -1  # of the snapshot that was told last
+        self._standing = -1  # of the snapshot that was looked at last
+        self._state = UNKNOWN
+        self._records: list[Record] = []  # made by the present look
 
     @property
     def next_due_s(self) -> float:
         """Return when the state is published again although nothing changed."""
-        return self._sent_s + LATEST_S
+        return self._sent_s + STATE_EVERY_S
+
+    def expire(self) -> bool:
+        """Have the state published again by the next look; return whether it ever was."""
+        self._sent_s = -math.inf
+        return self._sent is not None
 
     def remember(self, snapshot: Snapshot, *, now_s: float) -> None:
         """Keep the present values: they may become those before an event. Call before a status is applied."""
         if snapshot.has_good():
             self._before.append((now_s, dict(snapshot.readings)))
 
-    def tell(self, snapshot: Snapshot, *, now_s: float, utc_s: float, reason: str = "") -> str:
-        """Publish what a snapshot says and return the state; where nothing is new this costs nothing.
+    @property
+    def state(self) -> str:
+        """Return the state as of the latest look."""
+        return self._state
+
+    def look(self, snapshot: Snapshot, *, now_s: float, utc_s: float, reason: str = "") -> Sequence[Record]:
+        """Return what is to be published of a snapshot; where nothing is new this costs nothing.
 
         `reason` says why nothing is said of a starter that answers.
         """
         has_fault = self._fault_since_s is not None or self._settled.is_waiting  # then times matter too
         is_same = self._sent and snapshot.standing == self._standing and reason == self._sent[-1]
-        if self._sent and is_same and now_s < self.next_due_s and not has_fault:
-            return self._sent[0]
+        if is_same and now_s < self.next_due_s and not has_fault:
+            return ()
         self._standing = snapshot.standing
         values = snapshot.good_values()
-        state = state_of(self._profile, values)
-        self._tell_state(state, values, snapshot, now_s=now_s, reason=reason)
+        self._records = []
+        state = self._state = state_of(self._profile, values)
+        self._add_state(state, values, snapshot, now_s=now_s, reason=reason)
         shown = self._shown(snapshot, values)
-        self._tell_alarms(values, shown, utc_s=utc_s)
-        self._tell_events(snapshot, values, shown, now_s=now_s, utc_s=utc_s)
-        return state
+        self._add_alarms(values, shown, utc_s=utc_s)
+        self._add_events(snapshot, values, shown, now_s=now_s, utc_s=utc_s)
+        return self._records
 
     @property
     def is_waiting(self) -> bool:
         """Return whether something has changed that a second reading must show before it is an event."""
         return self._settled.is_waiting
 
-    def _tell_events(
+    def _add_events(
         self,
         snapshot: Snapshot,
         values: Mapping[str, Value],
@@ -100,22 +114,20 @@ class Status:
     ) -> None:
         """Publish what two readings in a row say has happened, as of the first of them."""
         deciding = (*self._flags, *self._numbers)
-        known = {name: snapshot.readings[name] for name in deciding if name in values}
+        all_readings = snapshot.readings
         readings: dict[str, tuple[Any, float]] = {
-            name: (each.value, each.at_s or 0.0) for name, each in known.items()
+            name: (values[name], all_readings[name].at_s or 0.0) for name in deciding if name in values
         }
-        read = state_of(self._profile, values)
-        if (
-            read != UNKNOWN
-        ):  # of one reading as a whole: flags that settle one by one may never have stood together
-            readings[STATE] = (read, min(known[name].at_s or 0.0 for name in self._flags if name in known))
+        if self._state != UNKNOWN:
+            # Of one reading as a whole: flags that settle one by one may never have stood together.
+            readings[STATE] = (self._state, min([readings[n][1] for n in self._flags if n in readings]))
         self._settled.note(readings)
         if self._settled.is_waiting and self._first_seen is None:
             self._first_seen = (utc_s, self._values_before(now_s))
         first_s, before = self._first_seen or (utc_s, self._values_before(now_s))
         settled = self._settled.values
         state = str(settled.get(STATE, UNKNOWN))
-        codes = self._tell_alarm_events(settled, shown, utc_s=first_s)
+        codes = self._add_alarm_events(settled, shown, utc_s=first_s)
         if state == "fault" and self._is_number_awaited(settled, now_s):
             return
         for change in self._watch.note(
@@ -124,12 +136,12 @@ class Status:
             time_s=first_s,
             is_known=self._told.is_told(self._publisher.starter, codes),
         ):
-            self._publisher.change(change, time_s=first_s, more=before)
+            self._records.append(self._publisher.change(change, time_s=first_s, more=before))
         self._remember_fault(state, codes, now_s=now_s)
         if not self._settled.is_waiting:
             self._first_seen = None
 
-    def _tell_alarm_events(
+    def _add_alarm_events(
         self, settled: Mapping[str, Value], shown: Mapping[str, Value], *, utc_s: float
     ) -> tuple[str, ...]:
         """Publish the alarms that came or went, and return the codes of the faults that stand."""
@@ -145,7 +157,7 @@ class Status:
             came = {standing.alarm.severity for standing in changed if standing.is_active}
             for standing in changed:
                 if standing.is_active or standing.alarm.severity not in came:
-                    self._publisher.change(_alarm_change(standing), time_s=utc_s)
+                    self._records.append(self._publisher.change(_alarm_change(standing), time_s=utc_s))
         return self._settled_alarms.active_codes("fault")
 
     def _is_number_awaited(self, settled: Mapping[str, Value], now_s: float) -> bool:
@@ -167,7 +179,7 @@ class Status:
         if now_s - self._fault_told_s >= LASTING_S:
             self._told.note(self._publisher.starter, codes)
 
-    def _tell_state(
+    def _add_state(
         self, state: str, values: Mapping[str, Value], snapshot: Snapshot, *, now_s: float, reason: str
     ) -> None:
         flags = {name: values.get(name) for name in self._flags}
@@ -175,10 +187,11 @@ class Status:
         said = (state, quality, flags, reason)
         if said == self._sent and now_s < self.next_due_s:
             return
-        times = [snapshot.readings[name].time_s for name in self._flags]
-        known = [time_s for time_s in times if time_s is not None]
-        self._publisher.state(
-            state, quality=quality, time_s=max(known, default=None), flags=flags, reason=reason
+        readings = snapshot.readings
+        times = [readings[name].time_s for name in self._flags]
+        time_s = max([each for each in times if each is not None], default=None)
+        self._records.append(
+            self._publisher.state(state, quality=quality, time_s=time_s, flags=flags, reason=reason)
         )
         self._sent, self._sent_s = said, now_s
 
@@ -198,12 +211,12 @@ class Status:
             )
         return shown
 
-    def _tell_alarms(self, values: Mapping[str, Value], shown: Mapping[str, Value], *, utc_s: float) -> None:
+    def _add_alarms(self, values: Mapping[str, Value], shown: Mapping[str, Value], *, utc_s: float) -> None:
         """Publish the alarms as they stand; nothing can be said while a summary flag is not known."""
         if any(name not in values for name in self._summary_flags):
             return
         for standing in self._alarms.update(alarms_of(self._profile, shown), time_s=utc_s):
-            self._publisher.alarm(standing)
+            self._records.append(self._publisher.alarm(standing))
 
     def _is_number_of_this_fault(self, snapshot: Snapshot, *, has_fault: bool) -> bool:
         if not has_fault:

@@ -2,37 +2,40 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import assert_never
 
 from gateway.families.devices.device import Identity
-from gateway.families.diagnosis.identify import stop_profile, why_not
 from gateway.families.mapped_registers import MappedBlock
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.reading.bulk import rows_of_points
 from gateway.families.reading.poll_blocks import Block
 from gateway.line.client import LineClient
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.scheduler.requests import Poll
+from gateway.line.scheduler.requests import Poll, Priority
 from gateway.modbus.codes import exception_name
-from gateway.records import InfoRecord, SequenceNumbers, Severity, Sink
-from gateway.starters.identity.query import IdentityQuery, IdentityStatus, standing_of
+from gateway.modbus.pdu import Request
+from gateway.records import SequenceNumbers, Sink
+from gateway.starters.identity.first_contact import FirstContact, IdentityStatus, standing_of
 from gateway.starters.identity.registry import IdentityRegistry
-from gateway.starters.setup import StarterSetup, merged
+from gateway.starters.setup import Asked, StarterSetup, ask, merged
+from gateway.starters.telemetry.availability import Availability
 from gateway.starters.telemetry.decoding import AnswerCache, PointSources, Told, unit_of
 from gateway.starters.telemetry.degraded import LONGEST_PAUSE_S, PollLoss
-from gateway.starters.telemetry.emitter import Emitter, info_of
-from gateway.starters.telemetry.first_contact import FirstContact
+from gateway.starters.telemetry.emitter import Emitter, LockOf, info_of
+from gateway.starters.telemetry.identity_check import IdentityCheck, Withheld
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from gateway.starters.telemetry.polling import Polling
-from gateway.starters.telemetry.reporting import SOONEST_S, Report, TickTimer
+from gateway.starters.telemetry.reporting import REFRESH_S, SOONEST_S, Report, TickTimer
 from gateway.starters.telemetry.snapshot import Snapshot
 from gateway.starters.telemetry.status import SUMMARY_FLAGS, Status
-from gateway.starters.telemetry.transitions import UNKNOWN, PublishedFaults
-from gateway.starters.telemetry.withheld import Withheld
+from gateway.starters.telemetry.transitions import PublishedFaults
 from gateway.system.clock import Clock
+from gateway.system.once import News
 
 logger = logging.getLogger(__name__)
 
@@ -55,13 +58,15 @@ class StarterTelemetry:
         identities: IdentityRegistry | None = None,
         watchdogs: KnownWatchdogs | None = None,
         told_faults: PublishedFaults | None = None,
+        lock_of: LockOf = lambda _: None,
+        refresh_s: float = REFRESH_S,
     ) -> None:
         profile = setup.profile
         self.setup = setup
         self.line = line
         self.variant = setup.variant
         self.snapshot = Snapshot({name: unit_of(profile, name) for name in profile.points})
-        self.publisher = Emitter(setup.name, sink=sink, clock=clock, sequence=sequence)
+        self.publisher = Emitter(setup.name, sink=sink, clock=clock, sequence=sequence, lock_of=lock_of)
         self._clock = clock
         self._sources = PointSources(profile)
         self._answers = AnswerCache(profile, self._sources)
@@ -69,25 +74,22 @@ class StarterTelemetry:
         summary = (name for name in SUMMARY_FLAGS if name in profile.points)
         self._status_codes = frozenset(rows_of_points(profile, summary))
         self._status = Status(profile, self.publisher, told_faults)
-        self._report = Report({name: point.deadband for name, point in profile.points.items()})
-        self._identification = IdentityQuery(setup, line, self._take_identity)
-        self._first_contact = FirstContact(setup, line, self.note_settings)
+        deadbands = {name: point.deadband for name, point in profile.points.items()}
+        self._report = Report(deadbands, refresh_s=refresh_s)
+        self._first_contact = FirstContact(
+            setup, line, on_rows=self.note_settings, on_identity=self._take_identity
+        )
         self._watchdogs = watchdogs or KnownWatchdogs()
         self._watchdogs.add(setup, line)
-        self._identities = identities or IdentityRegistry(sink=sink, clock=clock, sequence=sequence)
-        self._identities.when_accepted(setup.name, self._judge_values)
-        self._identity = Identity(reason="not yet asked")
+        identities = identities or IdentityRegistry(sink=sink, clock=clock, sequence=sequence)
+        identities.when_accepted(setup.name, self._judge_values)
+        self._identity = IdentityCheck(setup, identities, self.publisher)
         self._withheld = Withheld()
-        self._info: InfoRecord | None = None
-        self._is_answering = False
-        self._was_lost = False
+        self._info = News()  # what was published of it
+        self.availability = Availability(self.publisher)
         self._has_ended = False
-        self._troubles: dict[str, str] = {}  # by topic: what cannot be read at present
         self._loss = PollLoss()
         self._refused: tuple[str, ...] = ()  # rows that decide something, as told last
-        self._on_trouble: Callable[[str], None] = lambda _: None
-        self._never_answered = "not yet read"  # why, as last told
-        self._state = UNKNOWN
         self._on_identified: list[Callable[[], None]] = []
         self._on_fast_words_lost: Callable[[str], None] = lambda _: None
         self._waker = TickTimer(clock, self._publish)
@@ -101,31 +103,27 @@ class StarterTelemetry:
     @property
     def is_answering(self) -> bool:
         """Return whether the starter is online."""
-        return self._is_answering
+        return self.availability.is_online
 
     @property
     def identity(self) -> Identity:
-        """Return what the one who answers said about itself."""
-        return self._identity
+        """Return what the device said about itself."""
+        return self._identity.seen
 
     @property
     def identity_standing(self) -> IdentityStatus:
-        """Return whether the one who answers has proved to be the configured family, as before."""
-        standing = standing_of(self.setup, self._identity)
-        is_held = standing is IdentityStatus.MATCHING and self._identities.trouble(self.setup.name)
-        return IdentityStatus.CHANGED if is_held else standing
+        """Return whether the device has proved to be the configured family, as before."""
+        return self._identity.standing
 
     @property
     def identity_reason(self) -> str:
         """Return in words why the identity is not matching; empty when it is."""
-        return why_not(self.profile, self._identity) or self._identities.trouble(self.setup.name)
+        return self._identity.reason
 
     @property
     def contradiction(self) -> str:
         """Return in what the device contradicts the configuration, so that its values mean nothing."""
-        if standing_of(self.setup, self._identity) is IdentityStatus.MISMATCHED:
-            return why_not(self.profile, self._identity) or ""
-        return self._identities.contradiction(self.setup.name)
+        return self._identity.contradiction
 
     @property
     def status_period_s(self) -> float:
@@ -144,27 +142,13 @@ class StarterTelemetry:
         """Have something done with the reason when the mapped words must not be read any more."""
         self._on_fast_words_lost = call
 
-    def when_troubled(self, call: Callable[[str], None]) -> None:
-        """Have something done with each change of what cannot be read of it; empty: nothing."""
-        self._on_trouble = call
-
     def set_trouble(self, topic: str, reason: str) -> None:
         """Publish that a part of the starter cannot be read at present; an empty reason: it can be again."""
-        if self._troubles.get(topic, "") == reason:
-            return
-        was_degraded = bool(self._troubles)
-        if reason:
-            self._troubles[topic] = reason
-        else:
-            del self._troubles[topic]
-        text = "; ".join(self._troubles.values())
-        if self._is_answering:
-            self._publish_availability()
-        if reason:
-            self.publisher.event("degraded", Severity.WARNING, reason, {"topic": topic})
-        elif was_degraded and not text:
-            self.publisher.event("recovered", Severity.INFO, "the starter can be read whole again")
-        self._on_trouble(text)
+        self.availability.set_trouble(topic, reason)
+
+    def ask(self, request: Request, *, lane: Priority, until_s: float = math.inf) -> Asked:
+        """Send the starter a request, not later than `until_s`."""
+        return ask(self.line, self.setup, request, lane=lane, until_s=until_s)
 
     def use_fast_words(self, block: MappedBlock | None) -> None:
         """Read the points of this block in one request from now on; None: as they stand in the starter."""
@@ -173,10 +157,7 @@ class StarterTelemetry:
     def start(self) -> None:
         """Publish what is known so far, usually before the first answer; call once, on the app's loop."""
         self._publish_info()
-        if not self.setup.is_enabled:
-            self.publisher.availability("disabled", reason="disabled in the configuration")
-        elif not self._is_answering:
-            self.publisher.availability("offline", reason=self._never_answered)
+        self.availability.start(is_enabled=self.setup.is_enabled)
         self._publish()
 
     def set_every(self, every_s: float) -> None:
@@ -185,14 +166,24 @@ class StarterTelemetry:
         self._polling.set_every(every_s)
         self._watchdogs.add(self.setup, self.line)
 
+    def set_refresh(self, refresh_s: float) -> None:
+        """Publish unchanged values again after another time, from now on."""
+        self._report.set_refresh(refresh_s)
+        self._publish()
+
+    def restate(self) -> None:
+        """Publish the state again, because the starter's lock has changed."""
+        if not self._has_ended and self._status.expire():
+            self._publish()
+
     def retire(self) -> None:
-        """Make room for another: ask for nothing and tell nothing any more; `close` must follow."""
+        """Make room for another: ask for nothing and publish nothing any more; `close` must follow."""
+        self._has_ended = True
         self._on_identified.clear()
-        self._identification.cancel()
         self._first_contact.cancel()
         self._waker.cancel()
         self._polling.withdraw()
-        self._on_trouble("")
+        self.availability.on_trouble("")
         self._watchdogs.remove(self.setup.name)
 
     def end(self, reason: str) -> None:
@@ -201,24 +192,21 @@ class StarterTelemetry:
         `publish_stale_values` must follow: it can wait until this has been published of all starters.
         """
         self._has_ended = True
-        self._identification.cancel()
         self._first_contact.cancel()
         self._waker.cancel()
-        if self._is_answering:
-            self.publisher.availability("offline", reason=reason)
+        self.availability.end(reason)
         self.snapshot.mark_stale()
-        self._status.tell(self.snapshot, now_s=self._clock.now_s(), utc_s=self._clock.utc_s())
+        now_s, utc_s = self._clock.now_s(), self._clock.utc_s()
+        self.publisher.put(*self._status.look(self.snapshot, now_s=now_s, utc_s=utc_s))
 
     def publish_stale_values(self) -> None:
         """Publish all values as stale, at once."""
         now_s = self._clock.now_s()
         self._report.offer(self.snapshot.take_changed(), now_s=now_s)
-        for point, reading in self._report.take_due(now_s + SOONEST_S).items():
-            self.publisher.value(point, reading)
+        self._put_values(now_s + SOONEST_S)
 
     async def close(self) -> None:
         """Do nothing more on its own; call once nothing is handed to it any more."""
-        await self._identification.close()
         await self._first_contact.close()
         self._waker.cancel()
 
@@ -227,7 +215,7 @@ class StarterTelemetry:
         block = self._polling.block(key)
         if block is None or self._has_ended:
             return
-        if self._is_answering:
+        if self.is_answering:
             poor = self._loss.note(is_lost=isinstance(outcome, (Silent, Garbled)))
             if poor is not None:
                 self.set_trouble(LOSS_TOPIC, poor)
@@ -248,11 +236,10 @@ class StarterTelemetry:
             return
         if is_answering:
             self._come_online()
-        elif self._is_answering:
+        elif self.is_answering:
             self._go_offline(reason, frames)
-        elif not self._was_lost and reason != self._never_answered:
-            self._never_answered = reason
-            self.publisher.availability("offline", reason=reason)
+        else:
+            self.availability.note_never_answered(reason)
 
     def settings_recalled(self) -> Mapping[str, tuple[int, ...]]:
         """Return the settings of its watchdog as an earlier run has left them."""
@@ -262,25 +249,30 @@ class StarterTelemetry:
         """Record settings that were just read: the watchdog's count for the line."""
         self._watchdogs.note(self.setup.name, rows)
 
-    def take_rows(
-        self, rows: Mapping[str, tuple[int, ...]], *, at_s: float, told: Told | None = None
-    ) -> None:
-        """Take over rows that were just read, by a poll or for a command, and publish what they say."""
+    def take_rows(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
+        """Record rows that were just read for a command; it goes on before they are decoded and published."""
+        self._record(rows, at_s=at_s)
+        asyncio.get_running_loop().call_soon(self._take_decoded, rows, at_s)
+
+    def _record(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
         self.snapshot.keep_rows(rows, at_s=at_s)
         if self.identity_standing is not IdentityStatus.MISMATCHED:
             self.note_settings(rows)
+
+    def _take_decoded(
+        self, rows: Mapping[str, tuple[int, ...]], at_s: float, told: Told | None = None
+    ) -> None:
+        """Decode rows that were recorded, unless that is done, and publish what they say."""
         if self._polling.is_withdrawn or self._has_ended:
             return  # only a stop asks such a starter, and needs its rows
         self._come_online()
         if self._withheld.is_open:
             self._withheld.put(rows, at_s=at_s)
-            self._publish(at_s)
-            return
-        self._tell_rows(rows, at_s=at_s, told=told)
+        else:
+            self._apply(rows, at_s, told)
+        self._publish(at_s)
 
-    def _tell_rows(
-        self, rows: Mapping[str, tuple[int, ...]], *, at_s: float, told: Told | None = None
-    ) -> None:
+    def _apply(self, rows: Mapping[str, tuple[int, ...]], at_s: float, told: Told | None = None) -> None:
         if told is None:
             known = self.snapshot.rows_since(at_s - self._polling.patience_s)
             told = Told(*self._sources.tell(self.variant, rows, known=known))
@@ -288,7 +280,6 @@ class StarterTelemetry:
             self._status.remember(self.snapshot, now_s=at_s)
         self.snapshot.apply(told.points, at_s=at_s, time_s=self._clock.utc_s(at_s))
         self.snapshot.refuse(told.untold)
-        self._publish(at_s)
 
     def _take_answer(self, key: str, block: Block, answer: Answered) -> None:
         said = self._answers.read(key, block, self.variant, answer.value)
@@ -299,7 +290,8 @@ class StarterTelemetry:
         self._polling.note_answer(key, at_s=answer.at_s)
         if self._refused:
             self._look_at_refusals()
-        self.take_rows(said.rows, at_s=answer.at_s, told=said.told)
+        self._record(said.rows, at_s=answer.at_s)
+        self._take_decoded(said.rows, answer.at_s, said.told)
 
     def _lose_fast_words(self, reason: str) -> None:
         """Read everything as it stands in the starter again, at once."""
@@ -327,68 +319,51 @@ class StarterTelemetry:
     def _look_at_refusals(self, why: str = "") -> None:
         """Publish which of the rows that decide state, fault or watchdog are refused."""
         codes = self._polling.refused_vital()
-        if codes or self._troubles.get(REFUSED_TOPIC):
+        before = self.availability.trouble(REFUSED_TOPIC)
+        if codes or before:
             text = f"{', '.join(codes)} refused ({why}), asked again at least every {LONGEST_PAUSE_S:g} s"
-            reason = self._troubles.get(REFUSED_TOPIC) if codes == self._refused else text
+            reason = before if codes == self._refused else text
             self._refused = codes
             self.set_trouble(REFUSED_TOPIC, (reason or text) if codes else "")
 
     def _come_online(self) -> None:
-        if self._is_answering:
+        if self.is_answering:
             return
-        self._is_answering = True
-        self._publish_availability()
-        if self._was_lost:
-            self.publisher.event("answers_again", Severity.INFO, "the starter answers again")
+        self.availability.come_online()
+        if self.availability.was_lost:
             self._polling.restore()
         self._first_contact.begin(is_known=self._watchdogs.is_known(self.setup))
-        self._identification.begin()
-
-    def _publish_availability(self) -> None:
-        text = "; ".join(self._troubles.values())
-        self.publisher.availability("degraded" if text else "online", reason=text or None)
 
     def _go_offline(self, reason: str, frames: tuple[str, ...]) -> None:
-        self._is_answering, self._was_lost = False, True
-        self._identification.cancel()
         self._first_contact.cancel()
-        self._identity = Identity(reason="it has not been asked since it went silent")
-        self._identities.forget(self.setup.name)
+        self._identity.forget()
         self._withheld.withhold()
         self._refused = ()
         self._loss.clear()
-        self._troubles.clear()  # everything is asked again once it answers
-        self._on_trouble("")
-        self.publisher.availability("offline", reason=reason)
-        data = {"reason": reason, "frames": list(frames)}
-        self.publisher.event("went_silent", Severity.WARNING, f"the starter went silent: {reason}", data)
+        self.availability.go_offline(reason, frames)
         self.snapshot.mark_stale()
         self._polling.note_silence()
         self._publish()
 
     def _take_identity(self, identity: Identity) -> None:
-        before = self._identity
-        self._identity = identity
-        if standing_of(self.setup, identity) is IdentityStatus.MATCHING:
-            is_settled = self._identification.is_settled
-            self._identities.note(self.setup, identity, is_settled=is_settled)
-            if standing_of(self.setup, before) is not IdentityStatus.MATCHING:
+        was_matching = standing_of(self.setup, self.identity) is IdentityStatus.MATCHING
+        if self._identity.take(identity, is_settled=self._first_contact.is_settled):
+            if not was_matching:
                 self._polling.restore()  # another device may have refused what this one has
             self._take_variant(merged(self.setup.variant, identity))
             self._publish_info()
             for call in self._on_identified:
                 call()
-        elif self.identity_reason != why_not(self.profile, before):
-            self._tell_held()
         self._judge_values()
-        if self._withheld.is_open and self._identification.is_answered:
+        if self._withheld.is_open and self._first_contact.is_answered:
             for at_s, rows in self._withheld.release():
-                self._tell_rows(rows, at_s=at_s)
+                self._apply(rows, at_s)
+                self._publish(at_s)
             self._publish()
 
     def _why_unknown(self) -> str:
         """Return why nothing is said of a starter that answers; empty when something is."""
-        if not self._is_answering:
+        if not self.is_answering:
             return ""
         return "it is being identified" if self._withheld.is_open else self.contradiction
 
@@ -409,41 +384,40 @@ class StarterTelemetry:
             self._polling.replan(variant)
             self._polling.hasten()  # some rows mean something else now
 
-    def _tell_held(self) -> None:
-        """Say that commands are held, because someone else answers or because it is not known who does."""
-        text = f"commands are held: {self.identity_reason}"
-        if self.identity_standing is IdentityStatus.MISMATCHED:
-            seen = self._identity
-            stop_profile(self.profile, seen)  # loaded now, so that a stop need not wait for it
-            data = {"expected": self.profile.family, "seen": seen.family_seen, "model": seen.model}
-            self.publisher.event("identity_mismatch", Severity.ERROR, text, data)
-        else:
-            self.publisher.event("identity_unknown", Severity.WARNING, text)
-
     def _publish_info(self) -> None:
-        info = info_of(self.setup, self.variant, self._identity)
-        if info != self._info:
-            self._info = info
-            self.publisher.sink.put(info)
+        info = info_of(self.setup, self.variant, self.identity)
+        if self._info.is_new(info):
+            self.publisher.put(info)
 
     def _publish(self, at_s: float | None = None) -> None:
-        """Publish what is due now; `at_s` is when the newest reading was taken."""
+        """Look at all that is known now, pace the polls by it, and publish what is due after that.
+
+        `at_s` is when the newest reading was taken. Publishing itself asks nothing of the line.
+        """
         now_s = self._clock.now_s()
         overdue = self._polling.take_overdue(now_s)
         if overdue:
             self.snapshot.mark_stale(self._sources.fed_by(overdue))
-        was_waiting = self._status.is_waiting
-        state = self._status.tell(
+        was_waiting, before = self._status.is_waiting, self._status.state
+        records = self._status.look(
             self.snapshot, now_s=now_s, utc_s=self._clock.utc_s(at_s), reason=self._why_unknown()
         )
+        self._pace(was_waiting=was_waiting, before=before)
+        self.publisher.put(*records)
+        self._report.offer(self.snapshot.take_changed(), now_s=now_s)
+        self._put_values(now_s)
+        overdue_s = self._polling.next_overdue_s()
+        self._waker.at(min(self._report.next_due_s(), self._status.next_due_s, overdue_s))
+
+    def _pace(self, *, was_waiting: bool, before: str) -> None:
+        """Ask sooner for what has changed, and as often as the state wants it."""
+        state = self._status.state
         if self._status.is_waiting and not was_waiting:
             self._polling.hasten_status()  # what has changed is an event once it is read again
         self._polling.hurry(is_fast=state in BUSY_STATES, is_idle=state in IDLE_STATES)
-        if state == "fault" and self._state != state:
+        if state == "fault" and before != state:
             self._polling.hasten()  # the fault's number and the values around it, as soon as the line allows
-        self._state = state
-        self._report.offer(self.snapshot.take_changed(), now_s=now_s)
+
+    def _put_values(self, now_s: float) -> None:
         for point, reading in self._report.take_due(now_s).items():
-            self.publisher.value(point, reading)
-        overdue_s = self._polling.next_overdue_s()
-        self._waker.at(min(self._report.next_due_s(), self._status.next_due_s, overdue_s))
+            self.publisher.put(self.publisher.value(point, reading))

@@ -7,11 +7,10 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Mapping
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from gateway.records import AuditRecord
+from gateway.records import AuditRecord, rfc3339
 from gateway.storage.audit.writer import MOST_SEGMENTS, SEGMENT_BYTES, AuditWriter
 
 log = logging.getLogger(__name__)
@@ -50,25 +49,8 @@ class AuditLog:
 
     def put(self, record: AuditRecord) -> None:
         """Take a decision about a command; returns at once."""
-        self._take(
-            {
-                "kind": "command",
-                "boot": self._boot,
-                "seq": record.seq,
-                "time": stamp(record.time_s),
-                "starter": record.starter,
-                "client": record.client,
-                "claimed_operator": record.operator,
-                "claimed_reason": record.reason,
-                "id": record.id,
-                "verb": record.verb,
-                "args": record.args,
-                "decision": record.decision,
-                "code": record.code,
-                "before": record.before,
-                "after": record.after,
-            }
-        )
+        claims = {"claimed_operator": record.operator, "claimed_reason": record.reason}
+        self._take({"kind": "command", "boot": self._boot, **record.as_data(), **claims})
 
     def note(self, code: str, text: str) -> None:
         """Take something that an auditor should know; returns at once."""
@@ -89,7 +71,7 @@ class AuditLog:
             self._queue.put(entry)
 
     def _note(self, code: str, text: str) -> dict[str, Any]:
-        return {"kind": "note", "boot": self._boot, "time": stamp(time.time()), "code": code, "text": text}
+        return {"kind": "note", "boot": self._boot, "time": rfc3339(time.time()), "code": code, "text": text}
 
     def _run(self) -> None:
         waiting: list[Mapping[str, Any]] = []
@@ -131,9 +113,3 @@ class AuditLog:
             self._trouble = trouble
             self._on_trouble(trouble)
         return not trouble
-
-
-def stamp(time_s: float) -> str:
-    """Return UTC as RFC 3339 with milliseconds."""
-    moment = datetime.fromtimestamp(round(time_s, 3), UTC).replace(tzinfo=None)
-    return f"{moment.isoformat(timespec='milliseconds')}Z"

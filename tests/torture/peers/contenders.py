@@ -17,7 +17,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from gateway.mqtt.contract.strict_json import rfc3339
+from gateway.records import rfc3339
 from tests.torture.peers.measure import CURRENT, CURRENT_PCT, RUNNING, Told
 
 STARTERS = ("pump", "fan", "mill", "belt")

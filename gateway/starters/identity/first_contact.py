@@ -1,24 +1,34 @@
-"""Asks a starter who it is, until it has proved to be what the configuration says."""
+"""The first contact with a starter that answers: its watchdog, then who it is, until that is proved.
+
+A watchdog counts from the first telegram that reaches the starter (ssw900 C8.2.5; ssw06-es and ssw07 2.4), so
+it must be known before the line has come round once.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import enum
-import logging
 from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
-from gateway.families.devices.device import Identity, Question
+from gateway.errors import CommandError, PortLostError
+from gateway.families.devices.device import Identity
 from gateway.families.diagnosis.identify import identify, identify_requests, why_not
+from gateway.families.diagnosis.readiness import time_codes
 from gateway.families.profile.schema import Profile
+from gateway.families.reading.bulk import bulk_reads
 from gateway.line.client import LineClient
 from gateway.line.rtu.outcome import Answered, Outcome, Refused
 from gateway.line.scheduler.requests import Priority
 from gateway.modbus.codes import ExceptionCode, Function
-from gateway.starters.setup import StarterSetup
-
-logger = logging.getLogger(__name__)
+from gateway.modbus.pdu import Request
+from gateway.starters.bulk_read import read_in_bulk
+from gateway.starters.setup import Asked, StarterSetup, ask
+from gateway.system.backoff import Backoff
+from gateway.system.supervised import SupervisedTask
 
 FIRST_PAUSE_S = 2.0
 LONGEST_PAUSE_S = 60.0
@@ -44,47 +54,46 @@ def standing_of(setup: StarterSetup, identity: Identity) -> IdentityStatus:
     return IdentityStatus.MISMATCHED if proves_other else IdentityStatus.UNKNOWN
 
 
-class IdentityQuery:
-    """Identifies one starter; `tell` hears every identity found, on the app's loop."""
+class FirstContact:
+    """Meets one starter; `on_rows` gets its watchdog's settings, `on_identity` every identity found."""
 
-    def __init__(self, setup: StarterSetup, line: LineClient, tell: Callable[[Identity], None]) -> None:
+    def __init__(
+        self,
+        setup: StarterSetup,
+        line: LineClient,
+        *,
+        on_rows: Callable[[Mapping[str, tuple[int, ...]]], None],
+        on_identity: Callable[[Identity], None],
+    ) -> None:
         self._setup = setup
         self._line = line
-        self._tell = tell
-        self._task: asyncio.Task[None] | None = None
+        self._on_rows = on_rows
+        self._on_identity = on_identity
+        self._watchdog_reads = bulk_reads(setup.profile, time_codes(setup.profile))
+        self._task = SupervisedTask(f"first contact {setup.name}")
+        self.cancel, self.close = self._task.cancel, self._task.close
         self.is_settled = False  # no question is open any more, or it has been asked often enough
         self.is_answered = False  # the same, with the patience that values have: see `Withheld`
 
-    def begin(self) -> None:
-        """Ask from the beginning, in a task of its own."""
-        self.cancel()
-        self._task = asyncio.get_running_loop().create_task(self._run(), name=f"identify {self._setup.name}")
+    def begin(self, *, is_known: bool) -> None:
+        """Ask from the beginning; a watchdog that is known waits until all starters have been asked once."""
+        lane = Priority.READ_BACK if is_known else Priority.COMMAND
+        self._task.begin(partial(self._meet, lane))
 
-    def cancel(self) -> None:
-        """Ask no more."""
-        if self._task is not None:
-            self._task.cancel()
-            self._task = None
-
-    async def close(self) -> None:
-        """Ask no more, and wait until nothing of it is left."""
-        task = self._task
-        self.cancel()
-        if task is not None:
-            await asyncio.wait((task,))
-
-    async def _run(self) -> None:
-        try:
-            await self._ask_until_proved()
-        except Exception:  # the guard at the task's top
-            logger.exception("starter=%s identification ended by a bug", self._setup.name)
+    async def _meet(self, lane: Priority) -> None:
+        with suppress(CommandError, PortLostError):  # it is read again with the other settings
+            asked = partial(self._ask, lane=lane)
+            found = await read_in_bulk(asked, self._setup.profile, self._watchdog_reads, tries=1)
+            self._on_rows(found.rows)
+        await self._ask_until_proved()
 
     async def _ask_until_proved(self) -> None:
         """Ask ever less often; never twice at once, since two misses in a row make a unit count as silent."""
-        pause_s, rounds = FIRST_PAUSE_S, 0
+        pauses, rounds = Backoff(FIRST_PAUSE_S, LONGEST_PAUSE_S), 0
         lacking: frozenset[int] = frozenset()
         while True:
-            outcomes = {q.tag: await self._transact(q) for q in identify_requests(self._setup.profile)}
+            questions = identify_requests(self._setup.profile)
+            outcomes = {q.tag: await self._ask(q.request, lane=Priority.READ_BACK) for q in questions}
             identity = identify(self._setup.profile, {tag: _answer(out) for tag, out in outcomes.items()})
             lacked_before, lacking = lacking, _lacking(self._setup.profile, outcomes)
             identity = replace(identity, lacks=identity.lacks or _lacks(lacking & lacked_before))
@@ -94,19 +103,13 @@ class IdentityQuery:
             self.is_settled = is_complete or rounds >= MOST_ROUNDS
             enough = REFUSED_ROUNDS if is_complete else GIVEN_UP_ROUNDS
             self.is_answered = (is_complete and standing is not IdentityStatus.UNKNOWN) or rounds >= enough
-            self._tell(identity)
+            self._on_identity(identity)
             if standing is IdentityStatus.MATCHING and self.is_settled:
                 return
-            await asyncio.sleep(pause_s)
-            pause_s = min(2 * pause_s, LONGEST_PAUSE_S)
+            await asyncio.sleep(pauses.next_s())
 
-    async def _transact(self, question: Question) -> Outcome:
-        return await self._line.transact(
-            self._setup.address,
-            question.request,
-            response_time_s=self._setup.response_time_of(question.request),
-            lane=Priority.READ_BACK,
-        )
+    def _ask(self, request: Request, *, lane: Priority) -> Asked:
+        return ask(self._line, self._setup, request, lane=lane)
 
 
 def _lacking(profile: Profile, outcomes: Mapping[str, Outcome]) -> frozenset[int]:
