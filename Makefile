@@ -28,11 +28,12 @@ mosquitto:
 demo: $(STAMP) mosquitto ## simulated starters, a broker, the gateway; Ctrl-C ends it all
 	@exec $(BIN)/starter-gateway demo
 
-lint: $(STAMP) ## style, types, import contracts
+lint: $(STAMP) ## style, types, import contracts, plain words
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	PYTHONPATH=. $(BIN)/lint-imports
+	$(BIN)/python -m tests.words
 
 test: $(STAMP) mosquitto lint ## everything that is checked, as CI does
 	$(BIN)/python -m pytest

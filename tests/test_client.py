@@ -149,7 +149,7 @@ async def test_a_stop_goes_out_even_when_no_gateway_seems_to_be_there(
     if state is not None:
         PlayedGateway.come_online(broker, state)
     async with broker.watch(TOPICS.command_filter) as watcher:
-        with pytest.raises(BrokerError, match="the stop was sent, and nobody answered"):
+        with pytest.raises(BrokerError, match="the stop was sent, and no gateway answered"):
             await client(broker).stop("pump-1")
         topic, body = await PlayedGateway(broker, watcher).command()
 
@@ -227,7 +227,7 @@ async def test_a_connection_lost_after_the_command_leaves_its_end_unknown(
         _, body = await PlayedGateway(broker, watcher).command()
         broker.kill()
 
-        with pytest.raises(NoResultError, match="was lost before the end was told") as unknown:
+        with pytest.raises(NoResultError, match="was lost before the final result") as unknown:
             await asking
 
     assert unknown.value.id == body["id"]

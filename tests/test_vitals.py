@@ -133,8 +133,8 @@ def test_a_late_loop_warns_once_and_stands_in_the_figures(caplog: pytest.LogCapt
 
     assert caplog.text.count("was 0.060 s late") == 1
     assert world.told == []
-    assert world.records[-1].figures["polls"] == 7
-    assert world.records[-1].figures["lag_s"] == {"line": 0.06, "gateway": 0.0}
+    assert world.records[-1].statistics["polls"] == 7
+    assert world.records[-1].statistics["lag_s"] == {"line": 0.06, "gateway": 0.0}
 
 
 def test_a_delay_that_a_starters_watchdog_may_feel_is_an_event_once_a_minute() -> None:
@@ -169,7 +169,7 @@ def test_a_line_without_time_to_spare_is_told_of_after_a_minute_and_when_it_is_r
     run_virtually(watched(world, (5.0, fill(world, 0.99)), (70.0, fill(world, 0.4)), (70.0, None)))
 
     assert world.told == [("line_saturated", Severity.WARNING), ("line_relieved", Severity.INFO)]
-    assert world.records[-1].figures["computed"] == {"is_paced": True, "sweep_s": 1.0}
+    assert world.records[-1].statistics["computed"] == {"is_paced": True, "sweep_s": 1.0}
 
 
 def test_a_line_that_is_to_be_full_is_not_told_of() -> None:
@@ -229,6 +229,6 @@ def test_other_lines_are_watched_when_they_have_come_and_those_that_are_gone_no_
     run_virtually(reload())
 
     assert [record.line for record in world.records][-1] == "fans"
-    assert world.records[-1].figures["computed"] == {"is_paced": True}
+    assert world.records[-1].statistics["computed"] == {"is_paced": True}
     assert ("lag", Severity.ERROR) in world.told
     assert world.states[-2:] == [("degraded", "line pumps: unplugged"), ("online", None)]

@@ -87,7 +87,7 @@ class App:
         self._host = LineHost(self._plant, is_unread=self._uplink.unread)
         self._plant.build(self._host, site.config.lines)
         self._keeper = self._build_keeper()
-        self._uplink.outbox.on_told = self._keeper.journal.told
+        self._uplink.outbox.on_delivered = self._keeper.journal.delivered
         self._commander = self._build_commander()
         self._reception = self._build_reception()
         self._inbox = Inbox(
@@ -246,9 +246,9 @@ class App:
             clock=self._clock,
             hold_s=MAX_TTL_S + MAX_AHEAD_S,
             is_read_only=not self._site.config.operators,
-            tell=self.tell,
+            publish_event=self.tell,
             on_recalled=lambda commands: self._commander.recall(commands),
-            on_untold=self._uplink.tell_again,
+            on_undelivered=self._uplink.tell_again,
         )
 
     def _build_clock_memory(self) -> ClockMemory:

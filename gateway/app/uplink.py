@@ -22,7 +22,7 @@ from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.freshness import Tokens
 from gateway.mqtt.contract.payloads import GatewayInfo, Message, OperatorInfo, Payloads
 from gateway.mqtt.contract.topics import Topics
-from gateway.mqtt.outbox.disk_sync import DiskSync, Tell
+from gateway.mqtt.outbox.disk_sync import DiskSync, PublishEvent
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher
 from gateway.records import ResultRecord, Severity
@@ -55,7 +55,7 @@ class Uplink:
         clock: Clock,
         on_incoming: Callable[[Incoming], None],
         on_link: Callable[[bool, str], None],
-        tell: Tell,
+        tell: PublishEvent,
     ) -> None:
         self._on_incoming = on_incoming
         self._on_link = on_link
@@ -76,7 +76,7 @@ class Uplink:
             self.outbox,
             OutboxDisk(site.state_dir),
             clock=clock,
-            tell=tell,
+            publish_event=tell,
             wake=lambda: self._connection.wake(),
         )
         self.publisher = Publisher(self._payloads, self.outbox, clock)

@@ -1,4 +1,4 @@
-"""The command line: chooses a command, and turns what it raises into one line and an exit code."""
+"""The command line: runs a command, and reports its error as one line and an exit code."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ COMMANDS = {
     "check": "validate a configuration and print the budget of its lines",
     "simulate": "put the starters of a configuration on simulated lines",
     "scan": "find and identify the starters on a port, by reads only",
-    "doctor": "tell what on this machine or in these starters would bite",
+    "doctor": "look for problems of this machine and in these starters' settings",
     "parameters": "save, compare and restore the parameters of a starter",
     "send": "send a command over MQTT and show what becomes of it",
     "audit": "show or verify what was asked of the starters and by whom",
@@ -49,7 +49,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         for line in str(error).splitlines():
             print(f"{PROGRAM}: {line}", file=sys.stderr)
         return _exit_code(error)
-    except BrokenPipeError:  # whoever read our output has had enough
+    except BrokenPipeError:  # the reader of our output has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except KeyboardInterrupt:

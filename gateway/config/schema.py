@@ -1,6 +1,6 @@
 """The shape of the configuration: frozen models of its tables, from `[gateway]` to `[[operator]]`.
 
-What one value may be stands here; what several values may be together stands in `rules.py`.
+What one value may be stands here; what several values may be together stands in `cross_checks.py`.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ Verb = Literal[
     "general_enable",
     "output",
     "configure",
-    "select",  # nobody needs it: who may do something may also select it
+    "select",  # needs no right: a client that may do something may also select it
     "cancel",
     "lock",
     "unlock",

@@ -1,4 +1,4 @@
-"""What is kept on the disk is for its owner alone: ids, operators and their reasons are in it."""
+"""Files of the state directory are readable by their owner only: they contain ids, operators and reasons."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ class _Timex(ctypes.Structure):
 
 
 def is_kernel_clock_synchronised() -> bool:
-    """Return whether a time service keeps the system clock; False when nobody says so.
+    """Return whether a time service keeps the system clock; False when that is unknown.
 
     A service's sandbox (ProtectClock) forbids the question; there timesyncd's mark must do.
     """

@@ -1,4 +1,4 @@
-"""Notices that the process or the machine stood still: what waited is old, however fresh it looks."""
+"""Detects that the process or the machine stood still: what waited meanwhile is old."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class SuspendWatch:
     """Looks at two clocks again and again: a gap between two looks was a standstill.
 
     A stopped process (SIGSTOP, a debugger, a starved machine) and one that slept with its machine show on the
-    first clock. A virtual machine that was paused shows on the second only, when somebody sets it right.
+    first clock. A virtual machine that was paused shows on the second only, when that clock is set.
     """
 
     def __init__(
@@ -29,12 +29,12 @@ class SuspendWatch:
         up_s: Callable[[], float] = up_s,
         utc_s: Callable[[], float] = time.time,
     ) -> None:
-        self._on_standstill = on_standstill  # hears for how long
+        self._on_standstill = on_standstill  # called with its length in seconds
         self._clocks = (up_s, utc_s)
         self._seen_s: tuple[float, ...] | None = None
 
     def look(self) -> None:
-        """Tell of a standstill that ended since the last look; to be called before any command is judged."""
+        """Report a standstill that ended since the last look; call this before a command is judged."""
         now_s = tuple(clock() for clock in self._clocks)
         seen_s, self._seen_s = self._seen_s or now_s, now_s
         longest_s = max(now - seen for now, seen in zip(now_s, seen_s, strict=True))
@@ -42,7 +42,7 @@ class SuspendWatch:
             self._on_standstill(longest_s)
 
     async def run(self, *, also: Callable[[], None]) -> None:
-        """Look for ever, and each time have `also` look."""
+        """Look until cancelled, and call `also` each time."""
         while True:
             self.look()
             also()

@@ -38,4 +38,4 @@ def site(*families: str, folder: str = "/tmp", port: int = 1, login: str = "") -
 
 
 def biting(remarks: Iterable[DoctorFinding]) -> list[str]:
-    return [f"{remark.where}: {remark.text}" for remark in remarks if remark.bites]
+    return [f"{remark.where}: {remark.text}" for remark in remarks if remark.is_problem]

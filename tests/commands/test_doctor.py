@@ -113,7 +113,7 @@ def test_a_starter_that_is_silent_or_another_one_bites_and_the_others_are_looked
     silent, other = biting(found)
     assert silent == "starter pump-1: pump-1 does not answer at address 1"
     assert other.startswith("starter pump-2: it is ssw07, not ssw06")
-    assert any(remark.where == "starter pump-3" and not remark.bites for remark in found)
+    assert any(remark.where == "starter pump-3" and not remark.is_problem for remark in found)
 
 
 def test_a_port_that_does_not_open_bites() -> None:
@@ -210,7 +210,7 @@ def test_the_exit_code_says_whether_anything_bites(
     assert main(["doctor", str(path)]) == (1 if bites else 0)
     lines = capsys.readouterr().out.splitlines()
     assert lines[1] == "ok      clock: is synchronised"
-    assert lines[-1] == ("0 errors, 1 warning" if bites else "nothing bites")
+    assert lines[-1] == ("0 errors, 1 warning" if bites else "no problems")
 
 
 def test_a_wrong_configuration_is_told_as_everywhere(

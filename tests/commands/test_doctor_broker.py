@@ -74,7 +74,7 @@ def test_a_gateway_that_does_not_run_and_a_starter_that_nobody_may_read_cannot_b
         asyncio.run(access.read("pump-1", ["P220"]))
     asks_as_alice = BrokerAccess(parse(text, "site.toml"), tmp_path, client="alice")
     asyncio.run(asks_as_alice.remarks())
-    with pytest.raises(BrokerError, match="no gateway has told its state"):
+    with pytest.raises(BrokerError, match="no gateway has published its state"):
         asyncio.run(asks_as_alice.read("pump-1", ["P220"]))
     with pytest.raises(BrokerError, match=r"no \[\[operator\]\] alice may read it"):
         asyncio.run(asks_as_alice.read("fan", ["P220"]))

@@ -43,7 +43,7 @@ def test_another_one_is_told_with_the_difference(tmp_path: Path) -> None:
 def test_what_cannot_be_read_is_trouble(tmp_path: Path) -> None:
     (tmp_path / "identities.json").write_text("[", "utf-8")
 
-    assert "cannot be told" in identity_trouble(tmp_path, SETUP, SEEN)
+    assert "is unknown" in identity_trouble(tmp_path, SETUP, SEEN)
 
 
 @pytest.mark.usefixtures("one_loop")

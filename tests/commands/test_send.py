@@ -193,7 +193,7 @@ def test_a_gateway_that_was_never_there_is_told(
     assert code == 1
     assert (
         error
-        == f"starter-gateway: no gateway has told its state in {TOPICS.gateway_status} (is it running?)\n"
+        == f"starter-gateway: no gateway has published its state in {TOPICS.gateway_status} (is it running?)\n"
     )
 
 
@@ -228,7 +228,7 @@ def test_the_configurations_own_login_is_taken_when_no_other_is_given(
     code, _, error = send(broker.port, "pump-1", "start", changes=(("[mqtt]", '[mqtt]\nusername = "mcc1"'),))
 
     assert code == 1
-    assert "no gateway has told its state" in error  # so it was let in
+    assert "no gateway has published its state" in error  # so it was let in
 
 
 def test_the_password_of_another_login_is_asked_for_or_taken_from_the_environment(

@@ -127,5 +127,5 @@ def test_name_state_dir_and_topics_need_a_restart() -> None:
     problems = fixed(site(), other)
 
     assert [problem.key for problem in problems] == ["gateway.name", "gateway.state_dir", "mqtt.base"]
-    assert "restart" in problems[0].mend
+    assert "restart" in problems[0].hint
     assert fixed(site(), site()) == []

@@ -76,7 +76,7 @@ def test_a_watchdog_that_the_line_cannot_keep_is_a_wrong_configuration() -> None
     (problem,) = caught.value.problems
     assert (problem.line, problem.key) == (23, "line[0].starter[1].watchdog_s")
     assert "pump-2: 0.5 s is missed by 0." in problem.what
-    assert problem.mend == "1 of its 2 starters on another line, or no watchdog below 1 s"
+    assert problem.hint == "1 of its 2 starters on another line, or no watchdog below 1 s"
 
 
 def test_a_watchdog_is_kept_however_long_the_periods_are() -> None:
@@ -99,7 +99,7 @@ def test_when_a_line_cannot_keep_its_watchdogs_each_single_change_that_would_hel
     assert len(caught.value.problems) == 30
     problem = caught.value.problems[0]
     assert "pump-1: 2 s cannot be kept: the watchdogs on this line need " in problem.what
-    assert "of its 30 starters on another line, or no watchdog below " in problem.mend
+    assert "of its 30 starters on another line, or no watchdog below " in problem.hint
 
 
 def test_a_faster_line_is_offered_where_every_family_allows_it() -> None:
@@ -109,7 +109,7 @@ def test_a_faster_line_is_offered_where_every_family_allows_it() -> None:
     with pytest.raises(ConfigError) as caught:
         parse(text, "site.toml", check=check_watchdogs)
 
-    assert caught.value.problems[0].mend.startswith("baud = ")
+    assert caught.value.problems[0].hint.startswith("baud = ")
 
 
 def test_the_lower_floors_get_plain_values() -> None:

@@ -54,7 +54,7 @@ async def test_an_intent_that_takes_too_long_is_refused_and_that_is_told(
 async def test_a_result_is_told_without_the_disk_when_that_takes_too_long_and_only_once(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("gateway.storage.ledger.TELL_WITHIN_S", 0.01)
+    monkeypatch.setattr("gateway.storage.ledger.PUBLISH_WITHIN_S", 0.01)
     run = await Run(path).begin()
     gate = threading.Event()
     run.store.submit(lambda connection: gate.wait(PATIENCE_S))

@@ -34,7 +34,7 @@ class Gateway:
             clock=SystemClock(),
             hold_s=0.0,
             is_read_only=is_read_only,
-            tell=self._tell,
+            publish_event=self._publish_event,
             on_recalled=self._recall,
             retry_s=0.02,
         )
@@ -56,7 +56,7 @@ class Gateway:
     def codes(self) -> list[str]:
         return [code for code, _ in self.events]
 
-    def _tell(self, code: str, severity: Severity, text: str) -> None:
+    def _publish_event(self, code: str, severity: Severity, text: str) -> None:
         self.events.append((code, severity))
         self._changed.set()
 

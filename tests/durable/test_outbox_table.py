@@ -109,7 +109,7 @@ def test_the_next_run_learns_what_there_is(kept: Kept) -> None:
 
 def test_losses_that_were_told_are_forgotten_before_new_ones_are_noted(kept: Kept) -> None:
     kept.apply(losses=(Loss("x", Kind.VALUE, 2, 1.0, 1.0),))
-    kept.apply(losses=(Loss("x", Kind.VALUE, 1, 2.0, 2.0),), are_losses_told=True)
+    kept.apply(losses=(Loss("x", Kind.VALUE, 1, 2.0, 2.0),), are_losses_declared=True)
 
     assert kept.do(kept.table.recall)[1].losses == (Loss("x", Kind.VALUE, 1, 2.0, 2.0),)
 

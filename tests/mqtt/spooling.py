@@ -65,7 +65,7 @@ class InlineDisk(OutboxDisk):
 
 def pack(topic: str, items: Sequence[str], boot: str) -> Message:
     payload = f'{{"boot":"{boot}","items":[{",".join(items)}]}}'.encode()
-    return Message(topic, payload, qos=1, retain=False, is_kept=True, is_droppable=True)
+    return Message(topic, payload, qos=1, retain=False, is_queued=True, is_droppable=True)
 
 
 def value(number: int, *, starter: str = "p", point: str = "a") -> Message:
@@ -75,11 +75,11 @@ def value(number: int, *, starter: str = "p", point: str = "a") -> Message:
 
 
 def event(number: int) -> Message:
-    return Message("b/event", str(number).encode(), qos=1, retain=False, is_kept=True, is_droppable=True)
+    return Message("b/event", str(number).encode(), qos=1, retain=False, is_queued=True, is_droppable=True)
 
 
 def result(number: int, key: str = "") -> Message:
-    return Message("b/result", str(number).encode(), qos=1, retain=False, is_kept=True, key=key)
+    return Message("b/result", str(number).encode(), qos=1, retain=False, is_queued=True, key=key)
 
 
 class Run:
@@ -94,7 +94,9 @@ class Run:
         store = self.disk._store
         assert isinstance(store, InlineStore)
         self.store = store
-        self.spooler = DiskSync(self.outbox, self.disk, clock=self.clock, tell=self._tell, wake=self._deliver)
+        self.spooler = DiskSync(
+            self.outbox, self.disk, clock=self.clock, publish_event=self._publish_event, wake=self._deliver
+        )
         self.events: list[tuple[str, Mapping[str, Any]]] = []
         self.told: list[tuple[float, Message]] = []  # what the broker has had, and when
         self.refuses: Callable[[Message], bool] = lambda message: False
@@ -155,9 +157,9 @@ class Run:
         return lost
 
     def memory_rows(self) -> int:
-        return sum(len(lane) for lane in self.outbox.kept._lanes)
+        return sum(len(lane) for lane in self.outbox.backlog._segments)
 
-    def _tell(self, code: str, severity: Severity, text: str, data: Mapping[str, Any]) -> None:
+    def _publish_event(self, code: str, severity: Severity, text: str, data: Mapping[str, Any]) -> None:
         self.events.append((code, data))
 
     def _deliver(self) -> None:

@@ -155,7 +155,7 @@ async def test_a_broker_that_acknowledges_nothing_is_left_and_hears_everything_a
 
     assert not is_connected
     assert trouble.endswith("the broker has not acknowledged a message for 0.1 s")
-    assert rig.outbox.figures(0.0)["reconnects"] == 1
+    assert rig.outbox.statistics(0.0)["reconnects"] == 1
 
 
 @pytest.mark.parametrize(

@@ -150,7 +150,7 @@ async def test_a_publication_that_the_access_list_forbids_is_counted_and_not_rep
     assert seqs(messages) == []
     assert rig.outbox.refused == 1
     assert list(rig.outbox.refusals) == [("b/starter/pump-1/event", 0x87)]
-    assert rig.outbox.figures(0.0)["depth"] == 0
+    assert rig.outbox.statistics(0.0)["depth"] == 0
 
 
 @BOTH

@@ -297,8 +297,8 @@ def test_the_status_tells_the_token_and_the_run_and_events_the_run() -> None:
 
 def test_a_state_tells_by_whom_and_why_the_starter_is_locked() -> None:
     lock = LockRecord("alice", NOW_S, "belt is off", "Alice A.")
-    locked = StateRecord("pump-1", "ready", Quality.GOOD, NOW_S, 1, is_lock_told=True, lock=lock)
-    free = StateRecord("pump-1", "ready", Quality.GOOD, NOW_S, 1, is_lock_told=True)
+    locked = StateRecord("pump-1", "ready", Quality.GOOD, NOW_S, 1, is_lock_known=True, lock=lock)
+    free = StateRecord("pump-1", "ready", Quality.GOOD, NOW_S, 1, is_lock_known=True)
     payloads = Payloads(TOPICS, "run")
 
     assert json.loads(payloads.message(locked).payload)["locked"] == {

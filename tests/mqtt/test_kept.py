@@ -158,7 +158,7 @@ def test_what_came_from_the_disk_and_is_on_its_way_is_no_reason_to_drop_what_is_
 def test_values_that_were_told_live_after_all_do_not_stay_in_memory() -> None:
     box = kept()
     held = [box.put(Kind.VALUE, value(number), 0.0, is_held=True) for number in range(1000)]
-    lane = held[0].lane
+    lane = held[0].segment
     for entry in held[1:]:
         box.cancel(entry)
 

@@ -223,14 +223,14 @@ def test_kept_messages_arrive_in_order_and_none_is_missing(steps: list[str]) -> 
 
     assert list(dict.fromkeys(sent)) == list(range(count))
     assert box.is_idle
-    assert box.figures(0.0)["bytes"] == 0
+    assert box.statistics(0.0)["bytes"] == 0
 
 
 def test_whoever_waits_for_it_hears_that_a_final_result_was_told() -> None:
     box = outbox()
     told: list[str] = []
-    box.on_told = told.append
-    box.put(Message("r", b"", qos=1, retain=False, is_kept=True, key="alice/7"), 0.0)
+    box.on_delivered = told.append
+    box.put(Message("r", b"", qos=1, retain=False, is_queued=True, key="alice/7"), 0.0)
     box.put(result("accepted"), 0.0)
     box.connected(WIDE)
     taken = take_all(box)

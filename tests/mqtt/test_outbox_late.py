@@ -90,7 +90,7 @@ def test_a_repetition_for_a_new_connection_is_no_news_when_that_one_breaks_too()
     box.disconnected()
 
     assert box.is_idle
-    assert box.figures(5.0)["depth"] == 0
+    assert box.statistics(5.0)["depth"] == 0
 
 
 def test_history_that_was_not_acknowledged_is_sent_again() -> None:
@@ -146,14 +146,14 @@ def test_values_told_late_wait_until_they_are_granted() -> None:
 def test_a_newest_value_that_waits_for_a_connection_is_kept_as_well_until_it_is_told() -> None:
     box = outbox()
     box.put(value(1), 3.0)
-    rows, _, since_s = box.kept.waiting()
+    rows, _, since_s = box.backlog.waiting()
     assert (rows, since_s) == (1, 3.0)
-    assert box.figures(5.0)["depth"] == 1
+    assert box.statistics(5.0)["depth"] == 1
 
     box.connected(WIDE)
     taken = take_all(box)
     assert texts(taken) == ["v/p=1"]
-    assert not box.kept.is_empty
+    assert not box.backlog.is_empty
 
     acknowledge(box, taken)
     assert box.is_idle

@@ -39,9 +39,9 @@ def text(message: Message) -> str:
     return message.payload.decode("utf-8")
 
 
-LATEST = {"qos": 1, "retain": True, "is_kept": False}
-KEPT = {"qos": 1, "retain": False, "is_kept": True}
-FIGURES = {"qos": 0, "retain": True, "is_kept": False}
+LATEST = {"qos": 1, "retain": True, "is_queued": False}
+KEPT = {"qos": 1, "retain": False, "is_queued": True}
+FIGURES = {"qos": 0, "retain": True, "is_queued": False}
 
 
 @pytest.mark.parametrize(
@@ -212,7 +212,7 @@ def test_history_is_a_batch_of_items() -> None:
     message = payloads().history("b/starter/pump-1/history", ['{"seq":1}', '{"seq":2}'], "boot-0")
 
     assert text(message) == '{"boot":"boot-0","items":[{"seq":1},{"seq":2}]}'
-    assert (message.qos, message.retain, message.is_kept, message.is_droppable) == (1, False, True, True)
+    assert (message.qos, message.retain, message.is_queued, message.is_droppable) == (1, False, True, True)
 
 
 def test_a_record_with_an_impossible_name_is_a_value_error() -> None:

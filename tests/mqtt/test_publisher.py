@@ -218,7 +218,7 @@ def test_a_refusal_is_told_within_a_second_and_logged_once(caplog: pytest.LogCap
 def test_a_full_outbox_is_told_within_a_second_and_logged_once(caplog: pytest.LogCaptureFixture) -> None:
     async def main() -> list[tuple[int, Any]]:
         made = await desk()
-        made.outbox.kept._max_rows = 1
+        made.outbox.backlog._max_rows = 1
         task = asyncio.create_task(made.publisher.run())
         await asyncio.sleep(0.5)
         made.published()

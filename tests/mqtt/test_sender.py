@@ -76,7 +76,7 @@ async def test_a_broker_that_goes_away_meanwhile_leaves_the_end_unknown() -> Non
 
         broker._writers[-1].close()
 
-        with pytest.raises(NoResultError, match="was lost before the end was told: look at the starter"):
+        with pytest.raises(NoResultError, match="was lost before the final result: look at the starter"):
             await sending
 
 

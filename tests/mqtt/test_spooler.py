@@ -231,7 +231,7 @@ def test_times_of_earlier_runs_count_for_the_figures(tmp_path: Path) -> None:
 
         second = await Run(tmp_path, "2").begin()
 
-        figures = second.outbox.figures(second.clock.now_s())
+        figures = second.outbox.statistics(second.clock.now_s())
         assert figures["depth"] == 3
         assert figures["oldest_s"] == pytest.approx(101.3, abs=0.5)
         assert figures["bytes"] > 600

@@ -48,7 +48,7 @@ class Life:
 
     async def step(self) -> None:
         trouble = [self.fail, self.hang] if self.fails else []
-        steps: list[Callable[[], object]] = [self.put, self.put, self.link, self.mend, *trouble]
+        steps: list[Callable[[], object]] = [self.put, self.put, self.link, self.repair, *trouble]
         self.dice.choice(steps)()
         await self.pass_time(self.dice.choice([0.0, 0.05, 0.5, 3.0]))
         if self.dice.random() < 0.05:
@@ -80,7 +80,7 @@ class Life:
     def hang(self) -> None:
         self.run.store.is_hanging = True
 
-    def mend(self) -> None:
+    def repair(self) -> None:
         self.run.store.is_failing = False
         if not self.run.store.is_hanging:
             return
@@ -101,7 +101,7 @@ class Life:
 
     async def end(self) -> None:
         """Let everything be well, and wait until nothing waits any more."""
-        self.mend()
+        self.repair()
         if not self.run.outbox.is_connected:
             self.run.connect(window=20)
         await asyncio.sleep(120.0)
@@ -129,7 +129,7 @@ def test_what_was_safe_is_told_and_nothing_is_left(tmp_path: Path, seed: int, fa
         assert life.safe - values == set()
         assert all(run.lost() == {} for run in life.runs)
         assert life.run.outbox.is_idle
-        assert life.run.outbox.figures(life.run.clock.now_s())["bytes"] == 0
+        assert life.run.outbox.statistics(life.run.clock.now_s())["bytes"] == 0
         assert life.run.memory_rows() == 0
         if not fails:
             for run in life.runs:

@@ -175,5 +175,5 @@ class Plant:
     def locks(self, starter: str = "pump-1") -> list[str | None]:
         """Return by whom the starter was locked in each state that was told."""
         told = [each for each in self.sink.of(StateRecord) if each.starter == starter]
-        assert all(each.is_lock_told for each in told)
+        assert all(each.is_lock_known for each in told)
         return [None if each.lock is None else each.lock.by for each in told]

@@ -29,7 +29,9 @@ def add_parser(subparsers: Subparsers) -> None:
     save.add_argument(
         "--unnamed", action="store_true", help="P000 to P999 too, as raw words (SSW-06, SSW-07)"
     )
-    diff = actions.add_parser("diff", help="tell in which settings two sets differ; exit code 1 when in any")
+    diff = actions.add_parser(
+        "diff", help="print the settings in which two sets differ; exit code 1 when there are any"
+    )
     diff.add_argument("a", metavar="A", help="a saved file, or CONFIG:STARTER for a live one")
     diff.add_argument("b", metavar="B", nargs="?", help="another one")
     diff.add_argument(
@@ -42,7 +44,7 @@ def add_parser(subparsers: Subparsers) -> None:
     _add_starter(restore)
     restore.add_argument("file", metavar="FILE", help="a file of `parameters save`")
     restore.add_argument(
-        "--dry-run", action="store_true", help="tell what would be written, and write nothing"
+        "--dry-run", action="store_true", help="print what would be written, and write nothing"
     )
     restore.add_argument(
         "--command-sources",

@@ -13,7 +13,7 @@ from typing import get_args
 from gateway.cli.arguments import whole_number
 from gateway.cli.command import Subparsers
 from gateway.cli.progress import Progress
-from gateway.cli.scan.config_text import config_text, told
+from gateway.cli.scan.config_text import config_text, described
 from gateway.cli.scan.search import (
     ADDRESSES,
     BAUDS,
@@ -75,17 +75,17 @@ def run(args: argparse.Namespace) -> int:
 
 
 async def scan(wish: Wish, open_with: Callable[[LineTiming], PortOpener], progress: Progress) -> list[Find]:
-    """Return what answers, and tell how far the search is."""
+    """Return the devices that answer, with a progress line."""
 
     def step(now: Step) -> None:
         what = f"{now.timing.baud} {now.timing.framing} address {now.address}"
         progress.show(now.share, what, left_s=now.left_s)
 
     def find(one: Find) -> None:
-        progress.say(f"address {one.address} at {one.timing.baud} {one.timing.framing}: {told(one)}")
+        progress.say(f"address {one.address} at {one.timing.baud} {one.timing.framing}: {described(one)}")
 
     try:
-        return await Search(wish, open_with, tell_step=step, tell_find=find).run()
+        return await Search(wish, open_with, on_step=step, on_find=find).run()
     finally:
         progress.clear()
 
@@ -95,9 +95,10 @@ def show(found: list[Find], port: str, progress: Progress) -> int:
     for find in found:
         why = "" if find.profile is None else why_not(find.profile, find.timing)
         if why:
-            progress.say(f"address {find.address} is left out: {why} (it may be heard at another one: --all)")
-        for dog in find.watchdogs:
-            left = f"its watchdog {dog.code} runs since this scan: after {dog.after_s:g} s it {dog.does}"
+            progress.say(f"address {find.address} is left out: {why} (it may answer at another one: --all)")
+        for watchdog in find.watchdogs:
+            acts = f"after {watchdog.after_s:g} s it {watchdog.does}"
+            left = f"its watchdog {watchdog.code} runs since this scan: {acts}"
             progress.say(f"address {find.address}: {left}")
     text = config_text(port, found)
     if not text:

@@ -106,13 +106,13 @@ class Search:
         wish: Wish,
         open_with: Callable[[LineTiming], PortOpener],
         *,
-        tell_step: Callable[[Step], None],
-        tell_find: Callable[[Find], None],
+        on_step: Callable[[Step], None],
+        on_find: Callable[[Find], None],
     ) -> None:
         self._wish = wish
         self._open_with = open_with
-        self._tell_step = tell_step
-        self._tell_find = tell_find
+        self._on_step = on_step
+        self._on_find = on_find
         self._due: dict[int, tuple[float, float]] = {}  # by address: when to ask again, and how often
         self._legs = list(_legs(wish))
         self._probes = _PROBES if wish.is_thorough else _PROBES[:1]
@@ -143,13 +143,13 @@ class Search:
                 async with Survey(self._open_with(timing), timing) as survey:
                     self._was_open = True
                     while left:
-                        self._tell(timing, addresses, left[0][0])
+                        self._report_step(timing, addresses, left[0][0])
                         await self._keep_quiet(survey)
                         find = await self._look(survey, left[0][1])
                         left.popleft()
                         if find is not None:
                             found.append(find)
-                            self._tell_find(find)
+                            self._on_find(find)
                             self._watch(find)
             except PortError:
                 if len(left) < before:  # it did work for a while
@@ -161,21 +161,21 @@ class Search:
         self._spent_s += len(addresses) * self._cost_s(timing)
         return found
 
-    def _tell(self, timing: LineTiming, addresses: tuple[int, ...], place: int) -> None:
+    def _report_step(self, timing: LineTiming, addresses: tuple[int, ...], place: int) -> None:
         cost_s = self._cost_s(timing)
         left_s = (len(addresses) - place) * cost_s + sum(
             len(theirs) * self._cost_s(its) for its, theirs in self._legs
         )
         done_s = self._spent_s + place * cost_s
-        self._tell_step(Step(done_s / (done_s + left_s), left_s, timing, addresses[place]))
+        self._on_step(Step(done_s / (done_s + left_s), left_s, timing, addresses[place]))
 
     def _cost_s(self, timing: LineTiming) -> float:
-        """Return the time that an address takes where nobody is."""
+        """Return the time that an address without a device takes."""
         response_time_s = self._wish.response_time_s
         return sum(silent_cost_s(each, timing, response_time_s=response_time_s) for each in self._probes)
 
     async def _look(self, survey: Survey, address: int) -> Find | None:
-        """Return who is at an address, None when nobody is."""
+        """Return the device at an address, None when there is none."""
         garbled = ""
         for probe in self._probes:
             outcome = await self._ask_twice(survey, address, probe)
@@ -192,7 +192,7 @@ class Search:
         return Find(address, survey.timing, None, Identity(reason=reason))
 
     async def _ask_twice(self, survey: Survey, address: int, probe: Request) -> Outcome:
-        """Ask, and again when the answer was spoilt."""
+        """Send a request, and once more when the reply was corrupted."""
         outcome = await survey.ask(address, probe, response_time_s=self._wish.response_time_s)
         if isinstance(outcome, Garbled):
             outcome = await survey.ask(address, probe, response_time_s=_SLOWEST_REPLY_S)
@@ -217,8 +217,8 @@ class Search:
             }
             identity = identify(profile, answers)
             if matches(profile, identity):
-                dogs = await self._watchdogs(ask, profile, identity)
-                return Find(address, survey.timing, profile, identity, dogs)
+                watchdogs = await self._watchdogs(ask, profile, identity)
+                return Find(address, survey.timing, profile, identity, watchdogs)
             reasons[identity.reason] = None
         return Find(address, survey.timing, None, Identity(reason="; ".join(reasons)))
 

@@ -1,7 +1,4 @@
-"""The master's end of a virtual line: the same seam as a tty, without one.
-
-A virtual RS-485 line that the gateway can open in place of a tty.
-"""
+"""A virtual RS-485 line that the gateway opens in place of a tty: its port, the line and an opener."""
 
 from __future__ import annotations
 
@@ -57,7 +54,7 @@ class SimulatedPort:
             self.lose("closed")
 
     def lose(self, reason: str) -> None:
-        """Make the port unusable: whoever reads or writes gets PortLostError with this reason."""
+        """Make the port unusable: reading and writing then raise PortLostError with this reason."""
         self._lost = reason
         self._line.detach()
         self._wake()

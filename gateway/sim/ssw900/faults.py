@@ -54,7 +54,7 @@ class Faults(CommandSources):
         self.transmitted += 1
         return reply
 
-    def _hear(self) -> None:
+    def _on_request(self) -> None:
         self.received += 1
         if FAULT_SILENCE in self.alarms:
             self.alarms.remove(FAULT_SILENCE)

@@ -14,7 +14,7 @@ class Code(NamedTuple):
     """What one code means, for people."""
 
     sentence: str
-    mend: str
+    hint: str
 
 
 def explain(code: str) -> Code:

@@ -62,7 +62,7 @@ class StateObserver:
             self._tell(replace(record, seq=self._sequence.take()))
 
     def _tell(self, record: StateRecord) -> None:
-        self._sink.put(replace(record, is_lock_told=True, lock=self._logbook.lock_of(record.starter)))
+        self._sink.put(replace(record, is_lock_known=True, lock=self._logbook.lock_of(record.starter)))
 
 
 WEAR_EVENT = "memory_written"

@@ -90,7 +90,7 @@ def lines(folder: Path) -> Iterator[tuple[str, str]]:
         path = segment_path(folder, number)
         try:
             octets = path.read_bytes()
-        except FileNotFoundError:  # removed by the gateway meanwhile; the anchor tells
+        except FileNotFoundError:  # removed by the gateway meanwhile, as the anchor records
             continue
         whole = octets[: octets.rfind(b"\n") + 1]
         for place, line in enumerate(whole.split(b"\n")[:-1], 1):
