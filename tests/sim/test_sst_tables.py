@@ -117,7 +117,7 @@ def test_st_21_the_heatsink_temperature_is_a_signed_low_byte() -> None:
     assert register(talk, 13) == 0x00FF
 
 
-def test_st_22_register_19_tells_what_the_motor_does() -> None:
+def test_st_22_register_19_shows_what_the_motor_does() -> None:
     talk, _ = make()
     seen = [register(talk, 19)]
     for request, wait_s in ((START, 0.5), (None, 5.0), (STOP, 0.5), (None, 5.0)):
