@@ -191,10 +191,8 @@ def test_a_gateway_that_was_never_there_is_told(
     code, _, error = send(broker.port, "pump-1", "start")
 
     assert code == 1
-    assert (
-        error
-        == f"starter-gateway: no gateway has published its state in {TOPICS.gateway_status} (is it running?)\n"
-    )
+    text = f"no gateway has published its state in {TOPICS.gateway_status} (is it running?)"
+    assert error == f"starter-gateway: {text}\n"
 
 
 @pytest.mark.mosquitto
