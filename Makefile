@@ -41,8 +41,10 @@ test: $(STAMP) mosquitto lint ## everything that is checked, as CI does
 torture: $(STAMP) mosquitto ## every fault in full, some hours; as root also a full and a read-only disk
 	$(BIN)/python -m tests.torture $(SCENARIOS)
 
-docs: $(STAMP) ## write the generated halves of docs/families anew
+docs: $(STAMP) ## write the generated parts of the documents
 	$(BIN)/python -m tests.family_pages
+	$(BIN)/python -m tests.results_page
+	$(BIN)/python -m tests.layers_page
 
 $(STAMP)-bench: $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
