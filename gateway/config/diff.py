@@ -100,7 +100,7 @@ def _compared(
 
 
 def _port(line: LineTable) -> LineTable:
-    """Return a line without its starters: when that differs, the line begins anew."""
+    """Return a line without its starters: when that differs, the line is restarted."""
     return line.model_copy(update={"starters": ()})
 
 

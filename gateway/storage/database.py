@@ -21,7 +21,7 @@ APPLICATION_ID = 0x53474154  # "SGAT": a file without it is not ours
 VERSION = 1
 PAGE_BYTES = 4096
 CACHE_KIB = 512  # rows are written once and read once: more would only fill up memory
-LOCKED_WITHIN_S = 1.0  # how long another process may take to let go of the file
+LOCKED_WITHIN_S = 1.0  # how long another process may take to release the file
 MOST_ASIDE = 3  # files set aside; older ones are deleted, so that they do not fill the disk
 
 _DAMAGE = frozenset({sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_FORMAT})

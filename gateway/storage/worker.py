@@ -98,7 +98,7 @@ class Store:
         return piece.future
 
     def close(self, *, within_s: float) -> bool:
-        """Do what has been submitted, then let go of the file; return whether there was time for it."""
+        """Do what has been submitted, then close the file; return whether there was time for it."""
         self._is_closed = True
         self._queue.put(None)
         if self._thread.ident is not None:

@@ -16,7 +16,7 @@ from gateway.cli.main import main
 from gateway.cli.progress import Progress
 from gateway.cli.scan.config_text import clean, config_text
 from gateway.cli.scan.scan import addresses_in, scan, show, stable_name
-from gateway.cli.scan.search import BAUDS, FRAMINGS, Find, Wish, timings_in_order
+from gateway.cli.scan.search import BAUDS, FRAMINGS, Find, SearchSettings, timings_in_order
 from gateway.config.load import parse
 from gateway.errors import PortError, UsageError
 from gateway.families.profile.identify import Identity
@@ -45,7 +45,7 @@ def search(
     progress: Progress | None = None,
     **options: Any,
 ) -> list[Find]:
-    wish = Wish(tuple(timings), addresses_in(addresses), **options)
+    wish = SearchSettings(tuple(timings), addresses_in(addresses), **options)
     quiet = progress or Progress(io.StringIO())
     return run_virtually(scan(wish, lambda timing: bus.opener(timing=timing), quiet))
 
@@ -342,7 +342,7 @@ def test_all_rates_framings_and_addresses_of_a_silent_line_are_tried_on_a_port_t
 
     async def search_all() -> list[Find]:
         quiet = Progress(io.StringIO())
-        return await scan(Wish(timings, addresses_in("1-247")), adapter.opener, quiet)
+        return await scan(SearchSettings(timings, addresses_in("1-247")), adapter.opener, quiet)
 
     assert run_virtually(search_all()) == []
     assert adapter.timings == [*timings, *timings]
@@ -356,7 +356,7 @@ def test_a_port_that_cannot_be_opened_again_for_a_moment_is_tried_again() -> Non
     timings = [*timings_in_order((9600,), ("8N2",)), TIMING]
 
     async def search_all() -> list[Find]:
-        wish = Wish(tuple(timings), addresses_in("1-4"))
+        wish = SearchSettings(tuple(timings), addresses_in("1-4"))
         return await scan(wish, adapter.opener, Progress(io.StringIO()))
 
     assert families(run_virtually(search_all())) == {3: "ssw07"}
@@ -368,7 +368,7 @@ def test_a_port_that_never_opened_is_an_error_at_once() -> None:
     adapter.loses_at = [1]
 
     async def search_all() -> None:
-        wish = Wish((TIMING,), addresses_in("1-4"))
+        wish = SearchSettings((TIMING,), addresses_in("1-4"))
         with pytest.raises(PortError):
             await scan(wish, adapter.opener, Progress(io.StringIO()))
 
@@ -381,7 +381,7 @@ def test_a_port_that_stays_away_ends_the_search() -> None:
     adapter.loses_at = list(range(2, 100))
 
     async def search_all() -> None:
-        wish = Wish(timings_in_order(BAUDS, ("8N2",)), addresses_in("1-4"))
+        wish = SearchSettings(timings_in_order(BAUDS, ("8N2",)), addresses_in("1-4"))
         with pytest.raises(PortError, match="no such port"):
             await scan(wish, adapter.opener, Progress(io.StringIO()))
 

@@ -103,7 +103,7 @@ async def test_a_configured_version_is_not_given_up() -> None:
     assert not is_connected
     assert trouble == (
         f"broker 127.0.0.1:{broker.port} refuses the connection: Unsupported protocol version "
-        "(set the version of MQTT that the broker speaks)"
+        "(set the version of MQTT that the broker supports)"
     )
 
 

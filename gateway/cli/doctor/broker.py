@@ -59,7 +59,9 @@ class BrokerAccess:
         who = "the gateway's login"
         where = f"broker {settings.address}"
         try:
-            if self._username is not None:  # a broker may let go of the gateway for a second one of its login
+            if (
+                self._username is not None
+            ):  # a broker may disconnect the gateway for a second connection with its login
                 who = f"the login {self._username}"
                 settings = self._settings_of(self._username, self._password_file)
             version = await _log_in(settings)

@@ -44,10 +44,10 @@ from gateway.system.clock import read_clocks
 def identity_trouble(state_dir: Path, setup: StarterSetup, identity: Identity) -> str:
     """Return why this may be another starter; empty when it is the known one, or the first one seen here."""
     try:
-        stranger = stranger_in(JsonFile(state_dir / IDENTITIES_FILE).load() or {}, setup, identity)
+        mismatch = stranger_in(JsonFile(state_dir / IDENTITIES_FILE).load() or {}, setup, identity)
     except DamagedError as error:
         return f"whether it is the starter that the gateway knows is unknown: {error}"
-    return "" if stranger is None else stranger.text
+    return "" if mismatch is None else mismatch.text
 
 
 def count_writes(state_dir: Path, starter: str, writes: int) -> str:

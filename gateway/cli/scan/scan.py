@@ -20,8 +20,8 @@ from gateway.cli.scan.search import (
     FRAMINGS,
     Find,
     Search,
+    SearchSettings,
     Step,
-    Wish,
     timings_in_order,
     why_not,
 )
@@ -62,7 +62,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Scan, and print the configuration; 1 when no starter was found."""
-    wish = wish_of(args)
+    settings = settings_of_search(args)
     port = args.port if "://" in args.port else os.path.abspath(args.port)
 
     def open_with(timing: LineTiming) -> PortOpener:
@@ -70,11 +70,13 @@ def run(args: argparse.Namespace) -> int:
 
     progress = Progress()
     with asyncio.Runner(loop_factory=new_precise_loop) as runner:
-        found = runner.run(scan(wish, open_with, progress))
+        found = runner.run(scan(settings, open_with, progress))
     return show(found, stable_name(port), progress)
 
 
-async def scan(wish: Wish, open_with: Callable[[LineTiming], PortOpener], progress: Progress) -> list[Find]:
+async def scan(
+    settings: SearchSettings, open_with: Callable[[LineTiming], PortOpener], progress: Progress
+) -> list[Find]:
     """Return the devices that answer, with a progress line."""
 
     def step(now: Step) -> None:
@@ -85,7 +87,7 @@ async def scan(wish: Wish, open_with: Callable[[LineTiming], PortOpener], progre
         progress.say(f"address {one.address} at {one.timing.baud} {one.timing.framing}: {described(one)}")
 
     try:
-        return await Search(wish, open_with, on_step=step, on_find=find).run()
+        return await Search(settings, open_with, on_step=step, on_find=find).run()
     finally:
         progress.clear()
 
@@ -109,7 +111,7 @@ def show(found: list[Find], port: str, progress: Progress) -> int:
     return 0
 
 
-def wish_of(args: argparse.Namespace) -> Wish:
+def settings_of_search(args: argparse.Namespace) -> SearchSettings:
     """Return what to search; UsageError for what cannot be."""
     bauds = [whole_number(each, "--baud", low=1, high=10_000_000) for each in _split(args.baud)] or BAUDS
     for baud in bauds:
@@ -121,7 +123,7 @@ def wish_of(args: argparse.Namespace) -> Wish:
             raise UsageError(f"--framing {framing!r} is none (one of {_list(get_args(FramingText))})")
     if not 0.005 <= args.reply_within <= 10:
         raise UsageError(f"--reply-within {args.reply_within} is out of range (0.005..10)")
-    return Wish(
+    return SearchSettings(
         timings=timings_in_order(bauds, framings),
         addresses=addresses_in(args.address),
         response_time_s=args.reply_within,

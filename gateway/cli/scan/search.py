@@ -71,7 +71,7 @@ class Step:
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class SearchSettings:
     """What is searched, and how."""
 
     timings: tuple[LineTiming, ...]
@@ -103,19 +103,19 @@ class Search:
 
     def __init__(
         self,
-        wish: Wish,
+        settings: SearchSettings,
         open_with: Callable[[LineTiming], PortOpener],
         *,
         on_step: Callable[[Step], None],
         on_find: Callable[[Find], None],
     ) -> None:
-        self._wish = wish
+        self._settings = settings
         self._open_with = open_with
         self._on_step = on_step
         self._on_find = on_find
         self._due: dict[int, tuple[float, float]] = {}  # by address: when to ask again, and how often
-        self._legs = list(_legs(wish))
-        self._probes = _PROBES if wish.is_thorough else _PROBES[:1]
+        self._legs = list(_legs(settings))
+        self._probes = _PROBES if settings.is_thorough else _PROBES[:1]
         self._spent_s = 0.0
         self._was_open = False  # the port, at least once
 
@@ -127,7 +127,7 @@ class Search:
             here = await self._walk(timing, addresses)
             found += here
             is_settled = any(find.profile is not None and not why_not(find.profile, timing) for find in here)
-            if is_settled and not self._wish.goes_on:  # all units of a line have one setting
+            if is_settled and not self._settings.goes_on:  # all units of a line have one setting
                 self._legs = [leg for leg in self._legs if leg[0] == timing]
         return found
 
@@ -171,7 +171,7 @@ class Search:
 
     def _cost_s(self, timing: LineTiming) -> float:
         """Return the time that an address without a device takes."""
-        response_time_s = self._wish.response_time_s
+        response_time_s = self._settings.response_time_s
         return sum(silent_cost_s(each, timing, response_time_s=response_time_s) for each in self._probes)
 
     async def _look(self, survey: Survey, address: int) -> Find | None:
@@ -193,7 +193,7 @@ class Search:
 
     async def _ask_twice(self, survey: Survey, address: int, probe: Request) -> Outcome:
         """Send a request, and once more when the reply was corrupted."""
-        outcome = await survey.ask(address, probe, response_time_s=self._wish.response_time_s)
+        outcome = await survey.ask(address, probe, response_time_s=self._settings.response_time_s)
         if isinstance(outcome, Garbled):
             outcome = await survey.ask(address, probe, response_time_s=_SLOWEST_REPLY_S)
         return outcome
@@ -203,7 +203,7 @@ class Search:
         asked: dict[Request, Outcome] = {}
 
         async def ask(request: Request) -> Outcome:
-            response_time_s = max(self._wish.response_time_s, _SLOWEST_REPLY_S)
+            response_time_s = max(self._settings.response_time_s, _SLOWEST_REPLY_S)
             if not isinstance(asked.get(request), Answered):
                 asked[request] = await survey.ask(address, request, response_time_s=response_time_s)
             return asked[request]
@@ -244,12 +244,12 @@ class Search:
                 await survey.ask(address, _PROBE, response_time_s=_SLOWEST_REPLY_S)
 
 
-def _legs(wish: Wish) -> Iterator[tuple[LineTiming, tuple[int, ...]]]:
+def _legs(settings: SearchSettings) -> Iterator[tuple[LineTiming, tuple[int, ...]]]:
     """Yield what to search in which order: the likely addresses of all settings first."""
-    likely = tuple(address for address in wish.addresses if address in LIKELY_ADDRESSES)
-    others = tuple(address for address in wish.addresses if address not in LIKELY_ADDRESSES)
+    likely = tuple(address for address in settings.addresses if address in LIKELY_ADDRESSES)
+    others = tuple(address for address in settings.addresses if address not in LIKELY_ADDRESSES)
     for addresses in (likely, others):
-        yield from ((timing, addresses) for timing in wish.timings if addresses)
+        yield from ((timing, addresses) for timing in settings.timings if addresses)
 
 
 def _candidates() -> Iterator[Profile]:

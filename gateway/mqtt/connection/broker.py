@@ -211,7 +211,7 @@ class BrokerConnection:
             self._beat(self._session)
 
     def _beat(self, session: Session) -> None:
-        """Send the pulse, or try again soon; what could not be sent is made anew."""
+        """Send the pulse, or try again soon; what could not be sent is made again."""
         if self._beating is not None:
             self._beating.cancel()
         if self._pulse is None or self._is_source_shut:

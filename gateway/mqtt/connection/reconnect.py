@@ -18,7 +18,7 @@ PACKET_TOO_LARGE = 0x95  # [MQTT5 3.4.2.1]
 SESSION_TAKEN_OVER = 0x8E  # DISCONNECT [MQTT5 3.14.2.1]: another client has connected with our client id
 
 _HINTS = {  # CONNACK reason codes [MQTT5 3.2.2.2]; paho translates the codes of [MQTT3 3.2.2.3] into these
-    UNSUPPORTED_VERSION: "set the version of MQTT that the broker speaks",
+    UNSUPPORTED_VERSION: "set the version of MQTT that the broker supports",
     0x85: "choose another client id",
     0x86: "check username and password",
     0x87: "check username and password, which some brokers refuse so; else let this user connect",
@@ -89,7 +89,7 @@ def too_large(size: int, most: int) -> Notice:
 
 
 class Version(enum.StrEnum):
-    """A version of MQTT that the gateway speaks."""
+    """A version of MQTT that the gateway supports."""
 
     V5 = "5"
     V311 = "3.1.1"
@@ -116,7 +116,7 @@ class Backoff:
 
 
 class VersionChoice:
-    """Which version to speak: 5 at each attempt to connect, 3.1.1 only to a broker that refuses 5.
+    """Which version to use: 5 at each attempt to connect, 3.1.1 only to a broker that refuses 5.
 
     A refusal is a CONNACK that says so, or a connection that the broker closed right upon the CONNECT, CLOSED
     times in a row, as brokers do that cannot even read a CONNECT of MQTT 5. Closed once, it may have been

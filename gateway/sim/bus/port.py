@@ -10,7 +10,7 @@ from gateway.sim.bus.bus import Bus
 
 
 class SimulatedPort:
-    """An open virtual line (`gateway.line.port.base.Port`), spoken to with this speed and framing."""
+    """An open virtual line (`gateway.line.port.base.Port`), used with this speed and framing."""
 
     def __init__(self, line: Bus, timing: LineTiming) -> None:
         self._line = line

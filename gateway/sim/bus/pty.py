@@ -35,7 +35,7 @@ _BAUDS = {rate: baud for baud, rate in _RATES.items()}
 class PtyLine:
     """Serves a line on a pty of the running loop; `link` is a path that shall lead to it.
 
-    The master speaks at the rate and with the stop bits that it has set on its end; without that, the
+    The master sends at the rate and with the stop bits that it has set on its end; without that, the
     line's own apply. A pty has no parity (the kernel takes the flag away), so that is always the line's.
 
     A pty carries bytes at once: the line computes when they would have left the wire, and replies are written
@@ -98,7 +98,7 @@ class PtyLine:
         termios.tcsetattr(self._theirs, termios.TCSANOW, attributes)
 
     def _timing(self) -> LineTiming:
-        """Return how the master speaks now."""
+        """Return the master's present speed and framing."""
         attributes = termios.tcgetattr(self._theirs)
         own = self.line.timing
         baud = _BAUDS.get(attributes[5], own.baud)

@@ -215,7 +215,7 @@ class SimulatedUnit(RequestHandlers, ABC):
         self._switched_on()
 
     def _catch_up(self) -> None:
-        """Live up to the line's present, before somebody touches the unit from outside."""
+        """Simulate up to the line's present time, before a change from outside."""
         if self.clock is not None:
             self.advance(self.clock())
         elif self._now_s is None:

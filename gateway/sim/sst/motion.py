@@ -179,7 +179,7 @@ class SstMotion(SimulatedUnit):
     # Errors and watchdogs
 
     def _on_request(self) -> None:
-        """Count both timeouts anew (notes on registers 41 and 42).
+        """Restart both timeouts (notes on registers 41 and 42).
 
         Whether they run before the first command after a start-up is not stated. Here they do not: with
         register 42 at 1 s a starter could never be reached again.
