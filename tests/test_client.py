@@ -20,7 +20,7 @@ TOPICS = Topics("starters/mcc1")
 
 
 class PlayedGateway:
-    """Says that it is online, and answers as told."""
+    """Says that it is online, and answers as instructed."""
 
     def __init__(self, broker: MosquittoBroker, watcher: Watcher) -> None:
         self._broker = broker
@@ -179,7 +179,7 @@ async def test_a_gateway_that_publishes_no_token_is_sent_nothing_but_a_stop(
 
 
 @pytest.mark.mosquitto
-async def test_a_stop_that_no_gateway_seemed_to_hear_may_still_be_answered(
+async def test_a_stop_that_no_gateway_seemed_to_receive_may_still_be_answered(
     start_mosquitto: StartMosquitto,
 ) -> None:
     broker = start_mosquitto()
@@ -193,7 +193,7 @@ async def test_a_stop_that_no_gateway_seemed_to_hear_may_still_be_answered(
 
 
 @pytest.mark.mosquitto
-async def test_whoever_may_not_read_results_may_stop_all_the_same_but_nothing_else(
+async def test_a_client_that_may_not_read_results_may_stop_all_the_same_but_nothing_else(
     start_mosquitto: StartMosquitto, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     subscribe = Session.subscribe

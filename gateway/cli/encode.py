@@ -1,4 +1,4 @@
-"""`starter-gateway encode`: the frames that a command would send, byte by byte."""
+"""`starter-gateway encode`: prints the frames that a command would send."""
 
 from __future__ import annotations
 

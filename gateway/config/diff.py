@@ -49,7 +49,7 @@ class ConfigChanges:
 
 
 def fixed(old: Config, new: Config) -> list[Problem]:
-    """Return what cannot be another while the gateway runs: its name, topics and state."""
+    """Return which settings cannot change while the gateway runs: its name, topics and state directory."""
     values = {
         "gateway.name": (old.gateway.name, new.gateway.name),
         "gateway.state_dir": (old.gateway.state_dir, new.gateway.state_dir),

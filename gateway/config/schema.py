@@ -116,7 +116,7 @@ class GroupTable(ConfigTable):
 
 
 class SimulatedTable(ConfigTable):
-    """`[line.starter.simulated]`: what `simulate` makes of a starter; the gateway itself takes no notice."""
+    """`[line.starter.simulated]`: what `simulate` makes of a starter; the gateway itself ignores it."""
 
     firmware: Annotated[str, Field(pattern=FIRMWARE_PATTERN)] | None = None  # e.g. "1.30"
     parameters: dict[str, Annotated[int, Field(ge=0, le=0xFFFF)]] = {}  # by the manual's code, as on the wire

@@ -1,4 +1,4 @@
-"""What is no TOML, said in our words: what is wrong, at which line and column, and how it is written; pure.
+"""Errors of TOML syntax in plain words: what is wrong, at which line and column, and a hint; pure.
 
 `tomllib` has about twenty messages (CPython, Lib/tomllib/_parser.py); in place of one that is not known here
 stands a plain sentence.

@@ -115,7 +115,7 @@ class Database:
         self.transact([table.make_room for table in self._tables])
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         connection, self._connection = self._connection, None
         if connection is not None:
             try:

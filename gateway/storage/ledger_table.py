@@ -119,7 +119,7 @@ class LedgerTable:
         return frozenset((str(client), str(id_)) for client, id_ in connection.execute(_SELECT_UNDELIVERED))
 
     def rows(self, connection: Connection) -> list[LedgerRow]:
-        """Return all rows, the oldest first; DamagedError when one makes no sense."""
+        """Return all rows, the oldest first; DamagedError when one is impossible."""
         rows = []
         for values in connection.execute(_SELECT):
             if not all(isinstance(value, kind) for value, kind in zip(values, _TYPES, strict=True)):

@@ -77,7 +77,7 @@ class OutboxDisk:
         return page._replace(rows=tuple(row._replace(number=row.number - self._base) for row in page.rows))
 
     async def close(self, within_s: float) -> bool:
-        """Let go of the file when all is written; return whether there was time for it."""
+        """Close the file when all is written; return whether there was time for it."""
         return await asyncio.to_thread(self._store.close, within_s=within_s)
 
     def _from_store(self, news: News, text: str) -> None:

@@ -93,7 +93,7 @@ class OutboxTable:
         return tuple(losses)
 
     def recall(self, connection: Connection) -> tuple[int, Recalled]:
-        """Return the highest number, and how much there is; DamagedError when that makes no sense."""
+        """Return the highest number, and how much there is; DamagedError when they are impossible."""
         (highest,) = connection.execute("SELECT coalesce(max(number), 0) FROM spool").fetchone()
         if not isinstance(highest, int) or not 0 <= highest <= HIGHEST:
             raise DamagedError("a row of the outbox has no number")

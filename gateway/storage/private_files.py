@@ -10,7 +10,7 @@ OTHERS = 0o077
 
 
 def keep_private(folder: Path) -> None:
-    """Have the files below a folder 0600: those that are there, and all that this process makes from now on.
+    """Give the files below a folder mode 0600, also those that this process makes from now on.
 
     What belongs to another user is left as it is; the folders keep their modes.
     """

@@ -52,7 +52,7 @@ class Refusal(NamedTuple):
 
 
 class Changes(NamedTuple):
-    """What a file has yet to learn, in one transaction."""
+    """What is to be written to the file, in one transaction."""
 
     rows: tuple[Row, ...] = ()
     gone: tuple[tuple[Kind, int], ...] = ()

@@ -37,5 +37,5 @@ def site(*families: str, folder: str = "/tmp", port: int = 1, login: str = "") -
     return SITE.format(folder=folder, port=port, login=login, starters="\n".join(starters))
 
 
-def biting(remarks: Iterable[DoctorFinding]) -> list[str]:
+def problems_in(remarks: Iterable[DoctorFinding]) -> list[str]:
     return [f"{remark.where}: {remark.text}" for remark in remarks if remark.is_problem]

@@ -59,7 +59,7 @@ def functions(bus: SimulatedLine) -> set[int]:
     return {decode(frame.data).pdu[0] for frame in bus.transcript if frame.sender == 0}
 
 
-def test_every_family_is_found_and_told_apart() -> None:
+def test_every_family_is_found_and_distinguished() -> None:
     found = search(SimulatedLine(TIMING, four_units()))
 
     assert families(found) == {3: "ssw06", 4: "ssw07", 5: "ssw900", 6: "sst"}
@@ -136,21 +136,21 @@ def test_s9_18_a_watchdog_that_the_scan_has_started_does_not_act_while_it_lasts(
     bus = SimulatedLine(TIMING, [unit])
     (found,) = search(bus, addresses="1-100")
 
-    assert [dog.after_s for dog in found.watchdogs] == [1.0]
+    assert [watchdog.after_s for watchdog in found.watchdogs] == [1.0]
     assert unit.trips == []
 
 
-class Spoilt(Impairment):
+class Corrupted(Impairment):
     """Every reply has a wrong CRC."""
 
     def apply(self, reply: Reply, dice: object) -> tuple[Reply, ...]:
-        spoilt = bytes([*reply.adu[:-1], reply.adu[-1] ^ 0xFF])
-        return (Reply(adu=spoilt, after_s=reply.after_s, deadline_s=reply.deadline_s),)
+        corrupted = bytes([*reply.adu[:-1], reply.adu[-1] ^ 0xFF])
+        return (Reply(adu=corrupted, after_s=reply.after_s, deadline_s=reply.deadline_s),)
 
 
-def test_what_answers_otherwise_than_in_modbus_is_told_and_is_no_starter() -> None:
+def test_what_answers_otherwise_than_in_modbus_is_reported_and_is_no_starter() -> None:
     bus = SimulatedLine(TIMING, [make_unit("ssw07", 5)])
-    bus.impair(5, Spoilt())
+    bus.impair(5, Corrupted())
 
     (found,) = search(bus)
 
@@ -158,7 +158,7 @@ def test_what_answers_otherwise_than_in_modbus_is_told_and_is_no_starter() -> No
     assert "not in Modbus" in found.identity.reason
 
 
-def test_a_unit_of_no_known_family_is_told_with_what_it_says() -> None:
+def test_a_unit_of_no_known_family_is_reported_with_what_it_says() -> None:
     stranger = make_unit("ssw07", 5, product="PM-5000")
 
     (found,) = search(SimulatedLine(TIMING, [stranger]))
@@ -185,11 +185,11 @@ def find(family: str | None, address: int, framing: str = "8N2", **facts: Any) -
 
 
 def test_a_watchdog_stands_in_the_configuration_as_far_as_the_line_can_keep_it() -> None:
-    kept, missed = (
+    stored, missed = (
         search(SimulatedLine(TIMING, [make_unit("ssw07", 1, settings={314: after_s})])) for after_s in (30, 1)
     )
 
-    assert parse(config_text("/dev/ttyUSB0", kept), "x").lines[0].starters[0].watchdog_s == 30.0
+    assert parse(config_text("/dev/ttyUSB0", stored), "x").lines[0].starters[0].watchdog_s == 30.0
     text = config_text("/dev/ttyUSB0", [replace(missed[0], address=address) for address in range(1, 40)])
     assert parse(text, "x").lines[0].starters[0].watchdog_s is None
     assert "too slow" in text

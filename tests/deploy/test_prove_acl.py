@@ -70,10 +70,13 @@ def test_a_broker_that_lets_everybody_choose_a_client_id_is_not(start_mosquitto:
         (("user viewer\n", "user viewer\ntopic write starters/mcc1/command/#\n"), "WRONG viewer, who only"),
         (
             ("user viewer\n", "user viewer\ntopic write starters/mcc1/result/#\n"),
-            "WRONG viewer tells alice a",
+            "WRONG viewer publishes a result to alice",
         ),
         (("user bob\n", "user bob\ntopic write starters/mcc1/starter/#\n"), "WRONG bob says what a starter"),
-        (("user bob\n", "user bob\ntopic write starters/mcc1/result/#\n"), "WRONG bob tells alice a result"),
+        (
+            ("user bob\n", "user bob\ntopic write starters/mcc1/result/#\n"),
+            "WRONG bob publishes a result to alice",
+        ),
         (
             ("topic write starters/mcc1/command/+/bob/#\n", ""),
             "WRONG bob commands under the own name: is refused",
@@ -102,7 +105,7 @@ def test_a_broker_that_lets_everybody_in_is_not(start_mosquitto: StartMosquitto)
 
 
 @pytest.mark.mosquitto
-def test_a_login_that_the_broker_does_not_know_is_told(start_mosquitto: StartMosquitto) -> None:
+def test_a_login_that_the_broker_does_not_know_is_reported(start_mosquitto: StartMosquitto) -> None:
     broker = start_mosquitto(users=USERS, acl=ACL)
 
     done = prove(broker, "--prover", "prover:wrong")

@@ -24,7 +24,7 @@ def fail(*_: Any, **__: Any) -> Future[Any]:
 
 
 async def begin(path: Path) -> tuple[Run, list[ResultRecord]]:
-    """Begin a run; return it with what it wants to have told again."""
+    """Begin a run; return it with what it wants to have reported again."""
     undelivered: list[ResultRecord] = []
     run = Run(path)
     run.journal._on_undelivered = undelivered.extend
@@ -33,7 +33,7 @@ async def begin(path: Path) -> tuple[Run, list[ResultRecord]]:
     return run, undelivered
 
 
-async def test_a_final_result_that_nobody_acknowledged_is_wanted_told_again(path: Path) -> None:
+async def test_a_final_result_that_no_one_acknowledged_is_wanted_reported_again(path: Path) -> None:
     run, undelivered = await begin(path)
     assert undelivered == []
     for id_, phase in (("1", Phase.CONFIRMED), ("2", Phase.WRITTEN), ("3", Phase.FAILED)):
@@ -53,7 +53,7 @@ async def test_a_final_result_that_nobody_acknowledged_is_wanted_told_again(path
     assert undelivered == []
 
 
-async def test_a_result_that_was_told_stays_so_when_its_command_is_repeated(path: Path) -> None:
+async def test_a_result_that_was_reported_stays_so_when_its_command_is_repeated(path: Path) -> None:
     run, _ = await begin(path)
     await run.note(result("1", Phase.CONFIRMED))
     run.journal.delivered("alice/1")
@@ -65,7 +65,7 @@ async def test_a_result_that_was_told_stays_so_when_its_command_is_repeated(path
     assert undelivered == []
 
 
-async def test_what_was_told_while_the_disk_failed_is_noted_when_it_is_back(
+async def test_what_was_reported_while_the_disk_failed_is_noted_when_it_is_back(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run, _ = await begin(path)
@@ -102,7 +102,7 @@ async def test_what_the_disk_never_learns_of_is_bounded(path: Path, monkeypatch:
     assert [each.id for each in undelivered] == ["0", "1"]
 
 
-async def test_a_disk_that_is_away_keeps_nobody_waiting(path: Path) -> None:
+async def test_a_disk_that_is_away_keeps_no_one_waiting(path: Path) -> None:
     path.parent.joinpath("obstacle").touch()
     run = Run(path.parent / "obstacle" / "x.sqlite")
     run.store.start()
@@ -113,7 +113,7 @@ async def test_a_disk_that_is_away_keeps_nobody_waiting(path: Path) -> None:
     await run.end()
 
 
-async def test_of_what_the_ledger_forgets_nothing_is_wanted_told(path: Path) -> None:
+async def test_of_what_the_ledger_forgets_nothing_is_wanted_reported(path: Path) -> None:
     run, _ = await begin(path)
     for number in range(FORGET_AT_ONCE):
         run.journal.note(result(str(number), Phase.CONFIRMED))

@@ -98,7 +98,7 @@ class Run:
             self.outbox, self.disk, clock=self.clock, publish_event=self._publish_event, wake=self._deliver
         )
         self.events: list[tuple[str, Mapping[str, Any]]] = []
-        self.told: list[tuple[float, Message]] = []  # what the broker has had, and when
+        self.reported: list[tuple[float, Message]] = []  # what the broker has had, and when
         self.refuses: Callable[[Message], bool] = lambda message: False
         self.acknowledges = True
         self.tasks = [asyncio.create_task(work()) for work in (self.spooler.run, self.spooler.pace)]
@@ -135,13 +135,13 @@ class Run:
 
     def texts(self, topic: str = "") -> list[str]:
         """Return what the broker has had, with its topics without the base when none is given."""
-        told = [message for _, message in self.told]
+        reported = [message for _, message in self.reported]
         if topic:
-            return [message.payload.decode() for message in told if message.topic == f"b/{topic}"]
-        return [f"{message.topic[2:]}={message.payload.decode()}" for message in told]
+            return [message.payload.decode() for message in reported if message.topic == f"b/{topic}"]
+        return [f"{message.topic[2:]}={message.payload.decode()}" for message in reported]
 
     def items(self, starter: str = "p", boot: str | None = None) -> list[int]:
-        """Return the values that were told late."""
+        """Return the values that were reported late."""
         batches = [json.loads(text) for text in self.texts(f"{starter}/history")]
         return [item for each in batches if boot in (None, each["boot"]) for item in each["items"]]
 
@@ -164,7 +164,7 @@ class Run:
 
     def _deliver(self) -> None:
         while (outgoing := self.outbox.take()) is not None:
-            self.told.append((self.loop.time(), outgoing.message))
+            self.reported.append((self.loop.time(), outgoing.message))
             if self.acknowledges:
                 self.loop.call_later(PROMPT_S, self._acknowledge, outgoing)
 

@@ -144,7 +144,7 @@ async def test_a_message_larger_than_the_broker_takes_is_set_aside_and_the_next_
     assert list(rig.outbox.refusals) == [("b/starter/pump-1/history", 0x95)]
 
 
-async def test_a_broker_that_acknowledges_nothing_is_left_and_hears_everything_again() -> None:
+async def test_a_broker_that_acknowledges_nothing_is_left_and_receives_everything_again() -> None:
     async with FakeBroker(acknowledges=False) as broker, Rig(settings(broker.port, ack_s=0.1)) as rig:
         rig.publisher.put(event(1))
         await rig.until_connected()
@@ -264,7 +264,7 @@ async def test_the_correlation_data_of_a_command_comes_back_with_its_result() ->
     assert b"\x05\x09\x00\x0242{" in packet.body
 
 
-async def test_figures_go_out_without_waiting_for_an_acknowledgement() -> None:
+async def test_statistics_go_out_without_waiting_for_an_acknowledgement() -> None:
     async with FakeBroker(acknowledges=False) as broker, Rig(settings(broker.port)) as rig:
         rig.publisher.put(LineRecord("pumps", {"polls": 1}))
         while (await broker.publication(qos=0)).topic != "b/gateway/line/pumps":
@@ -284,12 +284,12 @@ async def test_acknowledgements_are_answered_by_the_half_window_not_one_by_one()
         assert session is not None
         in_flight = []
         async with asyncio.timeout(10.0):
-            while session.in_flight < session.window:  # noqa: ASYNC110 - a few turns
+            while session.in_flight < session.window:  # noqa: ASYNC110 - a few steps
                 await asyncio.sleep(0)
             for _ in range(8):  # the gateway's status is one
                 before = session.in_flight
                 broker.acknowledge(await broker.publication())
-                while session.in_flight == before:  # noqa: ASYNC110 - a few turns
+                while session.in_flight == before:  # noqa: ASYNC110 - a few steps
                     await asyncio.sleep(0)
                 await asyncio.sleep(0)  # what goes out because of it is on its way
                 in_flight.append(session.in_flight)

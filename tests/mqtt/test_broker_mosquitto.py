@@ -154,7 +154,7 @@ async def test_a_publication_that_the_access_list_forbids_is_counted_and_not_rep
 
 
 @BOTH
-async def test_a_wrong_password_is_reported_once_with_its_mend(
+async def test_a_wrong_password_is_reported_once_with_its_hint(
     start_mosquitto: StartMosquitto, version: Version
 ) -> None:
     broker = start_mosquitto(users={"mcc1": "right"})

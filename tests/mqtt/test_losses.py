@@ -16,7 +16,7 @@ def test_nothing_lost_is_nothing_to_say() -> None:
     assert losses.wait_s(0.0) == 0.0
 
 
-def test_a_loss_is_kept_and_declared_and_then_forgotten_in_one_transaction_with_what_is_new() -> None:
+def test_a_loss_is_stored_and_declared_and_then_forgotten_in_one_transaction_with_what_is_new() -> None:
     losses = Losses()
     losses.note([VALUES])
     losses.note_saved([EVENTS])
@@ -46,7 +46,7 @@ def test_a_loss_is_kept_and_declared_and_then_forgotten_in_one_transaction_with_
     assert losses.changes(None) is None
 
 
-def test_more_losses_are_summed_up_until_it_is_time_to_tell_them() -> None:
+def test_more_losses_are_summed_up_until_it_is_time_to_report_them() -> None:
     losses = Losses()
     losses.note([VALUES])
     losses.declare(0.0)
@@ -74,7 +74,7 @@ def test_what_the_disk_could_not_take_is_offered_again() -> None:
     assert losses.changes(None) == Changes(losses=merged([VALUES, VALUES]), are_losses_declared=True)
 
 
-def test_a_new_disk_learns_all_that_is_not_told() -> None:
+def test_a_new_disk_learns_all_that_is_not_reported() -> None:
     losses = Losses()
     losses.note_saved([VALUES, EVENTS])
     assert losses.changes(None) is None

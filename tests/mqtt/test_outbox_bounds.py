@@ -48,7 +48,7 @@ def test_what_is_in_flight_is_not_dropped() -> None:
     assert [again.message for again in take_all(box)] == [sent.message for sent in taken]
 
 
-def test_the_figures_tell_how_much_waits_and_since_when() -> None:
+def test_the_statistics_report_how_much_waits_and_since_when() -> None:
     box = outbox()
     assert box.statistics(0.0) == {
         "depth": 0,

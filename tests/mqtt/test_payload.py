@@ -40,8 +40,8 @@ def text(message: Message) -> str:
 
 
 LATEST = {"qos": 1, "retain": True, "is_queued": False}
-KEPT = {"qos": 1, "retain": False, "is_queued": True}
-FIGURES = {"qos": 0, "retain": True, "is_queued": False}
+STORED = {"qos": 1, "retain": False, "is_queued": True}
+STATISTICS = {"qos": 0, "retain": True, "is_queued": False}
 
 
 @pytest.mark.parametrize(
@@ -118,21 +118,21 @@ FIGURES = {"qos": 0, "retain": True, "is_queued": False}
         (
             EventRecord("pump-1", "started", Severity.INFO, "started", T, 7, {"peak": 1.0}),
             "b/starter/pump-1/event",
-            KEPT,
+            STORED,
             f'{{"seq":7,"time":{AT},"boot":"boot-1","code":"started","severity":"info","text":"started",'
             '"data":{"peak":1.0}}',
         ),
         (
             EventRecord("", "port_lost", Severity.ERROR, "unplugged", T, 8),
             "b/gateway/event",
-            KEPT,
+            STORED,
             f'{{"seq":8,"time":{AT},"boot":"boot-1","code":"port_lost","severity":"error","text":"unplugged",'
             '"data":{}}',
         ),
         (
             RESULT,
             "b/result/pump-1/alice",
-            KEPT,
+            STORED,
             f'{{"id":"c1","verb":"start","phase":"confirmed","code":"ok","text":"it runs","time":{AT},'
             '"duplicate":false}',
         ),
@@ -144,12 +144,12 @@ FIGURES = {"qos": 0, "retain": True, "is_queued": False}
                 id="c1",
             ),
             "b/audit",
-            KEPT,
+            STORED,
             f'{{"seq":10,"time":{AT},"boot":"boot-1","starter":"pump-1","client":"alice","operator":"Al",'
             '"verb":"set","args":{"value":30.0},"decision":"confirmed","code":"ok","before":{"P314":20},'
             '"after":{"P314":30},"id":"c1","reason":null}',
         ),
-        (LineRecord("pumps", {"polls": 3}), "b/gateway/line/pumps", FIGURES, '{"polls":3}'),
+        (LineRecord("pumps", {"polls": 3}), "b/gateway/line/pumps", STATISTICS, '{"polls":3}'),
     ],
 )
 def test_a_record_becomes_the_contracts_message(
@@ -225,7 +225,7 @@ def test_what_is_no_record_at_all_is_a_bug() -> None:
         payloads().message(object())  # type: ignore[arg-type]  # on purpose
 
 
-def test_the_status_tells_which_run_of_the_gateway_speaks() -> None:
+def test_the_status_reports_which_run_of_the_gateway_speaks() -> None:
     message = payloads().status("online", time_s=T, since_s=T - 1, reason=None)
 
     assert message.topic == "b/gateway/status"
@@ -262,7 +262,7 @@ def test_the_info_says_who_may_do_what_and_that_this_is_no_safety_function() -> 
     }
 
 
-def test_the_outbox_figures_are_only_the_latest() -> None:
+def test_the_outbox_statistics_are_only_the_latest() -> None:
     message = payloads().outbox({"depth": 1, "oldest_s": 2.0})
 
     assert (message.topic, message.qos, message.retain) == ("b/gateway/outbox", 0, True)

@@ -32,9 +32,9 @@ def test_a_day_without_a_broker_costs_no_memory_and_what_does_not_fit_is_declare
                 run.put(event(second))
             await asyncio.sleep(every_s)
             assert run.memory_rows() <= sum(WINDOWS.values()) + 2 * points
-        figures = run.outbox.statistics(run.clock.now_s())
-        assert figures["depth"] <= most_rows + points
-        assert figures["bytes"] < 500 * most_rows
+        statistics = run.outbox.statistics(run.clock.now_s())
+        assert statistics["depth"] <= most_rows + points
+        assert statistics["bytes"] < 500 * most_rows
         run.connect()
         await asyncio.sleep(120.0)
 
@@ -79,7 +79,7 @@ def test_a_full_disk_gives_up_values_then_events_then_results_and_says_so_even_a
         third = await Run(tmp_path, "3").begin()
         third.connect()
         await asyncio.sleep(2.0)
-        assert third.codes() == []  # it was told
+        assert third.codes() == []  # it was reported
         third.kill()
 
     run_virtually(main())
@@ -122,7 +122,7 @@ def test_losses_that_go_on_are_summed_up(tmp_path: Path) -> None:
     run_virtually(main())
 
 
-def test_what_the_broker_refuses_is_set_aside_and_told_once(tmp_path: Path) -> None:
+def test_what_the_broker_refuses_is_set_aside_and_reported_once(tmp_path: Path) -> None:
     async def main() -> None:
         run = await Run(tmp_path, "1").begin()
         run.put(event(0))

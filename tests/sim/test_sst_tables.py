@@ -96,7 +96,7 @@ def test_st_13_ranges_differ_by_model(model: str, allowed: int, refused: int) ->
     assert talk.code(WriteRegister(30, refused)) == 3
 
 
-def test_coils_that_only_tell_cannot_be_written() -> None:
+def test_coils_that_only_report_cannot_be_written() -> None:
     talk, _ = make()
 
     assert talk.code(coil(5)) == 2

@@ -71,7 +71,7 @@ class BrokerAccess:
         return [*remarks, DoctorFinding(where, f"takes {who}, MQTT {version}")]
 
     async def known(self, starter: str) -> str:
-        """Return what the running gateway says of a starter that it cannot read whole; empty: nothing.
+        """Return the running gateway's reason why a starter cannot be read; empty when it can.
 
         BrokerError when the broker, or the right to read it, is missing.
         """

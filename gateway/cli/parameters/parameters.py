@@ -1,4 +1,4 @@
-"""`starter-gateway parameters`: what a starter holds, saved, compared and put back."""
+"""`starter-gateway parameters`: saves, compares and restores a starter's parameters."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def add_parser(subparsers: Subparsers) -> None:
         action="store_true",
         help="instead of B: what the starter is delivered with, as far as its serial manual prints it",
     )
-    diff.add_argument("--all", action="store_true", help="what is measured too, not the settings alone")
+    diff.add_argument("--all", action="store_true", help="measured values too, not the settings alone")
     restore = actions.add_parser("restore", help="write the settings that differ, at standstill only")
     _add_starter(restore)
     restore.add_argument("file", metavar="FILE", help="a file of `parameters save`")
@@ -49,11 +49,11 @@ def add_parser(subparsers: Subparsers) -> None:
     restore.add_argument(
         "--command-sources",
         action="store_true",
-        help="also those that say who commands the motor (P220, P229, P230; C3): may start it when a run"
-        " command stands there",
+        help="also those that select the command source (P220, P229, P230; C3): may start the motor when a"
+        " run command is active there",
     )
     restore.add_argument(
-        "--other-model", action="store_true", help="although it was saved from another model"
+        "--other-model", action="store_true", help="restore also a file that was saved from another model"
     )
 
 

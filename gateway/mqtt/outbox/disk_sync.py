@@ -65,7 +65,7 @@ class Disk(Protocol):
         ...
 
     async def close(self, within_s: float) -> bool:
-        """Let go; return whether all could be written."""
+        """Close; return whether all could be written."""
         ...
 
 

@@ -85,7 +85,7 @@ def tail(path: Path) -> Tail:
 
 
 def lines(folder: Path) -> Iterator[tuple[str, str]]:
-    """Return all whole lines in order, each with its place; what is no text shows as what cannot be right."""
+    """Return all whole lines in order, each with its place; octets that are no UTF-8 are replaced."""
     for number in segments(folder):
         path = segment_path(folder, number)
         try:

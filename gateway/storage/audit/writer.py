@@ -50,7 +50,7 @@ class AuditWriter:
             self._forget_oldest()
 
     def close(self) -> None:
-        """Let go of the files."""
+        """Close the files."""
         for fd in (self._fd, self._lock):
             if fd is not None:
                 os.close(fd)
