@@ -178,7 +178,7 @@ def _translated(path: Path) -> Iterator[None]:
     except OSError as error:
         raise StoreError(f"{error.filename or path}: {error.strerror or error}") from error
     except UnicodeDecodeError as error:  # of a message that quotes what is damaged
-        raise DamagedError(f"{path}: its text is none") from error
+        raise DamagedError(f"{path}: a text in it is no UTF-8") from error
     except sqlite3.Error as error:
         code = _code(error)
         if code in _DAMAGE:

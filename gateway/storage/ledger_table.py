@@ -123,6 +123,6 @@ class LedgerTable:
         rows = []
         for values in connection.execute(_SELECT):
             if not all(isinstance(value, kind) for value, kind in zip(values, _TYPES, strict=True)):
-                raise DamagedError("a row of the ledger has lost its shape")
+                raise DamagedError("a row of the ledger has a wrong type")
             rows.append(LedgerRow(*values))
         return rows

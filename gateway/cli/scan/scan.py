@@ -120,7 +120,7 @@ def settings_of_search(args: argparse.Namespace) -> SearchSettings:
     framings = [each.upper() for each in _split(args.framing)] or FRAMINGS
     for framing in framings:
         if framing not in get_args(FramingText):
-            raise UsageError(f"--framing {framing!r} is none (one of {_list(get_args(FramingText))})")
+            raise UsageError(f"--framing {framing!r} is no framing (one of {_list(get_args(FramingText))})")
     if not 0.005 <= args.reply_within <= 10:
         raise UsageError(f"--reply-within {args.reply_within} is out of range (0.005..10)")
     return SearchSettings(
@@ -139,10 +139,10 @@ def addresses_in(text: str) -> tuple[int, ...]:
         match = _RANGE.fullmatch(part)
         first, last = (int(match[1]), int(match[2] or match[1])) if match else (0, 0)
         if first not in ADDRESSES or last not in ADDRESSES or first > last:
-            raise UsageError(f"--address {part!r} is none (1-247, or e.g. 1-16,20)")
+            raise UsageError(f"--address {part!r} is no address (1-247, or e.g. 1-16,20)")
         found |= dict.fromkeys(range(first, last + 1))
     if not found:
-        raise UsageError("--address names none (e.g. 1-247)")
+        raise UsageError("--address names no address (e.g. 1-247)")
     return tuple(found)
 
 
