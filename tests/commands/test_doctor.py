@@ -3,46 +3,21 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from gateway.app.capacity import prospects_of
 from gateway.cli.doctor import doctor
 from gateway.cli.doctor.broker import BrokerAccess
 from gateway.cli.doctor.finding import DoctorFinding
-from gateway.cli.doctor.starters import LineCheckup
 from gateway.cli.main import main
-from gateway.config.convert import timing_of
-from gateway.config.load import parse
-from gateway.config.schema import Config
 from gateway.errors import BrokerError, PortError
 from gateway.families.diagnosis.findings import Weight
 from gateway.sim.bus.port import SimulatedLine
-from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
-from tests.commands.doctor_site import problems_in, site
-from tests.virtual_time import VirtualClock, run_virtually
-
-
-class NoBroker(BrokerAccess):
-    """A running gateway as far as `read` goes: it gives these rows, or raises; `trouble` is what it knows."""
-
-    trouble = ""
-
-    def __init__(self, config: Config, rows: dict[str, int] | Exception) -> None:
-        super().__init__(config, Path("/tmp"))
-        self._given = rows
-
-    async def known(self, starter: str) -> str:
-        return self.trouble
-
-    async def read(self, starter: str, codes: Iterable[str]) -> dict[str, tuple[int, ...]]:
-        if isinstance(self._given, Exception):
-            raise self._given
-        return {code: (self._given[code],) for code in codes if code in self._given}
+from tests.commands.doctor_site import NoBroker, examine, problems_in, site
 
 
 class Refusing:
@@ -55,31 +30,6 @@ class Refusing:
 
     async def __call__(self) -> Any:
         raise PortError(self.name, self._reason)
-
-
-def examine(
-    text: str,
-    *units: SimulatedUnit,
-    opener: Any = None,
-    rows: dict[str, int] | Exception | None = None,
-    corrupt: Callable[[SimulatedLine], object] = lambda _: None,
-    state_dir: Path = Path("of no gateway"),
-) -> list[DoctorFinding]:
-    """Return what is said of the one line of a site."""
-    config = parse(text, "site.toml")
-    found: list[DoctorFinding] = []
-
-    async def run() -> None:
-        (prospect,) = prospects_of(config)
-        bus = SimulatedLine(timing_of(prospect.table), units)
-        corrupt(bus)
-        broker = NoBroker(config, rows or {})
-        clock = VirtualClock(asyncio.get_running_loop())
-        line = opener or bus.opener()
-        await LineCheckup(prospect, line, broker=broker, clock=clock, state_dir=state_dir).run(found.append)
-
-    run_virtually(run())
-    return found
 
 
 def test_starters_that_are_set_up_well_are_no_problem_and_nothing_is_written() -> None:
@@ -187,9 +137,9 @@ def test_what_the_gateway_knows_of_a_silent_or_wrong_starter_is_said(
 # The command
 
 
-@pytest.mark.parametrize("has_problem", [True, False])
+@pytest.mark.parametrize("is_a_problem", [True, False])
 def test_the_exit_code_says_whether_anything_is_a_problem(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *, has_problem: bool
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *, is_a_problem: bool
 ) -> None:
     path = tmp_path / "site.toml"
     path.write_text(site(folder=str(tmp_path)), "utf-8")
@@ -198,7 +148,7 @@ def test_the_exit_code_says_whether_anything_is_a_problem(
         def __init__(self, *_: object, **__: object) -> None: ...
 
         async def run(self, report: Callable[[DoctorFinding], None]) -> None:
-            report(DoctorFinding("line hall", "is odd", Weight.WARNING if has_problem else Weight.NOTE))
+            report(DoctorFinding("line hall", "is odd", Weight.WARNING if is_a_problem else Weight.NOTE))
 
     async def no_remarks(_self: BrokerAccess) -> list[DoctorFinding]:
         return []
@@ -207,10 +157,10 @@ def test_the_exit_code_says_whether_anything_is_a_problem(
     monkeypatch.setattr(doctor, "clock_remark", lambda: DoctorFinding("clock", "is synchronised"))
     monkeypatch.setattr(BrokerAccess, "remarks", no_remarks)
 
-    assert main(["doctor", str(path)]) == (1 if has_problem else 0)
+    assert main(["doctor", str(path)]) == (1 if is_a_problem else 0)
     lines = capsys.readouterr().out.splitlines()
     assert lines[1] == "ok      clock: is synchronised"
-    assert lines[-1] == ("0 errors, 1 warning" if has_problem else "no problems")
+    assert lines[-1] == ("0 errors, 1 warning" if is_a_problem else "no problems")
 
 
 def test_a_wrong_configuration_is_reported_as_everywhere(

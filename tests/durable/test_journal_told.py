@@ -14,7 +14,7 @@ from gateway.records import Phase, ResultRecord
 from gateway.storage.ledger import FORGET_AT_ONCE
 from gateway.storage.ledger_table import LedgerTable
 from gateway.storage.worker import News
-from tests.durable.journal_run import Run, result
+from tests.durable.journal_run import JournalRun, result
 
 
 def fail(*_: Any, **__: Any) -> Future[Any]:
@@ -23,10 +23,10 @@ def fail(*_: Any, **__: Any) -> Future[Any]:
     return failed
 
 
-async def begin(path: Path) -> tuple[Run, list[ResultRecord]]:
+async def begin(path: Path) -> tuple[JournalRun, list[ResultRecord]]:
     """Begin a run; return it with what it wants to have reported again."""
     undelivered: list[ResultRecord] = []
-    run = Run(path)
+    run = JournalRun(path)
     run.journal._on_undelivered = undelivered.extend
     await run.begin()
     await run.journal.settle(5.0)
@@ -104,7 +104,7 @@ async def test_what_the_disk_never_learns_of_is_bounded(path: Path, monkeypatch:
 
 async def test_a_disk_that_is_away_keeps_no_one_waiting(path: Path) -> None:
     path.parent.joinpath("obstacle").touch()
-    run = Run(path.parent / "obstacle" / "x.sqlite")
+    run = JournalRun(path.parent / "obstacle" / "x.sqlite")
     run.store.start()
     await run.until(lambda: News.AWAY in run.news)
 
@@ -120,11 +120,11 @@ async def test_of_what_the_ledger_forgets_nothing_is_wanted_reported(path: Path)
     await run.note(result("last", Phase.CONFIRMED))
 
     run.journal.forget([("alice", str(number)) for number in range(FORGET_AT_ONCE)])
-    undelivered = await run_undelivered(run)
+    undelivered = await run_untold(run)
     await run.end()
 
     assert undelivered == {("alice", "last")}
 
 
-async def run_undelivered(run: Run) -> frozenset[tuple[str, str]]:
+async def run_untold(run: JournalRun) -> frozenset[tuple[str, str]]:
     return await asyncio.wrap_future(run.store.submit(LedgerTable().undelivered))

@@ -14,7 +14,7 @@ from gateway.line.scheduler.scheduler import JOBS_IN_ROW
 from gateway.modbus import adu
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteRegister
-from tests.line.fakes import DELAY_S, RESPONSE_TIME_S, TIMING, Rig, Units, poll
+from tests.line.fakes import DELAY_S, RESPONSE_TIME_S, TIMING, LineRig, Units, poll
 from tests.virtual_time import run_virtually
 
 WRITE = WriteRegister(5003, 1)
@@ -24,7 +24,7 @@ REPLY = adu.encode(1, READ.encode_reply(range(10)))
 ONE_S = TIMING.wire_s(8 + 25) + DELAY_S + TIMING.silence_s
 
 
-async def into_a_silence(rig: Rig) -> None:
+async def into_a_silence(rig: LineRig) -> None:
     """Sleep until a reply has just ended, so that the next request is chosen and not yet sent."""
     while not rig.port.sent:  # noqa: ASYNC110 - in virtual time
         await asyncio.sleep(0.0001)
@@ -33,7 +33,7 @@ async def into_a_silence(rig: Rig) -> None:
     await asyncio.sleep(end_s + TIMING.silence_s / 2 - asyncio.get_running_loop().time())
 
 
-def functions(rig: Rig) -> list[int]:
+def functions(rig: LineRig) -> list[int]:
     return [frame[1] for _, frame in rig.port.sent]
 
 
@@ -41,7 +41,7 @@ def functions(rig: Rig) -> list[int]:
 def test_what_comes_in_the_silence_goes_before_the_poll_that_was_chosen(
     request_: WriteRegister, lane: Priority
 ) -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+    rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
 
     async def scenario() -> None:
         async with rig:
@@ -54,7 +54,7 @@ def test_what_comes_in_the_silence_goes_before_the_poll_that_was_chosen(
 
 
 def test_a_stop_that_comes_in_the_silence_goes_before_the_command_that_was_chosen() -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+    rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
 
     async def scenario() -> list[Outcome]:
         async with rig:
@@ -71,7 +71,7 @@ def test_a_stop_that_comes_in_the_silence_goes_before_the_command_that_was_chose
 
 
 def test_commands_that_come_in_every_silence_do_not_keep_polls_from_the_line() -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+    rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
 
     async def scenario() -> None:
         async with rig:
@@ -87,7 +87,7 @@ def test_commands_that_come_in_every_silence_do_not_keep_polls_from_the_line() -
 
 
 def test_a_command_that_is_given_up_in_the_silence_is_never_sent() -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+    rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
 
     async def scenario() -> None:
         async with rig:
@@ -104,7 +104,7 @@ def test_a_command_that_is_given_up_in_the_silence_is_never_sent() -> None:
 
 
 def test_a_chosen_command_that_is_given_up_before_it_is_sent_is_never_sent() -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+    rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
 
     async def scenario() -> bool:
         job = Job(1, WRITE, RESPONSE_TIME_S, Priority.COMMAND, lambda outcome: None)
@@ -124,7 +124,7 @@ def test_a_chosen_command_that_is_given_up_before_it_is_sent_is_never_sent() -> 
 
 
 def test_a_port_that_is_lost_in_the_silence_ends_the_chosen_command_unsent() -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+    rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
 
     async def scenario() -> Outcome:
         async with rig:
@@ -138,7 +138,7 @@ def test_a_port_that_is_lost_in_the_silence_ends_the_chosen_command_unsent() -> 
 
 
 def test_an_answer_is_told_when_the_next_request_is_on_its_way() -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+    rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
 
     async def scenario() -> None:
         async with rig:
@@ -152,7 +152,7 @@ def test_an_answer_is_told_when_the_next_request_is_on_its_way() -> None:
 
 
 def test_the_answer_to_the_last_request_is_told_at_once() -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=10.0)])
+    rig = LineRig(Units({1}), [poll("a", every_s=10.0)])
 
     async def scenario() -> None:
         async with rig:
@@ -172,7 +172,7 @@ def test_a_silence_costs_what_was_learnt_where_that_is_allowed(
     floor_s: float | None, waited_s: float
 ) -> None:
     units = Units({1, 2})
-    rig = Rig(units, [quick(floor_s), poll("b", unit=2, every_s=0.0)])
+    rig = LineRig(units, [quick(floor_s), poll("b", unit=2, every_s=0.0)])
 
     async def scenario() -> list[float]:
         async with rig:
@@ -192,7 +192,7 @@ def test_a_silence_costs_what_was_learnt_where_that_is_allowed(
 
 
 def test_response_times_are_told_by_function() -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+    rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
 
     async def scenario() -> None:
         async with rig:
@@ -207,7 +207,7 @@ def test_response_times_are_told_by_function() -> None:
 
 
 def test_every_frame_is_handed_on_while_somebody_captures() -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=0.1)])
+    rig = LineRig(Units({1}), [poll("a", every_s=0.1)])
     frames: list[tuple[str, float, str, bytes]] = []
 
     async def scenario() -> None:
@@ -240,7 +240,7 @@ def test_a_poll_is_reckoned_once_and_again_when_its_key_means_something_else() -
 
 
 def test_a_job_whose_time_is_over_when_its_turn_comes_is_never_sent() -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+    rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
 
     async def scenario() -> tuple[Outcome, Outcome]:
         async with rig:

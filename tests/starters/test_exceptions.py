@@ -11,8 +11,8 @@ import pytest
 from gateway.families.profile.load import FAMILIES
 from gateway.records import AvailabilityRecord, EventRecord, StateRecord
 from gateway.starters.telemetry.degraded import LONGEST_PAUSE_S
+from tests.starters.four_starters import Site, site
 from tests.starters.rig import virtually
-from tests.starters.test_on_a_line import Site, site
 
 STATUS = {"ssw06": (3, 5001), "ssw07": (3, 5001), "ssw900": (3, 680), "sst": (4, 19)}  # function, register
 LATEST_S = 2.0 * LONGEST_PAUSE_S  # what is read row by row comes back one row after the other

@@ -11,9 +11,8 @@ from gateway.families.profile.load import FAMILIES
 from gateway.line.rtu.bus_faults import ADDRESS_CONFLICT, LINE_NOISE
 from gateway.records import AvailabilityRecord, EventRecord, StateRecord
 from gateway.sim.bus.faults import Noisy, NoReply
-from tests.starters import test_on_a_line
+from tests.starters.four_starters import Router, site
 from tests.starters.rig import virtually
-from tests.starters.test_on_a_line import site
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -39,7 +38,7 @@ async def test_a_fifth_of_the_replies_noisy_accuses_no_address_of_conflict(
     def note(self: object, line: str, code: str, unit: int, text: str, frames: tuple[str, ...]) -> None:
         troubles.append(code)
 
-    monkeypatch.setattr(test_on_a_line.Router, "on_trouble", note, raising=False)
+    monkeypatch.setattr(Router, "on_trouble", note, raising=False)
     async with site() as here:
         for family in FAMILIES:
             here.bus.impair(here.unit(family).address, Noisy(0.02), chance=0.2)

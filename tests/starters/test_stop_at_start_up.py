@@ -8,7 +8,7 @@ import pytest
 
 from gateway.records import Phase
 from tests.starters.rig import virtually
-from tests.starters.world import PAUSE_S, STOP_PDU, World
+from tests.starters.world import PAUSE_S, STOP_PDU, GatewayWorld
 
 FRAME_WITHIN_S = 0.1  # the port is opened, and one transaction may be under way
 CONFIRMED_WITHIN_S = 0.5  # two readings 0.1 s apart, of a motor that decelerates at once
@@ -20,7 +20,7 @@ CONFIRMED_WITHIN_S = 0.5  # two readings 0.1 s apart, of a motor that decelerate
 async def test_a_stop_just_after_the_start_is_confirmed_as_soon_as_at_any_other_time(
     starter: str, after_s: float
 ) -> None:
-    world = World()
+    world = GatewayWorld()
     await asyncio.sleep(2.0 + PAUSE_S)
     world.publish(starter, "alice", "start", id="1", token=world.token()[1])
     await asyncio.sleep(2.0)
@@ -42,7 +42,7 @@ async def test_a_stop_just_after_the_start_is_confirmed_as_soon_as_at_any_other_
     await world.close()
 
 
-async def quiet(world: World) -> None:
+async def quiet(world: GatewayWorld) -> None:
     """Wait until a reply is over: what is left of a request that is cut would run into the first stop."""
     before = len(world.bus.transcript)
     while (  # noqa: ASYNC110 - the line has no event for that

@@ -1,4 +1,4 @@
-"""Problems at the broker."""
+"""What at the broker would be a problem."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gateway.config.load import parse
 from gateway.errors import BrokerError
 from gateway.mqtt.connection import command_client as sender
 from tests.commands.doctor_site import problems_in, site
-from tests.conftest import StartMosquitto
+from tests.mosquitto import StartMosquitto
 
 
 def remarks_of(text: str, folder: Path) -> list[DoctorFinding]:
@@ -23,35 +23,34 @@ def remarks_of(text: str, folder: Path) -> list[DoctorFinding]:
 
 
 def test_a_broker_that_is_away_is_a_problem() -> None:
-    (problem,) = problems_in(remarks_of(site(port=1), Path("/tmp")))
+    (bite,) = problems_in(remarks_of(site(port=1), Path("/tmp")))
 
-    assert problem.startswith("broker 127.0.0.1:1: ")
+    assert bite.startswith("broker 127.0.0.1:1: ")
 
 
 def test_a_password_file_that_others_may_read_is_a_problem(tmp_path: Path) -> None:
     (tmp_path / "password").write_text("secret\n", "utf-8")
     (tmp_path / "password").chmod(0o644)
 
-    (problem,) = problems_in(remarks_of(site(login='username = "g"\npassword_file = "password"'), tmp_path))
+    (bite,) = problems_in(remarks_of(site(login='username = "g"\npassword_file = "password"'), tmp_path))
 
-    assert "chmod 600" in problem
-    assert "secret" not in problem
+    assert "chmod 600" in bite
+    assert "secret" not in bite
 
 
-@pytest.mark.mosquitto
 def test_a_login_that_the_broker_takes_is_reported_and_one_that_it_refuses_is_a_problem(
     tmp_path: Path, start_mosquitto: StartMosquitto
 ) -> None:
     broker = start_mosquitto(users={"g": "right"})
     login = 'username = "g"\npassword_file = "password"'
-    problems = []
+    is_a_problem = []
     for password in ("right", "wrong"):
         (tmp_path / "password").write_text(password, "utf-8")
         (tmp_path / "password").chmod(0o600)
-        problems.append(problems_in(remarks_of(site(port=broker.port, login=login), tmp_path)))
+        is_a_problem.append(problems_in(remarks_of(site(port=broker.port, login=login), tmp_path)))
 
-    assert problems[0] == []
-    assert len(problems[1]) == 1
+    assert is_a_problem[0] == []
+    assert len(is_a_problem[1]) == 1
 
 
 def test_nothing_is_asked_of_a_broker_that_cannot_be_used() -> None:
@@ -61,7 +60,6 @@ def test_nothing_is_asked_of_a_broker_that_cannot_be_used() -> None:
         asyncio.run(access.read("pump-1", ["P220"]))
 
 
-@pytest.mark.mosquitto
 def test_a_gateway_that_does_not_run_and_a_starter_that_no_one_may_read_cannot_be_asked(
     tmp_path: Path, start_mosquitto: StartMosquitto, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -80,7 +78,6 @@ def test_a_gateway_that_does_not_run_and_a_starter_that_no_one_may_read_cannot_b
         asyncio.run(asks_as_alice.read("fan", ["P220"]))
 
 
-@pytest.mark.mosquitto
 def test_the_doctor_logs_in_as_the_operator_that_is_named(
     tmp_path: Path, start_mosquitto: StartMosquitto
 ) -> None:
@@ -98,12 +95,11 @@ def test_the_doctor_logs_in_as_the_operator_that_is_named(
     reported = [remark.text for remark in remarks("hers")]
     assert any(text.startswith("takes the login alice, MQTT ") for text in reported)
     assert not any("the gateway's login" in text for text in reported)  # which may be under way
-    (problem,) = problems_in(remarks("wrong"))
-    assert "the login alice: " in problem
-    assert "username and password" in problem
+    (bite,) = problems_in(remarks("wrong"))
+    assert "the login alice: " in bite
+    assert "username and password" in bite
 
 
-@pytest.mark.mosquitto
 def test_what_the_gateway_last_said_of_a_starter_is_known(
     tmp_path: Path, start_mosquitto: StartMosquitto, monkeypatch: pytest.MonkeyPatch
 ) -> None:
