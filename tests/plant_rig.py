@@ -51,12 +51,12 @@ def site(*changes: tuple[str, str]) -> Config:
 
 @dataclass
 class RunningPlant:
-    """A running plant, its two buses, and what it reports the gateway."""
+    """A running plant, its two buses, and what it reports to the gateway."""
 
     sink: RecordingSink = field(default_factory=RecordingSink)
     config: Config = field(default_factory=site)
     buses: dict[str, SimulatedLine] = field(default_factory=dict)
-    received_s: dict[str, list[float]] = field(default_factory=dict)  # requests, by "port address"
+    requests_s: dict[str, list[float]] = field(default_factory=dict)  # requests, by "port address"
     events: list[str] = field(default_factory=list)
     forgotten: list[str] = field(default_factory=list)
     plant: Plant = field(init=False)
@@ -92,11 +92,11 @@ class RunningPlant:
         table = next(line for line in site().lines if line.port == f"/dev/{port}")
         bus = self.buses.setdefault(table.port, SimulatedLine(timing_of(table)))
         unit = watching_unit(family, address, WATCHDOG_S)
-        received_s = self.received_s.setdefault(f"{port} {address}", [])
+        requests_s = self.requests_s.setdefault(f"{port} {address}", [])
         handle = unit.handle
 
         def remember(pdu: bytes, now_s: float) -> bytes | None:
-            received_s.append(now_s)
+            requests_s.append(now_s)
             return handle(pdu, now_s)
 
         unit.handle = remember  # type: ignore[method-assign] # that is the point of it
@@ -162,7 +162,7 @@ async def running(settled_s: float = 30.0, *changes: tuple[str, str]) -> AsyncIt
     )
     host = LocalHost(plant)
     plant.build(host, here.config.lines)
-    companions.add_fast_segments(
+    companions.add_fast_lanes(
         precautions=precautions, sink=here.sink, clock=clock, sequence=sequence, may_write=True
     )
     await plant.start()
