@@ -260,7 +260,7 @@ def test_a_broker_that_is_away_is_reported_in_one_line(send: Send) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "changes", "told"),
+    ("words", "changes", "reported"),
     [
         (("pump-9", "start"), (), "no starter 'pump-9' (one of pump-1, pump-2)"),
         (("pump-1", "Start"), (), "no verb 'Start'"),
