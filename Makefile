@@ -35,12 +35,13 @@ mosquitto:
 demo: $(STAMP) mosquitto ## simulated starters, a broker, the gateway; Ctrl-C ends it all
 	@exec $(BIN)/starter-gateway demo
 
-lint: $(STAMP) ## style, spelling, types, import contracts
+lint: $(STAMP) ## style, spelling, plain words, types, import contracts
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/codespell
 	$(BIN)/mypy
 	PYTHONPATH=. $(BIN)/lint-imports
+	$(BIN)/python -m tests.words
 
 test: $(STAMP) mosquitto lint ## lint, and every test in virtual time; two minutes
 	$(FAST)
@@ -63,8 +64,10 @@ torture: $(STAMP) mosquitto ## every fault in full, some hours; as root also a f
 	$(BIN)/python -m tests.torture $(SCENARIOS)
 	$(FAST) -m hypothesis --hypothesis-profile random
 
-docs: $(STAMP) ## write the generated halves of docs/families anew
+docs: $(STAMP) ## write the generated parts of the documents
 	$(BIN)/python -m tests.family_pages
+	$(BIN)/python -m tests.results_page
+	$(BIN)/python -m tests.layers_page
 
 $(STAMP)-bench: $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'

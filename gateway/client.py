@@ -1,4 +1,4 @@
-"""Commands from another Python program: `Client` does ids, freshness, phases and time-outs as they must be.
+"""Commands from another Python program: `Client` handles ids, freshness, phases and time-outs.
 
 client = Client("mqtt://127.0.0.1", base="starters/mcc1", client="alice")
 result = await client.command("pump-1", "start")
@@ -29,7 +29,7 @@ _OWN_FIELDS = frozenset({"id", "verb", "phase", "code", "text", "time", "duplica
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """One phase of a command, as the gateway told it."""
+    """One phase of a command, as the gateway published it."""
 
     id: str
     phase: str
@@ -46,13 +46,13 @@ class Result:
 
     @property
     def may_have_acted(self) -> bool:
-        """Return whether it may have reached the starter without being seen to act: somebody must look."""
+        """Return whether it may have reached the starter without being seen to act: a person must look."""
         return self.phase in (Phase.WRITTEN, Phase.UNCONFIRMED)
 
     @property
     def what_to_do(self) -> str:
         """Return what an operator should do about it."""
-        return explain(self.code).mend
+        return explain(self.code).hint
 
 
 class Client:
@@ -101,7 +101,7 @@ class Client:
         within_s: float = WITHIN_S,
         on_phase: Callable[[Result], None] | None = None,
     ) -> Result:
-        """Return the final result. BrokerError: not sent. NoResultError: sent, and nobody knows its end.
+        """Return the final result. BrokerError: not sent. NoResultError: sent, but its end is unknown.
 
         To ask again what became of a command, send it again with its `id_`: it is never carried out twice.
         """
@@ -117,9 +117,9 @@ class Client:
             expect=expect or {},
             select=select,
         )
-        tell = on_phase or (lambda _: None)
+        notify = on_phase or (lambda _: None)
         final = await CommandClient(self._settings(), self._topics).send(
-            order, now_s=time.time(), within_s=within_s, on_phase=lambda fields: tell(_result(fields))
+            order, now_s=time.time(), within_s=within_s, on_phase=lambda fields: notify(_result(fields))
         )
         if final is None:
             text = f"no final result of {verb} {starter} within {within_s:g} s: look at the starter"

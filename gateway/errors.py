@@ -5,20 +5,20 @@ GatewayError
 ├── ProfileError         a shipped family profile is wrong: a bug, exit 1
 ├── UsageError           a command line asks for what does not exist: exit 2
 ├── StartError           another gateway runs, or this user may not: exit 1
-├── PortError            the port cannot be opened (now): report, wait, try again
+├── PortError            the port cannot be opened (now): report, wait, retry
 │   └── PortLostError    an open port is gone: report, reopen
 │       └── PortResetError  we have reset a connection, so that nothing in it acts late: reopen at once
-├── CodecError           bytes that are no valid Modbus: `transaction` turns it into an outcome
+├── CodecError           bytes that are no valid Modbus: `transaction` converts it to an outcome
 │   ├── BadFrameError    wrong CRC, too short, too long
 │   ├── BadReplyError    a valid frame that does not answer this request
 │   └── BadRequestError  a request that no starter could accept; the simulator answers an exception
 ├── CommandError         a command that cannot be carried out as asked: `rejected`, with a code
-├── StoreError           nothing can be kept on the disk (now): report, do without, try again
-│   ├── DamagedError     what is on the disk is not what was kept there: put it aside, begin afresh
+├── StoreError           nothing can be stored on the disk (now): report, continue without, retry
+│   ├── DamagedError     the file is not what was written: set it aside, begin with a new one
 │   └── UnstorableError  a piece of work failed by a bug: it would fail again, so do not repeat it
-├── BrokerError          the broker refuses or is away: report, wait, try again
+├── BrokerError          the broker refuses or is away: report, wait, retry
 ├── CaptureError         a running gateway's lines cannot be recorded: exit 1
-└── NoResultError        a command was sent and nobody knows its end: look at the starter
+└── NoResultError        a command was sent and its end is unknown: look at the starter
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ class GatewayError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One mistake in a file: where it is, what is wrong and how to mend it."""
+    """One mistake in a file: where it is, what is wrong and how to correct it."""
 
     key: str  # dotted path, e.g. line[0].starter[2].address
     what: str
-    mend: str = ""
+    hint: str = ""
     line: int | None = None  # 1-based line in the file
 
     def __str__(self) -> str:
         where = f"line {self.line}: " if self.line is not None else ""
-        mend = f" ({self.mend})" if self.mend else ""
-        return f"{where}{self.key}: {self.what}{mend}"
+        hint = f" ({self.hint})" if self.hint else ""
+        return f"{where}{self.key}: {self.what}{hint}"
 
 
 class ConfigError(GatewayError):
@@ -70,18 +70,18 @@ class UsageError(GatewayError):
 class StartError(GatewayError):
     """The gateway must not run here now: another one does, or its user may not write where it has to."""
 
-    def __init__(self, reason: str, mend: str) -> None:
-        super().__init__(f"{reason} ({mend})")
+    def __init__(self, reason: str, hint: str) -> None:
+        super().__init__(f"{reason} ({hint})")
 
 
 class PortError(GatewayError):
     """A port cannot be opened: missing, busy, not permitted, not a tty."""
 
-    def __init__(self, port: str, reason: str, mend: str = "") -> None:
+    def __init__(self, port: str, reason: str, hint: str = "") -> None:
         self.port = port
         self.reason = reason
-        self.mend = mend
-        super().__init__(f"port {port}: {reason}" + (f" ({mend})" if mend else ""))
+        self.hint = hint
+        super().__init__(f"port {port}: {reason}" + (f" ({hint})" if hint else ""))
 
 
 class PortLostError(PortError):
@@ -122,11 +122,11 @@ class CommandError(GatewayError):
 
 
 class StoreError(GatewayError):
-    """Nothing can be kept on the disk (now)."""
+    """Nothing can be stored on the disk (now)."""
 
 
 class DamagedError(StoreError):
-    """What is on the disk is not what was kept there."""
+    """What is on the disk is not what was written there."""
 
 
 class UnstorableError(StoreError):
@@ -136,10 +136,10 @@ class UnstorableError(StoreError):
 class BrokerError(GatewayError):
     """The broker refused the connection or cannot be reached."""
 
-    def __init__(self, reason: str, mend: str = "") -> None:
+    def __init__(self, reason: str, hint: str = "") -> None:
         self.reason = reason
-        self.mend = mend
-        super().__init__(reason + (f" ({mend})" if mend else ""))
+        self.hint = hint
+        super().__init__(reason + (f" ({hint})" if hint else ""))
 
 
 class NoResultError(GatewayError):

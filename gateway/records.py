@@ -1,8 +1,8 @@
-"""What the starters' floor says to the world: records, which the MQTT floor turns into topics and payloads.
+"""Records: what the starters and lines report upwards, from values and states to results and audit entries.
 
-Times are seconds since 1970, UTC. `seq` grows by one with every record of a boot that carries it.
-
-The number that tells records of one boot apart and puts them in order.
+`starters` and `app` create them; `mqtt.contract.payloads` converts each to a topic and a payload. Times are
+seconds since 1970, UTC. `seq` identifies and orders the records of one run (boot): `SequenceNumbers` counts
+them up by one.
 """
 
 from __future__ import annotations
@@ -178,7 +178,7 @@ class ResultRecord:
 
     @property
     def key(self) -> str:
-        """Return what names a command's one final result; empty for whatever else is told of a command."""
+        """Return what names a command's one final result; empty for every other phase and for repetitions."""
         is_sole = self.phase.is_final and not self.is_duplicate
         return f"{self.client}/{self.id}" if is_sole and self.id else ""
 
@@ -220,10 +220,10 @@ class AuditRecord:
 
 @dataclass(frozen=True, slots=True)
 class LineRecord:
-    """How a line does; published every 30 s and on change."""
+    """The statistics of a line; published every 30 s and on change."""
 
     line: str
-    figures: Mapping[str, Any]
+    statistics: Mapping[str, Any]
 
 
 Record = (

@@ -1,4 +1,4 @@
-"""Fixtures that several floors' tests share."""
+"""Fixtures that several layers' tests share."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ MARK = "<!-- From here on generated"
 
 
 def page_of(family: str, text: str) -> str:
-    """Return a page with its generated half made anew; what stands above the mark is kept."""
+    """Return a page with its generated half made anew; what stands above the mark stays."""
     above, mark, rest = text.partition(MARK)
     if not mark:
         raise ValueError(f"{family}.md has lost its line {MARK!r}")

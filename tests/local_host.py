@@ -20,8 +20,8 @@ class LocalHost:
 
     def __init__(self, listener: LineListener) -> None:
         self._listener = listener
-        self._courier = LoopBridge()
-        self._courier.loop = asyncio.get_running_loop()
+        self._bridge = LoopBridge()
+        self._bridge.loop = asyncio.get_running_loop()
         self._lines: dict[str, tuple[asyncio.Task[None], CarriedListener]] = {}
         self._ending: set[asyncio.Task[None]] = set()
 
@@ -36,7 +36,7 @@ class LocalHost:
         seed: int,
         deaf_after_s: float,
     ) -> LineClient:
-        listener = CarriedListener(self._listener, self._courier)
+        listener = CarriedListener(self._listener, self._bridge)
         scheduler = Line(
             name=name,
             opener=opener,

@@ -15,7 +15,7 @@ from pathlib import Path
 from types import TracebackType
 
 PATIENCE_S = 10.0
-READY = "test/ready"  # a retained message that tells a watcher that its subscription works
+READY = "test/ready"  # a retained message that shows a watcher that its subscription works
 
 
 def missing_programs() -> list[str]:
@@ -295,7 +295,7 @@ class Watcher:
 
 
 def free_port() -> int:
-    """Return a TCP port that nobody listened on a moment ago."""
+    """Return a TCP port that was unused a moment ago."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

@@ -52,13 +52,13 @@ def site(*changes: tuple[str, str]) -> Config:
 
 @dataclass
 class RunningPlant:
-    """A running plant, its two buses, and what it tells the gateway."""
+    """A running plant, its two buses, and what it reports to the gateway."""
 
     sink: RecordingSink = field(default_factory=RecordingSink)
     config: Config = field(default_factory=site)
     buses: dict[str, SimulatedLine] = field(default_factory=dict)
-    heard_s: dict[str, list[float]] = field(default_factory=dict)  # requests, by "port address"
-    told: list[str] = field(default_factory=list)
+    requests_s: dict[str, list[float]] = field(default_factory=dict)  # requests, by "port address"
+    events: list[str] = field(default_factory=list)
     forgotten: list[str] = field(default_factory=list)
     plant: Plant = field(init=False)
     companions: StarterServices = field(init=False)
@@ -66,7 +66,7 @@ class RunningPlant:
     # PlantListener
 
     def tell(self, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None) -> None:
-        self.told.append(f"{code} {(data or {}).get('line')}")
+        self.events.append(f"{code} {(data or {}).get('line')}")
 
     def forget(self, starters: Sequence[str]) -> None:
         self.forgotten += starters
@@ -93,11 +93,11 @@ class RunningPlant:
         table = next(line for line in site().lines if line.port == f"/dev/{port}")
         bus = self.buses.setdefault(table.port, SimulatedLine(timing_of(table)))
         unit = watching_unit(family, address, WATCHDOG_S)
-        heard_s = self.heard_s.setdefault(f"{port} {address}", [])
+        requests_s = self.requests_s.setdefault(f"{port} {address}", [])
         handle = unit.handle
 
         def remember(pdu: bytes, now_s: float) -> bytes | None:
-            heard_s.append(now_s)
+            requests_s.append(now_s)
             return handle(pdu, now_s)
 
         unit.handle = remember  # type: ignore[method-assign] # that is the point of it
@@ -120,7 +120,7 @@ class RunningPlant:
         return [each for each in self.sink.of(ValueRecord) if (each.starter, each.point) == (starter, point)]
 
     def said(self, name: str) -> list[str]:
-        """Return the availability of a starter as it was told, one after the other."""
+        """Return the availability of a starter as it was published, one after the other."""
         return [record.state for record in self.sink.of(AvailabilityRecord) if record.starter == name]
 
     def trips(self) -> list[str]:

@@ -14,7 +14,7 @@ def tables() -> str:
     """Return the codes as Markdown."""
     parts = []
     for title, codes in CODES.items():
-        rows = [f"| `{name}` | {code.sentence} | {code.mend} |" for name, code in codes.items()]
+        rows = [f"| `{name}` | {code.sentence} | {code.hint} |" for name, code in codes.items()]
         parts.append(
             "\n".join([f"### {title}", "", "| code | what it says | what to do |", "|---|---|---|", *rows])
         )

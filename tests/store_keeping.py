@@ -45,14 +45,14 @@ class Keeping:
     def __init__(self, path: Path, *, max_bytes: int = 2**20) -> None:
         self.news: list[tuple[News, str]] = []
         self._changed = threading.Condition()
-        self.store = Store(path, [Things()], on_news=self._hear, max_bytes=max_bytes, retry_s=0.02)
+        self.store = Store(path, [Things()], on_news=self._on_news, max_bytes=max_bytes, retry_s=0.02)
         self.store.start()
 
     def do(self, work: Callable[[Connection], T]) -> T:
         return self.store.submit(work).result(PATIENCE_S)
 
     def until(self, news: News) -> str:
-        """Wait until this was told, and return the text."""
+        """Wait until this was reported, and return the text."""
         with self._changed:
             assert self._changed.wait_for(lambda: news in self.kinds(), PATIENCE_S), self.news
         return next(text for kind, text in self.news if kind is news)
@@ -63,7 +63,7 @@ class Keeping:
     def close(self) -> None:
         assert self.store.close(within_s=PATIENCE_S)
 
-    def _hear(self, news: News, text: str) -> None:
+    def _on_news(self, news: News, text: str) -> None:
         with self._changed:
             self.news.append((news, text))
             self._changed.notify_all()

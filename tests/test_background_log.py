@@ -39,7 +39,7 @@ def test_records_are_written_in_order_with_their_format(pipe: tuple[int, int]) -
     assert os.read(pipe[0], 1000) == b"INFO unit=7 answers\nERROR a text\nof two lines\n"
 
 
-def test_a_full_pipe_holds_nobody_up_and_what_is_lost_is_counted(pipe: tuple[int, int]) -> None:
+def test_a_full_pipe_holds_no_one_up_and_what_is_lost_is_counted(pipe: tuple[int, int]) -> None:
     reading, writing = pipe
     _fill(writing)
     handler = BackgroundHandler(writing, most_waiting=10)
@@ -55,17 +55,17 @@ def test_a_full_pipe_holds_nobody_up_and_what_is_lost_is_counted(pipe: tuple[int
     _read_all(reading)
     log.info("again")
     handler.close()
-    told = _read_all(reading).decode()
-    assert "lines of the log were lost: nobody read them\n" in told
-    assert told.endswith("again\n")
+    reported = _read_all(reading).decode()
+    assert "log lines were lost: they were not read in time\n" in reported
+    assert reported.endswith("again\n")
 
 
-def test_a_pipe_that_nobody_reads_any_more_is_no_error() -> None:
+def test_a_pipe_that_no_one_reads_any_more_is_no_error() -> None:
     reading, writing = os.pipe()
     os.close(reading)
     handler = BackgroundHandler(writing)
 
-    logger(handler).info("to nobody")
+    logger(handler).info("lost")
     handler.close()
 
     os.close(writing)

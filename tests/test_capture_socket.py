@@ -42,7 +42,7 @@ class Lines:
         self.on_frame = on_frame
         self.turned.set()
 
-    async def turn(self) -> None:
+    async def step(self) -> None:
         await asyncio.wait_for(self.turned.wait(), LONG_S)
         self.turned.clear()
 
@@ -62,11 +62,11 @@ async def connect(path: Path) -> tuple[asyncio.StreamReader, asyncio.StreamWrite
     return await asyncio.open_unix_connection(str(path))
 
 
-async def test_frames_are_told_with_their_time_while_somebody_reads(tmp_path: Path) -> None:
+async def test_frames_are_reported_with_their_time_while_somebody_reads(tmp_path: Path) -> None:
     async with serving(tmp_path / "c") as (lines, _):
         reader, writer = await connect(tmp_path / "c")
         assert json.loads(await reader.readline()) == {"capture": 1, "lines": ["pumps", "fans"]}
-        await lines.turn()
+        await lines.step()
         assert lines.on_frame is not None
 
         lines.on_frame("pumps", 1.000002, ">>", b"\x01\x03")
@@ -78,15 +78,15 @@ async def test_frames_are_told_with_their_time_while_somebody_reads(tmp_path: Pa
         }
 
         writer.close()
-        await lines.turn()
+        await lines.step()
         assert lines.on_frame is None
 
 
-async def test_lines_are_not_bothered_while_nobody_reads_and_once_when_two_do(tmp_path: Path) -> None:
+async def test_lines_are_not_bothered_while_no_one_reads_and_once_when_two_do(tmp_path: Path) -> None:
     async with serving(tmp_path / "c") as (lines, _):
         assert not lines.turned.is_set()
         first, first_writer = await connect(tmp_path / "c")
-        await lines.turn()
+        await lines.step()
         second, second_writer = await connect(tmp_path / "c")
         await first.readline()
         await second.readline()
@@ -97,7 +97,7 @@ async def test_lines_are_not_bothered_while_nobody_reads_and_once_when_two_do(tm
         lines.on_frame("fans", 0.0, "<<", b"\x02")
         assert json.loads(await second.readline())["line"] == "fans"
         second_writer.close()
-        await lines.turn()
+        await lines.step()
 
         assert lines.on_frame is None
 
@@ -117,7 +117,7 @@ async def test_what_a_killed_gateway_left_there_is_replaced(tmp_path: Path) -> N
     async with serving(tmp_path / "c") as (lines, _):
         reader, writer = await connect(tmp_path / "c")
         assert await reader.readline()
-        await lines.turn()
+        await lines.step()
         writer.close()
 
 
@@ -157,7 +157,7 @@ async def test_a_reader_that_is_too_slow_is_cut_off(
     caplog.set_level(logging.WARNING)
     async with serving(tmp_path / "c") as (lines, _):
         _, writer = await connect(tmp_path / "c")
-        await lines.turn()
+        await lines.step()
         on_frame = lines.on_frame
         assert on_frame is not None
 
@@ -165,7 +165,7 @@ async def test_a_reader_that_is_too_slow_is_cut_off(
             on_frame("pumps", 0.0, ">>", bytes(256))
             if caplog.text:
                 break
-        await lines.turn()
+        await lines.step()
         writer.close()
 
     assert "too slow" in caplog.text

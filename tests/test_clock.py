@@ -29,13 +29,13 @@ class Machine:
 
     def __init__(self, trust: Trust = "auto", *, before: Mapping[str, Any] | None = None) -> None:
         self.up_s, self.utc_s, self.boot_id = 1000.0, 1.8e9, "boot-1"
-        self.is_kept = True  # by a time service
+        self.is_synchronised = True  # by a time service
         self.changes: list[str | None] = []
         self.start(trust, before=before)
 
     def start(self, trust: Trust = "auto", *, before: Mapping[str, Any] | None = None) -> None:
         """Start the gateway, again."""
-        self.watch = ClockWatch(trust, ask=lambda: self.is_kept, read=self.read)
+        self.watch = ClockWatch(trust, ask=lambda: self.is_synchronised, read=self.read)
         self.watch.recall(before)
         self.watch.on_change = self.changes.append
 
@@ -86,10 +86,10 @@ def test_after_a_step_the_clock_counts_again_once_it_was_synchronised_and_steady
     assert machine.watch.doubt() is None
 
     machine.step(step_s)
-    machine.is_kept = False
+    machine.is_synchronised = False
     machine.wait(600.0)
     unsynchronised = machine.watch.doubt()
-    machine.is_kept = True
+    machine.is_synchronised = True
     machine.wait(55.0)
     early = machine.watch.doubt()
     machine.wait(20.0)
@@ -114,7 +114,7 @@ def test_another_step_begins_the_minute_anew() -> None:
 
 def test_many_small_steps_are_one_step() -> None:
     machine = Machine("trusted")
-    machine.is_kept = False
+    machine.is_synchronised = False
 
     for _ in range(6):
         machine.step(-0.1)

@@ -1,4 +1,4 @@
-"""What is kept of the clock for the next run, and what is published of its steps."""
+"""What is stored of the clock for the next run, and what is published of its steps."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def run_of(wall: Wall, memory: Documents, events: list[Event]) -> tuple[ClockWat
 
 
 @virtually
-async def test_a_step_is_published_and_kept_at_once_and_so_is_its_end() -> None:
+async def test_a_step_is_published_and_stored_at_once_and_so_is_its_end() -> None:
     wall, memory, events = Wall(), Documents(), list[Event]()
     watch, keeper = run_of(wall, memory, events)
     keeping = asyncio.create_task(keeper.run())
@@ -93,7 +93,7 @@ async def test_the_next_run_knows_where_the_clock_was() -> None:
 
 
 @virtually
-async def test_a_quiet_clock_is_kept_every_ten_minutes() -> None:
+async def test_a_quiet_clock_is_stored_every_ten_minutes() -> None:
     wall, memory, events = Wall(), Documents(), list[Event]()
     _, keeper = run_of(wall, memory, events)
     keeping = asyncio.create_task(keeper.run())

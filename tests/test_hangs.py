@@ -41,7 +41,9 @@ def test_every_sign_of_life_puts_the_dump_off() -> None:
     assert watch.dumps == 0
 
 
-def test_a_stall_is_told_once_and_dumped_again_only_after_a_while(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_stall_is_reported_once_and_dumped_again_only_after_a_while(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     timer = Timer()
     watch = timer.watch()
     watch.fed()

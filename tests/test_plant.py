@@ -1,4 +1,4 @@
-"""Lines and starters that come, go and change, and what is told of them; in virtual time."""
+"""Lines and starters that come, go and change, and what is reported of them; in virtual time."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from gateway.records import AvailabilityRecord, EventRecord, InfoRecord
 from tests.plant_rig import HALL, running, starter
 from tests.starters.rig import virtually
 
-TURN_S = 0.25  # more than any one turn of another starter on its line
+SLOT_S = 0.25  # more than any one slot of another starter on its line
 BROKER = 'url = "mqtt://127.0.0.1"'
 FAN = starter("fan", 2, "ssw06")
 
@@ -17,7 +17,7 @@ FAN = starter("fan", 2, "ssw06")
 @virtually
 async def test_a_reload_that_changes_nothing_touches_nothing() -> None:
     async with running() as here:
-        records, told = len(here.sink.records), list(here.told)
+        records, reported = len(here.sink.records), list(here.events)
         starters, lines = dict(here.plant.starters), dict(here.plant.lines)
 
         await here.reload()
@@ -25,7 +25,7 @@ async def test_a_reload_that_changes_nothing_touches_nothing() -> None:
         assert here.plant.starters == starters
         assert here.plant.lines == lines
         assert len(here.sink.records) == records
-        assert here.told == told
+        assert here.events == reported
 
 
 @virtually
@@ -40,7 +40,7 @@ async def test_another_period_takes_effect_and_the_starter_stays_online() -> Non
         assert here.plant.starters["fan"] is before
         assert here.said("fan") == ["offline", "online"]
         assert not [r for r in here.sink.records[records:] if isinstance(r, AvailabilityRecord)]
-        assert sum(at_s > 30.0 for at_s in here.heard_s["hall 2"]) > 45
+        assert sum(at_s > 30.0 for at_s in here.requests_s["hall 2"]) > 45
 
 
 @virtually
@@ -74,26 +74,26 @@ async def test_a_lock_that_ends_after_its_starter_went_publishes_nothing_of_it()
 async def test_a_starter_that_goes_is_asked_no_more_and_forgotten() -> None:
     async with running() as here:
         await here.reload((FAN, ""))
-        records, asked = len(here.sink.records), len(here.heard_s["hall 2"])
+        records, asked = len(here.sink.records), len(here.requests_s["hall 2"])
         await asyncio.sleep(60.0)
 
         assert here.forgotten == ["fan"]
-        assert len(here.heard_s["hall 2"]) <= asked + 1  # one may have been on the wire
+        assert len(here.requests_s["hall 2"]) <= asked + 1  # one may have been on the wire
         assert not [r for r in here.sink.records[records:] if getattr(r, "starter", "") == "fan"]
         assert "fan" not in here.plant.starters
-        figures = here.plant.lines["hall"].figures()
-        assert 1 in figures["units"]
+        statistics = here.plant.lines["hall"].figures()
+        assert 1 in statistics["units"]
 
 
 @virtually
-async def test_a_starter_that_comes_is_asked_at_once_identified_and_told() -> None:
+async def test_a_starter_that_comes_is_asked_at_once_identified_and_reported() -> None:
     async with running() as here:
         here.connect("hall", 3, "ssw07")
         await here.reload((FAN, FAN + starter("new", 3, "ssw07")))
         came_s = asyncio.get_running_loop().time()
         await asyncio.sleep(10.0)
 
-        assert here.heard_s["hall 3"][0] - came_s < TURN_S
+        assert here.requests_s["hall 3"][0] - came_s < SLOT_S
         assert here.said("new") == ["offline", "online"]
         assert here.states("new")[-1] == "ready"
         infos = [record for record in here.sink.of(InfoRecord) if record.starter == "new"]
@@ -147,7 +147,7 @@ async def test_a_reload_maps_no_fast_words_though_a_start_would() -> None:
 
 
 @virtually
-async def test_where_nobody_may_command_any_more_no_fast_words_are_mapped() -> None:
+async def test_where_no_one_may_command_any_more_no_fast_words_are_mapped() -> None:
     mill = starter("mill", 1, "ssw900")
     async with running(0.0, (mill, f"{mill}fast_words = true\n")) as here:
         here.companions.forbid_writing()
@@ -158,13 +158,13 @@ async def test_where_nobody_may_command_any_more_no_fast_words_are_mapped() -> N
 
 
 @virtually
-async def test_what_a_starter_tells_on_a_new_line_is_its_own() -> None:
+async def test_what_a_starter_reports_on_a_new_line_is_its_own() -> None:
     async with running() as here:
         await here.reload((HALL, HALL.replace("19200", "19200\nadapter_allowance_s = 0.03")))
         await asyncio.sleep(5.0)
 
-        assert here.told.count("port_open hall") == 2
-        assert here.told.count("port_open yard") == 1
+        assert here.events.count("port_open hall") == 2
+        assert here.events.count("port_open yard") == 1
         assert here.said("pump") == ["offline", "online", "offline", "online"]
         assert here.said("mill") == ["offline", "online"]
         assert here.buses["/dev/hall"].opened == 2
@@ -178,11 +178,11 @@ async def test_a_lost_port_makes_only_its_own_starters_offline() -> None:
         await asyncio.sleep(3.0)
 
         assert (here.said("pump")[-1], here.said("mill")[-1]) == ("offline", "online")
-        assert here.told[-1] == "port_away hall"
+        assert here.events[-1] == "port_away hall"
 
 
 @virtually
-async def test_news_of_nobody_is_for_nobody() -> None:
+async def test_news_of_no_one_is_for_no_one() -> None:
     async with running() as here:
         records = len(here.sink.records)
 
@@ -191,4 +191,4 @@ async def test_news_of_nobody_is_for_nobody() -> None:
         here.plant.on_trouble("hall", "babbling", 0, "somebody talks", ())
 
         assert len(here.sink.records) == records
-        assert here.told[-1] == "babbling hall"
+        assert here.events[-1] == "babbling hall"

@@ -13,7 +13,7 @@ from tests.virtual_time import run_virtually
 
 SETTLED_S, RUN_S = 30.0, 60.0
 REGULAR_S = 1.3  # the longest that a settled starter of this site waits for a request, at a period of 1 s
-TURN_S = 0.25  # more than any one turn of another starter on its line
+SLOT_S = 0.25  # more than any one slot of another starter on its line
 
 
 async def times_of(*changes: tuple[str, str]) -> dict[str, list[float]]:
@@ -27,7 +27,7 @@ async def times_of(*changes: tuple[str, str]) -> dict[str, list[float]]:
         await asyncio.sleep(RUN_S - asyncio.get_running_loop().time())
         assert here.trips() == []
         assert here.writes() == 0
-        return here.heard_s
+        return here.requests_s
 
 
 @functools.cache
@@ -81,11 +81,11 @@ def test_a_line_that_stays_is_polled_at_the_very_same_instants_as_without_a_relo
 def test_a_starter_that_stays_on_a_changed_line_misses_no_poll(changes: tuple[tuple[str, str], ...]) -> None:
     reloaded = run_virtually(times_of(*changes))
 
-    assert longest_gap_s(reloaded["hall 1"]) < REGULAR_S + TURN_S
+    assert longest_gap_s(reloaded["hall 1"]) < REGULAR_S + SLOT_S
 
 
-def test_a_line_that_is_opened_anew_keeps_nobody_waiting_longer_than_two_turns() -> None:
+def test_a_line_that_is_opened_anew_keeps_no_one_waiting_longer_than_two_slots() -> None:
     reloaded = run_virtually(times_of(('framing = "8N2"', 'framing = "8N2"\nadapter_allowance_s = 0.03')))
 
-    assert longest_gap_s(reloaded["hall 1"]) < REGULAR_S + 2 * TURN_S
-    assert longest_gap_s(reloaded["hall 2"]) < REGULAR_S + 2 * TURN_S
+    assert longest_gap_s(reloaded["hall 1"]) < REGULAR_S + 2 * SLOT_S
+    assert longest_gap_s(reloaded["hall 2"]) < REGULAR_S + 2 * SLOT_S

@@ -112,7 +112,7 @@ class RefusedReads:
 
 @dataclass
 class Run:
-    """One run of the gateway's lower floors on a line that outlives it."""
+    """One run of the gateway's lower layers on a line that outlives it."""
 
     bus: SimulatedLine
     plant: Plant
@@ -203,7 +203,7 @@ async def running(
 
 @pytest.mark.long
 @virtually
-async def test_sixty_starters_whose_watchdogs_are_set_through_us_are_kept_now_and_after_a_restart() -> None:
+async def test_sixty_starters_whose_watchdogs_are_set_through_us_are_served_now_and_after_a_restart() -> None:
     bus, config, memory = hall(60), config_of(60), FakeMemory()
     async with running(bus, config, memory) as here:
         await asyncio.sleep(60.0)
@@ -332,7 +332,7 @@ async def test_a_watchdog_changed_at_the_keypad_before_the_first_patrol_is_notic
 
 
 @virtually
-async def test_a_watchdog_changed_at_the_keypad_while_the_gateway_was_away_is_noticed_and_kept() -> None:
+async def test_a_watchdog_changed_at_the_keypad_while_the_gateway_was_away_is_noticed_and_stored() -> None:
     bus, config, memory = hall(1, timeout_s=30), config_of(1), FakeMemory()
     async with running(bus, config, memory) as here:
         await asyncio.sleep(15.0)

@@ -36,7 +36,7 @@ class Desk:
         self._tokens = Tokens(self.boot)
         self.boot.connected(plant.clock.now_s())
         self.asleep_s = 0.0
-        self.tokens: list[str] = []  # as told again
+        self.tokens: list[str] = []  # as reported again
         self.events: list[tuple[Any, ...]] = []
         self.standstill = self._watch()
         self.reception = IncomingCommands(
@@ -197,7 +197,7 @@ async def test_what_is_no_command_topic_is_nobodys() -> None:
 
 
 @virtually
-async def test_a_command_under_way_learns_of_a_standstill_that_nobody_has_noticed_yet() -> None:
+async def test_a_command_under_way_learns_of_a_standstill_that_no_one_has_noticed_yet() -> None:
     here = await desk()
     before_s = here.standstill.ended_s()
     await asyncio.sleep(0.01)
@@ -231,8 +231,8 @@ async def test_a_mistyped_command_topic_is_answered_and_does_nothing(
     here.reception.take(Incoming(f"b/command/{topic}", b"", is_retained=is_retained))
     await here.plant.wait(3.0)
 
-    told = [(r.starter, r.client, r.verb, r.code) for r in here.plant.sink.of(ResultRecord)]
-    assert told == ([] if result is None else [result])
+    reported = [(r.starter, r.client, r.verb, r.code) for r in here.plant.sink.of(ResultRecord)]
+    assert reported == ([] if result is None else [result])
     (audit,) = here.plant.sink.of(AuditRecord)
     assert (audit.decision, audit.code) == ("rejected", result[3] if result else "malformed_topic")
     ((code, severity, text, data),) = here.events
@@ -243,7 +243,7 @@ async def test_a_mistyped_command_topic_is_answered_and_does_nothing(
 
 
 @virtually
-async def test_a_flood_of_mistyped_topics_is_counted_and_one_event_a_second_told_of_each_kind() -> None:
+async def test_a_flood_of_mistyped_topics_is_counted_and_one_event_a_second_published_of_each_kind() -> None:
     here = await desk()
     for number in range(3000):
         here.reception.take(Incoming(f"b/command/pump-1/{'x' * 900}é{number}", b"x" * 4000))
@@ -305,7 +305,7 @@ TOPICS = st.sampled_from(
 
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.tuples(TOPICS, PAYLOADS, st.booleans()), max_size=12))
-def test_no_payload_and_no_topic_raises_and_everything_told_can_be_published_and_kept(
+def test_no_payload_and_no_topic_raises_and_everything_reported_can_be_published_and_stored(
     messages: list[tuple[str, bytes, bool]],
 ) -> None:
     async def run() -> None:

@@ -1,4 +1,4 @@
-"""What a request to read the configuration again does: off the loop, one at a time, told to systemd."""
+"""What a request to read the configuration again does: off the loop, one at a time, with notices."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class World:
     replaced: int = 0
     reads: int = 0
     changed: list[Site] = field(default_factory=list)
-    told: list[tuple[str, Severity, str, dict[str, list[str]]]] = field(default_factory=list)
+    reported: list[tuple[str, Severity, str, dict[str, list[str]]]] = field(default_factory=list)
     systemd: list[str] = field(default_factory=list)
     gate: threading.Event = field(default_factory=threading.Event)
     is_read: threading.Event = field(default_factory=threading.Event)
@@ -60,7 +60,7 @@ class World:
         return self.replaced
 
     def tell(self, code: str, severity: Severity, text: str, data: dict[str, list[str]]) -> None:
-        self.told.append((code, severity, text, data))
+        self.reported.append((code, severity, text, data))
 
     # Notifier
     def reloading(self) -> None:
@@ -75,7 +75,7 @@ class World:
         return Reload(self.read, self, notifier)
 
     async def done(self, count: int = 1) -> None:
-        """Wait until systemd was told that so many reloads are over."""
+        """Wait until systemd was notified that so many reloads are over."""
         async with asyncio.timeout(10.0):
             while sum(said.startswith("ready") for said in self.systemd) < count:
                 self.over.clear()
@@ -91,7 +91,7 @@ def world() -> World:
     return World()
 
 
-async def test_a_good_configuration_is_taken_over_and_systemd_hears_of_both_ends(world: World) -> None:
+async def test_a_good_configuration_is_applied_and_systemd_is_notified_of_both_ends(world: World) -> None:
     world.reload().begin()
     await world.begun()
     assert world.systemd == ["reloading"]
@@ -103,7 +103,7 @@ async def test_a_good_configuration_is_taken_over_and_systemd_hears_of_both_ends
     assert world.changed[0].computed["pumps"]["load"] > 0
     assert "secret" not in repr(world.changed[0])
     assert world.systemd[1].startswith("ready: polling")
-    assert world.told == []
+    assert world.reported == []
 
 
 async def test_a_bad_configuration_is_refused_with_all_its_mistakes_and_nothing_changes(
@@ -115,7 +115,7 @@ async def test_a_bad_configuration_is_refused_with_all_its_mistakes_and_nothing_
     world.reload().begin()
     await world.done()
 
-    ((code, severity, text, data),) = world.told
+    ((code, severity, text, data),) = world.reported
     assert (code, severity) == ("reload_refused", Severity.ERROR)
     assert "the old one stays in force: line[0].baud: is 7 (9600) (and 1 more)" in text
     assert data == {"mistakes": ["line[0].baud: is 7 (9600)", "operator[0].may: is empty"]}
@@ -134,11 +134,11 @@ async def test_what_needs_a_restart_is_refused_in_the_same_way(world: World) -> 
     world.reload().begin()
     await world.done()
 
-    assert [code for code, *_ in world.told] == ["reload_refused"]
-    assert world.told[0][2].endswith("line[0].baud: is 7 (9600)")
+    assert [code for code, *_ in world.reported] == ["reload_refused"]
+    assert world.reported[0][2].endswith("line[0].baud: is 7 (9600)")
 
 
-async def test_a_bug_is_told_and_the_next_reload_tries_again(
+async def test_a_bug_is_reported_and_the_next_reload_tries_again(
     world: World, caplog: pytest.LogCaptureFixture
 ) -> None:
     world.trouble = RuntimeError("bug")
@@ -151,7 +151,7 @@ async def test_a_bug_is_told_and_the_next_reload_tries_again(
     reload.begin()
     await world.done(2)
 
-    assert [code for code, *_ in world.told] == ["reload_failed"]
+    assert [code for code, *_ in world.reported] == ["reload_failed"]
     assert "bug" in caplog.text
     assert len(world.changed) == 1
 

@@ -11,25 +11,25 @@ from tests.virtual_time import run_virtually
 
 
 class Clocks:
-    """Two clocks that go as they are told."""
+    """Two clocks that go as they are set."""
 
     def __init__(self) -> None:
         self.up_s, self.utc_s = 1000.0, 1.8e9
-        self.told_s: list[float] = []
+        self.reported_s: list[float] = []
         self.watch = SuspendWatch(lambda: self.up_s, up_s=lambda: self.up_s, utc_s=lambda: self.utc_s)
-        self.watch.on_standstill = self.told_s.append
+        self.watch.on_standstill = self.reported_s.append
         self.watch.look()
 
     def pass_by(self, up_s: float, utc_s: float) -> list[float]:
-        """Let time pass, look once, and return what was told."""
+        """Let time pass, look once, and return what was reported."""
         self.up_s += up_s
         self.utc_s += utc_s
         self.watch.look()
-        return self.told_s
+        return self.reported_s
 
 
 @pytest.mark.parametrize(
-    ("up_s", "utc_s", "told_s"),
+    ("up_s", "utc_s", "reported_s"),
     [
         (LOOK_EVERY_S, LOOK_EVERY_S, []),
         (LIMIT_S, LIMIT_S, []),
@@ -39,11 +39,11 @@ class Clocks:
         (5.0, -3600.0, [5.0]),
     ],
 )
-def test_a_gap_on_either_clock_is_a_standstill(up_s: float, utc_s: float, told_s: list[float]) -> None:
-    assert Clocks().pass_by(up_s, utc_s) == pytest.approx(told_s)
+def test_a_gap_on_either_clock_is_a_standstill(up_s: float, utc_s: float, reported_s: list[float]) -> None:
+    assert Clocks().pass_by(up_s, utc_s) == pytest.approx(reported_s)
 
 
-def test_a_standstill_is_told_once() -> None:
+def test_a_standstill_is_reported_once() -> None:
     clocks = Clocks()
 
     clocks.pass_by(10.0, 10.0)
@@ -52,20 +52,20 @@ def test_a_standstill_is_told_once() -> None:
 
 
 def test_it_looks_often_enough_not_to_take_its_own_pauses_for_standstills() -> None:
-    told_s: list[float] = []
+    reported_s: list[float] = []
     looks: list[float] = []
 
     async def scenario() -> None:
         loop = asyncio.get_running_loop()
         watch = SuspendWatch(loop.time, up_s=loop.time, utc_s=loop.time)
-        watch.on_standstill = told_s.append
+        watch.on_standstill = reported_s.append
         looking = asyncio.create_task(watch.run(also=lambda: looks.append(loop.time())))
         await asyncio.sleep(60.0)
         looking.cancel()
 
     run_virtually(scenario())
 
-    assert told_s == []
+    assert reported_s == []
     assert len(looks) >= 60.0 / LOOK_EVERY_S  # and so does who looks beside it
 
 

@@ -1,4 +1,4 @@
-"""The store on real files: what is kept, in which order, and what is bounded."""
+"""The store on real files: what is stored, in which order, and what is bounded."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gateway.storage.worker import News, Store
 from tests.store_keeping import PATIENCE_S, Make, Things, insert, texts
 
 
-def test_what_was_kept_is_there_after_a_restart(keeping: Make) -> None:
+def test_what_was_stored_is_there_after_a_restart(keeping: Make) -> None:
     first = keeping()
     first.do(insert("a"))
     first.close()
@@ -59,7 +59,9 @@ def test_a_closed_store_takes_nothing(keeping: Make) -> None:
         one.do(insert("late"))
 
 
-def test_a_bug_in_one_piece_of_work_spoils_no_other(keeping: Make, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_bug_in_one_piece_of_work_corrupts_no_other(
+    keeping: Make, caplog: pytest.LogCaptureFixture
+) -> None:
     one = keeping()
     gate = threading.Event()
     one.store.submit(lambda connection: gate.wait(PATIENCE_S))
@@ -130,10 +132,10 @@ def test_a_file_that_has_reached_its_bound_loses_its_oldest_rows_first(keeping: 
     for number in range(500):
         one.do(insert(f"{number} {'x' * 900}"))
 
-    kept = [int(text.split()[0]) for text in one.do(texts)]
-    assert kept[-1] == 499
-    assert 50 < len(kept) < 200
-    assert kept == list(range(kept[0], 500))
+    stored = [int(text.split()[0]) for text in one.do(texts)]
+    assert stored[-1] == 499
+    assert 50 < len(stored) < 200
+    assert stored == list(range(stored[0], 500))
     assert one.kinds() == [News.OPEN]
 
 

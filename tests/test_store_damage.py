@@ -25,7 +25,7 @@ def path(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_foreign_file_is_put_aside_and_kept(keeping: Make, path: Path) -> None:
+def test_a_foreign_file_is_put_aside_and_preserved(keeping: Make, path: Path) -> None:
     path.write_text("Dear diary, " * 1000)
 
     one = keeping(path)
@@ -61,7 +61,7 @@ def test_that_a_file_was_lost_is_still_known_after_a_restart(keeping: Make, path
         "DELETE FROM sqlite_master WHERE name = 'thing'",
     ],
 )
-def test_a_database_of_another_shape_is_put_aside_or_mended(keeping: Make, path: Path, sql: str) -> None:
+def test_a_database_of_another_shape_is_put_aside_or_repaired(keeping: Make, path: Path, sql: str) -> None:
     connection = sqlite3.connect(path)
     connection.execute("PRAGMA writable_schema = 1")
     connection.execute(sql)
@@ -92,23 +92,23 @@ def test_an_empty_file_is_a_new_one(keeping: Make, tmp_path: Path) -> None:
     assert one.kinds() == [News.OPEN]
 
 
-def test_a_file_spoilt_in_any_way_never_prevents_the_start(keeping: Make, path: Path) -> None:
+def test_a_file_corrupted_in_any_way_never_prevents_the_start(keeping: Make, path: Path) -> None:
     dice = random.Random(1)
     whole = path.read_bytes()
     for round_ in range(60):
-        spoilt = bytearray(whole)
+        corrupted = bytearray(whole)
         match round_ % 4:
             case 0:
-                del spoilt[dice.randrange(1, len(spoilt)) :]
+                del corrupted[dice.randrange(1, len(corrupted)) :]
             case 1:
                 for _ in range(dice.choice((1, 10, 1000))):
-                    spoilt[dice.randrange(len(spoilt))] = dice.randrange(256)
+                    corrupted[dice.randrange(len(corrupted))] = dice.randrange(256)
             case 2:
-                begin = dice.randrange(len(spoilt) - 512)
-                spoilt[begin : begin + 512] = bytes(512)
+                begin = dice.randrange(len(corrupted) - 512)
+                corrupted[begin : begin + 512] = bytes(512)
             case 3:
-                spoilt[dice.randrange(100)] ^= 1 << dice.randrange(8)
-        path.write_bytes(spoilt)
+                corrupted[dice.randrange(100)] ^= 1 << dice.randrange(8)
+        path.write_bytes(corrupted)
         Path(f"{path}-wal").write_bytes(dice.randbytes(round_ * 100))
 
         one = keeping(path)
@@ -149,7 +149,7 @@ def test_damage_that_stays_is_trouble_and_tried_again(keeping: Make, path: Path)
     one.do(insert("a"))
 
 
-def test_a_file_spoilt_while_it_is_in_use_is_put_aside(keeping: Make, path: Path) -> None:
+def test_a_file_corrupted_while_it_is_in_use_is_put_aside(keeping: Make, path: Path) -> None:
     one = keeping(path)
     one.do(insert("a"))
     one.do(lambda connection: connection.execute("PRAGMA shrink_memory").fetchall())
@@ -172,7 +172,7 @@ def test_a_file_spoilt_while_it_is_in_use_is_put_aside(keeping: Make, path: Path
     assert one.do(texts)[-1] == "c"
 
 
-def test_a_file_removed_while_it_is_in_use_is_made_anew_and_told(keeping: Make, path: Path) -> None:
+def test_a_file_removed_while_it_is_in_use_is_made_anew_and_reported(keeping: Make, path: Path) -> None:
     one = keeping(path)
     one.do(insert("a"))
     for entry in path.parent.glob("x.sqlite*"):
@@ -203,7 +203,7 @@ def test_a_folder_that_cannot_be_made_is_trouble_until_it_can(keeping: Make, tmp
     assert one.store.trouble == ""
 
 
-def test_a_read_only_file_system_is_trouble_and_told_once(keeping: Make) -> None:
+def test_a_read_only_file_system_is_trouble_and_reported_once(keeping: Make) -> None:
     one = keeping(Path("/proc/starter-gateway/x.sqlite"))
 
     one.until(News.AWAY)

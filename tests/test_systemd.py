@@ -24,7 +24,7 @@ def listener(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[s
         yield listening, address
 
 
-def test_everything_is_told_to_systemd(listener: tuple[socket.socket, str]) -> None:
+def test_everything_is_reported_to_systemd(listener: tuple[socket.socket, str]) -> None:
     listening, address = listener
     notifier = Notifier({"NOTIFY_SOCKET": address})
 
@@ -42,7 +42,7 @@ def test_everything_is_told_to_systemd(listener: tuple[socket.socket, str]) -> N
     assert listening.recv(1000).startswith(b"RELOADING=1\nMONOTONIC_USEC=")
 
 
-def test_without_systemd_nothing_is_told() -> None:
+def test_without_systemd_nothing_is_reported() -> None:
     notifier = Notifier({})
 
     notifier.ready()

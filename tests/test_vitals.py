@@ -1,4 +1,4 @@
-"""What feeds the service watchdog, and what is told of delays; in virtual time."""
+"""What feeds the service watchdog, and what is reported of delays; in virtual time."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class Line:
     watchdogs: dict[str, float] | None = None
 
     def figures(self) -> dict[str, Any]:
-        kept = {} if self.watchdogs is None else {"watchdogs": self.watchdogs}
-        return {"polls": 7, "utilisation": self.utilisation, **kept}
+        rest = {} if self.watchdogs is None else {"watchdogs": self.watchdogs}
+        return {"polls": 7, "utilisation": self.utilisation, **rest}
 
 
 @dataclass
@@ -39,7 +39,7 @@ class World:
     steps: int = 0
     fed_s: list[float] = field(default_factory=list)
     armed_s: list[float] = field(default_factory=list)
-    told: list[tuple[str, Severity]] = field(default_factory=list)
+    reported: list[tuple[str, Severity]] = field(default_factory=list)
     records: list[LineRecord] = field(default_factory=list)
     states: list[tuple[str, str | None]] = field(default_factory=list)
     lag: LagMeter = field(default_factory=LagMeter)
@@ -72,7 +72,7 @@ class World:
         self.armed_s.append(after_s)
 
     def tell(self, code: str, severity: Severity, text: str) -> None:
-        self.told.append((code, severity))
+        self.reported.append((code, severity))
 
     def vitals(self) -> Health:
         line: LineClient = self.line  # type: ignore[assignment] # all that is asked of it
@@ -123,7 +123,7 @@ def test_a_line_that_stands_still_starves_the_watchdog() -> None:
     assert world.fed_s[-1] <= 10.0 + LIMIT_S / 8 + 0.25
 
 
-def test_a_late_loop_warns_once_and_stands_in_the_figures(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_late_loop_warns_once_and_stands_in_the_statistics(caplog: pytest.LogCaptureFixture) -> None:
     world = World()
 
     def late() -> None:
@@ -133,9 +133,9 @@ def test_a_late_loop_warns_once_and_stands_in_the_figures(caplog: pytest.LogCapt
         run_virtually(watched(world, (1.0, late), (1.0, late), (40.0, None)))
 
     assert caplog.text.count("was 0.060 s late") == 1
-    assert world.told == []
-    assert world.records[-1].figures["polls"] == 7
-    assert world.records[-1].figures["lag_s"] == {"line": 0.06, "gateway": 0.0}
+    assert world.reported == []
+    assert world.records[-1].statistics["polls"] == 7
+    assert world.records[-1].statistics["lag_s"] == {"line": 0.06, "gateway": 0.0}
 
 
 def test_a_delay_that_a_starters_watchdog_may_feel_is_an_event_once_a_minute() -> None:
@@ -146,7 +146,7 @@ def test_a_delay_that_a_starters_watchdog_may_feel_is_an_event_once_a_minute() -
 
     run_virtually(watched(world, (1.0, late), (1.0, late), (61.0, late), (1.0, None)))
 
-    assert world.told == [("lag", Severity.ERROR)] * 2
+    assert world.reported == [("lag", Severity.ERROR)] * 2
 
 
 def test_without_any_stated_watchdog_nothing_alarms() -> None:
@@ -154,7 +154,7 @@ def test_without_any_stated_watchdog_nothing_alarms() -> None:
 
     run_virtually(watched(world, (1.0, lambda: world.lag.note(30.0, 0.0)), (1.0, None)))
 
-    assert world.told == []
+    assert world.reported == []
 
 
 def fill(world: World, utilisation: float) -> Any:
@@ -164,24 +164,24 @@ def fill(world: World, utilisation: float) -> Any:
     return act
 
 
-def test_a_line_without_time_to_spare_is_told_of_after_a_minute_and_when_it_is_relieved() -> None:
+def test_a_line_without_time_to_spare_is_reported_after_a_minute_and_when_it_is_relieved() -> None:
     world = World(computed={"pumps": {"is_paced": True, "sweep_s": 1.0}})
 
     run_virtually(watched(world, (5.0, fill(world, 0.99)), (70.0, fill(world, 0.4)), (70.0, None)))
 
-    assert world.told == [("line_saturated", Severity.WARNING), ("line_relieved", Severity.INFO)]
-    assert world.records[-1].figures["computed"] == {"is_paced": True, "sweep_s": 1.0}
+    assert world.reported == [("line_saturated", Severity.WARNING), ("line_relieved", Severity.INFO)]
+    assert world.records[-1].statistics["computed"] == {"is_paced": True, "sweep_s": 1.0}
 
 
-def test_a_line_that_is_to_be_full_is_not_told_of() -> None:
+def test_a_line_that_is_to_be_full_is_not_reported() -> None:
     world = World(computed={"pumps": {"is_paced": False}})
 
     run_virtually(watched(world, (0.0, fill(world, 1.0)), (200.0, None)))
 
-    assert world.told == []
+    assert world.reported == []
 
 
-def test_watchdogs_that_the_line_does_not_keep_are_told_of() -> None:
+def test_watchdogs_that_the_line_does_not_keep_are_reported() -> None:
     world = World(computed={})
 
     def leave() -> None:
@@ -189,7 +189,7 @@ def test_watchdogs_that_the_line_does_not_keep_are_told_of() -> None:
 
     run_virtually(watched(world, (5.0, leave), (70.0, None)))
 
-    assert world.told == [("watchdog_unkept", Severity.ERROR)]
+    assert world.reported == [("watchdog_unkept", Severity.ERROR)]
 
 
 class Fans(Line):
@@ -230,6 +230,6 @@ def test_other_lines_are_watched_when_they_have_come_and_those_that_are_gone_no_
     run_virtually(reload())
 
     assert [record.line for record in world.records][-1] == "fans"
-    assert world.records[-1].figures["computed"] == {"is_paced": True}
-    assert ("lag", Severity.ERROR) in world.told
+    assert world.records[-1].statistics["computed"] == {"is_paced": True}
+    assert ("lag", Severity.ERROR) in world.reported
     assert world.states[-2:] == [("degraded", "line pumps: unplugged"), ("online", None)]

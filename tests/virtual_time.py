@@ -26,7 +26,7 @@ class _JumpingSelector(selectors.SelectSelector):
         if ready:
             return ready
         if timeout is None:
-            raise RuntimeError("virtual time: nothing is scheduled, the test would wait for ever")
+            raise RuntimeError("virtual time: nothing is scheduled, the test would never end")
         self.skipped_s += max(timeout, 0.0)
         return []
 

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # Proves on a running broker that its access list does what the gateway trusts it to do:
-#   - nobody commands under another's name,
+#   - no login commands under another's name,
 #   - who only looks on commands nothing,
-#   - nobody but the gateway says what starters do, or what became of a command; neither with a last will,
-#   - nobody throws the gateway off by connecting with its client id, and receives its commands in its place.
+#   - only the gateway says what starters do, or what became of a command; neither with a last will,
+#   - no client disconnects the gateway by using its client id, and receives its commands in its place.
 # Every probe is for a starter that does not exist, and is seen, or not, by a login of its own that may read the whole
 # branch. Stop the gateway before: the script uses its login. Passwords show in this machine's list of processes
 # while the script runs.
@@ -52,7 +52,7 @@ trap 'for one in $listener $victim; do kill "$one" 2> /dev/null || true; done; r
 token="probe-$$-$RANDOM$RANDOM"
 failed=0
 
-publish() { # LOGIN TOPIC PAYLOAD; without a login nobody's
+publish() { # LOGIN TOPIC PAYLOAD; without a login anonymously
 	local login=()
 	if [ -n "$1" ]; then login=(-u "${1%%:*}" -P "${1#*:}"); fi
 	mosquitto_pub "${broker[@]}" "${login[@]}" -q 1 -t "$2" -m "$3" > /dev/null 2>&1 || true
@@ -82,7 +82,7 @@ take_id() { # LOGIN - MARK: connect with the gateway's client id while somebody 
 	victim=
 }
 
-heard() { grep -qF "$1" "$folder/heard" "$folder/taken"; }
+received() { grep -qF "$1" "$folder/received" "$folder/taken"; }
 
 expect() { # arrives|is-refused LOGIN TOPIC WHAT [publish|leave_will|take_id]
 	count=$((count + 1))
@@ -96,7 +96,7 @@ count=0
 
 touch "$folder/taken"
 mosquitto_sub "${broker[@]}" -u "${prover%%:*}" -P "${prover#*:}" -q 1 -t "$base/#" -F '%t %p' \
-	> "$folder/heard" 2> "$folder/trouble" &
+	> "$folder/received" 2> "$folder/trouble" &
 listener=$!
 sleep "$wait_s"
 if ! kill -0 "$listener" 2> /dev/null; then
@@ -110,7 +110,7 @@ for one in "${operators[@]}"; do
 	me="${one%%:*}"
 	expect arrives "$one" "$base/command/acl-probe/$me/read" "$me commands under the own name"
 	expect is-refused "$one" "$said" "$me says what a starter does"
-	expect is-refused "$one" "$base/result/acl-probe/$me" "$me tells himself a result"
+	expect is-refused "$one" "$base/result/acl-probe/$me" "$me publishes a result to itself"
 	expect is-refused "$one" "$base/gateway/status" "$me speaks for the gateway"
 	expect is-refused "$one" "$base/audit" "$me writes into the books"
 	expect is-refused "$one" - "$me takes the gateway's client id, and its commands" take_id
@@ -119,7 +119,7 @@ for one in "${operators[@]}"; do
 			as_other="$base/command/acl-probe/${other%%:*}/read"
 			expect is-refused "$one" "$as_other" "$me commands as ${other%%:*}"
 			expect is-refused "$one" "$as_other" "$me commands as ${other%%:*} by a last will" leave_will
-			expect is-refused "$one" "$base/result/acl-probe/${other%%:*}" "$me tells ${other%%:*} a result"
+			expect is-refused "$one" "$base/result/acl-probe/${other%%:*}" "$me publishes a result to ${other%%:*}"
 		fi
 	done
 done
@@ -129,7 +129,7 @@ for one in "${viewers[@]}"; do
 	expect is-refused "$one" "$base/command/acl-probe/${operators[0]%%:*}/read" "$me commands as ${operators[0]%%:*}"
 	expect is-refused "$one" "$said" "$me says what a starter does"
 	expect is-refused "$one" "$said" "$me says it by a last will" leave_will
-	expect is-refused "$one" "$base/result/acl-probe/${operators[0]%%:*}" "$me tells ${operators[0]%%:*} a result"
+	expect is-refused "$one" "$base/result/acl-probe/${operators[0]%%:*}" "$me publishes a result to ${operators[0]%%:*}"
 	expect is-refused "$one" "$base/gateway/status" "$me speaks for the gateway"
 	expect is-refused "$one" "$base/audit" "$me writes into the books"
 	expect is-refused "$one" - "$me takes the gateway's client id, and its commands" take_id
@@ -137,13 +137,13 @@ done
 expect is-refused "" "$base/command/acl-probe/${operators[0]%%:*}/read" "somebody without a login commands"
 expect is-refused "" "$said" "somebody without a login says what a starter does"
 expect is-refused "$gateway" "$base/command/acl-probe/${operators[0]%%:*}/read" "the gateway gives itself a command"
-expect arrives "$gateway" "$said" "the gateway is still heard at the end"
+expect arrives "$gateway" "$said" "the gateway's messages still arrive at the end"
 sleep "$wait_s"
 
 for probe in "${probes[@]}"; do
 	IFS='|' read -r wanted payload what <<< "$probe"
 	verdict=is-refused
-	if heard " $payload"; then verdict=arrives; fi
+	if received " $payload"; then verdict=arrives; fi
 	if [ "$verdict" = "$wanted" ]; then
 		echo "ok    $what: ${wanted/-/ }"
 	else

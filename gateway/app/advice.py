@@ -25,7 +25,7 @@ LONGEST_EVERY_S = 3600.0
 IsKept = Callable[[Sequence[Poll], LineTiming], bool]
 
 
-def mend_of(line: LineTable) -> str:
+def hint_of(line: LineTable) -> str:
     """Return, in words, each single change after which every watchdog of the line is kept.
 
     Fewer points are none: a watchdog's request goes before all polls, and is a starter's shortest.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import isinf
 from typing import Any
 
-from gateway.app.advice import mend_of
+from gateway.app.advice import hint_of
 from gateway.config.convert import setups_of, timing_of
 from gateway.config.mistakes import Mistake
 from gateway.config.schema import Config, LineTable, StarterTable
@@ -73,10 +73,10 @@ def missed_deadlines(prospects: Iterable[LineCapacity]) -> list[Mistake]:
     for index, line in enumerate(prospects):
         units = {each.unit for each in missed_in(line.forecast)}
         missed = [each for each in line.starters if each.table.address in units]
-        mend = mend_of(line.table) if missed else ""
+        hint = hint_of(line.table) if missed else ""
         for starter in missed:
             key = ("line", index, "starter", line.table.starters.index(starter.table), "watchdog_s")
-            mistakes.append(Mistake(key, _miss(line, starter), mend))
+            mistakes.append(Mistake(key, _miss(line, starter), hint))
     return mistakes
 
 

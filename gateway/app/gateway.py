@@ -91,7 +91,7 @@ class App:
         self._host = LineHost(self._plant, is_unread=self._uplink.unread)
         self._plant.build(self._host, site.config.lines)
         self._keeper = self._build_keeper()
-        self._uplink.outbox.on_told = self._keeper.journal.told
+        self._uplink.outbox.on_delivered = self._keeper.journal.delivered
         self._commander = self._build_commander()
         self._reception = self._build_reception()
         self._inbox = Inbox(
@@ -128,7 +128,9 @@ class App:
             )
         ]
         await self._host.start()  # before all else: the starters' watchdogs run
-        self._keeper.start(__version__, on_recalled=self._commander.recall, on_untold=self._uplink.tell_again)
+        self._keeper.start(
+            __version__, on_recalled=self._commander.recall, on_undelivered=self._uplink.tell_again
+        )
         await self._plant.start()
         self._uplink.start()
         self._companions.start()
@@ -259,7 +261,7 @@ class App:
             clock=self._clock,
             hold_s=MAX_TTL_S + MAX_AHEAD_S,
             is_read_only=not self._site.config.operators,
-            tell=self.tell,
+            publish_event=self.tell,
         )
 
     def _build_commander(self) -> Dispatcher:

@@ -22,7 +22,7 @@ from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.freshness import Tokens
 from gateway.mqtt.contract.payloads import GatewayInfo, Message, Payloads
 from gateway.mqtt.contract.topics import Topics
-from gateway.mqtt.outbox.disk_sync import DiskSync, Tell
+from gateway.mqtt.outbox.disk_sync import DiskSync, PublishEvent
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher
 from gateway.records import ResultRecord, Severity
@@ -50,7 +50,7 @@ class Uplink:
         tokens: Tokens,
         *,
         clock: Clock,
-        tell: Tell,
+        tell: PublishEvent,
     ) -> None:
         self._on_incoming: Callable[[Incoming], None]
         self._on_link: Callable[[bool, str], None]
@@ -69,7 +69,7 @@ class Uplink:
         )
         self.publisher = Publisher(self._payloads, self.outbox, clock)
         self.spooler = DiskSync(
-            self.outbox, OutboxDisk(site.state_dir), clock=clock, tell=tell, wake=self.publisher.wake
+            self.outbox, OutboxDisk(site.state_dir), clock=clock, publish_event=tell, wake=self.publisher.wake
         )
         self._config = site.config
         self.tell_info(site.config)

@@ -1,4 +1,4 @@
-"""`starter-gateway audit`: show what was asked of the starters and by whom, or verify it."""
+"""`starter-gateway audit`: prints which commands were given and by whom, or verifies the record."""
 
 from __future__ import annotations
 
@@ -20,13 +20,15 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command's parser."""
     parser = subparsers.add_parser(
         "audit",
-        description="Show or verify the audit that a gateway keeps in its state directory; exit code 1 when "
+        description="Show or verify the audit that a gateway stores in its state directory; exit code 1 when "
         "its chain is broken.",
     )
     parser.add_argument("action", choices=("show", "verify"), help="print the entries, or check their chain")
-    parser.add_argument("path", metavar="STATE_DIR_OR_CONFIG", help="where the gateway keeps it")
+    parser.add_argument("path", metavar="STATE_DIR_OR_CONFIG", help="where the gateway stores it")
     parser.add_argument("--last", metavar="N", type=int, help="show only the newest N entries")
-    parser.add_argument("--json", action="store_true", help="show the entries as they are kept, a line each")
+    parser.add_argument(
+        "--json", action="store_true", help="print the entries as they are stored, one a line"
+    )
     parser.add_argument(
         "--contains", metavar="HASH", help="verify also that a hash noted earlier is still in the chain"
     )
@@ -39,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
         return _verify(folder, args.contains)
     shown = lines(folder)
     for _, line in shown if args.last is None else deque(shown, maxlen=max(args.last, 0)):
-        print(line if args.json else _told(line))
+        print(line if args.json else _readable(line))
     return 0
 
 
@@ -64,9 +66,9 @@ def _verify(folder: Path, wanted: str | None) -> int:
         problems.append("the anchor of the removed segments cannot be read")
     for problem in problems:
         print(problem)
-    told = "broken" if problems else "whole"
+    described = "broken" if problems else "whole"
     since = f"line {anchor.head.number + 1}" if anchor.head else "?"
-    print(f"{folder}: {verdict.count} entries from {since} on, chain {told}")
+    print(f"{folder}: {verdict.count} entries from {since} on, chain {described}")
     if verdict.head.hash != FIRST_HASH:
         print(f"newest: line {verdict.head.number}, hash {verdict.head.hash}")
     is_found = wanted is None or seen.has_wanted or wanted == (anchor.head and anchor.head.hash)
@@ -76,7 +78,7 @@ def _verify(folder: Path, wanted: str | None) -> int:
 
 
 class _Seen:
-    """Lines that pass by, and whether the one that is wanted was among them."""
+    """Lines that pass by, and whether the one that is wanted was one of them."""
 
     def __init__(self, passing: Iterator[tuple[str, str]], wanted: str | None) -> None:
         self._passing = passing
@@ -89,7 +91,7 @@ class _Seen:
             yield place, line
 
 
-def _told(line: str) -> str:
+def _readable(line: str) -> str:
     """Return an entry for people."""
     try:
         entry = json.loads(line)
@@ -117,8 +119,8 @@ def _change(entry: dict[str, Any]) -> str:
     """Return which values were others afterwards; all of them are in the JSON."""
     before, after = entry.get("before") or {}, entry.get("after") or {}
     changed = {name: [before.get(name), value] for name, value in after.items() if before.get(name) != value}
-    told = [f"{name} {_json(old)} -> {_json(new)}" for name, (old, new) in changed.items()]
-    return f"; {', '.join(told)}" if told else ""
+    described = [f"{name} {_json(old)} -> {_json(new)}" for name, (old, new) in changed.items()]
+    return f"; {', '.join(described)}" if described else ""
 
 
 def _json(value: Any) -> str:

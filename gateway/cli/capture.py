@@ -1,9 +1,8 @@
 """`starter-gateway capture`: records a running gateway's lines for Wireshark.
 
-Frames in a pcapng file; the only module that knows python-pcapng.
-
-The link type is that of serial lines recorded by an RTAC: it says who spoke, and Wireshark can hand the bytes
-over to its Modbus RTU dissector (LINKTYPE_RTAC_SERIAL, Wireshark's packet-rtacser.c).
+It reads the frames from the gateway's socket and writes a pcapng file; no other module imports python-pcapng.
+The link type is that of serial lines recorded by an RTAC: it carries the direction, and Wireshark can pass
+the bytes to its Modbus RTU dissector (LINKTYPE_RTAC_SERIAL, Wireshark's packet-rtacser.c).
 """
 
 from __future__ import annotations
@@ -104,13 +103,13 @@ def run(args: argparse.Namespace) -> int:
     path = socket_path(load(config_path), config_path.parent)
     end_s = None if args.seconds is None else time.monotonic() + args.seconds
     with connected(path) as connection:
-        told = _messages(connection, end_s)
-        lines = _lines(next(told, {}), path)
+        messages = _messages(connection, end_s)
+        lines = _lines(next(messages, {}), path)
         count = 0
         with CaptureFile(Path(args.file), lines) as file:
             print(f"recording {', '.join(lines)}; Ctrl-C ends it", file=sys.stderr)
             with contextlib.suppress(KeyboardInterrupt):
-                for frame in told:
+                for frame in messages:
                     file.write(
                         frame["line"], frame["time_us"], frame["direction"], bytes.fromhex(frame["frame"])
                     )
@@ -128,13 +127,13 @@ def connected(path: Path) -> Iterator[socket.socket]:
         try:
             connection.connect(str(path))
         except OSError as error:
-            mend = "is this gateway running, and are you its user?"
-            raise CaptureError(f"{path}: {error.strerror or error} ({mend})") from error
+            hint = "is this gateway running, and are you its user?"
+            raise CaptureError(f"{path}: {error.strerror or error} ({hint})") from error
         yield connection
 
 
 def _messages(connection: socket.socket, end_s: float | None) -> Iterator[dict[str, Any]]:
-    """Yield what the gateway tells until the time is up; CaptureError when it ends before."""
+    """Yield the gateway's messages until the time is up; CaptureError when it ends before."""
     received = b""
     while True:
         left_s = None if end_s is None else end_s - time.monotonic()

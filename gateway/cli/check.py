@@ -1,6 +1,7 @@
-"""`starter-gateway check`: is this configuration right, and what will its lines be like.
+"""`starter-gateway check`: validates a configuration and prints what each line will do.
 
-What `check` says of failures: how long each starter hears nothing then, and which watchdogs would act.
+For each line: load, sweep time, value ages and stop latency. For each starter: the longest time without a
+request while the gateway works, after it crashes and while it hangs, and whether its watchdog outlasts that.
 """
 
 from __future__ import annotations
@@ -58,12 +59,12 @@ def print_gaps(line: LineCapacity) -> None:
 
 
 def tight_watchdogs(prospects: tuple[LineCapacity, ...]) -> Iterator[str]:
-    """Tell the starters whose watchdog would act on a failure of the gateway, and what would help."""
+    """Yield a warning, with a remedy, for each starter whose watchdog a failure of the gateway would trip."""
     for line in prospects:
         for starter in line.starters:
             limit_s = starter.table.watchdog_s
             if not limit_s or limit_s < WIDE_FACTOR * starter.gap_s:
-                continue  # off, or too tight even while everything works, which is told elsewhere
+                continue  # off, or too tight even while everything works, which another warning reports
             gaps = gaps_of_starter(line, starter)
             for_crash_s, for_hang_s = gaps.wanted_s
             what = f"starter {starter.table.name}: its watchdog of {limit_s:g} s acts when the gateway"
@@ -109,7 +110,7 @@ def add_parser(subparsers: Subparsers) -> None:
         "check", description="Validate a configuration and print the budget of its lines; nothing is opened."
     )
     parser.add_argument("config", metavar="CONFIG", help="the configuration file")
-    parser.add_argument("--json", action="store_true", help="print the same figures as JSON")
+    parser.add_argument("--json", action="store_true", help="print the same as JSON")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -232,7 +233,7 @@ def _site_warnings(config: Config, folder: Path) -> Iterator[str]:
 
 
 def _problems(error: ConfigError) -> list[dict[str, Any]]:
-    return [{"line": p.line, "key": p.key, "what": p.what, "mend": p.mend} for p in error.problems]
+    return [{"line": p.line, "key": p.key, "what": p.what, "hint": p.hint} for p in error.problems]
 
 
 def _as_json(line: LineCapacity) -> dict[str, Any]:

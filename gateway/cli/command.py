@@ -1,4 +1,4 @@
-"""What the command line expects of every command's module."""
+"""The interface that every command's module has."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`starter-gateway decode`: what words mean that somebody has read from a starter."""
+"""`starter-gateway decode`: decodes words that were read from a starter."""
 
 from __future__ import annotations
 

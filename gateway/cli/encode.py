@@ -1,4 +1,4 @@
-"""`starter-gateway encode`: the frames that a command would send, byte by byte."""
+"""`starter-gateway encode`: prints the frames that a command would send."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gateway.modbus import adu
 from gateway.modbus.pdu import Request
 
 _WRONG_WORDS = ("unknown_verb", "bad_arguments", "unknown_parameter")
-_MENDS = {"slot_unknown": "give --slot 1 or --slot 2", "word_unknown": "give --last-word"}
+_HINTS = {"slot_unknown": "give --slot 1 or --slot 2", "word_unknown": "give --last-word"}
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -44,8 +44,8 @@ def run(args: argparse.Namespace) -> int:
     except CommandError as error:
         if error.code in _WRONG_WORDS:
             raise UsageError(error.text) from error
-        if error.code in _MENDS:
-            raise UsageError(f"{error.text} ({_MENDS[error.code]})") from error
+        if error.code in _HINTS:
+            raise UsageError(f"{error.text} ({_HINTS[error.code]})") from error
         raise
     for request in requests:
         print(adu.encode(address, request.encode()).hex(" ").upper())

@@ -1,4 +1,4 @@
-"""The command line: chooses a command, and turns what it raises into one line and an exit code."""
+"""The command line: runs a command, and reports its error as one line and an exit code."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ DONE, FAILED, USAGE, BAD_CONFIG = 0, 1, 2, 78  # 78 is EX_CONFIG of sysexits.h
 
 COMMANDS = {
     "run": "run the gateway of a configuration",
-    "demo": "show everything on this machine: simulated starters, broker, gateway",
+    "demo": "run simulated starters, a broker and the gateway on this machine",
     "check": "validate a configuration and print the budget of its lines",
-    "simulate": "put the starters of a configuration on simulated lines",
+    "simulate": "simulate the starters of a configuration on pseudo-terminals",
     "scan": "find and identify the starters on a port, by reads only",
-    "doctor": "tell what on this machine or in these starters would bite",
+    "doctor": "look for problems of this machine and in these starters' settings",
     "parameters": "save, compare and restore the parameters of a starter",
-    "send": "send a command over MQTT and show what becomes of it",
-    "audit": "show or verify what was asked of the starters and by whom",
+    "send": "send a command over MQTT and show its result",
+    "audit": "show or verify the record of commands",
     "capture": "record a running gateway's lines for Wireshark",
     "decode": "decode words read from a starter",
     "encode": "print the frames that a command would send",
@@ -49,7 +49,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         for line in str(error).splitlines():
             print(f"{PROGRAM}: {line}", file=sys.stderr)
         return _exit_code(error)
-    except BrokenPipeError:  # whoever read our output has had enough
+    except BrokenPipeError:  # the reader of our output has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except KeyboardInterrupt:
@@ -58,7 +58,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 class _Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line."""
+    """Reports a usage error in one line."""
 
     def error(self, message: str) -> NoReturn:
         self.exit(USAGE, f"{PROGRAM}: {message} (see {self.prog} --help)\n")
@@ -76,7 +76,7 @@ def _parser(chosen: str | None) -> argparse.ArgumentParser:
     """Return a parser that knows the chosen command's arguments; the other commands are not even imported."""
     parser = _Parser(
         prog=PROGRAM,
-        description="Motor soft-starters on RS-485 lines, by MQTT. It is not a safety function.",
+        description="Gateway between soft-starters on RS-485 lines and MQTT. It is not a safety function.",
         epilog="exit codes: 0 done, 1 failed, 2 usage, 78 bad configuration",
         formatter_class=_Help,
     )

@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 async def serve(path: Path, config: Config, password: str | None) -> None:
-    """Run a gateway until it is asked to end; SIGHUP has it read the file anew."""
+    """Run a gateway until it is asked to end; SIGHUP makes it read the file again."""
     await _serve(path, Site.of(config, folder=path.parent, password=password))
 
 

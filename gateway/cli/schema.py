@@ -1,4 +1,4 @@
-"""`starter-gateway schema`: what a configuration may hold, for editors and other programs."""
+"""`starter-gateway schema`: prints the JSON Schema of the configuration, for editors and other programs."""
 
 from __future__ import annotations
 

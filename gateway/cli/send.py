@@ -115,14 +115,14 @@ def _show(result: Mapping[str, Any]) -> None:
     if text:
         line += f": {text}"
     if "value" in result:
-        line += f" = {_spoken(result)}"
+        line += f" = {_readable(result)}"
     print(line, flush=True)
-    for parameter, told in (result.get("values") or {}).items():
-        print(f"  {parameter} = {_spoken(told)}", flush=True)
+    for parameter, value in (result.get("values") or {}).items():
+        print(f"  {parameter} = {_readable(value)}", flush=True)
 
 
-def _spoken(told: Mapping[str, Any]) -> str:
+def _readable(value: Mapping[str, Any]) -> str:
     """Return a value with its unit, or what the manual calls it; the raw words of one that means nothing."""
-    if told["value"] is None and told.get("raw"):
-        return f"{' '.join(map(str, told['raw']))} raw ({told.get('reason') or 'no value'})"
-    return str(told.get("label") or f"{told['value']} {told.get('unit') or ''}".rstrip())
+    if value["value"] is None and value.get("raw"):
+        return f"{' '.join(map(str, value['raw']))} raw ({value.get('reason') or 'no value'})"
+    return str(value.get("label") or f"{value['value']} {value.get('unit') or ''}".rstrip())

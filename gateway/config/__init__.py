@@ -1,4 +1,5 @@
 """The configuration file: TOML to checked models; pure.
 
-Start at `load`; `schema` has the tables, `cross_checks` the rules across them, `convert` what others get.
+Start at `load`; `schema` has the tables, `cross_checks` the rules across them. `convert` makes plain values
+for lower packages.
 """

@@ -1,4 +1,4 @@
-"""The configuration in the plain values that the lower floors take."""
+"""Converts the configuration to the plain values that the lower layers take."""
 
 from __future__ import annotations
 

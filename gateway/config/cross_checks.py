@@ -1,4 +1,4 @@
-"""What the configuration's values must be together.
+"""Rules across the tables of a configuration.
 
 The rules look at the document as parsed, before the models: a mistake in one table must not hide those in
 others. A value of the wrong type is the models' business and passes here.
@@ -49,8 +49,8 @@ def _broker(document: Document) -> Iterator[Mistake]:
     parts = split_url(url)
     if parts is None:
         scheme = url.partition("://")[0]
-        mend = choose(scheme, SCHEMES) if "://" in url and scheme not in SCHEMES else "mqtts://host:8883"
-        yield Mistake(key, f"{short(_without_login(url))} is no broker address", mend)
+        hint = choose(scheme, SCHEMES) if "://" in url and scheme not in SCHEMES else "mqtts://host:8883"
+        yield Mistake(key, f"{short(_without_login(url))} is no broker address", hint)
         return
     split, _port = parts
     if split.username is not None or split.password is not None:
@@ -59,8 +59,8 @@ def _broker(document: Document) -> Iterator[Mistake]:
         yield Mistake(key, "has more than a host and a port", "leave out what follows the port")
     is_local = is_loopback(split.hostname or "")
     if split.scheme == "mqtt" and not is_local and mqtt.get("allow_plaintext") is not True:
-        mend = "use mqtts://, or allow_plaintext = true"
-        yield Mistake(key, "would send passwords and commands unencrypted", mend)
+        hint = "use mqtts://, or allow_plaintext = true"
+        yield Mistake(key, "would send passwords and commands unencrypted", hint)
 
 
 def _without_login(url: str) -> str:
@@ -98,8 +98,8 @@ def _ports(document: Document) -> Iterator[Mistake]:
             continue
         socket = _SOCKET.fullmatch(port)
         if socket is None or not 0 < int(socket[1]) <= 0xFFFF:
-            mend = "an absolute path such as /dev/serial/by-id/..., or socket://host:port"
-            yield Mistake((*key, "port"), f"{short(port)} is no port", mend)
+            hint = "an absolute path such as /dev/serial/by-id/..., or socket://host:port"
+            yield Mistake((*key, "port"), f"{short(port)} is no port", hint)
 
 
 def _duplicates(document: Document) -> Iterator[Mistake]:
@@ -111,10 +111,10 @@ def _duplicates(document: Document) -> Iterator[Mistake]:
         yield from _again(lines, (*key, "name"), _text(line, "name"), "each line needs its own name")
         yield from _again(ports, (*key, "port"), _port(line), "put all starters of a port under one [[line]]")
         for starter_key, starter in _starters(key, line):
-            mend = "each starter needs its own name, whatever its line"
-            yield from _again(starters, (*starter_key, "name"), _text(starter, "name"), mend)
-            mend = "each starter on a line needs its own address"
-            yield from _again(addresses, (*starter_key, "address"), starter.get("address"), mend)
+            hint = "each starter needs its own name, whatever its line"
+            yield from _again(starters, (*starter_key, "name"), _text(starter, "name"), hint)
+            hint = "each starter on a line needs its own address"
+            yield from _again(addresses, (*starter_key, "address"), starter.get("address"), hint)
 
 
 def _port(line: Document) -> str:
@@ -122,11 +122,11 @@ def _port(line: Document) -> str:
     return posixpath.normpath(port) if posixpath.isabs(port) else port
 
 
-def _again(seen: dict[object, Key], key: Key, value: object, mend: str) -> Iterator[Mistake]:
+def _again(seen: dict[object, Key], key: Key, value: object, hint: str) -> Iterator[Mistake]:
     if not value or not isinstance(value, str | int):
         return
     if value in seen:
-        yield Mistake(key, f"{short(value)} is also {spell(seen[value])}", mend)
+        yield Mistake(key, f"{short(value)} is also {spell(seen[value])}", hint)
     seen.setdefault(value, key)
 
 
@@ -147,15 +147,15 @@ def _is_family(starter: Document) -> bool:
 
 
 def _serial(key: Key, line: Document, profile: Profile, name: str) -> Iterator[Mistake]:
-    """Tell what a family's serial interface cannot be set to; `name` is a starter of it on this line."""
+    """Yield what a family's serial interface cannot be set to; `name` is a starter of it on this line."""
     baud, framing = line.get("baud"), line.get("framing")
     if baud in get_args(Baud) and profile.bauds and baud not in profile.bauds:
-        mend = f"its manual allows {', '.join(map(str, profile.bauds))}"
-        yield Mistake((*key, "baud"), f"{baud} is not for {profile.family} ({name})", mend)
+        hint = f"its manual allows {', '.join(map(str, profile.bauds))}"
+        yield Mistake((*key, "baud"), f"{baud} is not for {profile.family} ({name})", hint)
     if framing in get_args(FramingText) and framing not in profile.framings:
-        mend = f"its manual allows {', '.join(profile.framings)}"
+        hint = f"its manual allows {', '.join(profile.framings)}"
         what = f"{short(framing)} is not for {profile.family} ({name})"
-        yield Mistake((*key, "framing"), what, mend)
+        yield Mistake((*key, "framing"), what, hint)
 
 
 def _slot(key: Key, profile: Profile) -> Iterator[Mistake]:
@@ -176,25 +176,25 @@ def _patterns(document: Document) -> Iterator[Mistake]:
             patterns = _list(table, "starters") if isinstance(table, Mapping) else []
             for position, pattern in enumerate(patterns):
                 if isinstance(pattern, str) and not fnmatch.filter(names, pattern):
-                    mend = choose(pattern, names) if names else ""
+                    hint = choose(pattern, names) if names else ""
                     key = (where, index, "starters", position)
-                    yield Mistake(key, f"{short(pattern)} fits no starter", mend)
+                    yield Mistake(key, f"{short(pattern)} fits no starter", hint)
 
 
 def _groups(document: Document) -> Iterator[Mistake]:
-    """Tell groups whose name is taken: a command's topic must say which is meant."""
+    """Yield groups whose name is used twice: a command's topic must name one target."""
     seen: dict[object, Key] = {}
     for key, line in _lines(document):
         for starter_key, starter in _starters(key, line):
             seen.setdefault(_text(starter, "name"), (*starter_key, "name"))
     for index, group in enumerate(_list(document, "group")):
         if isinstance(group, Mapping):
-            mend = "each group needs a name that no starter and no other group has"
-            yield from _again(seen, ("group", index, "name"), _text(group, "name"), mend)
+            hint = "each group needs a name that no starter and no other group has"
+            yield from _again(seen, ("group", index, "name"), _text(group, "name"), hint)
 
 
 def _feeders(document: Document) -> Iterator[Mistake]:
-    """Tell starters for which a feeder is named without a time, or a time without a feeder."""
+    """Yield starters for which a feeder is named without a time, or a time without a feeder."""
     shared = [table for table in _list(document, "rules") if isinstance(table, Mapping)]
     for key, line in _lines(document):
         for starter_key, starter in _starters(key, line):
@@ -203,12 +203,12 @@ def _feeders(document: Document) -> Iterator[Mistake]:
             own = {named for table in (*tables, _table(starter, "rules")) for named in table}
             for one, other in (("feeder", "stagger_s"), ("stagger_s", "feeder")):
                 if one in own and other not in own:
-                    mend = "a feeder and the time between two starts on it go together"
-                    yield Mistake((*starter_key, "name"), f"{short(name)} has {one} without {other}", mend)
+                    hint = "a feeder and the time between two starts on it go together"
+                    yield Mistake((*starter_key, "name"), f"{short(name)} has {one} without {other}", hint)
 
 
 def _simulated(document: Document) -> Iterator[Mistake]:
-    """Tell what a simulated starter of its family does not have."""
+    """Yield what a simulated starter of its family does not have."""
     for key, line in _lines(document):
         for starter_key, starter in _starters(key, line):
             if not _is_family(starter):
@@ -218,17 +218,17 @@ def _simulated(document: Document) -> Iterator[Mistake]:
             for code in _table(table, "parameters"):
                 row = profile.parameters.get(code)
                 if row is None or row.table.is_bits or row.words != 1:
-                    mend = (
+                    hint = (
                         "name a parameter of one register by its code in the manual, such as P314 or C8.2.5.3"
                     )
                     where = (*starter_key, "simulated", "parameters", code)
-                    yield Mistake(where, f"{profile.family} has no such parameter", mend)
+                    yield Mistake(where, f"{profile.family} has no such parameter", hint)
             rows = profile.simulated.get("braking_s")
             if table.get("braking_s") and rows != ():
-                mend = f"set {' and '.join(rows)} as parameters" if rows else "leave it out"
+                hint = f"set {' and '.join(rows)} as parameters" if rows else "leave it out"
                 known = (each for each in FAMILIES if load_profile(each).simulated.get("braking_s") == ())
                 what = f"is for {' and '.join(known)}"
-                yield Mistake((*starter_key, "simulated", "braking_s"), what, mend)
+                yield Mistake((*starter_key, "simulated", "braking_s"), what, hint)
 
 
 def _fits(name: str, pattern: object) -> bool:

@@ -37,7 +37,7 @@ class ConfigChanges:
         came = [each.name for line in self.lines_new for each in line.starters]
         came += [each.name for comers in self.starters_new for each in comers.starters]
         lines_new = [line.name for line in self.lines_new]
-        told = {
+        named = {
             "lines_added": [name for name in lines_new if name not in self.lines_gone],
             "lines_reopened": [name for name in lines_new if name in self.lines_gone],
             "lines_removed": list(self.lines_forgotten),
@@ -46,11 +46,11 @@ class ConfigChanges:
             "starters_removed": list(self.starters_forgotten),
             "starters_paced": [name for name, _ in self.paces],
         }
-        return {key: names for key, names in told.items() if names}
+        return {key: names for key, names in named.items() if names}
 
 
 def fixed(old: Config, new: Config) -> list[Problem]:
-    """Return what cannot be another while the gateway runs: its name, topics and state."""
+    """Return which settings cannot change while the gateway runs: its name, topics and state directory."""
     values = {
         "gateway.name": (old.gateway.name, new.gateway.name),
         "gateway.state_dir": (old.gateway.state_dir, new.gateway.state_dir),
@@ -67,11 +67,11 @@ def changes_of(old: Config, new: Config) -> ConfigChanges:
     """Return what must be done to lines and starters; the order of tables changes nothing."""
     before = {line.name: line for line in old.lines}
     after = {line.name: line for line in new.lines}
-    kept = [name for name in after if name in before and _port(before[name]) == _port(after[name])]
-    ended = {name: line for name, line in before.items() if name not in kept}
+    unchanged = [name for name in after if name in before and _port(before[name]) == _port(after[name])]
+    ended = {name: line for name, line in before.items() if name not in unchanged}
     starters_gone = [each.name for line in ended.values() for each in line.starters]
     comers, paces = [], []
-    for name in kept:
+    for name in unchanged:
         gone, came, paced = _compared(before[name].starters, after[name].starters)
         starters_gone += gone
         paces += paced
@@ -80,7 +80,7 @@ def changes_of(old: Config, new: Config) -> ConfigChanges:
     still = {each.name for each in _starters(new)}
     return ConfigChanges(
         lines_gone=tuple(ended),
-        lines_new=tuple(line for name, line in after.items() if name not in kept),
+        lines_new=tuple(line for name, line in after.items() if name not in unchanged),
         starters_gone=tuple(starters_gone),
         starters_new=tuple(comers),
         paces=tuple(paces),
@@ -102,7 +102,7 @@ def _compared(
 
 
 def _port(line: LineTable) -> LineTable:
-    """Return a line without its starters: when that differs, the line begins anew."""
+    """Return a line without its starters: when that differs, the line is restarted."""
     return line.model_copy(update={"starters": ()})
 
 

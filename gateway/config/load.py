@@ -1,4 +1,4 @@
-"""Reads a configuration file and tells all its mistakes at once, each with its line."""
+"""Reads a configuration file; reports all its mistakes at once, each with its line."""
 
 from __future__ import annotations
 
@@ -56,8 +56,8 @@ def _read(path: str | Path) -> str:
         with Path(path).open("rb") as file:
             content = file.read(_MAX_BYTES + 1)
     except OSError as error:
-        mend = "is the path right, and may this user read it?"
-        raise _unusable(path, Problem("file", error.strerror or str(error), mend)) from error
+        hint = "is the path right, and may this user read it?"
+        raise _unusable(path, Problem("file", error.strerror or str(error), hint)) from error
     if len(content) > _MAX_BYTES:
         raise _unusable(path, Problem("file", f"is larger than {_MAX_BYTES} bytes", "is it the right one?"))
     try:
@@ -82,5 +82,5 @@ def _unusable(path: str | Path, problem: Problem) -> ConfigError:
 
 def _problems(text: str, mistakes: list[Mistake]) -> list[Problem]:
     lines = locate(text)
-    problems = [Problem(spell(m.key), m.what, m.mend, line_of(lines, m.key)) for m in mistakes]
+    problems = [Problem(spell(m.key), m.what, m.hint, line_of(lines, m.key)) for m in mistakes]
     return sorted(problems, key=lambda problem: problem.line or 0)

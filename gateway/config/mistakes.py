@@ -1,6 +1,6 @@
-"""What the models refuse, said in words that name the mend.
+"""Mistakes in a configuration: one `Mistake`, and the wording of what the models refuse.
 
-One mistake in a configuration, before its line in the file is known.
+A mistake has its key, what is wrong and a hint; `load` adds the line in the file.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from gateway.system.value_demands import demand_of
 
 @dataclass(frozen=True, slots=True)
 class Mistake:
-    """What is wrong with one key, and how to mend it."""
+    """What is wrong with one key, and how to correct it."""
 
     key: Key
     what: str
-    mend: str = ""
+    hint: str = ""
 
 
 def spell(key: Key) -> str:
@@ -38,7 +38,7 @@ def spell(key: Key) -> str:
 
 
 def choose(wrong: object, known: Iterable[str]) -> str:
-    """Return the mend for a word that is none of the known ones: the nearest of them, or all."""
+    """Return the hint for an unknown word: the nearest known one, or all of them."""
     words = list(dict.fromkeys(known))
     spelt = {word.lower(): word for word in words}
     near = difflib.get_close_matches(str(wrong).lower(), spelt, n=2)

@@ -1,6 +1,6 @@
 """The shape of the configuration: frozen models of its tables, from `[gateway]` to `[[operator]]`.
 
-What one value may be stands here; what several values may be together stands in `rules.py`.
+What one value may be stands here; what several values may be together stands in `cross_checks.py`.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ Verb = Literal[
     "general_enable",
     "output",
     "configure",
-    "select",  # nobody needs it: who may do something may also select it
+    "select",  # needs no right: a client that may do something may also select it
     "cancel",
     "lock",
     "unlock",
@@ -122,7 +122,7 @@ class GroupTable(ConfigTable):
 
 
 class SimulatedTable(ConfigTable):
-    """`[line.starter.simulated]`: what `simulate` makes of a starter; the gateway itself takes no notice."""
+    """`[line.starter.simulated]`: what `simulate` makes of a starter; the gateway itself ignores it."""
 
     firmware: Annotated[str, Field(pattern=FIRMWARE_PATTERN)] | None = None  # e.g. "1.30"
     parameters: dict[str, Annotated[int, Field(ge=0, le=0xFFFF)]] = {}  # by the manual's code, as on the wire

@@ -54,5 +54,5 @@ def _first_line(path: Path) -> str:
     return lines[0]
 
 
-def _unusable(path: Path, what: str, mend: str) -> ConfigError:
-    return ConfigError(str(path), [Problem("password_file", what, mend)])
+def _unusable(path: Path, what: str, hint: str) -> ConfigError:
+    return ConfigError(str(path), [Problem("password_file", what, hint)])

@@ -1,4 +1,4 @@
-"""What is no TOML, said in our words: what is wrong, at which line and column, and how it is written; pure.
+"""Errors of TOML syntax in plain words: what is wrong, at which line and column, and a hint; pure.
 
 `tomllib` has about twenty messages (CPython, Lib/tomllib/_parser.py); in place of one that is not known here
 stands a plain sentence.
@@ -29,9 +29,9 @@ def syntax_problem(error: ValueError, text: str) -> Problem:
     place = _PLACE.search(message)
     line, column = _place(place, text)
     rest = text.splitlines()[line - 1][column - 1 :].strip() if place and place[1] else ""
-    what, mend = _words(_PLACE.sub("", message), rest)
+    what, hint = _words(_PLACE.sub("", message), rest)
     where = f"column {column}" if place is None or place[1] else "the end of the file"
-    return Problem("syntax", f"{what}, at {where}" if place else what, mend, line if place else None)
+    return Problem("syntax", f"{what}, at {where}" if place else what, hint, line if place else None)
 
 
 def _place(place: re.Match[str] | None, text: str) -> tuple[int, int]:
@@ -42,14 +42,14 @@ def _place(place: re.Match[str] | None, text: str) -> tuple[int, int]:
 
 
 def _words(message: str, rest: str) -> tuple[str, str]:
-    """Return what is wrong and the mend; `rest` is the line from the error on."""
+    """Return what is wrong and the hint; `rest` is the line from the error on."""
     if message in ("Invalid value", "Expected newline or end of document after a statement"):
         return _of_value(rest) if message == "Invalid value" else _of_more(rest)
     for beginning, words in _MEANINGS.items():
         if message.startswith(beginning):
             names = ".".join(_QUOTED.findall(message))
-            what, mend = words
-            return what.format(names=names or "it"), mend.format(names=names or "it")
+            what, hint = words
+            return what.format(names=names or "it"), hint.format(names=names or "it")
     if message.startswith(("Illegal character", "Found invalid character")):
         return _of_character(message)
     return "this is not written as TOML", _MANUAL

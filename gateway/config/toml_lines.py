@@ -1,4 +1,4 @@
-"""Where in a TOML text a key stands: the parser keeps no positions, and a mistake needs its line.
+"""The line of a key in a TOML text: `tomllib` gives no positions, and a mistake needs its line.
 
 The text is one that `tomllib` accepts; only what decides where keys are is understood here.
 """

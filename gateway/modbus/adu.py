@@ -1,4 +1,4 @@
-"""RTU frames: unit, PDU and CRC, and where a frame ends as far as its first bytes tell [SERIAL 2.5.1]."""
+"""RTU frames: unit, PDU and CRC, and the length of a frame, from its first bytes [SERIAL 2.5.1]."""
 
 from __future__ import annotations
 
@@ -80,9 +80,9 @@ def decode(adu: bytes) -> Adu:
 
 
 def reply_adu_size(head: bytes) -> int | None:
-    """Return how long the reply that begins with `head` is in all; None when that cannot be told yet.
+    """Return how long the reply that begins with `head` is in all; None when that is not known yet.
 
-    Never says less than the true length; it says more (at most 256), or None for ever, only for an
+    Never says less than the true length; it says more (at most 256), or None permanently, only for an
     identification whose object lengths are wrong: silence ends such a frame. BadFrameError for what no
     reply can begin with.
     """
@@ -103,7 +103,7 @@ def reply_adu_size(head: bytes) -> int | None:
 
 
 def request_adu_size(head: bytes) -> int | None:
-    """Return how long the request that begins with `head` is in all; None when that cannot be told yet.
+    """Return how long the request that begins with `head` is in all; None when that is not known yet.
 
     BadFrameError for what no request that we know can begin with: only silence ends such a frame.
     """

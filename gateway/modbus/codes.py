@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 
 EXCEPTION_BIT = 0x80  # set in the function of an exception reply [APP 4.1]
-MEI_DEVICE_IDENTIFICATION = 14  # the one encapsulated interface we speak [APP 6.21]
+MEI_DEVICE_IDENTIFICATION = 14  # the one encapsulated interface in use [APP 6.21]
 
 
 class Function(enum.IntEnum):

@@ -71,7 +71,7 @@ class ReadDeviceIdentification:
         return pdu
 
     def reply_size(self) -> int | None:
-        """Return None: only the reply tells its length."""
+        """Return None: only the reply contains its length."""
         return None
 
     def _head(self) -> bytes:

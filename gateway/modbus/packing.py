@@ -1,6 +1,7 @@
-"""Coils in bytes: the first coil is the lowest bit of the first byte [APP 6.1, 6.11].
+"""Packing of data in PDUs.
 
-Replies that are nothing but registers: byte count and words, high byte first [APP 4.2, 6.3, 6.4, 6.17].
+Coils: the first one is the lowest bit of the first byte [APP 6.1, 6.11]. Replies that consist of registers:
+byte count and words, high byte first [APP 4.2, 6.3, 6.4, 6.17].
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ _SHOWN_BYTES = 32  # of a reply that does not fit, in an error's text
 
 
 class Request(Protocol):
-    """One request to one unit; immutable, so that it can be built once and sent for ever."""
+    """One request to one unit; immutable, so that it can be built once and sent many times."""
 
     @property
     def function(self) -> int:
@@ -36,7 +36,7 @@ class Request(Protocol):
         ...
 
     def reply_size(self) -> int | None:
-        """Return the length of the normal reply PDU; None when only the reply tells."""
+        """Return the length of the normal reply PDU; None when only the reply contains it."""
         ...
 
 

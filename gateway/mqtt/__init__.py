@@ -1,4 +1,4 @@
-"""Everything MQTT: what is said (`contract`), what waits for the broker (`outbox`), the connection.
+"""MQTT: topics and payloads (`contract`), what waits for the broker (`outbox`), and the connection.
 
 Start at `publisher` for the way out and at `connection.inbox` for the way in.
 """

@@ -18,20 +18,20 @@ LOOK_EVERY_S = 1.0  # whether something was dropped or refused
 
 
 class Publisher:
-    """Implements `gateway.records.Sink`, and speaks for the gateway itself."""
+    """Implements `gateway.records.Sink`, and publishes the gateway's own status and info."""
 
     def __init__(self, payloads: Payloads, outbox: Outbox, clock: Clock) -> None:
         self._payloads = payloads
         self._outbox = outbox
         self._clock = clock
-        self._wake: Callable[[], None] = _nobody
+        self._wake: Callable[[], None] = _no_connection
         self._state = "starting"
         self._reason: str | None = None
         self._since_s = clock.utc_s()
         self._put_status()
 
     def wake_with(self, wake: Callable[[], None]) -> None:
-        """Name whom to wake when there is something to send."""
+        """Set the function to call when there is something to send."""
         self._wake = wake
 
     def wake(self) -> None:
@@ -48,13 +48,13 @@ class Publisher:
         self._put(message)
 
     def forget(self, *starters: str) -> None:
-        """Clear every retained topic of starters that are configured no more."""
+        """Clear every retained topic of starters that are no longer configured."""
         topics = self._payloads.topics
         self._outbox.forget([topics.starter(starter) for starter in starters], self._clock.now_s())
         self._wake()
 
     def forget_line(self, line: str) -> None:
-        """Clear the retained figures of a line that is configured no more."""
+        """Clear the retained statistics of a line that is no longer configured."""
         self._put(cleared(self._payloads.topics.line(line)))
 
     def set_status(self, state: str, reason: str | None = None) -> None:
@@ -72,11 +72,11 @@ class Publisher:
         self._put_status()
 
     def set_info(self, info: GatewayInfo) -> None:
-        """Publish what this gateway is."""
+        """Publish `gateway/info`."""
         self._put(self._payloads.gateway_info(info))
 
     def will(self) -> Message:
-        """Return what the broker is to say when this gateway vanishes; nobody knows yet when that will be."""
+        """Return the will: what the broker publishes when the connection is lost, without a time."""
         return self._payloads.status("offline", time_s=None, since_s=None, reason="connection lost")
 
     def farewell(self, reason: str) -> Message:
@@ -85,15 +85,15 @@ class Publisher:
         return self._payloads.status("offline", time_s=now_s, since_s=now_s, reason=reason)
 
     async def run(self) -> None:
-        """Publish how the outbox does: every 30 s, and soon after something was dropped or refused."""
-        told = (0, 0)
+        """Publish the outbox's statistics every 30 s, and within 1 s of a loss or refusal."""
+        reported = (0, 0)
         due_s = self._clock.now_s()
         while True:
             losses = self._losses()
-            if losses != told or self._clock.now_s() >= due_s:
-                self._put(self._payloads.outbox(self._outbox.figures(self._clock.now_s())))
-                self._log_losses(told, losses)
-                told = losses
+            if losses != reported or self._clock.now_s() >= due_s:
+                self._put(self._payloads.outbox(self._outbox.statistics(self._clock.now_s())))
+                self._log_losses(reported, losses)
+                reported = losses
                 due_s = self._clock.now_s() + EVERY_S
             await asyncio.sleep(LOOK_EVERY_S)
 
@@ -122,5 +122,5 @@ class Publisher:
         self._wake()
 
 
-def _nobody() -> None:
-    """Before there is a connection, nobody needs waking."""
+def _no_connection() -> None:
+    """Do nothing: there is no connection to wake yet."""

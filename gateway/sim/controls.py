@@ -1,6 +1,6 @@
-"""What a hand at a simulated starter can do: let it trip, reset it, switch it to local, cut its supply.
+"""The knobs of a simulated starter, as a person beside it has them: trip, reset, local, supply.
 
-Pure: words come in, words go out.
+Pure: takes and returns texts.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ _NUMBER = re.compile(r"(?:[aef]|coil)?0*([1-9][0-9]{0,2})", re.IGNORECASE)  # E0
 _ON_OFF = {"on": True, "off": False}
 
 
-def turn(unit: SimulatedUnit, knob: str, setting: str) -> str:
-    """Turn one of `KNOBS` of a starter and return in words what was done; UsageError when it has no such."""
+def set_knob(unit: SimulatedUnit, knob: str, setting: str) -> str:
+    """Apply one of `KNOBS` to a starter and return what was done; UsageError when it has no such knob."""
     action = _ACTIONS.get(knob)
     if action is None:
         raise UsageError(f"no knob {knob[:20]!r} (one of {', '.join(_ACTIONS)})")

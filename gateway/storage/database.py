@@ -21,8 +21,8 @@ APPLICATION_ID = 0x53474154  # "SGAT": a file without it is not ours
 VERSION = 1
 PAGE_BYTES = 4096
 CACHE_KIB = 512  # rows are written once and read once: more would only fill up memory
-LOCKED_WITHIN_S = 1.0  # how long another process may take to let go of the file
-MOST_ASIDE = 3  # files put aside that are kept: a bad disk is not to be filled as well
+LOCKED_WITHIN_S = 1.0  # how long another process may take to release the file
+MOST_ASIDE = 3  # files set aside; older ones are deleted, so that they do not fill the disk
 
 _DAMAGE = frozenset({sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_FORMAT})
 _COMPANIONS = ("", "-wal", "-shm", "-journal")  # what SQLite keeps beside a file (sqlite.org/tempfiles.html)
@@ -115,7 +115,7 @@ class Database:
         self.transact([table.make_room for table in self._tables])
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         connection, self._connection = self._connection, None
         if connection is not None:
             try:
@@ -172,13 +172,13 @@ class Database:
 
 @contextmanager
 def _translated(path: Path) -> Iterator[None]:
-    """Turn what SQLite and the file system say into a StoreError; a bug in our SQL stays what it is."""
+    """Raise StoreError for an error of SQLite or the file system; an error in our SQL is raised as it is."""
     try:
         yield
     except OSError as error:
         raise StoreError(f"{error.filename or path}: {error.strerror or error}") from error
     except UnicodeDecodeError as error:  # of a message that quotes what is damaged
-        raise DamagedError(f"{path}: its text is none") from error
+        raise DamagedError(f"{path}: a text in it is no UTF-8") from error
     except sqlite3.Error as error:
         code = _code(error)
         if code in _DAMAGE:
@@ -212,7 +212,7 @@ def _place(path: Path) -> tuple[int, int] | None:
 
 
 def _put_aside(path: Path) -> Path:
-    """Rename a file, with what SQLite keeps beside it, and return its new name; only a few are kept."""
+    """Rename a file and SQLite's files beside it, and return its new name; delete the oldest such files."""
     stem = f"{path.name}{_ASIDE}{time.time_ns():0{_STAMP_DIGITS}d}"
     for end in _COMPANIONS:
         if os.path.lexists(f"{path}{end}"):
@@ -224,7 +224,7 @@ def _put_aside(path: Path) -> Path:
 def _forget_oldest(path: Path) -> None:
     length = len(path.name) + len(_ASIDE) + _STAMP_DIGITS
     entries = sorted(entry for entry in path.parent.iterdir() if entry.name.startswith(path.name + _ASIDE))
-    kept = sorted({entry.name[:length] for entry in entries})[-MOST_ASIDE:]
+    recent = sorted({entry.name[:length] for entry in entries})[-MOST_ASIDE:]
     for entry in entries:
-        if entry.name[:length] not in kept and not entry.is_dir():
+        if entry.name[:length] not in recent and not entry.is_dir():
             entry.unlink()

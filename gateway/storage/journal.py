@@ -1,4 +1,4 @@
-"""Where a command's life is kept so that it outlives the gateway; what keeps it stands on another floor."""
+"""The interface of the command ledger: phases of commands that must outlive the gateway."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ class Remembered:
 
 
 class Journal(Protocol):
-    """Keeps commands by (client, id), and stops without an id until they end. All calls on the app's loop."""
+    """Stores commands by (client, id), stops without an id until they end. All calls on the app's loop."""
 
     @property
     def trouble(self) -> str:
-        """Why nothing can be kept now; empty when it can."""
+        """Why nothing can be stored now; empty when it can."""
         ...
 
     def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:
-        """Keep a command's latest phase; `then` is called once, when it is kept or cannot be."""
+        """Store a command's latest phase; `then` is called once, when it is stored or cannot be."""
         ...
 
     async def intend(self, result: ResultRecord) -> None:
@@ -36,17 +36,17 @@ class Journal(Protocol):
         ...
 
     def forget(self, keys: Sequence[tuple[str, str]]) -> None:
-        """Keep these commands no longer, each given by client and id; what goes is the ledger's decision."""
+        """Delete these commands, each given by client and id, as the ledger decided."""
         ...
 
 
 class NoJournal:
-    """Keeps nothing: after its end a gateway knows none of its commands."""
+    """Stores nothing: the next run knows none of this run's commands."""
 
     trouble = ""
 
     def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:  # noqa: ARG002 - Journal's shape
-        """Keep nothing."""
+        """Store nothing."""
         if then is not None:
             then()
 
@@ -54,4 +54,4 @@ class NoJournal:
         """Return at once."""
 
     def forget(self, keys: Sequence[tuple[str, str]]) -> None:
-        """Keep nothing, as before."""
+        """Do nothing."""

@@ -1,4 +1,4 @@
-"""A small document that outlives the process: read once at the start, written whole whenever it changes."""
+"""A small JSON document that outlives the process: read once at the start, written whole at each change."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ RETRY_S = 5.0
 
 
 class JsonStore(Protocol):
-    """Where the document is kept."""
+    """Where the document is stored."""
 
     def load(self) -> Mapping[str, Any] | None:
         """Return the document; None when there is none, DamagedError when it cannot be read any more."""
         ...
 
     def set_aside(self) -> None:
-        """Keep a document that is damaged, apart from the next one."""
+        """Store a damaged document apart from the next one."""
         ...
 
     async def save(self, document: Mapping[str, Any]) -> None:
-        """Keep a document in place of the one before; StoreError."""
+        """Replace the stored document; StoreError."""
         ...
 
 
 class NoStore:
-    """Keeps nothing."""
+    """Stores nothing."""
 
     def load(self) -> Mapping[str, Any] | None:
         """Return None."""
@@ -46,7 +46,7 @@ class NoStore:
         """Do nothing."""
 
     async def save(self, document: Mapping[str, Any]) -> None:
-        """Forget it."""
+        """Do nothing."""
 
 
 class JsonFile:
@@ -73,10 +73,10 @@ class JsonFile:
         raise DamagedError(f"{self._path} is damaged")
 
     def set_aside(self) -> None:
-        """Keep the file under a second name for whoever wants to look into it.
+        """Give the file a second name, so that it can be examined later.
 
-        It stays what it is until the next document takes its place, so that a damage is not forgotten. A
-        folder of that name is renamed, and an empty file, which is as damaged, takes its place.
+        It stays in place until the next document replaces it, so that another start finds the damage too. A
+        folder of that name is renamed and replaced by an empty file, which counts as damaged.
         """
         aside = self._path.with_name(f"{self._path.name}.damaged")
         try:
@@ -90,11 +90,11 @@ class JsonFile:
             logger.error("file=%s cannot be set aside: %s", self._path, error.strerror)  # noqa: TRY400 - one line
 
     async def save(self, document: Mapping[str, Any]) -> None:
-        """Write the file anew, in a thread; done when it is on the disk."""
+        """Write the file, in a thread; done when it is on the disk."""
         await asyncio.to_thread(self._write, json.dumps(document).encode())
 
     def write(self, document: Mapping[str, Any]) -> None:
-        """Do as `save`, for those who have nothing else to do meanwhile."""
+        """Write the file and wait for the disk."""
         self._write(json.dumps(document).encode())
 
     def _write(self, content: bytes) -> None:
@@ -112,22 +112,22 @@ class JsonFile:
 
 
 class SwitchedStore:
-    """A memory that can be told to keep nothing new: where nobody may give commands, nothing need be kept."""
+    """A store with a switch: off, it saves nothing, which is enough for a gateway without operators."""
 
     def __init__(self, memory: JsonStore, *, is_on: bool) -> None:
         self._memory = memory
         self.is_on = is_on
 
     def load(self) -> Mapping[str, Any] | None:
-        """Return what was kept."""
+        """Return the stored document."""
         return self._memory.load()
 
     def set_aside(self) -> None:
-        """Keep a damaged document apart."""
+        """Set a damaged document aside."""
         self._memory.set_aside()
 
     async def save(self, document: Mapping[str, Any]) -> None:
-        """Keep a document, when anything is kept."""
+        """Save a document when switched on."""
         if self.is_on:
             await self._memory.save(document)
 
@@ -144,10 +144,10 @@ class Saver:
     ) -> None:
         self._memory = memory
         self._document = document
-        self._on_trouble = on_trouble  # hears of each change: what is wrong, or nothing
+        self._on_trouble = on_trouble  # called at each change: what is wrong, or an empty text
         self._trouble = ""
         self._changes = 0  # so far
-        self._kept = 0  # of them
+        self._saved_changes = 0  # of them
         self._saving: asyncio.Task[None] | None = None
         self._retry: asyncio.TimerHandle | None = None
 
@@ -156,18 +156,18 @@ class Saver:
         self._changes += 1
         self._begin()
 
-    async def kept(self, *, within_s: float) -> bool:
+    async def saved(self, *, within_s: float) -> bool:
         """Return whether everything up to now is on the disk, after waiting for that at most so long."""
         changes = self._changes
-        if self._kept < changes:
+        if self._saved_changes < changes:
             self._begin()
         if self._saving is not None:
             await asyncio.wait((self._saving,), timeout=within_s)
-        return self._kept >= changes
+        return self._saved_changes >= changes
 
     async def close(self, *, within_s: float) -> None:
         """Save what has changed, if that is possible in time, and then do nothing more."""
-        await self.kept(within_s=within_s)
+        await self.saved(within_s=within_s)
         if self._retry is not None:
             self._retry.cancel()
 
@@ -181,7 +181,7 @@ class Saver:
     async def _save(self) -> None:
         trouble = ""
         try:
-            while self._kept < self._changes and not trouble:
+            while self._saved_changes < self._changes and not trouble:
                 changes = self._changes
                 try:
                     await self._memory.save(self._document())
@@ -189,7 +189,7 @@ class Saver:
                     trouble = str(error)
                     self._retry = asyncio.get_running_loop().call_later(RETRY_S, self._begin)
                 else:
-                    self._kept = changes
+                    self._saved_changes = changes
         finally:
             self._saving = None
         if trouble != self._trouble:

@@ -1,4 +1,4 @@
-"""The commands' journal in the store: nothing here waits for the disk but who asks to."""
+"""The command ledger in the store: only `intend` and `settle` wait for the disk."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from gateway.storage.worker import Store
 from gateway.system.clock import Clock
 
 INTEND_WITHIN_S = 1.0  # a start must not go out late because of a slow disk
-TELL_WITHIN_S = 2.0  # a result is told without the disk after this time
+PUBLISH_WITHIN_S = 2.0  # after this time a result is published without the disk
 MOST_UNSAVED = 10_000
 SAVE_AT_ONCE = 20  # of what the disk has missed
 FORGET_AT_ONCE = 100  # keys
@@ -34,9 +34,9 @@ _Read = tuple[list[Remembered], frozenset[tuple[str, str]]]
 class StoredJournal:
     """Implements `gateway.storage.journal.Journal`.
 
-    `on_untold` hears, once, the final results of earlier runs that the broker may not have had.
-    Until the ledger has been read it counts as away; and for `hold_s` after it was lost, because commands
-    from before could not be told from new ones. `on_slow` hears of a disk that keeps commands waiting.
+    `on_undelivered` is called once, with the final results of earlier runs that the broker may not have had.
+    Until the ledger has been read it counts as away; also for `hold_s` after it was lost, because commands of
+    before cannot be distinguished from new ones. `on_slow` is called when the disk delays a command.
     """
 
     def __init__(
@@ -48,42 +48,42 @@ class StoredJournal:
         hold_s: float,
         on_slow: Callable[[str], None],
         on_recalled: Callable[[Sequence[Remembered]], None] = lambda _: None,
-        on_untold: Callable[[Sequence[ResultRecord]], None] = lambda _: None,
+        on_undelivered: Callable[[Sequence[ResultRecord]], None] = lambda _: None,
     ) -> None:
         self._store = store
         self._table = table
         self._clock = clock
         self._hold_s = hold_s
         self.on_recalled = on_recalled
-        self.on_untold = on_untold
+        self.on_undelivered = on_undelivered
         self._on_slow = on_slow
         self._is_recalled = False
-        self._untold: set[str] = set()  # keys of final results on their way to the broker
-        self._unsaved_told: OrderedDict[str, None] = OrderedDict()
-        self._forgotten: dict[tuple[str, str], None] = {}  # the table is still to forget these
+        self._undelivered: set[str] = set()  # keys of final results on their way to the broker
+        self._unsaved_deliveries: OrderedDict[str, None] = OrderedDict()
+        self._forgotten: dict[tuple[str, str], None] = {}  # to be deleted from the table
         self._run = secrets.token_hex(4)  # names this run's stops without an id
         self._held_until_s = 0.0  # steady clock
-        self._unsaved: OrderedDict[tuple[str, str], LedgerRow] = (
-            OrderedDict()
-        )  # what the disk has yet to learn
+        self._unsaved: OrderedDict[tuple[str, str], LedgerRow] = OrderedDict()  # what is not on the disk yet
 
     @property
     def trouble(self) -> str:
-        """Return why nothing can be kept now; empty when it can."""
+        """Return why nothing can be stored now; empty when it can."""
         if self._store.trouble:
             return self._store.trouble
         if not self._is_recalled:
             return "it has not been read yet"
         wait_s = self._held_until_s - self._clock.now_s()
         if wait_s > 0:
-            return f"it was lost, and old commands cannot be told from new ones for another {wait_s:.0f} s"
+            return (
+                f"it was lost: for another {wait_s:.0f} s old commands cannot be distinguished from new ones"
+            )
         return ""
 
     def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:
-        """Keep a command's latest phase; `then` is called when it is kept, or when that takes too long."""
+        """Store a command's latest phase; `then` is called when it is stored, or when that takes too long."""
         row = self._row(result, may_be_written=result.phase is Phase.WRITTEN or result.verb == STOP)
         if row is None or (not result.id and row.is_final):
-            if row is not None:  # a stop without an id has ended: nobody can ask for it again
+            if row is not None:  # a stop without an id has ended: it cannot be repeated
                 self.forget([(row.client, row.id)])
                 self._forget_now()
             if then is not None:
@@ -91,7 +91,7 @@ class StoredJournal:
             return
         self._unsaved.pop((row.client, row.id), None)
         if result.key:
-            self._untold.add(result.key)
+            self._undelivered.add(result.key)
         waiting = _Waiting(then)
         self._when_done(self._put(row), lambda future: self._noted(row, future, waiting))
 
@@ -111,18 +111,18 @@ class StoredJournal:
             raise CommandError(UNAVAILABLE, f"the command could not be noted: {error}") from error
 
     def forget(self, keys: Sequence[tuple[str, str]]) -> None:
-        """Delete what is kept of these commands, many at a time; what a crash leaves the next run forgets."""
+        """Delete these commands, many at a time; those that a crash leaves are deleted by the next run."""
         for key in keys:
             self._unsaved.pop(key, None)
             self._forgotten[key] = None
         if len(self._forgotten) >= FORGET_AT_ONCE:
             self._forget_now()
 
-    def told(self, key: str) -> None:
-        """Note that the broker has a final result: it need not be told again after a crash."""
-        if key in self._untold:
-            self._untold.discard(key)
-            self._put_told(key)
+    def delivered(self, key: str) -> None:
+        """Note that the broker has a final result: it need not be published again after a crash."""
+        if key in self._undelivered:
+            self._undelivered.discard(key)
+            self._save_delivered(key)
 
     async def settle(self, within_s: float) -> None:
         """Return when all that was noted so far is on the disk, or cannot be."""
@@ -131,7 +131,7 @@ class StoredJournal:
                 await asyncio.wrap_future(self._store.submit(_nothing))
 
     def resume(self) -> None:
-        """Go on after the store has been opened: read it, the first time; tell it what it has missed."""
+        """Go on after the store was opened: read it, the first time; write what it has missed."""
         if not self._is_recalled:
             self._when_done(self._store.submit(self._read), self._recall)
         self._save_unsaved()
@@ -159,9 +159,9 @@ class StoredJournal:
 
     def _put(self, row: LedgerRow) -> Future[None]:
         if (row.client, row.id) in self._forgotten:
-            self._forget_now()  # before it is kept anew
-        is_untold = bool(row.is_final) and f"{row.client}/{row.id}" in self._untold
-        return self._store.submit(partial(self._table.put, row=row, is_untold=is_untold))
+            self._forget_now()  # before it is stored again
+        is_undelivered = bool(row.is_final) and f"{row.client}/{row.id}" in self._undelivered
+        return self._store.submit(partial(self._table.put, row=row, is_undelivered=is_undelivered))
 
     def _forget_now(self) -> None:
         keys, self._forgotten = tuple(self._forgotten), {}
@@ -187,67 +187,69 @@ class StoredJournal:
             self._unsaved.popitem(last=False)
 
     def _save_unsaved(self) -> None:
-        """Keep what the disk has missed, a part at a time: what succeeds has the next part follow.
+        """Write what the disk has missed, a part at a time: each success starts the next part.
 
         All at once would hold up the loop, and with it a stop.
         """
         for _ in range(min(len(self._unsaved), SAVE_AT_ONCE)):
             _, row = self._unsaved.popitem(last=False)
             self._when_done(self._put(row), partial(self._noted, row, waiting=_Waiting(None)))
-        for _ in range(min(len(self._unsaved_told), SAVE_AT_ONCE)):
-            key, _ = self._unsaved_told.popitem(last=False)
-            self._put_told(key)
+        for _ in range(min(len(self._unsaved_deliveries), SAVE_AT_ONCE)):
+            key, _ = self._unsaved_deliveries.popitem(last=False)
+            self._save_delivered(key)
 
-    def _put_told(self, key: str) -> None:
+    def _save_delivered(self, key: str) -> None:
         client, _, id_ = key.partition("/")
-        work = partial(self._table.tell, client=client, id_=id_)
-        self._when_done(self._store.submit(work, is_flushed=False), lambda done: self._noted_told(key, done))
+        work = partial(self._table.mark_delivered, client=client, id_=id_)
+        self._when_done(
+            self._store.submit(work, is_flushed=False), lambda done: self._on_delivered_saved(key, done)
+        )
 
-    def _noted_told(self, key: str, future: Future[None]) -> None:
+    def _on_delivered_saved(self, key: str, future: Future[None]) -> None:
         if future.exception() is None:
             self._save_unsaved()
         else:
-            self._unsaved_told[key] = None
-            if len(self._unsaved_told) > MOST_UNSAVED:
-                self._unsaved_told.popitem(last=False)
+            self._unsaved_deliveries[key] = None
+            if len(self._unsaved_deliveries) > MOST_UNSAVED:
+                self._unsaved_deliveries.popitem(last=False)
 
     def _read(self, connection: Connection) -> _Read:
         rows = self._table.rows(connection)
         ours = f"{UNNAMED}{self._run}"  # a stop that came before this was read
         earlier = [_remembered(row) for row in rows if not row.id.startswith(ours)]
-        return earlier, self._table.untold(connection)
+        return earlier, self._table.undelivered(connection)
 
     def _recall(self, future: Future[_Read]) -> None:
         if self._is_recalled or future.exception() is not None:
-            return  # the store tells when it is worth another attempt
+            return  # `resume` tries again, when the store is open
         self._is_recalled = True
         if self._store.lost_s is not None:
             ago_s = max(0.0, self._clock.utc_s() - self._store.lost_s)
             self._held_until_s = self._clock.now_s() + self._hold_s - ago_s
-        remembered, untold = future.result()
+        remembered, undelivered = future.result()
         self.on_recalled(remembered)
         results = (each.result for each in remembered if each.result.phase.is_final)
-        finals = [result for result in results if (result.client, result.id) in untold]
-        self._untold |= {result.key for result in finals}
-        self.on_untold(finals)
+        finals = [result for result in results if (result.client, result.id) in undelivered]
+        self._undelivered |= {result.key for result in finals}
+        self.on_undelivered(finals)
 
     def _when_done(self, future: Future[Any], call: Callable[[Future[Any]], None]) -> None:
         """Have something done on the loop when the store's thread is done with its part."""
         loop = asyncio.get_running_loop()
 
-        def tell(done: Future[Any]) -> None:
-            with suppress(RuntimeError):  # the loop has been closed: nobody is left to tell
+        def notify(done: Future[Any]) -> None:
+            with suppress(RuntimeError):  # the loop is closed
                 loop.call_soon_threadsafe(call, done)
 
-        future.add_done_callback(tell)
+        future.add_done_callback(notify)
 
 
 class _Waiting:
-    """Something that waits for the disk, but not for ever."""
+    """A call that waits for the disk, for a limited time."""
 
     def __init__(self, call: Callable[[], None] | None) -> None:
         self._call = call
-        self._timer = asyncio.get_running_loop().call_later(TELL_WITHIN_S, self.end) if call else None
+        self._timer = asyncio.get_running_loop().call_later(PUBLISH_WITHIN_S, self.end) if call else None
 
     def end(self) -> None:
         """Wait no longer."""
@@ -267,7 +269,7 @@ def _remembered(row: LedgerRow) -> Remembered:
         values = json.loads(row.extra)
         phase = Phase(row.phase)
     except ValueError as error:
-        raise DamagedError("a row of the ledger has lost its sense") from error
+        raise DamagedError("a row of the ledger is not readable") from error
     result = ResultRecord(
         starter=row.starter,
         client=row.client,

@@ -1,6 +1,6 @@
-"""The commands in the store: which they were, what became of them, and whose end nobody has heard of yet.
+"""The tables of commands: their latest phases, and which final results the broker does not have yet.
 
-What is forgotten, and when, `starters.commands.ledger` alone decides; no clock and no count does so here.
+`starters.commands.ledger` decides what is deleted, and when; there is no limit of age or number here.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import astuple, dataclass, fields
 from gateway.errors import DamagedError
 from gateway.storage.database import Connection
 
-# Begins the id under which a stop without one is kept: UNNAMED, the run, "/", the starter. It cannot be
+# Begins the id under which a stop without one is stored: UNNAMED, the run, "/", the starter. It cannot be
 # printed, so no client's id begins so.
 UNNAMED = "\t"
 
@@ -36,7 +36,7 @@ class LedgerRow:
 
 _COLUMNS = tuple(field.name for field in fields(LedgerRow))
 _TYPES = (str, str, str, str, str, str, str, float, str, int, int, float)
-_KEPT = ("client", "id", "may_be_written", "since_s")
+_UNCHANGED = ("client", "id", "may_be_written", "since_s")
 
 _CREATE = """
     CREATE TABLE IF NOT EXISTS ledger (
@@ -46,19 +46,19 @@ _CREATE = """
         since_s REAL NOT NULL, PRIMARY KEY (client, id)
     )
 """
-_CREATE_UNTOLD = """
+_CREATE_UNDELIVERED = """
     CREATE TABLE IF NOT EXISTS untold (client TEXT NOT NULL, id TEXT NOT NULL, PRIMARY KEY (client, id))
 """
 _SELECT = f"SELECT {', '.join(_COLUMNS)} FROM ledger ORDER BY rowid"
 _PUT = f"""
     INSERT INTO ledger ({", ".join(_COLUMNS)}) VALUES ({", ".join("?" * len(_COLUMNS))})
     ON CONFLICT (client, id) DO UPDATE SET
-    {", ".join(f"{name} = excluded.{name}" for name in _COLUMNS if name not in _KEPT)},
+    {", ".join(f"{name} = excluded.{name}" for name in _COLUMNS if name not in _UNCHANGED)},
     may_be_written = max(may_be_written, excluded.may_be_written)
 """
-_SELECT_UNTOLD = "SELECT client, id FROM untold"
-_PUT_UNTOLD = "INSERT OR IGNORE INTO untold (client, id) VALUES (?, ?)"
-_FORGET_UNTOLD = "DELETE FROM untold WHERE client = ? AND id = ?"
+_SELECT_UNDELIVERED = "SELECT client, id FROM untold"
+_PUT_UNDELIVERED = "INSERT OR IGNORE INTO untold (client, id) VALUES (?, ?)"
+_FORGET_UNDELIVERED = "DELETE FROM untold WHERE client = ? AND id = ?"
 _FORGET = "DELETE FROM ledger WHERE client = ? AND id = ?"
 _FORGET_UNNAMED = "DELETE FROM ledger WHERE client = ? AND starter = ? AND substr(id, 1, 1) = ?"
 _HARMLESS = "is_final AND (phase = 'rejected' OR verb IN ('read', 'stop'))"
@@ -82,9 +82,9 @@ class LedgerTable:
     def create(self, connection: Connection) -> None:
         """Create the table when it is missing."""
         connection.execute(_CREATE)
-        connection.execute(_CREATE_UNTOLD)
+        connection.execute(_CREATE_UNDELIVERED)
         connection.execute(f"{_SELECT} LIMIT 1")
-        connection.execute(f"{_SELECT_UNTOLD} LIMIT 1")
+        connection.execute(f"{_SELECT_UNDELIVERED} LIMIT 1")
 
     def make_room(self, connection: Connection) -> None:
         """Delete the older half of what may be repeated without harm; of what was acted on, keep the key."""
@@ -95,11 +95,11 @@ class LedgerTable:
         else:
             connection.execute(_STRIP)
 
-    def put(self, connection: Connection, *, row: LedgerRow, is_untold: bool = False) -> None:
-        """Keep a row as its command's latest; `is_untold` until `tell` says otherwise."""
+    def put(self, connection: Connection, *, row: LedgerRow, is_undelivered: bool = False) -> None:
+        """Store a row as its command's latest; `is_undelivered` until `mark_delivered`."""
         connection.execute(_PUT, astuple(row))
-        if is_untold:
-            connection.execute(_PUT_UNTOLD, (row.client, row.id))
+        if is_undelivered:
+            connection.execute(_PUT_UNDELIVERED, (row.client, row.id))
 
     def forget(self, connection: Connection, *, keys: Sequence[tuple[str, str]]) -> None:
         """Delete the rows of these clients and ids; of a stop without an id, also those of earlier runs."""
@@ -108,21 +108,21 @@ class LedgerTable:
                 connection.execute(_FORGET_UNNAMED, (client, id_.partition("/")[2], UNNAMED))
             else:
                 connection.execute(_FORGET, (client, id_))
-                connection.execute(_FORGET_UNTOLD, (client, id_))
+                connection.execute(_FORGET_UNDELIVERED, (client, id_))
 
-    def tell(self, connection: Connection, *, client: str, id_: str) -> None:
+    def mark_delivered(self, connection: Connection, *, client: str, id_: str) -> None:
         """Note that a command's final result has reached the broker."""
-        connection.execute(_FORGET_UNTOLD, (client, id_))
+        connection.execute(_FORGET_UNDELIVERED, (client, id_))
 
-    def untold(self, connection: Connection) -> frozenset[tuple[str, str]]:
+    def undelivered(self, connection: Connection) -> frozenset[tuple[str, str]]:
         """Return the client and id of each command whose final result may not have reached the broker."""
-        return frozenset((str(client), str(id_)) for client, id_ in connection.execute(_SELECT_UNTOLD))
+        return frozenset((str(client), str(id_)) for client, id_ in connection.execute(_SELECT_UNDELIVERED))
 
     def rows(self, connection: Connection) -> list[LedgerRow]:
-        """Return all rows, the oldest first; DamagedError when one makes no sense."""
+        """Return all rows, the oldest first; DamagedError when one is impossible."""
         rows = []
         for values in connection.execute(_SELECT):
             if not all(isinstance(value, kind) for value, kind in zip(values, _TYPES, strict=True)):
-                raise DamagedError("a row of the ledger has lost its shape")
+                raise DamagedError("a row of the ledger has a wrong type")
             rows.append(LedgerRow(*values))
         return rows

@@ -46,7 +46,7 @@ class OutboxDisk:
 
     @property
     def trouble(self) -> str:
-        """Return why nothing can be kept now; empty when it can."""
+        """Return why nothing can be stored now; empty when it can."""
         return self._store.trouble
 
     def start(self, on_news: Callable[[News, str], None]) -> None:
@@ -77,10 +77,10 @@ class OutboxDisk:
         return page._replace(rows=tuple(row._replace(number=row.number - self._base) for row in page.rows))
 
     async def close(self, within_s: float) -> bool:
-        """Let go of the file when all is written; return whether there was time for it."""
+        """Close the file when all is written; return whether there was time for it."""
         return await asyncio.to_thread(self._store.close, within_s=within_s)
 
     def _from_store(self, news: News, text: str) -> None:
         if self._loop is not None and self._on_news is not None:
-            with suppress(RuntimeError):  # the loop is closed: nobody is left to tell
+            with suppress(RuntimeError):  # the loop is closed
                 self._loop.call_soon_threadsafe(self._on_news, news, text)

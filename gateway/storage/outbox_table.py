@@ -1,4 +1,4 @@
-"""What waits for the broker, in the outbox's file; what it refused; and what was lost, until that is told."""
+"""The tables of the outbox's file: what waits for the broker, what it refused, and losses until declared."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ class OutboxTable:
         return tuple(losses)
 
     def recall(self, connection: Connection) -> tuple[int, Recalled]:
-        """Return the highest number, and how much there is; DamagedError when that makes no sense."""
+        """Return the highest number, and how much there is; DamagedError when they are impossible."""
         (highest,) = connection.execute("SELECT coalesce(max(number), 0) FROM spool").fetchone()
         if not isinstance(highest, int) or not 0 <= highest <= HIGHEST:
             raise DamagedError("a row of the outbox has no number")
@@ -111,7 +111,7 @@ class OutboxTable:
 
     def apply(self, connection: Connection, changes: Changes) -> tuple[Loss, ...]:
         """Do what `changes` say; return what had to be dropped for it."""
-        if changes.are_losses_told:
+        if changes.are_losses_declared:
             connection.execute("DELETE FROM loss")
         connection.executemany(_FORGET, changes.gone)
         connection.executemany(_PUT, [(*row, _checksum(row)) for row in changes.rows])
@@ -129,9 +129,9 @@ class OutboxTable:
         del found[most:]
         rows = [Row(*columns[:-1])._replace(kind=kind) for columns in found]
         is_whole = [_checksum(row) == columns[-1] for row, columns in zip(rows, found, strict=True)]
-        spoilt = [row.number for row, is_good in zip(rows, is_whole, strict=True) if not is_good]
-        losses = [Loss(DAMAGED, kind, len(spoilt), None, None)] if spoilt else []
-        connection.executemany(_FORGET, [(kind, number) for number in spoilt])
+        damaged = [row.number for row, is_good in zip(rows, is_whole, strict=True) if not is_good]
+        losses = [Loss(DAMAGED, kind, len(damaged), None, None)] if damaged else []
+        connection.executemany(_FORGET, [(kind, number) for number in damaged])
         connection.executemany(_PUT_LOSS, [loss[:5] for loss in losses])
         good = tuple(row for row, is_good in zip(rows, is_whole, strict=True) if is_good)
         return Page(good, is_last=is_last, losses=tuple(losses))

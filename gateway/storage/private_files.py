@@ -1,4 +1,4 @@
-"""What is kept on the disk is for its owner alone: ids, operators and their reasons are in it."""
+"""Files of the state directory are readable by their owner only: they contain ids, operators and reasons."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ OTHERS = 0o077
 
 
 def keep_private(folder: Path) -> None:
-    """Have the files below a folder 0600: those that are there, and all that this process makes from now on.
+    """Give the files below a folder mode 0600, also those that this process makes from now on.
 
     What belongs to another user is left as it is; the folders keep their modes.
     """

@@ -1,4 +1,4 @@
-"""What waits for the broker on a disk, as plain rows: the words between the outbox and its file.
+"""Plain rows for what waits for the broker: the interface between the outbox and its file.
 
 Rows are numbered in the order in which they were put: those of this run from 1, of earlier runs up to 0.
 """
@@ -32,7 +32,7 @@ class Row(NamedTuple):
 
 
 class Loss(NamedTuple):
-    """Rows that will never be told; the times are UTC, None when nobody knows them."""
+    """Rows that will never be published; the times are UTC, None when unknown."""
 
     reason: str
     kind: Kind
@@ -52,13 +52,13 @@ class Refusal(NamedTuple):
 
 
 class Changes(NamedTuple):
-    """What a file has yet to learn, in one transaction."""
+    """What is to be written to the file, in one transaction."""
 
     rows: tuple[Row, ...] = ()
     gone: tuple[tuple[Kind, int], ...] = ()
     refusals: tuple[Refusal, ...] = ()
     losses: tuple[Loss, ...] = ()  # what memory could not hold
-    are_losses_told: bool = False  # those that the file knows so far
+    are_losses_declared: bool = False  # those that the file has
     is_flushed: bool = True  # to the disk itself, not only into the kernel
 
 
@@ -83,7 +83,7 @@ class Recalled(NamedTuple):
 
     shares: Mapping[Kind, Share]
     keys: frozenset[str]
-    losses: tuple[Loss, ...]  # not told yet
+    losses: tuple[Loss, ...]  # not declared yet
 
 
 def merged(losses: Iterable[Loss]) -> tuple[Loss, ...]:

@@ -1,4 +1,4 @@
-"""Everything that a gateway keeps in its state directory: the ledger of commands, and the audit."""
+"""What a gateway stores in its state directory: the command ledger and the audit."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ FILE = "gateway.sqlite"
 CLOSE_WITHIN_S = 2.0
 SETTLE_WITHIN_S = 2.0
 
-Tell = Callable[[str, Severity, str], None]  # code, severity, text of an event
+PublishEvent = Callable[[str, Severity, str], None]  # code, severity, text of an event
 
 
 class StateDir:
     """The store, the journal in it, and the audit; none of them ever prevents the gateway's start or stop.
 
-    All calls on the app's loop. `tell` publishes an event; `hold_s` is how long an old command might still
-    pass for a new one. Where nobody may give commands, it is no error when nothing can be kept.
+    All calls on the app's loop. `hold_s` is how long an old command might still pass for a new one. Without
+    operators it is no error, only a warning, when nothing can be stored.
     """
 
     def __init__(
@@ -41,10 +41,10 @@ class StateDir:
         clock: Clock,
         hold_s: float,
         is_read_only: bool,
-        tell: Tell,
+        publish_event: PublishEvent,
         retry_s: float = RETRY_S,
     ) -> None:
-        self._tell = tell
+        self._publish_event = publish_event
         self._severity = _severity(is_read_only=is_read_only)
         self._loop: asyncio.AbstractEventLoop | None = None
         table = LedgerTable()
@@ -64,14 +64,14 @@ class StateDir:
         version: str,
         *,
         on_recalled: Callable[[Sequence[Remembered]], None],
-        on_untold: Callable[[Sequence[ResultRecord]], None] = lambda _: None,
+        on_undelivered: Callable[[Sequence[ResultRecord]], None] = lambda _: None,
     ) -> None:
         """Begin; the files are opened in threads of their own.
 
-        `on_recalled` gets the commands of earlier runs, `on_untold` those of their final results that the
+        `on_recalled` gets the commands of earlier runs, `on_undelivered` those of their results that the
         broker may not have had.
         """
-        self.journal.on_recalled, self.journal.on_untold = on_recalled, on_untold
+        self.journal.on_recalled, self.journal.on_undelivered = on_recalled, on_undelivered
         self._loop = asyncio.get_running_loop()
         self._store.start()
         self._audit.start()
@@ -88,7 +88,7 @@ class StateDir:
         self._audit.note("gateway_reloaded", "by another configuration from now on")
 
     async def settle(self) -> None:
-        """Let the last results be written, as far as the disk lets us, so that they can be told."""
+        """Write the last results, if the disk works, so that they can be published."""
         await self.journal.settle(SETTLE_WITHIN_S)
 
     async def close(self, reason: str) -> None:
@@ -100,23 +100,23 @@ class StateDir:
             log.error("the disk took too long: the last commands may be missing in the ledger and the audit")
 
     def _from_store(self, news: News, text: str) -> None:
-        self._on_loop(lambda: self._hear(news, text))
+        self._on_loop(lambda: self._on_store_news(news, text))
 
     def _from_audit(self, trouble: str) -> None:
-        self._on_loop(lambda: self._hear_audit(trouble))
+        self._on_loop(lambda: self._on_audit_trouble(trouble))
 
     def _on_loop(self, call: Callable[[], None]) -> None:
         if self._loop is not None:
-            with suppress(RuntimeError):  # the loop is closed: nobody is left to tell
+            with suppress(RuntimeError):  # the loop is closed
                 self._loop.call_soon_threadsafe(call)
 
-    def _hear(self, news: News, text: str) -> None:
+    def _on_store_news(self, news: News, text: str) -> None:
         match news:
             case News.OPEN:
                 log.info("store %s", text)
                 self.journal.resume()
                 if self._is_ledger_away:
-                    self._tell("ledger_available", Severity.INFO, "the ledger is kept again")
+                    self._publish_event("ledger_available", Severity.INFO, "the ledger is stored again")
                 self._is_ledger_away = False
             case News.AWAY:
                 self._say("ledger_unavailable", f"no command but stop is taken, without a ledger: {text}")
@@ -124,20 +124,20 @@ class StateDir:
             case News.LOST:
                 self._say("ledger_lost", f"the ledger was lost: {text}")
 
-    def _hear_audit(self, trouble: str) -> None:
+    def _on_audit_trouble(self, trouble: str) -> None:
         if trouble:
             self._say("audit_unavailable", f"the audit cannot be written: {trouble}")
         elif self._is_audit_away:
-            self._tell("audit_available", Severity.INFO, "the audit is written again")
+            self._publish_event("audit_available", Severity.INFO, "the audit is written again")
         self._is_audit_away = bool(trouble)
 
     def _slow(self, text: str) -> None:
         self._say("ledger_slow", text)
 
     def _say(self, code: str, text: str) -> None:
-        self._tell(code, self._severity, text)
+        self._publish_event(code, self._severity, text)
 
 
 def _severity(*, is_read_only: bool) -> Severity:
-    """Return how bad it is when nothing can be kept: where nobody may give commands, it is no error."""
+    """Return the severity of a failed store: an error where operators may give commands, else a warning."""
     return Severity.WARNING if is_read_only else Severity.ERROR

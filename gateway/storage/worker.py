@@ -1,9 +1,9 @@
-"""What must outlive the process: a database with a thread of its own.
+"""The thread that writes a database.
 
-Whoever calls in here never waits for the disk. Work is done in order, many pieces in one transaction, and a
-piece's future is done when its transaction is on the disk: WAL with synchronous FULL outlives a power cut as
-far as the disk keeps its word (sqlite.org/pragma.html, synchronous). The file never prevents anything: what
-is damaged or foreign is put aside, what cannot be written is tried again.
+The caller never waits for the disk. Pieces of work are done in order, many in one transaction, and a piece's
+future completes when its transaction is on the disk. WAL with synchronous FULL survives a power cut, if the
+disk flushes when asked to (sqlite.org/pragma.html, synchronous). A bad file never stops the gateway: a
+damaged or foreign one is set aside, and a failed write is tried again.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ MOST_ROOM_MADE = 4  # times, a tenth each, for one transaction
 
 
 class News(enum.StrEnum):
-    """What a store tells of itself."""
+    """A change of a store's state."""
 
     OPEN = "store_open"  # for the first time, or again after AWAY
-    AWAY = "store_away"  # nothing can be kept
-    LOST = "store_lost"  # what was kept is put aside or gone; a new file is in use
+    AWAY = "store_away"  # nothing can be stored
+    LOST = "store_lost"  # the file was set aside or is gone; a new one is in use
 
 
 class Store:
@@ -60,7 +60,7 @@ class Store:
         self._queue: queue.SimpleQueue[_Piece | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._trouble = "it is not open yet"
-        self._told: News | None = None
+        self._reported: News | None = None
         self._pause_s = retry_s
         self._retry_s = 0.0  # when a file that could not be opened is tried again
         self._busy_since_s: float | None = None
@@ -68,7 +68,7 @@ class Store:
 
     @property
     def trouble(self) -> str:
-        """Return why nothing can be kept now; empty when it can."""
+        """Return why nothing can be stored now; empty when it can."""
         since_s = self._busy_since_s
         busy_s = 0.0 if since_s is None else time.monotonic() - since_s
         if not self._trouble and busy_s > HANG_S:
@@ -98,7 +98,7 @@ class Store:
         return piece.future
 
     def close(self, *, within_s: float) -> bool:
-        """Do what has been submitted, then let go of the file; return whether there was time for it."""
+        """Do what has been submitted, then close the file; return whether there was time for it."""
         self._is_closed = True
         self._queue.put(None)
         if self._thread.ident is not None:
@@ -159,16 +159,16 @@ class Store:
         if self._file.is_open and not self._file.is_in_place:
             self._file.close()
             self._file.open(is_lost=True)
-            self._tell(News.LOST, f"{self._file.path} was removed while in use; a new one is used")
+            self._report(News.LOST, f"{self._file.path} was removed while in use; a new one is used")
         if self._file.is_open:
             return
         if time.monotonic() < self._retry_s:
             raise StoreError(self._trouble)
         lost = self._file.open()
         if lost:
-            self._tell(News.LOST, lost)
+            self._report(News.LOST, lost)
         self._trouble = ""
-        self._tell(News.OPEN, f"{self._file.path} is open")
+        self._report(News.OPEN, f"{self._file.path} is open")
 
     def _attempt(self, batch: Sequence[_Piece]) -> list[Any]:
         """Do the work; once more after room was made, which may take a few times, or another file taken."""
@@ -180,7 +180,7 @@ class Store:
             except FullError:
                 self._file.make_room()
             except DamagedError as error:
-                self._tell(News.LOST, self._file.replace(error))
+                self._report(News.LOST, self._file.replace(error))
         return self._file.transact(works, is_flushed=is_flushed)
 
     def _go_away(self, trouble: str) -> None:
@@ -188,11 +188,11 @@ class Store:
         if not self._trouble or time.monotonic() >= self._retry_s:
             self._retry_s = time.monotonic() + self._pause_s
         self._trouble = trouble
-        if self._told is not News.AWAY:
-            self._tell(News.AWAY, trouble)
+        if self._reported is not News.AWAY:
+            self._report(News.AWAY, trouble)
 
-    def _tell(self, news: News, text: str) -> None:
-        self._told = news
+    def _report(self, news: News, text: str) -> None:
+        self._reported = news
         self._on_news(news, text)
 
 

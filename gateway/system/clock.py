@@ -74,7 +74,7 @@ class _Timex(ctypes.Structure):
 
 
 def is_kernel_clock_synchronised() -> bool:
-    """Return whether a time service keeps the system clock; False when nobody says so.
+    """Return whether a time service keeps the system clock; False when that is unknown.
 
     A service's sandbox (ProtectClock) forbids the question; there timesyncd's mark must do.
     """
@@ -124,7 +124,7 @@ def _boot_id() -> str:
 class ClockWatch:
     """Whether time stamps from elsewhere can be compared with the system clock.
 
-    `on_change` takes what speaks against it after a step, and None once it counts again.
+    `on_change` takes the reason why it is not trusted after a step, and None once it is again.
     """
 
     def __init__(
@@ -152,7 +152,7 @@ class ClockWatch:
 
     @property
     def step(self) -> str | None:
-        """Return which step of the clock speaks against it, in words; None for none."""
+        """Return why it is not trusted: which step of the clock; None when it is."""
         return self._steps.doubt
 
     def document(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Garbage collection stops every thread for as long as it looks: seldom long, and never at what stays."""
+"""Garbage collection: full passes are rare, long-lived objects are frozen, since a pass stops all threads."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ SETTLED_S = (60.0, 180.0)  # after a start: all starters are identified by then;
 
 
 class TunedCollector:
-    """Keeps what lives as long as the gateway out of garbage collection; belongs to the app's loop."""
+    """Freezes long-lived objects, so that collections skip them; belongs to the app's loop."""
 
     def __init__(self) -> None:
         self._before = gc.get_threshold()
         self._timers: list[asyncio.TimerHandle] = []
 
     def spare(self) -> None:
-        """Begin, with one whole collection."""
+        """Begin with one full collection."""
         self._before = gc.get_threshold()
         gc.set_threshold(*THRESHOLDS)
         spare_what_lives(with_look=True)
@@ -27,7 +27,7 @@ class TunedCollector:
         self._timers = [loop.call_later(after_s, gc.freeze) for after_s in SETTLED_S]
 
     def end(self) -> None:
-        """Leave everything to Python again."""
+        """Restore Python's own settings."""
         for timer in self._timers:
             timer.cancel()
         gc.unfreeze()
@@ -35,7 +35,7 @@ class TunedCollector:
 
 
 def spare_what_lives(*, with_look: bool) -> None:
-    """Keep what there is by now out of garbage collection; a look at all before that stops every loop."""
+    """Freeze the objects that exist now; the full collection before that stops every loop."""
     if with_look:
         gc.unfreeze()
         gc.collect()

@@ -1,6 +1,6 @@
-"""When the gateway hangs, where does it? All stacks are written to stderr before the service manager ends it.
+"""When the gateway hangs, writes all stacks to stderr before the service manager ends it.
 
-The C thread of faulthandler does that: it needs neither a loop nor Python's lock, so it works whatever hangs.
+faulthandler's C thread writes them: it needs neither a loop nor Python's lock, so it always works.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 
 log = logging.getLogger(__name__)
 
-QUIET_S = 600.0  # one dump tells where; a gateway that stumbles again and again is not to fill the journal
+QUIET_S = 600.0  # between dumps: repeated stalls must not fill the journal
 
 
 class HangWatch:
@@ -37,7 +37,7 @@ class HangWatch:
         self.dumps = 0
 
     def fed(self) -> None:
-        """Take over a sign of life; the dump is now due later."""
+        """Record a sign of life: the dump is now due later."""
         if self._patience_s is None:
             return
         now_s = self._clock()

@@ -1,4 +1,4 @@
-"""Logging that never waits: a thread of its own writes to stderr, whoever reads there or does not.
+"""Logging that never blocks the caller: a thread writes to stderr.
 
 A full pipe to the journal would otherwise hold up whoever logs, the lines' loop among them.
 Trouble that comes again and again is logged once, then counted (`TraceFilter`).
@@ -15,12 +15,12 @@ from contextlib import suppress
 from threading import Thread
 from types import TracebackType
 
-MOST_WAITING = 1000  # records; more are counted, not kept
+MOST_WAITING = 1000  # records; more are counted and dropped
 FLUSH_S = 1.0  # at the end
 
 
 class BackgroundHandler(logging.handlers.QueueHandler):
-    """Formats in the caller's thread and writes in its own; what does not fit is counted and told later."""
+    """Formats in the caller's thread and writes in its own; lines that do not fit are counted."""
 
     def __init__(self, fd: int, *, most_waiting: int = MOST_WAITING) -> None:
         self._waiting: queue.Queue[str | None] = queue.Queue(most_waiting)
@@ -38,7 +38,7 @@ class BackgroundHandler(logging.handlers.QueueHandler):
         """Take a text, or count it."""
         try:
             if self.dropped:
-                self._waiting.put_nowait(f"{self.dropped} lines of the log were lost: nobody read them\n")
+                self._waiting.put_nowait(f"{self.dropped} log lines were lost: they were not read in time\n")
                 self.dropped = 0
             self._waiting.put_nowait(record)
         except queue.Full:
@@ -54,7 +54,7 @@ class BackgroundHandler(logging.handlers.QueueHandler):
     def _write_all(self) -> None:
         while (text := self._waiting.get()) is not None:
             octets = text.encode("utf-8", "backslashreplace")
-            with suppress(OSError):  # nobody is there to read it, and nobody to be told that
+            with suppress(OSError):  # stderr is closed
                 while octets:
                     octets = octets[os.write(self._fd, octets) :]
 

@@ -18,7 +18,7 @@ class LagMeter:
         self._worst_s = 0.0  # in the present minute
         self._before_s = 0.0  # in the minute before it
         self._began_s = float("-inf")
-        self._untold_s = 0.0
+        self._unread_s = 0.0
 
     @property
     def worst_s(self) -> float:
@@ -27,20 +27,20 @@ class LagMeter:
 
     def take_worst_s(self) -> float:
         """Return the worst delay since the last call."""
-        worst_s, self._untold_s = self._untold_s, 0.0
+        worst_s, self._unread_s = self._unread_s, 0.0
         return worst_s
 
     def note(self, delay_s: float, now_s: float) -> None:
-        """Take over one delay."""
+        """Record one delay."""
         if now_s - self._began_s >= WINDOW_S:
             self._before_s = self._worst_s if now_s - self._began_s < 2 * WINDOW_S else 0.0
             self._worst_s = 0.0
             self._began_s = now_s
         self._worst_s = max(self._worst_s, delay_s)
-        self._untold_s = max(self._untold_s, delay_s)
+        self._unread_s = max(self._unread_s, delay_s)
 
     async def run(self) -> None:
-        """Measure for ever."""
+        """Measure until cancelled."""
         loop = asyncio.get_running_loop()
         while True:
             due_s = loop.time() + TICK_S

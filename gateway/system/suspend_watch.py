@@ -1,4 +1,4 @@
-"""Notices that the process or the machine stood still: what waited is old, however fresh it looks."""
+"""Detects that the process or the machine stood still: what waited meanwhile is old."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class SuspendWatch:
     """Looks at two clocks again and again: a gap between two looks was a standstill.
 
     A stopped process (SIGSTOP, a debugger, a starved machine) and one that slept with its machine show on the
-    first clock. A virtual machine that was paused shows on the second only, when somebody sets it right.
+    first clock. A virtual machine that was paused shows on the second only, when that clock is set.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class SuspendWatch:
         return self._ended_s
 
     async def run(self, *, also: Callable[[], None]) -> None:
-        """Look for ever, and each time have `also` look."""
+        """Look until cancelled, and call `also` each time."""
         while True:
             self.look()
             also()

@@ -1,4 +1,4 @@
-"""What systemd and the gateway tell each other: readiness, status, watchdog, and log priorities."""
+"""The systemd interface: readiness, status and watchdog [sd_notify(3)], and log priorities."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _PRIORITIES = (
 
 
 class Notifier:
-    """Sends the service's state to systemd [sd_notify(3)]; without systemd it says nothing.
+    """Sends the service's state to systemd [sd_notify(3)]; without systemd it does nothing.
 
     A lost message is not an error: the service runs on, and systemd's own time limits decide.
     """
@@ -35,16 +35,16 @@ class Notifier:
         return bool(self._address)
 
     def ready(self, status: str = "") -> None:
-        """Tell that the service is up: the configuration is loaded and the lines are polled."""
+        """Report that the service is up: the configuration is loaded and the lines are polled."""
         self._send("READY=1", status)
 
     def reloading(self) -> None:
-        """Tell that the configuration is read again; `ready` ends it."""
+        """Report that the configuration is read again; `ready` ends it."""
         now_us = time.clock_gettime_ns(time.CLOCK_MONOTONIC) // 1000
         self._send(f"RELOADING=1\nMONOTONIC_USEC={now_us}")
 
     def stopping(self, status: str = "") -> None:
-        """Tell that the service is ending."""
+        """Report that the service is ending."""
         self._send("STOPPING=1", status)
 
     def status(self, text: str) -> None:
@@ -52,7 +52,7 @@ class Notifier:
         self._send("", text)
 
     def watchdog(self) -> None:
-        """Tell that the service is alive; say it only when every loop has moved."""
+        """Feed the service watchdog; call it only when every loop has moved."""
         self._send("WATCHDOG=1")
 
     def _send(self, message: str, status: str = "") -> None:
@@ -64,7 +64,7 @@ class Notifier:
             with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as sender:
                 sender.sendto(message.strip().encode(), socket.MSG_DONTWAIT, self._address)
         except OSError as error:
-            logging.getLogger(__name__).debug("systemd was not told: %s", error)
+            logging.getLogger(__name__).debug("systemd was not notified: %s", error)
 
 
 def watchdog_interval_s(environ: Mapping[str, str]) -> float | None:

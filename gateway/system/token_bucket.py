@@ -1,4 +1,4 @@
-"""Passes on what comes too often at a bounded rate, so that nothing is lost without a count."""
+"""Rate limits: a token bucket, and dampers that pass one item per interval and count the others."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Generic, TypeVar
 
 from gateway.system.clock import Clock
 
-TELL_EVERY_S = 0.1  # refusals to one client
+REFUSAL_EVERY_S = 0.1  # refusals to one client
 
 T = TypeVar("T")
 
@@ -80,21 +80,21 @@ class Bucket:
 class Damper:
     """Lets one refusal for each client pass in an interval and counts the others."""
 
-    def __init__(self, every_s: float = TELL_EVERY_S) -> None:
+    def __init__(self, every_s: float = REFUSAL_EVERY_S) -> None:
         self._every_s = every_s
-        self._told_s: dict[Hashable, float] = {}
-        self._untold: dict[Hashable, int] = {}
+        self._passed_s: dict[Hashable, float] = {}
+        self._counted: dict[Hashable, int] = {}
 
     def passes(self, client: Hashable, *, now_s: float) -> bool:
-        """Return whether a refusal is told by itself; otherwise it is counted."""
-        told_s = self._told_s.get(client)
-        if client not in self._untold and (told_s is None or now_s - told_s >= self._every_s):
-            self._told_s[client] = now_s
+        """Return whether a refusal is passed on by itself; otherwise it is counted."""
+        passed_s = self._passed_s.get(client)
+        if client not in self._counted and (passed_s is None or now_s - passed_s >= self._every_s):
+            self._passed_s[client] = now_s
             return True
-        self._untold[client] = self._untold.get(client, 0) + 1
+        self._counted[client] = self._counted.get(client, 0) + 1
         return False
 
     def take(self, client: Hashable, *, now_s: float) -> int:
-        """Return how many refusals were counted since the last was told, and count from none again."""
-        self._told_s[client] = now_s
-        return self._untold.pop(client)
+        """Return how many refusals were counted since the last one passed, and count from 0 again."""
+        self._passed_s[client] = now_s
+        return self._counted.pop(client)

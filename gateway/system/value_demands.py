@@ -1,4 +1,4 @@
-"""What a value from outside must be, in our own words: in the configuration and in commands alike."""
+"""Wording of pydantic's mistakes, for the configuration and for commands: what a value must be."""
 
 from __future__ import annotations
 

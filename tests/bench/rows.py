@@ -1,4 +1,4 @@
-"""Rows of the bench about the silence: how exact the judge is, efficiency, dead starters."""
+"""Rows of the bench about the silence: how exact the judge is, efficiency, offline starters."""
 
 from __future__ import annotations
 

@@ -49,8 +49,8 @@ def site(*families: str, folder: str = "/tmp", port: int = 1, login: str = "") -
     return SITE.format(folder=folder, port=port, login=login, starters="\n".join(starters))
 
 
-def biting(remarks: Iterable[DoctorFinding]) -> list[str]:
-    return [f"{remark.where}: {remark.text}" for remark in remarks if remark.bites]
+def problems_in(remarks: Iterable[DoctorFinding]) -> list[str]:
+    return [f"{remark.where}: {remark.text}" for remark in remarks if remark.is_problem]
 
 
 class NoBroker(BrokerAccess):
@@ -76,7 +76,7 @@ def examine(
     *units: SimulatedUnit,
     opener: Any = None,
     rows: dict[str, int] | Exception | None = None,
-    spoil: Callable[[SimulatedLine], object] = lambda _: None,
+    corrupt: Callable[[SimulatedLine], object] = lambda _: None,
     state_dir: Path = Path("of no gateway"),
 ) -> list[DoctorFinding]:
     """Return what is said of the one line of a site."""
@@ -86,7 +86,7 @@ def examine(
     async def run() -> None:
         (prospect,) = prospects_of(config)
         bus = SimulatedLine(timing_of(prospect.table), units)
-        spoil(bus)
+        corrupt(bus)
         broker = NoBroker(config, rows or {})
         clock = VirtualClock(asyncio.get_running_loop())
         line = opener or bus.opener()

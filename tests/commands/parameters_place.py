@@ -32,7 +32,7 @@ class ParametersPlace:
     def __init__(self, unit: SimulatedUnit, *, family: str = "", address: int = 1) -> None:
         self.unit: Any = unit
         self.timing = SST_TIMING if unit.family == "sst" else TIMING
-        self.bus = SimulatedLine(self.timing, [unit], frames_kept=100_000)
+        self.bus = SimulatedLine(self.timing, [unit], frames_stored=100_000)
         self.setup = StarterSetup("pump", "pumps", address, load_profile(family or unit.family), Variant())
         self.said = io.StringIO()
         self.took_s = 0.0

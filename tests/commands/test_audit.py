@@ -81,13 +81,13 @@ def test_entries_are_shown_one_to_a_line(state: Path, capsys: pytest.CaptureFixt
     )
 
 
-def test_the_newest_can_be_shown_alone_and_as_they_are_kept(
+def test_the_newest_can_be_shown_alone_and_as_they_are_stored(
     state: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["audit", "show", str(state), "--last", "1", "--json"]) == 0
 
-    kept = segment_path(state / "audit", 1).read_text().splitlines()
-    assert capsys.readouterr().out.splitlines() == kept[-1:]
+    stored = segment_path(state / "audit", 1).read_text().splitlines()
+    assert capsys.readouterr().out.splitlines() == stored[-1:]
 
 
 def test_the_audit_is_found_by_the_configuration_too(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -131,10 +131,10 @@ def test_a_hash_that_was_noted_earlier_must_still_be_there(
     assert main(["audit", "verify", str(state)]) == 0
     assert main(["audit", "verify", str(state), "--contains", noted]) == 1
 
-    told = capsys.readouterr().out
-    assert f"no line has the hash {noted}" in told
-    assert "broken" not in told
-    assert "chain whole" in told
+    reported = capsys.readouterr().out
+    assert f"no line has the hash {noted}" in reported
+    assert "broken" not in reported
+    assert "chain whole" in reported
 
 
 def test_an_unreadable_anchor_is_a_problem(state: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -43,18 +43,18 @@ family = "ssw07"
 """
 
 
-def told(line: str, time_us: int, direction: str, frame: bytes) -> dict[str, Any]:
+def reported(line: str, time_us: int, direction: str, frame: bytes) -> dict[str, Any]:
     return {"line": line, "time_us": time_us, "direction": direction, "frame": frame.hex()}
 
 
 GREETING = {"capture": 1, "lines": ["pumps", "fans"]}
 FRAMES = [
-    told("pumps", START_US, ">>", ASKED),
-    told("pumps", START_US + 10_123, "<<", SAID),
-    told("fans", START_US + 20_000, ">>", ASKED),  # nobody answers
-    told("pumps", START_US + 30_000, ">>", ASKED),
-    told("pumps", START_US + 40_000, "<<", GARBLED),
-    told("fans", START_US + 50_000, "??", b"\x55\xaa"),
+    reported("pumps", START_US, ">>", ASKED),
+    reported("pumps", START_US + 10_123, "<<", SAID),
+    reported("fans", START_US + 20_000, ">>", ASKED),  # no one answers
+    reported("pumps", START_US + 30_000, ">>", ASKED),
+    reported("pumps", START_US + 40_000, "<<", GARBLED),
+    reported("fans", START_US + 50_000, "??", b"\x55\xaa"),
 ]
 
 
@@ -68,7 +68,7 @@ def config(tmp_path: Path) -> Path:
 
 @contextlib.contextmanager
 def gateway(config: Path, messages: list[dict[str, Any]]) -> Iterator[None]:
-    """Stand in for a gateway that tells this to whoever connects, and ends."""
+    """Stand in for a gateway that sends this to each client, and ends."""
 
     def serve() -> None:
         data = b"".join(json.dumps(message).encode() + b"\n" for message in messages)
@@ -124,7 +124,7 @@ def test_a_capture_is_what_wireshark_reads_as_modbus_rtu(
     assert [frame["rtacser"]["rtacser.eventtype"] for frame in frames[:2]] == ["0x01", "0x04"]
 
 
-def test_a_gateway_that_ends_meanwhile_is_told_and_the_file_kept(
+def test_a_gateway_that_ends_meanwhile_is_reported_and_the_file_stored(
     config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = tmp_path / "line.pcapng"
@@ -152,7 +152,7 @@ def test_an_interrupt_ends_it_in_order(
     assert "0 frames" in capsys.readouterr().err
 
 
-def test_a_gateway_that_does_not_run_is_told(
+def test_a_gateway_that_does_not_run_is_reported(
     config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["capture", str(config), str(tmp_path / "x")]) == 1
@@ -161,7 +161,7 @@ def test_a_gateway_that_does_not_run_is_told(
 
 
 @pytest.mark.parametrize("greeting", [{"capture": 2, "lines": []}, {}])
-def test_a_gateway_of_another_version_is_told(
+def test_a_gateway_of_another_version_is_reported(
     config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], greeting: dict[str, Any]
 ) -> None:
     with gateway(config, [greeting]):
@@ -170,7 +170,7 @@ def test_a_gateway_of_another_version_is_told(
     assert "of another version" in capsys.readouterr().err
 
 
-def test_a_file_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+def test_a_file_that_cannot_be_written_is_reported(tmp_path: Path) -> None:
     with pytest.raises(CaptureError, match="No such file"):
         CaptureFile(tmp_path / "nowhere" / "x", ["pumps"])
 

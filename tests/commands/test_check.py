@@ -49,7 +49,7 @@ def test_the_budget_of_every_line_is_printed(folder: Path, capsys: pytest.Captur
     assert "warning" not in out
 
 
-def test_json_has_the_same_figures(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_has_the_same_statistics(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", str(folder / "site.toml"), "--json"]) == 0
 
     shown = json.loads(capsys.readouterr().out)
@@ -78,7 +78,7 @@ def test_json_has_the_problems_of_a_wrong_configuration(
             "line": 20,
             "key": "line[0].starter[1].address",
             "what": "1 is also line[0].starter[0].address",
-            "mend": "each starter on a line needs its own address",
+            "hint": "each starter on a line needs its own address",
         }
     ]
     assert captured.err.startswith("starter-gateway: ")
@@ -150,10 +150,10 @@ def test_a_password_file_that_run_refuses_is_refused_by_check(
 
     checked = main(["check", str(path), "--json"])
 
-    told = json.loads(capsys.readouterr().out)
-    assert (checked, told["is_valid"]) == ((78, False) if said else (0, True))
+    reported = json.loads(capsys.readouterr().out)
+    assert (checked, reported["is_valid"]) == ((78, False) if said else (0, True))
     refused = _refused_by_run(path)
-    assert [each["what"] for each in told.get("problems", [])] == [each.what for each in refused]
+    assert [each["what"] for each in reported.get("problems", [])] == [each.what for each in refused]
     assert bool(refused) == bool(said)
     assert said.startswith(tuple(each.what for each in refused) or ("",))
 

@@ -69,7 +69,7 @@ def test_both_end_alike_for_a_configuration_and_for_what_becomes_of_it_by_mistak
 
 
 def with_state_in(folder: Path, text: str) -> str:
-    """Return a configuration whose state is kept in a folder of the test."""
-    kept = [line for line in text.splitlines() if not line.startswith("state_dir")]
-    at = kept.index("[gateway]") + 1
-    return "\n".join([*kept[:at], f'state_dir = "{folder / "state"}"', *kept[at:]])
+    """Return a configuration whose state is stored in a folder of the test."""
+    stored = [line for line in text.splitlines() if not line.startswith("state_dir")]
+    at = stored.index("[gateway]") + 1
+    return "\n".join([*stored[:at], f'state_dir = "{folder / "state"}"', *stored[at:]])

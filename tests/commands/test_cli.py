@@ -45,7 +45,7 @@ def test_every_command_has_its_own_help(command: str, capsys: pytest.CaptureFixt
         (["decode", "ssw7", "holding", "0", "1"], "'ssw7'"),
     ],
 )
-def test_a_wrong_word_is_told_in_one_line_and_is_2(
+def test_a_wrong_word_is_reported_in_one_line_and_is_2(
     arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(arguments) == 2
@@ -58,7 +58,7 @@ def test_a_wrong_word_is_told_in_one_line_and_is_2(
 
 
 @pytest.mark.parametrize("command", ["check", "run", "simulate"])
-def test_a_wrong_configuration_is_told_line_by_line_and_is_78(
+def test_a_wrong_configuration_is_reported_line_by_line_and_is_78(
     command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "site.toml"

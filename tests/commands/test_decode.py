@@ -96,7 +96,7 @@ def test_mapped_registers_are_what_the_map_says(map_: str, capsys: pytest.Captur
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "reported"),
     [
         (("ssw07", "holding", "R13", "1"), "WEG SSW-07/SSW-08 has no 'R13'"),
         (("ssw07", "input", "P003", "1"), "P003 is in the table holding, not input"),
@@ -114,7 +114,9 @@ def test_mapped_registers_are_what_the_map_says(map_: str, capsys: pytest.Captur
         (("ssw07", "holding", "65535", "1", "2"), "2 words do not fit behind START 65535"),
     ],
 )
-def test_wrong_words_are_told(words: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_words_are_reported(
+    words: tuple[str, ...], reported: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["decode", *words]) == 2
 
-    assert told in capsys.readouterr().err
+    assert reported in capsys.readouterr().err

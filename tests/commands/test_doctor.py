@@ -1,4 +1,4 @@
-"""What in the starters would bite; and the command that tells everything that does."""
+"""Problems in the starters, and the command that reports all problems."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gateway.errors import BrokerError, PortError
 from gateway.families.devices.findings import Weight
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.factory import make_unit
-from tests.commands.doctor_site import NoBroker, biting, examine, site
+from tests.commands.doctor_site import NoBroker, examine, problems_in, site
 
 
 class Refusing:
@@ -32,53 +32,53 @@ class Refusing:
         raise PortError(self.name, self._reason)
 
 
-def test_starters_that_are_set_up_well_do_not_bite_and_nothing_is_written() -> None:
+def test_starters_that_are_set_up_well_are_no_problem_and_nothing_is_written() -> None:
     units = [
         make_unit(family, address) for address, family in enumerate(("ssw06", "ssw07", "ssw900", "sst"), 1)
     ]
 
     found = examine(site("ssw06", "ssw07", "ssw900", "sst"), *units)
 
-    assert biting(found) == []
+    assert problems_in(found) == []
     assert "line hall: /nowhere/tty opens" in [f"{remark.where}: {remark.text}" for remark in found]
     assert [list(unit.writes) for unit in units] == [[], [], [], []]
 
 
-def test_what_would_refuse_a_start_bites() -> None:
-    (bite,) = biting(examine(site(), make_unit("ssw07", 1, settings={230: 0})))
+def test_what_would_refuse_a_start_is_a_problem() -> None:
+    (problem,) = problems_in(examine(site(), make_unit("ssw07", 1, settings={230: 0})))
 
-    assert bite.startswith("starter pump-1: a start is not executed")
+    assert problem.startswith("starter pump-1: a start is not executed")
 
 
-def test_a_watchdog_that_the_polls_do_not_keep_bites_and_one_that_runs_from_now_on_is_noted() -> None:
+def test_a_watchdog_that_the_polls_do_not_keep_is_a_problem_and_one_that_runs_from_now_on_is_noted() -> None:
     found = examine(site(*["ssw07"] * 8), make_unit("ssw07", 1, settings={314: 1}))
 
-    assert any("it may act although all is well" in bite for bite in biting(found))
+    assert any("it may act although all is well" in problem for problem in problems_in(found))
     assert any("P314 runs since this look" in remark.text for remark in found)
 
 
-def test_a_starter_that_is_silent_or_another_one_bites_and_the_others_are_looked_at() -> None:
+def test_a_starter_that_is_silent_or_another_one_is_a_problem_and_the_others_are_looked_at() -> None:
     found = examine(site("ssw07", "ssw06", "ssw07"), make_unit("ssw07", 2), make_unit("ssw07", 3))
 
-    silent, other = biting(found)
+    silent, other = problems_in(found)
     assert silent == "starter pump-1: pump-1 does not answer at address 1"
     assert other.startswith("starter pump-2: it is ssw07, not ssw06")
-    assert any(remark.where == "starter pump-3" and not remark.bites for remark in found)
+    assert any(remark.where == "starter pump-3" and not remark.is_problem for remark in found)
 
 
-def test_a_port_that_does_not_open_bites() -> None:
-    (bite,) = biting(examine(site(), opener=Refusing("not permitted")))
+def test_a_port_that_does_not_open_is_a_problem() -> None:
+    (problem,) = problems_in(examine(site(), opener=Refusing("not permitted")))
 
-    assert bite == "line hall: port /nowhere/tty: not permitted"
+    assert problem == "line hall: port /nowhere/tty: not permitted"
 
 
-def test_a_port_that_is_lost_on_the_way_bites() -> None:
+def test_a_port_that_is_lost_on_the_way_is_a_problem() -> None:
     def pull_out(bus: SimulatedLine) -> None:
         asyncio.get_running_loop().call_later(0.05, bus.unplug)
 
-    found = examine(site(), make_unit("ssw07", 1), spoil=pull_out)
+    found = examine(site(), make_unit("ssw07", 1), corrupt=pull_out)
 
-    assert len(biting(found)) == 1
+    assert len(problems_in(found)) == 1
 
 
 BUSY = Refusing("busy")
@@ -97,7 +97,7 @@ READY_900 = {
 def test_where_a_gateway_holds_the_port_it_is_asked_instead() -> None:
     found = examine(site("ssw900"), opener=BUSY, rows=READY_900)
 
-    assert biting(found) == []
+    assert problems_in(found) == []
     assert any("the gateway is asked over MQTT" in remark.text for remark in found)
     assert any(remark.text == "answers the gateway" for remark in found)
 
@@ -105,12 +105,12 @@ def test_where_a_gateway_holds_the_port_it_is_asked_instead() -> None:
 def test_the_slot_of_the_accessory_is_taken_from_what_the_gateway_reads() -> None:
     found = examine(site("ssw900"), opener=BUSY, rows={**READY_900, "S3.5.1": 2, "S3.5.2": 0})
 
-    assert any("C3.3 = 5 (Slot 2) (set C3.3 = 4, Slot 1)" in bite for bite in biting(found))
+    assert any("C3.3 = 5 (Slot 2) (set C3.3 = 4, Slot 1)" in problem for problem in problems_in(found))
 
 
-def test_a_gateway_that_reads_nothing_of_a_starter_and_one_that_cannot_be_asked_bite() -> None:
-    (nothing,) = biting(examine(site(), opener=BUSY))
-    (unasked,) = biting(examine(site(), opener=BUSY, rows=BrokerError("no operator may read it")))
+def test_a_gateway_that_reads_nothing_of_a_starter_and_one_that_cannot_be_asked_are_problems() -> None:
+    (nothing,) = problems_in(examine(site(), opener=BUSY))
+    (unasked,) = problems_in(examine(site(), opener=BUSY, rows=BrokerError("no operator may read it")))
 
     assert "reads nothing of it" in nothing
     assert "cannot be asked: no operator may read it" in unasked
@@ -128,18 +128,18 @@ def test_what_the_gateway_knows_of_a_silent_or_wrong_starter_is_said(
 ) -> None:
     monkeypatch.setattr(NoBroker, "trouble", trouble)
 
-    bites = biting(examine(site(), opener=BUSY, rows=BrokerError("the gateway refuses to read it")))
+    problems = problems_in(examine(site(), opener=BUSY, rows=BrokerError("the gateway refuses to read it")))
 
-    assert bites[0] == f"starter pump-1: {trouble}"
-    assert len(bites) == 1 + more  # of one that is offline nothing is asked
+    assert problems[0] == f"starter pump-1: {trouble}"
+    assert len(problems) == 1 + more  # of one that is offline nothing is asked
 
 
 # The command
 
 
-@pytest.mark.parametrize("bites", [True, False])
-def test_the_exit_code_says_whether_anything_bites(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *, bites: bool
+@pytest.mark.parametrize("is_a_problem", [True, False])
+def test_the_exit_code_says_whether_anything_is_a_problem(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *, is_a_problem: bool
 ) -> None:
     path = tmp_path / "site.toml"
     path.write_text(site(folder=str(tmp_path)), "utf-8")
@@ -147,8 +147,8 @@ def test_the_exit_code_says_whether_anything_bites(
     class Checkup:
         def __init__(self, *_: object, **__: object) -> None: ...
 
-        async def run(self, tell: Callable[[DoctorFinding], None]) -> None:
-            tell(DoctorFinding("line hall", "is odd", Weight.WARNING if bites else Weight.NOTE))
+        async def run(self, report: Callable[[DoctorFinding], None]) -> None:
+            report(DoctorFinding("line hall", "is odd", Weight.WARNING if is_a_problem else Weight.NOTE))
 
     async def no_remarks(_self: BrokerAccess) -> list[DoctorFinding]:
         return []
@@ -157,13 +157,13 @@ def test_the_exit_code_says_whether_anything_bites(
     monkeypatch.setattr(doctor, "clock_remark", lambda: DoctorFinding("clock", "is synchronised"))
     monkeypatch.setattr(BrokerAccess, "remarks", no_remarks)
 
-    assert main(["doctor", str(path)]) == (1 if bites else 0)
+    assert main(["doctor", str(path)]) == (1 if is_a_problem else 0)
     lines = capsys.readouterr().out.splitlines()
     assert lines[1] == "ok      clock: is synchronised"
-    assert lines[-1] == ("0 errors, 1 warning" if bites else "nothing bites")
+    assert lines[-1] == ("0 errors, 1 warning" if is_a_problem else "no problems")
 
 
-def test_a_wrong_configuration_is_told_as_everywhere(
+def test_a_wrong_configuration_is_reported_as_everywhere(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "site.toml").write_text("[gateway]\n", "utf-8")

@@ -1,4 +1,4 @@
-"""What on this machine would bite."""
+"""Problems of the machine."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gateway.families.devices.findings import Weight
 
 
 @pytest.mark.parametrize(("milliseconds", "weight"), [("1", None), ("2", None), ("16", Weight.WARNING)])
-def test_an_adapter_that_holds_replies_back_bites(
+def test_an_adapter_that_holds_replies_back_is_a_problem(
     milliseconds: str, weight: Weight | None, tmp_path: Path
 ) -> None:
     device = tmp_path / "ttyUSB0" / "device"
@@ -37,7 +37,7 @@ def test_an_adapter_without_a_latency_timer_is_no_matter(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize(("state", "weight"), [(0, None), (5, Weight.WARNING), (None, Weight.NOTE)])
-def test_a_clock_that_is_not_synchronised_bites(state: int | None, weight: Weight | None) -> None:
+def test_a_clock_that_is_not_synchronised_is_a_problem(state: int | None, weight: Weight | None) -> None:
     assert clock_remark(lambda: state).weight is weight
 
 
@@ -54,7 +54,7 @@ def test_a_state_directory_must_be_there_and_be_a_folder(tmp_path: Path) -> None
     assert state_dir_remark(tmp_path / "none").weight is Weight.ERROR
 
 
-def test_a_state_directory_that_may_not_be_written_bites(
+def test_a_state_directory_that_may_not_be_written_is_a_problem(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(os, "access", lambda *_: False)
@@ -62,7 +62,9 @@ def test_a_state_directory_that_may_not_be_written_bites(
     assert "chown" in state_dir_remark(tmp_path).text
 
 
-def test_how_often_each_memory_was_written_is_told_and_bites_when_flash_could_be_worn(tmp_path: Path) -> None:
+def test_how_often_each_memory_was_written_is_reported_and_is_a_problem_when_flash_could_be_worn(
+    tmp_path: Path,
+) -> None:
     assert wear_remarks(tmp_path) == []
 
     (tmp_path / "wear.json").write_text('{"writes": {"pump": 10000, "fan": 12}}', "utf-8")

@@ -73,7 +73,7 @@ def test_a_commands_writes_are_printed_in_order(
 
 
 @pytest.mark.parametrize(
-    ("words", "code", "told"),
+    ("words", "code", "reported"),
     [
         ("ssw07 1 fly", 2, "this family has no such verb: 'fly'"),
         ("ssw07 0 start", 2, "ADDRESS 0 is out of range (1..247)"),
@@ -92,12 +92,12 @@ def test_a_commands_writes_are_printed_in_order(
         ("ssw900 1 start --slot 1 --last-word 65536", 2, "--last-word 65536 is out of range"),
     ],
 )
-def test_what_cannot_be_encoded_is_told_in_one_line(
-    words: str, code: int, told: str, capsys: pytest.CaptureFixture[str]
+def test_what_cannot_be_encoded_is_reported_in_one_line(
+    words: str, code: int, reported: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["encode", *words.split()]) == code
 
     captured = capsys.readouterr()
     assert captured.out == ""
     assert captured.err.count("\n") == 1
-    assert told in captured.err
+    assert reported in captured.err

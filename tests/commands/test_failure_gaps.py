@@ -40,7 +40,7 @@ def test_each_watchdog_is_judged_beside_the_gaps(
     assert judged in check(tmp_path, watchdog, capsys)
 
 
-def test_a_watchdog_that_a_crash_would_trip_is_a_warning_with_the_mend(
+def test_a_watchdog_that_a_crash_would_trip_is_a_warning_with_the_hint(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (warning,) = warnings(check(tmp_path, "watchdog_s = 7", capsys))

@@ -16,7 +16,7 @@ from gateway.system.clock import read_clocks
 from tests.commands.parameters_place import ParametersPlace
 
 
-def kept(folder: Path, starter: str = "pump") -> Path:
+def stored(folder: Path, starter: str = "pump") -> Path:
     logbook = MotorHistory([starter])
     logbook.set_lock(starter, LockRecord("alice", 5.0, "belt is off", "Alice A."))
     (folder / PRECAUTIONS_FILE).write_text(
@@ -25,9 +25,9 @@ def kept(folder: Path, starter: str = "pump") -> Path:
     return folder
 
 
-def test_where_nothing_is_kept_or_another_starter_is_locked_there_is_no_lock(tmp_path: Path) -> None:
+def test_where_nothing_is_stored_or_another_starter_is_locked_there_is_no_lock(tmp_path: Path) -> None:
     assert lock_trouble(tmp_path / "nowhere", "pump") is None
-    assert lock_trouble(kept(tmp_path, "fan"), "pump") is None
+    assert lock_trouble(stored(tmp_path, "fan"), "pump") is None
 
 
 def test_a_memory_of_locks_that_cannot_be_read_counts_as_a_lock(tmp_path: Path) -> None:
@@ -46,7 +46,7 @@ def test_nothing_is_restored_to_a_locked_starter(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], with_sources: bool
 ) -> None:
     place = ParametersPlace(make_unit("ssw07", 1))
-    place.state_dir = kept(tmp_path)
+    place.state_dir = stored(tmp_path)
 
     with pytest.raises(CommandError, match=r"alice \(Alice A\.\): belt is off") as refused:
         place.restore({"P314": 3, "P220": 2}, with_sources=with_sources)

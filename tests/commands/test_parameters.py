@@ -29,7 +29,7 @@ pytestmark = pytest.mark.usefixtures("one_loop")
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_everything_that_a_starter_tells_is_saved_and_read_back_from_the_file(family: str) -> None:
+def test_everything_that_a_starter_reports_is_saved_and_read_back_from_the_file(family: str) -> None:
     place = ParametersPlace(make_unit(family, 1))
 
     saved = place.save()
@@ -88,14 +88,14 @@ def test_parameters_without_a_name_are_saved_as_raw_words_when_asked_for() -> No
     assert "P501" in saved.refused
 
 
-def test_a_starter_that_does_not_answer_and_another_one_than_configured_are_told() -> None:
+def test_a_starter_that_does_not_answer_and_another_one_than_configured_are_reported() -> None:
     with pytest.raises(CommandError, match="does not answer at address 9"):
         ParametersPlace(make_unit("ssw07", 1), address=9).save()
     with pytest.raises(CommandError, match="it is ssw07, not ssw06"):
         ParametersPlace(make_unit("ssw07", 1), family="ssw06").save()
 
 
-def test_a_port_that_a_gateway_holds_is_refused_with_the_mend() -> None:
+def test_a_port_that_a_gateway_holds_is_refused_with_the_hint() -> None:
     class Busy:
         name = "/dev/ttyUSB0"
 
@@ -297,6 +297,6 @@ def test_a_restore_sets_no_watchdog_that_the_line_cannot_keep_and_leaves_others_
     assert place.written == []
 
     assert place.restore({"P314": 60}) == 0
-    kept = json.loads((tmp_path / "watchdogs.json").read_text())
-    assert kept["starters"]["pump"]["rows"]["P314"] == [60]
+    stored = json.loads((tmp_path / "watchdogs.json").read_text())
+    assert stored["starters"]["pump"]["rows"]["P314"] == [60]
     assert (tmp_path / "watchdogs.json").stat().st_mode & 0o777 == 0o600

@@ -136,12 +136,12 @@ def test_a_set_is_compared_with_what_the_manual_says_of_a_new_starter(
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "reported"),
     [(["a.toml"], "name a second set"), (["a.toml", "b.toml", "--factory"], "takes the place of b.toml")],
 )
 @pytest.mark.usefixtures("folder")
 def test_a_set_is_compared_with_one_other(
-    options: list[str], told: str, capsys: pytest.CaptureFixture[str]
+    options: list[str], reported: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["parameters", "diff", *options]) == 2
-    assert told in capsys.readouterr().err
+    assert reported in capsys.readouterr().err

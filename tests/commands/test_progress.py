@@ -49,5 +49,5 @@ def test_elsewhere_a_line_is_written_at_every_tenth() -> None:
         (3900, "1 h 5 min"),
     ],
 )
-def test_durations_are_told_in_words(seconds: float, text: str) -> None:
+def test_durations_are_written_in_words(seconds: float, text: str) -> None:
     assert in_words(seconds) == text

@@ -16,7 +16,7 @@ from gateway.cli.main import main
 from gateway.cli.progress import Progress
 from gateway.cli.scan.config_text import clean, config_text
 from gateway.cli.scan.scan import addresses_in, scan, show, stable_name
-from gateway.cli.scan.search import BAUDS, FRAMINGS, Find, Wish, timings_in_order
+from gateway.cli.scan.search import BAUDS, FRAMINGS, Find, SearchSettings, timings_in_order
 from gateway.config.load import parse
 from gateway.errors import PortError, UsageError
 from gateway.families.devices.device import Identity
@@ -45,7 +45,7 @@ def search(
     progress: Progress | None = None,
     **options: Any,
 ) -> list[Find]:
-    wish = Wish(tuple(timings), addresses_in(addresses), **options)
+    wish = SearchSettings(tuple(timings), addresses_in(addresses), **options)
     quiet = progress or Progress(io.StringIO())
     return run_virtually(scan(wish, lambda timing: bus.opener(timing=timing), quiet))
 
@@ -59,7 +59,7 @@ def functions(bus: SimulatedLine) -> set[int]:
     return {decode(frame.data).pdu[0] for frame in bus.transcript if frame.sender == 0}
 
 
-def test_every_family_is_found_and_told_apart() -> None:
+def test_every_family_is_found_and_distinguished() -> None:
     found = search(SimulatedLine(TIMING, four_units()))
 
     assert families(found) == {3: "sst", 4: "ssw06", 5: "ssw07", 6: "ssw900"}
@@ -136,21 +136,21 @@ def test_s9_18_a_watchdog_that_the_scan_has_started_does_not_act_while_it_lasts(
     bus = SimulatedLine(TIMING, [unit])
     (found,) = search(bus, addresses="1-100")
 
-    assert [dog.after_s for dog in found.watchdogs] == [1.0]
+    assert [watchdog.after_s for watchdog in found.watchdogs] == [1.0]
     assert unit.trips == []
 
 
-class Spoilt(Impairment):
+class Corrupted(Impairment):
     """Every reply has a wrong CRC."""
 
     def apply(self, reply: Reply, dice: object) -> tuple[Reply, ...]:
-        spoilt = bytes([*reply.adu[:-1], reply.adu[-1] ^ 0xFF])
-        return (Reply(adu=spoilt, after_s=reply.after_s, deadline_s=reply.deadline_s),)
+        corrupted = bytes([*reply.adu[:-1], reply.adu[-1] ^ 0xFF])
+        return (Reply(adu=corrupted, after_s=reply.after_s, deadline_s=reply.deadline_s),)
 
 
-def test_what_answers_otherwise_than_in_modbus_is_told_and_is_no_starter() -> None:
+def test_what_answers_otherwise_than_in_modbus_is_reported_and_is_no_starter() -> None:
     bus = SimulatedLine(TIMING, [make_unit("ssw07", 5)])
-    bus.impair(5, Spoilt())
+    bus.impair(5, Corrupted())
 
     (found,) = search(bus)
 
@@ -158,7 +158,7 @@ def test_what_answers_otherwise_than_in_modbus_is_told_and_is_no_starter() -> No
     assert "not in Modbus" in found.identity.reason
 
 
-def test_a_unit_of_no_known_family_is_told_with_what_it_says() -> None:
+def test_a_unit_of_no_known_family_is_reported_with_what_it_says() -> None:
     stranger = make_unit("ssw07", 5, product="PM-5000")
 
     (found,) = search(SimulatedLine(TIMING, [stranger]))
@@ -185,11 +185,11 @@ def find(family: str | None, address: int, framing: str = "8N2", **facts: Any) -
 
 
 def test_a_watchdog_stands_in_the_configuration_as_far_as_the_line_can_keep_it() -> None:
-    kept, missed = (
+    stored, missed = (
         search(SimulatedLine(TIMING, [make_unit("ssw07", 1, settings={314: after_s})])) for after_s in (30, 1)
     )
 
-    assert parse(config_text("/dev/ttyUSB0", kept), "x").lines[0].starters[0].watchdog_s == 30.0
+    assert parse(config_text("/dev/ttyUSB0", stored), "x").lines[0].starters[0].watchdog_s == 30.0
     text = config_text("/dev/ttyUSB0", [replace(missed[0], address=address) for address in range(1, 40)])
     assert parse(text, "x").lines[0].starters[0].watchdog_s is None
     assert "too slow" in text
@@ -342,7 +342,7 @@ def test_all_rates_framings_and_addresses_of_a_silent_line_are_tried_on_a_port_t
 
     async def search_all() -> list[Find]:
         quiet = Progress(io.StringIO())
-        return await scan(Wish(timings, addresses_in("1-247")), adapter.opener, quiet)
+        return await scan(SearchSettings(timings, addresses_in("1-247")), adapter.opener, quiet)
 
     assert run_virtually(search_all()) == []
     assert adapter.timings == [*timings, *timings]
@@ -356,7 +356,7 @@ def test_a_port_that_cannot_be_opened_again_for_a_moment_is_tried_again() -> Non
     timings = [*timings_in_order((9600,), ("8N2",)), TIMING]
 
     async def search_all() -> list[Find]:
-        wish = Wish(tuple(timings), addresses_in("1-4"))
+        wish = SearchSettings(tuple(timings), addresses_in("1-4"))
         return await scan(wish, adapter.opener, Progress(io.StringIO()))
 
     assert families(run_virtually(search_all())) == {3: "ssw07"}
@@ -368,7 +368,7 @@ def test_a_port_that_never_opened_is_an_error_at_once() -> None:
     adapter.loses_at = [1]
 
     async def search_all() -> None:
-        wish = Wish((TIMING,), addresses_in("1-4"))
+        wish = SearchSettings((TIMING,), addresses_in("1-4"))
         with pytest.raises(PortError):
             await scan(wish, adapter.opener, Progress(io.StringIO()))
 
@@ -381,7 +381,7 @@ def test_a_port_that_stays_away_ends_the_search() -> None:
     adapter.loses_at = list(range(2, 100))
 
     async def search_all() -> None:
-        wish = Wish(timings_in_order(BAUDS, ("8N2",)), addresses_in("1-4"))
+        wish = SearchSettings(timings_in_order(BAUDS, ("8N2",)), addresses_in("1-4"))
         with pytest.raises(PortError, match="no such port"):
             await scan(wish, adapter.opener, Progress(io.StringIO()))
 

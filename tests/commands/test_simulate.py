@@ -97,13 +97,13 @@ async def test_a_real_port_is_warned_of_loudly_and_left_alone(capsys: pytest.Cap
     config = parse(changed(("/dev/rs485-pumps", "/dev/null")), "site.toml")
 
     simulating = asyncio.create_task(simulate(config))
-    told = ""
-    while "line pumps" not in told:
+    reported = ""
+    while "line pumps" not in reported:
         await asyncio.sleep(0.01)
         captured = capsys.readouterr()
-        told += captured.err
+        reported += captured.err
     simulating.cancel()
     await asyncio.wait((simulating,))
 
-    assert told.startswith("WARNING: line pumps: /dev/null IS A REAL PORT and is not simulated")
-    assert "moves REAL MOTORS" in told
+    assert reported.startswith("WARNING: line pumps: /dev/null IS A REAL PORT and is not simulated")
+    assert "moves REAL MOTORS" in reported

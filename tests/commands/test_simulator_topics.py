@@ -30,7 +30,7 @@ def test_a_knob_is_turned_and_the_answer_says_what_was_done() -> None:
     )
 
 
-def test_an_answer_of_our_own_turns_nothing() -> None:
+def test_an_answer_of_our_own_sets_nothing() -> None:
     assert asked("simulator/pump/done", b"{}") is None
 
 
@@ -50,7 +50,7 @@ def test_what_cannot_be_done_is_answered_with_the_reason(topic: str, payload: by
     assert answer[1]["trips"] == 0
 
 
-def test_a_retained_message_turns_no_knob() -> None:
+def test_a_retained_message_sets_no_knob() -> None:
     answer = asked("simulator/pump/trip", b"E05", is_retained=True)
 
     assert answer is not None

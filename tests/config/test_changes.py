@@ -20,7 +20,7 @@ family = "ssw06"
 """
 
 
-def told(*changes: tuple[str, str]) -> dict[str, list[str]]:
+def reported(*changes: tuple[str, str]) -> dict[str, list[str]]:
     """Return what becomes of the site when its text is changed so."""
     return between("", *changes)
 
@@ -41,10 +41,10 @@ def test_nothing_is_touched_when_only_operators_rules_or_groups_differ() -> None
     rules = '[[rules]]\nstarters = ["pump-*"]\nstarts_per_hour = 4\n'
     group = '[[group]]\nname = "pumps"\nstarters = ["*"]\n'
 
-    assert told(('may = ["start", "stop"]', 'may = ["*"]')) == {}
-    assert told(('framing = "8E1"', 'framing = "8E1"  # as ever')) == {}
-    assert told(("[[operator]]", f"{rules}{group}[[operator]]")) == {}
-    assert told(("every_s = 2.0", "every_s = 2.0\nrules = { starts_per_hour = 4 }")) == {}
+    assert reported(('may = ["start", "stop"]', 'may = ["*"]')) == {}
+    assert reported(('framing = "8E1"', 'framing = "8E1"  # as ever')) == {}
+    assert reported(("[[operator]]", f"{rules}{group}[[operator]]")) == {}
+    assert reported(("every_s = 2.0", "every_s = 2.0\nrules = { starts_per_hour = 4 }")) == {}
 
 
 def test_another_period_is_not_another_starter() -> None:
@@ -58,7 +58,7 @@ def test_another_period_is_not_another_starter() -> None:
 def test_a_starter_comes_and_goes_without_the_others() -> None:
     new = 'name = "pump-3"\naddress = 3\nfamily = "ssw07"\n\n[[line.starter]]\nname = "pump-2"'
 
-    assert told(('name = "pump-2"', new)) == {"starters_added": ["pump-3"]}
+    assert reported(('name = "pump-2"', new)) == {"starters_added": ["pump-3"]}
     changes = found("", ('name = "pump-1"', 'name = "pump-9"'))
     assert changes.to_dict() == {"starters_added": ["pump-9"], "starters_removed": ["pump-1"]}
     assert changes.starters_gone == changes.starters_forgotten == ("pump-1",)
@@ -73,7 +73,7 @@ def test_a_starter_that_is_another_machine_ends_and_begins() -> None:
         ("every_s = 2.0", "every_s = 2.0\nwatchdog_s = 60.0"),
         ("every_s = 2.0", "every_s = 2.0\nenabled = false"),
     ):
-        (kind,) = told(change)
+        (kind,) = reported(change)
         assert kind == "starters_changed"
 
 
@@ -127,5 +127,5 @@ def test_name_state_dir_and_topics_need_a_restart() -> None:
     problems = fixed(site(), other)
 
     assert [problem.key for problem in problems] == ["gateway.name", "gateway.state_dir", "mqtt.base"]
-    assert "restart" in problems[0].mend
+    assert "restart" in problems[0].hint
     assert fixed(site(), site()) == []

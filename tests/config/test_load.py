@@ -54,7 +54,7 @@ def test_without_operators_the_configuration_is_right_and_read_only() -> None:
     assert config.operators == ()
 
 
-def test_all_mistakes_are_told_at_once_in_the_order_of_the_file() -> None:
+def test_all_mistakes_are_reported_at_once_in_the_order_of_the_file() -> None:
     text = changed(
         ('name = "mcc1"', 'name = ""'),
         ("mqtts://", "mqtt://"),
@@ -63,9 +63,9 @@ def test_all_mistakes_are_told_at_once_in_the_order_of_the_file() -> None:
         ('["start", "stop"]', '["fly"]'),
     )
 
-    told = problems(text)
+    reported = problems(text)
 
-    assert [problem.partition(":")[0] for problem in told] == [
+    assert [problem.partition(":")[0] for problem in reported] == [
         "line 2",
         "line 5",
         "line 20",
@@ -74,12 +74,12 @@ def test_all_mistakes_are_told_at_once_in_the_order_of_the_file() -> None:
     ]
 
 
-def test_a_second_line_with_the_same_name_and_port_is_told() -> None:
+def test_a_second_line_with_the_same_name_and_port_is_reported() -> None:
     line = SITE[SITE.index("[[line]]") : SITE.index("[[operator]]")].replace("pump-", "fan-")
 
-    told = problems(SITE + line)
+    reported = problems(SITE + line)
 
-    assert told == [
+    assert reported == [
         "line 29: line[1].name: 'pumps' is also line[0].name (each line needs its own name)",
         "line 30: line[1].port: '/dev/rs485-pumps' is also line[0].port"
         " (put all starters of a port under one [[line]])",
@@ -87,10 +87,12 @@ def test_a_second_line_with_the_same_name_and_port_is_told() -> None:
 
 
 @pytest.mark.parametrize("empty", ["line = []", "operator = 3\nline = []"])
-def test_a_site_without_lines_is_told(empty: str) -> None:
+def test_a_site_without_lines_is_reported(empty: str) -> None:
     text = f'{empty}\n[gateway]\nname = "a"\n[mqtt]\nurl = "mqtts://b"\n'
 
-    assert any(told.endswith("line: is empty (at least one [[line]] is needed)") for told in problems(text))
+    assert any(
+        reported.endswith("line: is empty (at least one [[line]] is needed)") for reported in problems(text)
+    )
 
 
 def test_the_same_address_on_another_line_is_right() -> None:
@@ -110,28 +112,28 @@ def test_plaintext_to_another_machine_is_possible_when_it_is_wanted() -> None:
 
 
 def test_files_for_tls_are_refused_without_tls() -> None:
-    told = problems(
+    reported = problems(
         changed(("mqtts://broker.plant:8883", "mqtt://localhost"), ("[mqtt]", '[mqtt]\nca_file = "a"'))
     )
 
-    assert told == ["line 5: mqtt.ca_file: has no meaning with mqtt:// (use mqtts://, or leave it out)"]
+    assert reported == ["line 5: mqtt.ca_file: has no meaning with mqtt:// (use mqtts://, or leave it out)"]
 
 
 def test_a_password_in_the_url_is_not_repeated() -> None:
-    told = problems(changed(("mqtts://broker.plant:8883", "mqtts:/bob:secret@")))
+    reported = problems(changed(("mqtts://broker.plant:8883", "mqtts:/bob:secret@")))
     also = problems(changed(("mqtts://broker.plant:8883", "mqtts://bob:secret@:x")))
 
-    assert "secret" not in told[0] + also[0]
+    assert "secret" not in reported[0] + also[0]
 
 
 def test_an_sst_takes_any_baud_but_only_8n2() -> None:
     config = site(
         ('"ssw07"', '"sst"'), ('"ssw900"\nevery_s', '"sst"\nevery_s'), ('"8E1"', '"8N2"'), ("19200", "115200")
     )
-    told = problems(changed(('"ssw07"', '"sst"')))
+    reported = problems(changed(('"ssw07"', '"sst"')))
 
     assert config.lines[0].baud == 115200
-    assert told == ["line 11: line[0].framing: '8E1' is not for sst (pump-1) (its manual allows 8N2)"]
+    assert reported == ["line 11: line[0].framing: '8E1' is not for sst (pump-1) (its manual allows 8N2)"]
 
 
 @pytest.mark.parametrize(
@@ -149,17 +151,17 @@ def test_an_sst_takes_any_baud_but_only_8n2() -> None:
         ("gateway = 3", "mqtt: is missing"),
     ],
 )
-def test_a_broken_text_is_told_with_its_line(text: str, problem: str) -> None:
+def test_a_broken_text_is_reported_with_its_line(text: str, problem: str) -> None:
     assert problems(text)[0].startswith(problem)
 
 
-def test_a_file_that_cannot_be_read_is_told(tmp_path: Path) -> None:
+def test_a_file_that_cannot_be_read_is_reported(tmp_path: Path) -> None:
     for path, reason in ((tmp_path / "none.toml", "No such file"), (tmp_path, "Is a directory")):
         with pytest.raises(ConfigError, match=reason):
             load(path)
 
 
-def test_a_file_that_is_not_utf_8_is_told_with_its_line(tmp_path: Path) -> None:
+def test_a_file_that_is_not_utf_8_is_reported_with_its_line(tmp_path: Path) -> None:
     (tmp_path / "site.toml").write_bytes(b"[gateway]\nname = '\xff'\n")
 
     with pytest.raises(ConfigError, match="line 2: text: is not UTF-8"):
@@ -206,7 +208,7 @@ WORDS = st.sampled_from(
 
 @settings(max_examples=300)
 @given(st.integers(0, len(SITE)), st.integers(0, 12), st.lists(WORDS, max_size=4).map("".join))
-def test_whatever_is_changed_is_either_right_or_told(at: int, cut: int, new: str) -> None:
+def test_whatever_is_changed_is_either_right_or_reported(at: int, cut: int, new: str) -> None:
     text = SITE[:at] + new + SITE[at + cut :]
 
     with contextlib.suppress(ConfigError):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.app.advice import mend_of, relief_of
+from gateway.app.advice import hint_of, relief_of
 from gateway.config.schema import LineTable
 
 
@@ -22,22 +22,22 @@ def line(*starters: tuple[str, float], baud: int = 19200, allowance_s: float = 0
     )
 
 
-def test_every_single_change_that_helps_is_told() -> None:
-    mend = mend_of(line(*[("ssw07", 0.7)] * 4, baud=9600))
+def test_every_single_change_that_helps_is_reported() -> None:
+    hint = hint_of(line(*[("ssw07", 0.7)] * 4, baud=9600))
 
-    assert mend == "baud = 19200, or 1 of its 4 starters on another line, or no watchdog below 1 s"
+    assert hint == "baud = 19200, or 1 of its 4 starters on another line, or no watchdog below 1 s"
 
 
 def test_one_starter_alone_cannot_have_fewer_beside_it() -> None:
-    assert mend_of(line(("ssw07", 0.1))) == "no watchdog below 1 s"
+    assert hint_of(line(("ssw07", 0.1))) == "no watchdog below 1 s"
 
 
 def test_a_rate_that_a_family_does_not_have_is_not_offered() -> None:
-    assert "baud" not in mend_of(line(*[("ssw06", 1.0)] * 10, baud=38400))
+    assert "baud" not in hint_of(line(*[("ssw06", 1.0)] * 10, baud=38400))
 
 
 def test_a_watchdog_that_is_off_is_left_off() -> None:
-    assert mend_of(line(("ssw07", 0.1), ("ssw07", 0.0))) == "no watchdog below 1 s"
+    assert hint_of(line(("ssw07", 0.1), ("ssw07", 0.0))) == "no watchdog below 1 s"
 
 
 def test_where_no_watchdog_is_long_enough_only_fewer_starters_help() -> None:
@@ -47,9 +47,9 @@ def test_where_no_watchdog_is_long_enough_only_fewer_starters_help() -> None:
     table = {"name": "pumps", "port": "/dev/a", "baud": 1200, "framing": "8N2"}
     slow = [{**starter, "response_time_s": 10.0} for starter in starters]
 
-    mend = mend_of(LineTable.model_validate({**table, "starter": slow}))
+    hint = hint_of(LineTable.model_validate({**table, "starter": slow}))
 
-    assert mend.endswith(" of its 247 starters on another line")
+    assert hint.endswith(" of its 247 starters on another line")
 
 
 def test_an_over_full_line_is_offered_a_rate_another_line_and_longer_periods() -> None:

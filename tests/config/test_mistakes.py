@@ -1,4 +1,4 @@
-"""Every kind of mistake in a configuration, with the line, the key and the mend that it is told with."""
+"""Every kind of mistake in a configuration, with the line, the key and the hint that it is reported with."""
 
 from __future__ import annotations
 
@@ -194,10 +194,10 @@ def problems(text: str) -> list[str]:
 
 
 @pytest.mark.parametrize(("old", "new", "problem"), MISTAKES)
-def test_a_mistake_is_told_with_its_line_its_key_and_the_mend(old: str, new: str, problem: str) -> None:
-    told = problems(changed((old, new)))
+def test_a_mistake_is_reported_with_its_line_its_key_and_the_hint(old: str, new: str, problem: str) -> None:
+    reported = problems(changed((old, new)))
 
-    assert any(text.startswith(problem) for text in told), told
+    assert any(text.startswith(problem) for text in reported), reported
 
 
 @pytest.mark.parametrize(("old", "new", "problem"), MISTAKES)

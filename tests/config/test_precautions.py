@@ -79,24 +79,26 @@ def test_a_group_has_all_starters_that_fit_in_the_order_of_the_lines() -> None:
         ),
     ],
 )
-def test_a_mistake_in_rules_or_groups_is_told(more: str, problem: str) -> None:
-    told = problems(more + "\n")
+def test_a_mistake_in_rules_or_groups_is_reported(more: str, problem: str) -> None:
+    reported = problems(more + "\n")
 
-    assert any(text.startswith(problem) for text in told), told
-
-
-def test_an_unknown_rule_of_a_starter_is_told_with_what_might_be_meant() -> None:
-    told = problems(own="[line.starter.rules]\nminimum_pauses_s = 5\n")
-
-    assert told == ["line[0].starter[0].rules.minimum_pauses_s: unknown key (did you mean minimum_pause_s?)"]
+    assert any(text.startswith(problem) for text in reported), reported
 
 
-def test_a_table_that_should_be_one_is_told() -> None:
+def test_an_unknown_rule_of_a_starter_is_reported_with_what_might_be_meant() -> None:
+    reported = problems(own="[line.starter.rules]\nminimum_pauses_s = 5\n")
+
+    assert reported == [
+        "line[0].starter[0].rules.minimum_pauses_s: unknown key (did you mean minimum_pause_s?)"
+    ]
+
+
+def test_a_table_that_should_be_one_is_reported() -> None:
     assert problems(own="rules = 7\n")[0].startswith("line[0].starter[0].rules: is 7")
 
 
 @pytest.mark.parametrize("head", ["group = [7]", "rules = [7]", "group = 7", "rules = 7"])
-def test_what_is_no_table_is_told_and_hides_nothing_else(head: str) -> None:
+def test_what_is_no_table_is_reported_and_hides_nothing_else(head: str) -> None:
     with pytest.raises(ConfigError) as caught:
         parse(f"{head}\n{SITE}".replace("address = 2", "address = 1"), "site.toml")
 

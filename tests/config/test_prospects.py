@@ -43,7 +43,7 @@ def test_a_line_of_disabled_starters_has_no_load() -> None:
     assert (line.forecast.load, line.starters, line.forecast.is_overloaded) == (0.0, (), False)
 
 
-def test_the_figures_of_a_line_are_those_of_its_worst_starter() -> None:
+def test_the_statistics_of_a_line_are_those_of_its_worst_starter() -> None:
     (line,) = prospects_of(site(("every_s = 2.0", "every_s = 2.0\nwatchdog_s = 10.0")))
 
     computed = computed_of(line)
@@ -76,17 +76,17 @@ def test_a_watchdog_that_the_line_cannot_keep_is_a_wrong_configuration() -> None
     (problem,) = caught.value.problems
     assert (problem.line, problem.key) == (23, "line[0].starter[1].watchdog_s")
     assert "pump-2: 0.5 s is missed by 0." in problem.what
-    assert problem.mend == "1 of its 2 starters on another line, or no watchdog below 1 s"
+    assert problem.hint == "1 of its 2 starters on another line, or no watchdog below 1 s"
 
 
-def test_a_watchdog_is_kept_however_long_the_periods_are() -> None:
+def test_a_watchdog_is_served_however_long_the_periods_are() -> None:
     (line,) = prospects_of(site(("every_s = 2.0", "every_s = 60.0\nwatchdog_s = 5.0")))
 
     assert 2.5 < line.starters[1].gap_s < 3.0
     assert line.starters[1].ages_s["status"] > line.starters[1].gap_s
 
 
-def test_when_a_line_cannot_keep_its_watchdogs_each_single_change_that_would_help_is_told() -> None:
+def test_when_a_line_cannot_keep_its_watchdogs_each_single_change_that_would_help_is_reported() -> None:
     head, tail = SITE.split("[[line.starter]]")[0], SITE[SITE.index("[[operator]]") :]
     starters = "".join(
         f'[[line.starter]]\nname = "pump-{at}"\naddress = {at}\nfamily = "ssw07"\nwatchdog_s = 2.0\n'
@@ -99,7 +99,7 @@ def test_when_a_line_cannot_keep_its_watchdogs_each_single_change_that_would_hel
     assert len(caught.value.problems) == 30
     problem = caught.value.problems[0]
     assert "pump-1: 2 s cannot be kept: the watchdogs on this line need " in problem.what
-    assert "of its 30 starters on another line, or no watchdog below " in problem.mend
+    assert "of its 30 starters on another line, or no watchdog below " in problem.hint
 
 
 def test_a_faster_line_is_offered_where_every_family_allows_it() -> None:
@@ -109,10 +109,10 @@ def test_a_faster_line_is_offered_where_every_family_allows_it() -> None:
     with pytest.raises(ConfigError) as caught:
         parse(text, "site.toml", check=check_watchdogs)
 
-    assert caught.value.problems[0].mend.startswith("baud = ")
+    assert caught.value.problems[0].hint.startswith("baud = ")
 
 
-def test_the_lower_floors_get_plain_values() -> None:
+def test_the_lower_layers_get_plain_values() -> None:
     config = site(("every_s = 2.0", 'every_s = 0\nslot = 2\nmodel = "SSW900"\nresponse_time_s = 0.2'))
     line = config.lines[0]
 

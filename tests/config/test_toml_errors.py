@@ -1,4 +1,4 @@
-"""What is no TOML is said in our words, with its line, its column and the mend."""
+"""What is no TOML is said in our words, with its line, its column and the hint."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 from gateway.config.toml_errors import _MEANINGS, syntax_problem
 from tests.config.sites import SITE
 
-BAD = [  # text, line, what it begins with, a part of the mend
+BAD = [  # text, line, what it begins with, a part of the hint
     ("[gateway]\nname = \n", 2, "there is no value after the =, at column 8", "name ="),
     ("a = # none\n", 1, "there is no value after the =", "baud"),
     ("name = mcc1\n", 1, "'mcc1' is no value, at column 8", '"mcc1"'),
@@ -62,21 +62,21 @@ ENGLISH = re.compile(
 )
 
 
-@pytest.mark.parametrize(("text", "line", "what", "mend"), BAD)
+@pytest.mark.parametrize(("text", "line", "what", "hint"), BAD)
 def test_it_says_what_is_wrong_where_and_how_it_is_written(
-    text: str, line: int, what: str, mend: str
+    text: str, line: int, what: str, hint: str
 ) -> None:
     problem = syntax_problem(error_of(text), text)
 
     assert problem.line == line
     assert problem.what.startswith(what)
-    assert mend in problem.mend
+    assert hint in problem.hint
     assert not ENGLISH.search(problem.what)
 
 
 def test_every_message_of_the_parser_is_known() -> None:
     source = inspect.getsource(_parser)
-    told = [
+    reported = [
         message.replace("\\\\", "\\") for message in re.findall(r'_err\(\s*src, \w+, f?"([^"]+)"', source)
     ]
     known = (
@@ -88,8 +88,8 @@ def test_every_message_of_the_parser_is_known() -> None:
         "Expected {expect",
     )
 
-    assert len(told) > 15
-    assert [message for message in told if not message.startswith(known)] == []
+    assert len(reported) > 15
+    assert [message for message in reported if not message.startswith(known)] == []
 
 
 @pytest.mark.parametrize(
@@ -99,10 +99,10 @@ def test_a_message_that_is_not_known_is_a_plain_sentence(message: str) -> None:
     problem = syntax_problem(tomllib.TOMLDecodeError(message), "a = 1\nb = 2\n")
 
     assert problem.what.startswith("this is not written as TOML")
-    assert problem.mend == "see https://toml.io"
+    assert problem.hint == "see https://toml.io"
 
 
-def test_no_damage_to_a_file_is_told_in_the_parsers_words() -> None:
+def test_no_damage_to_a_file_is_reported_in_the_parsers_words() -> None:
     dice, seen = random.Random(13), 0
     for _ in range(3000):
         text = SITE

@@ -70,10 +70,10 @@ class JournalRun:
 
     async def note(self, noted: ResultRecord) -> None:
         """Note, and wait until that is on the disk."""
-        told = asyncio.Event()
-        self.journal.note(noted, then=told.set)
+        reported = asyncio.Event()
+        self.journal.note(noted, then=reported.set)
         async with asyncio.timeout(PATIENCE_S):
-            await told.wait()
+            await reported.wait()
 
     async def end(self) -> None:
         await asyncio.to_thread(self.store.close, within_s=PATIENCE_S)
@@ -86,9 +86,9 @@ class JournalRun:
         self._changed.set()
 
     def _from_thread(self, news: News, text: str) -> None:
-        self._loop.call_soon_threadsafe(self._hear, news)
+        self._loop.call_soon_threadsafe(self._receive, news)
 
-    def _hear(self, news: News) -> None:
+    def _receive(self, news: News) -> None:
         self.news.append(news)
         if news is News.OPEN:
             self.journal.resume()

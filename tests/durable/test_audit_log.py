@@ -40,20 +40,20 @@ def entries(folder: Path) -> list[dict[str, Any]]:
 
 
 class Trouble:
-    """What the log has told, and a way to wait for it."""
+    """What the log has reported, and a way to wait for it."""
 
     def __init__(self) -> None:
-        self.told: list[str] = []
+        self.reported: list[str] = []
         self._changed = threading.Condition()
 
-    def hear(self, trouble: str) -> None:
+    def receive(self, trouble: str) -> None:
         with self._changed:
-            self.told.append(trouble)
+            self.reported.append(trouble)
             self._changed.notify_all()
 
     def until(self, count: int) -> None:
         with self._changed:
-            assert self._changed.wait_for(lambda: len(self.told) >= count, PATIENCE_S)
+            assert self._changed.wait_for(lambda: len(self.reported) >= count, PATIENCE_S)
 
 
 @pytest.fixture
@@ -63,7 +63,7 @@ def trouble() -> Trouble:
 
 @pytest.fixture
 def log(tmp_path: Path, trouble: Trouble) -> Iterator[AuditLog]:
-    log = AuditLog(tmp_path / "audit", boot="boot-1", on_trouble=trouble.hear, retry_s=0.02)
+    log = AuditLog(tmp_path / "audit", boot="boot-1", on_trouble=trouble.receive, retry_s=0.02)
     yield log
     log.close(within_s=PATIENCE_S)
 
@@ -108,7 +108,7 @@ def test_entries_stand_in_their_order_and_the_chain_is_whole(log: AuditLog, tmp_
     assert verify(lines(folder), after=read_anchor(folder).head).problems == ()
 
 
-def test_a_disk_that_is_away_is_told_once_and_what_waited_is_written_later(
+def test_a_disk_that_is_away_is_reported_once_and_what_waited_is_written_later(
     log: AuditLog, tmp_path: Path, trouble: Trouble
 ) -> None:
     obstacle = tmp_path / "audit"
@@ -121,8 +121,8 @@ def test_a_disk_that_is_away_is_told_once_and_what_waited_is_written_later(
     trouble.until(2)
     assert log.close(within_s=PATIENCE_S)
 
-    assert trouble.told[0].startswith(str(obstacle))
-    assert trouble.told[1:] == [""]
+    assert trouble.reported[0].startswith(str(obstacle))
+    assert trouble.reported[1:] == [""]
     assert [entry["seq"] for entry in entries(obstacle)] == [1, 2]
 
 
@@ -146,10 +146,10 @@ def test_entries_that_are_too_many_are_counted(
     log.start()
     assert log.close(within_s=PATIENCE_S)
 
-    told = entries(tmp_path / "audit")
-    assert [entry.get("seq") for entry in told] == [0, 1, 2, None]
-    assert told[-1]["code"] == "entries_lost"
-    assert told[-1]["text"].startswith("2 entries")
+    reported = entries(tmp_path / "audit")
+    assert [entry.get("seq") for entry in reported] == [0, 1, 2, None]
+    assert reported[-1]["code"] == "entries_lost"
+    assert reported[-1]["text"].startswith("2 entries")
 
 
 def test_an_entry_that_cannot_be_written_at_all_is_counted_and_the_next_one_is_written(
@@ -172,8 +172,8 @@ def test_an_entry_that_cannot_be_written_at_all_is_counted_and_the_next_one_is_w
     log.put(record(2))
     assert log.close(within_s=PATIENCE_S)
 
-    told = entries(tmp_path / "audit")
-    assert [entry.get("code") for entry in told] == ["ok", "entries_lost"]
+    reported = entries(tmp_path / "audit")
+    assert [entry.get("code") for entry in reported] == ["ok", "entries_lost"]
 
 
 def test_a_log_that_was_never_started_is_closed_at_once(log: AuditLog) -> None:

@@ -86,7 +86,7 @@ def test_a_segment_that_was_given_up_but_not_yet_removed_is_not_counted(tmp_path
     assert first not in segments(tmp_path)
 
 
-def test_the_end_of_a_line_that_a_crash_cut_short_is_removed_and_told(tmp_path: Path) -> None:
+def test_the_end_of_a_line_that_a_crash_cut_short_is_removed_and_reported(tmp_path: Path) -> None:
     write(tmp_path, 2)
     with segment_path(tmp_path, 1).open("ab") as file:
         file.write(b'{"half of a li')
@@ -133,7 +133,7 @@ def test_a_segment_removed_while_the_gateway_writes_shows_in_the_chain(tmp_path:
     assert check(tmp_path).problems
 
 
-def test_a_folder_emptied_while_the_disk_was_away_is_told(tmp_path: Path) -> None:
+def test_a_folder_emptied_while_the_disk_was_away_is_reported(tmp_path: Path) -> None:
     with writer(tmp_path) as one:
         one.append([{"what": "a"}], note=note)
         one.close()
@@ -191,7 +191,7 @@ def test_without_an_anchor_the_chain_begins_at_its_beginning(tmp_path: Path) -> 
     assert read_anchor(tmp_path) == Anchor(0, Head())
 
 
-def test_a_damaged_anchor_without_segments_is_told_when_the_chain_begins(tmp_path: Path) -> None:
+def test_a_damaged_anchor_without_segments_is_reported_when_the_chain_begins(tmp_path: Path) -> None:
     (tmp_path / ANCHOR).write_text("nonsense")
 
     write(tmp_path, 1)

@@ -152,7 +152,7 @@ def test_what_is_no_line_of_ours_is_named(line: str) -> None:
     assert problem.startswith("here: ")
 
 
-def test_only_so_many_problems_are_told() -> None:
+def test_only_so_many_problems_are_reported() -> None:
     verdict = verify([("here", "nonsense")] * 100, after=Head())
 
     assert len(verdict.problems) == MOST_PROBLEMS + 1

@@ -48,7 +48,7 @@ async def test_what_may_have_been_written_is_remembered(
     assert [remembered.may_be_written for remembered in again.recalled] == [may_be_written]
 
 
-async def test_an_intent_is_on_the_disk_when_it_is_told(path: Path) -> None:
+async def test_an_intent_is_on_the_disk_when_it_is_reported(path: Path) -> None:
     run = await JournalRun(path).begin()
     run.journal.note(result("1"))
 
@@ -60,18 +60,18 @@ async def test_an_intent_is_on_the_disk_when_it_is_told(path: Path) -> None:
     assert [remembered.may_be_written for remembered in again.recalled] == [True]
 
 
-async def test_a_command_without_an_id_is_not_kept_but_told(path: Path) -> None:
+async def test_a_command_without_an_id_is_not_stored_but_reported(path: Path) -> None:
     run = await JournalRun(path).begin()
-    told: list[str] = []
+    reported: list[str] = []
 
-    run.journal.note(result(None), then=lambda: told.append("told"))
+    run.journal.note(result(None), then=lambda: reported.append("reported"))
     run.journal.note(result(None))
     await run.journal.intend(result(None))
     await run.end()
 
     again = await JournalRun(path).begin()
     await again.end()
-    assert told == ["told"]
+    assert reported == ["reported"]
     assert again.recalled == []
 
 
@@ -108,7 +108,7 @@ async def recalled(path: Path) -> list[Remembered]:
     return run.recalled
 
 
-async def test_a_stop_without_an_id_is_kept_until_it_ends(path: Path) -> None:
+async def test_a_stop_without_an_id_is_stored_until_it_ends(path: Path) -> None:
     run = await JournalRun(path).begin()
     await run.note(result(None, verb="stop"))
     await run.note(result(None, Phase.WRITTEN, verb="stop"))

@@ -16,7 +16,7 @@ from gateway.storage.worker import News
 from tests.durable.journal_run import PATIENCE_S, JournalRun, result
 
 
-def spoil(path: Path) -> None:
+def corrupt(path: Path) -> None:
     path.write_text("nonsense " * 100)
 
 
@@ -34,7 +34,7 @@ async def test_an_intent_that_the_disk_does_not_take_is_refused(path: Path) -> N
     assert "obstacle" in run.journal.trouble
 
 
-async def test_an_intent_that_takes_too_long_is_refused_and_that_is_told(
+async def test_an_intent_that_takes_too_long_is_refused_and_that_is_reported(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("gateway.storage.ledger.INTEND_WITHIN_S", 0.01)
@@ -51,23 +51,23 @@ async def test_an_intent_that_takes_too_long_is_refused_and_that_is_told(
     assert len(run.slow) == 1
 
 
-async def test_a_result_is_told_without_the_disk_when_that_takes_too_long_and_only_once(
+async def test_a_result_is_reported_without_the_disk_when_that_takes_too_long_and_only_once(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("gateway.storage.ledger.TELL_WITHIN_S", 0.01)
+    monkeypatch.setattr("gateway.storage.ledger.PUBLISH_WITHIN_S", 0.01)
     run = await JournalRun(path).begin()
     gate = threading.Event()
     run.store.submit(lambda connection: gate.wait(PATIENCE_S))
-    told: list[str] = []
+    reported: list[str] = []
     event = asyncio.Event()
 
-    run.journal.note(result("1", Phase.CONFIRMED), then=lambda: (told.append("told"), event.set())[0])
+    run.journal.note(result("1", Phase.CONFIRMED), then=lambda: (reported.append("reported"), event.set())[0])
     await event.wait()
     gate.set()
     await run.end()
     await asyncio.sleep(0)
 
-    assert told == ["told"]
+    assert reported == ["reported"]
 
 
 async def test_what_the_disk_missed_while_it_was_away_it_learns_later(path: Path) -> None:
@@ -115,7 +115,7 @@ async def test_what_waits_for_an_absent_disk_is_bounded(path: Path, monkeypatch:
 
 
 async def test_after_the_ledger_was_lost_commands_are_held_for_a_while(path: Path) -> None:
-    spoil(path)
+    corrupt(path)
     run = await JournalRun(path, hold_s=60.0).begin()
     held = run.journal.trouble
     await run.end()

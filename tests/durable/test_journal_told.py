@@ -24,63 +24,63 @@ def fail(*_: Any, **__: Any) -> Future[Any]:
 
 
 async def begin(path: Path) -> tuple[JournalRun, list[ResultRecord]]:
-    """Begin a run; return it with what it wants to have told again."""
-    untold: list[ResultRecord] = []
+    """Begin a run; return it with what it wants to have reported again."""
+    undelivered: list[ResultRecord] = []
     run = JournalRun(path)
-    run.journal.on_untold = untold.extend
+    run.journal.on_undelivered = undelivered.extend
     await run.begin()
     await run.journal.settle(5.0)
-    return run, untold
+    return run, undelivered
 
 
-async def test_a_final_result_that_nobody_acknowledged_is_wanted_told_again(path: Path) -> None:
-    run, untold = await begin(path)
-    assert untold == []
+async def test_a_final_result_that_no_one_acknowledged_is_wanted_reported_again(path: Path) -> None:
+    run, undelivered = await begin(path)
+    assert undelivered == []
     for id_, phase in (("1", Phase.CONFIRMED), ("2", Phase.WRITTEN), ("3", Phase.FAILED)):
         await run.note(result(id_, phase))
-    run.journal.told("alice/1")
-    run.journal.told("alice/1")
-    run.journal.told("alice/unknown")
+    run.journal.delivered("alice/1")
+    run.journal.delivered("alice/1")
+    run.journal.delivered("alice/unknown")
     await run.end()
 
-    again, untold = await begin(path)
-    assert untold == [result("3", Phase.FAILED)]
-    again.journal.told("alice/3")
+    again, undelivered = await begin(path)
+    assert undelivered == [result("3", Phase.FAILED)]
+    again.journal.delivered("alice/3")
     await again.end()
 
-    third, untold = await begin(path)
+    third, undelivered = await begin(path)
     await third.end()
-    assert untold == []
+    assert undelivered == []
 
 
-async def test_a_result_that_was_told_stays_so_when_its_command_is_repeated(path: Path) -> None:
+async def test_a_result_that_was_reported_stays_so_when_its_command_is_repeated(path: Path) -> None:
     run, _ = await begin(path)
     await run.note(result("1", Phase.CONFIRMED))
-    run.journal.told("alice/1")
+    run.journal.delivered("alice/1")
     await run.note(result("1", Phase.CONFIRMED, is_duplicate=True))
     await run.end()
 
-    again, untold = await begin(path)
+    again, undelivered = await begin(path)
     await again.end()
-    assert untold == []
+    assert undelivered == []
 
 
-async def test_what_was_told_while_the_disk_failed_is_noted_when_it_is_back(
+async def test_what_was_reported_while_the_disk_failed_is_noted_when_it_is_back(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run, _ = await begin(path)
     await run.note(result("1", Phase.CONFIRMED))
     with monkeypatch.context() as patched:
         patched.setattr(run.store, "submit", fail)
-        run.journal.told("alice/1")
+        run.journal.delivered("alice/1")
         await asyncio.sleep(0)
         await asyncio.sleep(0)
     run.journal.resume()
     await run.end()
 
-    again, untold = await begin(path)
+    again, undelivered = await begin(path)
     await again.end()
-    assert untold == []
+    assert undelivered == []
 
 
 async def test_what_the_disk_never_learns_of_is_bounded(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -91,18 +91,18 @@ async def test_what_the_disk_never_learns_of_is_bounded(path: Path, monkeypatch:
     with monkeypatch.context() as patched:
         patched.setattr(run.store, "submit", fail)
         for number in range(5):
-            run.journal.told(f"alice/{number}")
+            run.journal.delivered(f"alice/{number}")
         await asyncio.sleep(0)
         await asyncio.sleep(0)
     run.journal.resume()
     await run.end()
 
-    again, untold = await begin(path)
+    again, undelivered = await begin(path)
     await again.end()
-    assert [each.id for each in untold] == ["0", "1"]
+    assert [each.id for each in undelivered] == ["0", "1"]
 
 
-async def test_a_disk_that_is_away_keeps_nobody_waiting(path: Path) -> None:
+async def test_a_disk_that_is_away_keeps_no_one_waiting(path: Path) -> None:
     path.parent.joinpath("obstacle").touch()
     run = JournalRun(path.parent / "obstacle" / "x.sqlite")
     run.store.start()
@@ -113,18 +113,18 @@ async def test_a_disk_that_is_away_keeps_nobody_waiting(path: Path) -> None:
     await run.end()
 
 
-async def test_of_what_the_ledger_forgets_nothing_is_wanted_told(path: Path) -> None:
+async def test_of_what_the_ledger_forgets_nothing_is_wanted_reported(path: Path) -> None:
     run, _ = await begin(path)
     for number in range(FORGET_AT_ONCE):
         run.journal.note(result(str(number), Phase.CONFIRMED))
     await run.note(result("last", Phase.CONFIRMED))
 
     run.journal.forget([("alice", str(number)) for number in range(FORGET_AT_ONCE)])
-    untold = await run_untold(run)
+    undelivered = await run_untold(run)
     await run.end()
 
-    assert untold == {("alice", "last")}
+    assert undelivered == {("alice", "last")}
 
 
 async def run_untold(run: JournalRun) -> frozenset[tuple[str, str]]:
-    return await asyncio.wrap_future(run.store.submit(LedgerTable().untold))
+    return await asyncio.wrap_future(run.store.submit(LedgerTable().undelivered))

@@ -33,7 +33,7 @@ class Gateway:
             clock=SystemClock(),
             hold_s=0.0,
             is_read_only=is_read_only,
-            tell=self._tell,
+            publish_event=self._publish_event,
             retry_s=0.02,
         )
 
@@ -51,7 +51,7 @@ class Gateway:
     def codes(self) -> list[str]:
         return [code for code, _ in self.events]
 
-    def _tell(self, code: str, severity: Severity, text: str) -> None:
+    def _publish_event(self, code: str, severity: Severity, text: str) -> None:
         self.events.append((code, severity))
         self._changed.set()
 
@@ -80,7 +80,7 @@ async def test_a_run_leaves_its_ledger_and_its_audit_behind(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize(("is_read_only", "severity"), [(False, Severity.ERROR), (True, Severity.WARNING)])
-async def test_a_state_directory_that_cannot_be_made_is_told_and_recovers(
+async def test_a_state_directory_that_cannot_be_made_is_reported_and_recovers(
     tmp_path: Path, is_read_only: bool, severity: Severity
 ) -> None:
     obstacle = tmp_path / "state"
@@ -88,20 +88,20 @@ async def test_a_state_directory_that_cannot_be_made_is_told_and_recovers(
     gateway = Gateway(obstacle, is_read_only=is_read_only)
     gateway.keeper.start("9.9", on_recalled=gateway._recall)
     await gateway.until(lambda: len(gateway.events) == 2)
-    told = sorted(gateway.events)
+    reported = sorted(gateway.events)
     assert gateway.keeper.journal.trouble
     obstacle.unlink()
     await gateway.until(lambda: len(gateway.events) == 4)
     await gateway.until(lambda: not gateway.keeper.journal.trouble)
     await gateway.keeper.close("over")
 
-    assert told == [("audit_unavailable", severity), ("ledger_unavailable", severity)]
+    assert reported == [("audit_unavailable", severity), ("ledger_unavailable", severity)]
     assert sorted(gateway.codes()[2:]) == ["audit_available", "ledger_available"]
     assert said(obstacle) == ["gateway_started", "gateway_ended"]
 
 
-async def test_a_lost_ledger_is_told(tmp_path: Path) -> None:
-    spoil(tmp_path)
+async def test_a_lost_ledger_is_reported(tmp_path: Path) -> None:
+    corrupt(tmp_path)
 
     gateway = await Gateway(tmp_path).begin()
     await gateway.keeper.close("over")
@@ -109,7 +109,7 @@ async def test_a_lost_ledger_is_told(tmp_path: Path) -> None:
     assert gateway.codes() == ["ledger_lost"]
 
 
-async def test_a_slow_disk_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_slow_disk_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gateway.storage.ledger.INTEND_WITHIN_S", 0.0)
     gateway = await Gateway(tmp_path).begin()
 
@@ -124,5 +124,5 @@ async def test_a_keeper_that_never_began_is_closed_at_once(tmp_path: Path) -> No
     await Gateway(tmp_path).keeper.close("over")
 
 
-def spoil(state_dir: Path) -> None:
+def corrupt(state_dir: Path) -> None:
     (state_dir / FILE).write_text("nonsense " * 100)

@@ -26,7 +26,7 @@ ROW = LedgerRow(
 )
 
 
-class Kept:
+class Stored:
     """A table in a database of its own, used without a thread."""
 
     def __init__(self, folder: Path, table: LedgerTable) -> None:
@@ -54,94 +54,94 @@ class Kept:
 
 
 @pytest.fixture
-def kept(tmp_path: Path) -> Iterator[Kept]:
-    kept = Kept(tmp_path, LedgerTable())
-    yield kept
-    kept.database.close()
+def stored(tmp_path: Path) -> Iterator[Stored]:
+    stored = Stored(tmp_path, LedgerTable())
+    yield stored
+    stored.database.close()
 
 
 def final(id_: str, since_s: float = 10.0) -> LedgerRow:
     return replace(ROW, id=id_, phase="confirmed", is_final=1, since_s=since_s)
 
 
-def test_a_row_is_returned_as_it_was_put(kept: Kept) -> None:
-    kept.put(ROW)
+def test_a_row_is_returned_as_it_was_put(stored: Stored) -> None:
+    stored.put(ROW)
 
-    assert kept.rows() == [ROW]
-
-
-def test_a_later_phase_replaces_the_earlier_one_but_not_the_commands_age(kept: Kept) -> None:
-    kept.put(ROW)
-
-    kept.put(replace(final("1"), since_s=99.0))
-
-    assert kept.rows() == [final("1")]
+    assert stored.rows() == [ROW]
 
 
-def test_what_may_have_been_written_stays_so(kept: Kept) -> None:
-    kept.put(replace(ROW, may_be_written=1))
+def test_a_later_phase_replaces_the_earlier_one_but_not_the_commands_age(stored: Stored) -> None:
+    stored.put(ROW)
 
-    kept.put(replace(ROW, phase="written"))
+    stored.put(replace(final("1"), since_s=99.0))
 
-    assert kept.rows()[0].may_be_written == 1
+    assert stored.rows() == [final("1")]
 
 
-def test_rows_come_in_the_order_of_their_commands(kept: Kept) -> None:
-    kept.put(final("b"), final("a"), final("c"))
+def test_what_may_have_been_written_stays_so(stored: Stored) -> None:
+    stored.put(replace(ROW, may_be_written=1))
 
-    kept.put(final("b"))
+    stored.put(replace(ROW, phase="written"))
 
-    assert kept.ids() == ["b", "a", "c"]
+    assert stored.rows()[0].may_be_written == 1
+
+
+def test_rows_come_in_the_order_of_their_commands(stored: Stored) -> None:
+    stored.put(final("b"), final("a"), final("c"))
+
+    stored.put(final("b"))
+
+    assert stored.ids() == ["b", "a", "c"]
 
 
 @pytest.mark.parametrize("since_s", [-1.0e9, 10.0, 1.8e9])
 def test_no_row_goes_by_itself_whatever_the_clock_says_and_however_many_there_are(
-    kept: Kept, since_s: float
+    stored: Stored, since_s: float
 ) -> None:
-    kept.put(*(final(str(number), since_s=since_s) for number in range(300)))
+    stored.put(*(final(str(number), since_s=since_s) for number in range(300)))
 
-    assert kept.ids() == [str(number) for number in range(300)]
-
-
-def test_what_the_ledger_forgets_goes(kept: Kept) -> None:
-    kept.put(*(final(str(number)) for number in range(4)))
-
-    kept.forget(("alice", "1"), ("alice", "3"), ("bob", "0"))
-
-    assert kept.ids() == ["0", "2"]
+    assert stored.ids() == [str(number) for number in range(300)]
 
 
-def test_a_stop_without_an_id_goes_with_those_of_earlier_runs_for_the_same_starter(kept: Kept) -> None:
+def test_what_the_ledger_forgets_goes(stored: Stored) -> None:
+    stored.put(*(final(str(number)) for number in range(4)))
+
+    stored.forget(("alice", "1"), ("alice", "3"), ("bob", "0"))
+
+    assert stored.ids() == ["0", "2"]
+
+
+def test_a_stop_without_an_id_goes_with_those_of_earlier_runs_for_the_same_starter(stored: Stored) -> None:
     unnamed = [f"{UNNAMED}run-1/pump-1", f"{UNNAMED}run-2/pump-1"]
     other = replace(ROW, id=f"{UNNAMED}run-1/fan", starter="fan")
-    kept.put(*(replace(ROW, id=id_) for id_ in unnamed), other, replace(ROW, id="named"))
+    stored.put(*(replace(ROW, id=id_) for id_ in unnamed), other, replace(ROW, id="named"))
 
-    kept.forget(("alice", f"{UNNAMED}run-2/pump-1"))
+    stored.forget(("alice", f"{UNNAMED}run-2/pump-1"))
 
-    assert kept.ids() == [other.id, "named"]
+    assert stored.ids() == [other.id, "named"]
 
 
-def test_room_is_made_from_what_may_be_repeated_and_what_was_acted_on_keeps_its_key(kept: Kept) -> None:
+def test_room_is_made_from_what_may_be_repeated_and_what_was_acted_on_keeps_its_key(stored: Stored) -> None:
     harmless = [replace(final(f"no {n}"), phase="rejected") for n in range(9)]
     harmless.append(replace(final("read"), verb="read"))
     acted = replace(final("acted"), text="x" * 500, extra='{"values": 5}')
-    kept.put(replace(ROW, id="under way"), acted, *harmless)
+    stored.put(replace(ROW, id="under way"), acted, *harmless)
 
-    kept.database.make_room()
-    assert kept.ids() == ["under way", "acted", "no 6", "no 7", "no 8", "read"]
+    stored.database.make_room()
+    assert stored.ids() == ["under way", "acted", "no 6", "no 7", "no 8", "read"]
     for _ in range(4):
-        kept.database.make_room()
+        stored.database.make_room()
 
-    assert kept.ids() == ["under way", "acted"]
-    row = kept.rows()[1]
+    assert stored.ids() == ["under way", "acted"]
+    row = stored.rows()[1]
     assert (row.extra, len(row.text), row.phase) == ("{}", 40, "confirmed")
 
 
 @pytest.mark.parametrize("column", ["time_s", "since_s"])
-def test_a_row_that_has_lost_its_shape_is_damage(kept: Kept, column: str) -> None:
-    kept.put(ROW)
+def test_a_row_that_has_lost_its_shape_is_damage(stored: Stored, column: str) -> None:
+    stored.put(ROW)
 
-    kept.database.transact([lambda connection: connection.execute(f"UPDATE ledger SET {column} = 'x'")])
+    stored.database.transact([lambda connection: connection.execute(f"UPDATE ledger SET {column} = 'x'")])
 
     with pytest.raises(DamagedError):
-        kept.rows()
+        stored.rows()

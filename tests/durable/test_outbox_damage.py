@@ -1,4 +1,4 @@
-"""Whatever became of the outbox's file, the gateway starts, sends what is new, and tells no nonsense."""
+"""Whatever became of the outbox's file, the gateway starts, sends what is new, and reports no nonsense."""
 
 from __future__ import annotations
 
@@ -36,7 +36,9 @@ def damage_all(folder: Path, dice: random.Random) -> None:
 
 
 @pytest.mark.parametrize("seed", range(WAYS))
-def test_a_damaged_file_never_prevents_the_start_and_no_nonsense_is_told(tmp_path: Path, seed: int) -> None:
+def test_a_damaged_file_never_prevents_the_start_and_no_nonsense_is_reported(
+    tmp_path: Path, seed: int
+) -> None:
     dice = random.Random(seed)
     texts = {str(number) for number in range(300)}
 

@@ -36,13 +36,13 @@ class Opened:
         return self
 
     async def open(self) -> Opened:
-        self.disk.start(self._hear)
+        self.disk.start(self._receive)
         return await self.until(News.OPEN)
 
     async def close(self) -> None:
         assert await self.disk.close(PATIENCE_S)
 
-    def _hear(self, news: News, text: str) -> None:
+    def _receive(self, news: News, text: str) -> None:
         assert text
         assert threading.current_thread() is threading.main_thread()
         self.news.append(news)
@@ -68,7 +68,7 @@ async def test_rows_of_earlier_runs_have_numbers_up_to_0(tmp_path: Path) -> None
     assert [(each.number, each.payload) for each in new.rows] == [(1, b"1")]
 
 
-async def test_what_had_to_be_dropped_is_told_in_the_numbers_of_this_run(tmp_path: Path) -> None:
+async def test_what_had_to_be_dropped_is_reported_in_the_numbers_of_this_run(tmp_path: Path) -> None:
     first = await Opened(tmp_path, most_rows=100).open()
     await first.disk.recall()
     assert await first.disk.apply(Changes(tuple(row(number) for number in range(1, 61)))) == ()
@@ -97,11 +97,11 @@ async def test_a_file_that_is_full_makes_room_and_says_what_it_cost(tmp_path: Pa
     assert opened.news == [News.OPEN]
 
 
-async def test_a_place_that_cannot_be_made_is_told_and_found_again(tmp_path: Path) -> None:
+async def test_a_place_that_cannot_be_made_is_reported_and_found_again(tmp_path: Path) -> None:
     place = tmp_path / "state"
     place.touch()
     opened = Opened(place)
-    opened.disk.start(opened._hear)
+    opened.disk.start(opened._receive)
     await opened.until(News.AWAY)
     assert "state" in opened.disk.trouble
     with pytest.raises(StoreError):
@@ -114,7 +114,7 @@ async def test_a_place_that_cannot_be_made_is_told_and_found_again(tmp_path: Pat
     await opened.close()
 
 
-async def test_a_disk_that_never_began_is_closed_at_once_and_tells_nobody(tmp_path: Path) -> None:
+async def test_a_disk_that_never_began_is_closed_at_once_and_reports_nothing(tmp_path: Path) -> None:
     disk = OutboxDisk(tmp_path)
     disk._from_store(News.OPEN, "")
 

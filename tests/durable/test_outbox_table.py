@@ -29,7 +29,7 @@ def row(number: int, kind: Kind = Kind.EVENT, **more: Any) -> Row:
     return Row(number, kind, **fields)
 
 
-class Kept:
+class Stored:
     """A table in a database of its own."""
 
     def __init__(self, folder: Path, table: OutboxTable) -> None:
@@ -55,50 +55,50 @@ class Kept:
 
 
 @pytest.fixture
-def kept(tmp_path: Path) -> Iterator[Kept]:
-    kept = Kept(tmp_path, OutboxTable(most_rows=100))
-    yield kept
-    kept.database.close()
+def stored(tmp_path: Path) -> Iterator[Stored]:
+    stored = Stored(tmp_path, OutboxTable(most_rows=100))
+    yield stored
+    stored.database.close()
 
 
-def test_rows_come_back_as_they_were_put_each_kind_for_itself(kept: Kept) -> None:
+def test_rows_come_back_as_they_were_put_each_kind_for_itself(stored: Stored) -> None:
     rows = [
         row(1, payload=b"\xff\x00", correlation=b"\x01"),
         row(2, Kind.RESULT, key="alice/7"),
         row(3, topic="b/ümlaut"),
         row(4, Kind.VALUE),
     ]
-    kept.apply(*rows)
+    stored.apply(*rows)
 
-    assert kept.page(Kind.EVENT) == Page((rows[0], rows[2]), is_last=True)
-    assert kept.page(Kind.RESULT) == Page((rows[1],), is_last=True)
-    assert kept.page(Kind.EVENT, after=1) == Page((rows[2],), is_last=True)
-    assert kept.page(Kind.EVENT, before=3, most=1) == Page((rows[0],), is_last=True)
-    assert kept.page(Kind.EVENT, before=4, most=1) == Page((rows[0],), is_last=False)
-
-
-def test_a_row_that_is_put_again_takes_its_own_place(kept: Kept) -> None:
-    kept.apply(row(1))
-    kept.apply(row(1, payload=b"again"))
-
-    assert kept.page(Kind.EVENT).rows == (row(1, payload=b"again"),)
+    assert stored.page(Kind.EVENT) == Page((rows[0], rows[2]), is_last=True)
+    assert stored.page(Kind.RESULT) == Page((rows[1],), is_last=True)
+    assert stored.page(Kind.EVENT, after=1) == Page((rows[2],), is_last=True)
+    assert stored.page(Kind.EVENT, before=3, most=1) == Page((rows[0],), is_last=True)
+    assert stored.page(Kind.EVENT, before=4, most=1) == Page((rows[0],), is_last=False)
 
 
-def test_what_is_gone_is_gone(kept: Kept) -> None:
-    kept.apply(row(1), row(2), row(3, Kind.RESULT))
-    kept.apply(gone=((Kind.EVENT, 1), (Kind.RESULT, 3), (Kind.VALUE, 77)))
+def test_a_row_that_is_put_again_takes_its_own_place(stored: Stored) -> None:
+    stored.apply(row(1))
+    stored.apply(row(1, payload=b"again"))
 
-    assert kept.do(kept.table.recall)[1].shares[Kind.EVENT] == Share(1, 7 + 9 + 220, 2.0)
-    assert kept.numbers(Kind.RESULT) == []
+    assert stored.page(Kind.EVENT).rows == (row(1, payload=b"again"),)
 
 
-def test_the_next_run_learns_what_there_is(kept: Kept) -> None:
-    kept.apply(
+def test_what_is_gone_is_gone(stored: Stored) -> None:
+    stored.apply(row(1), row(2), row(3, Kind.RESULT))
+    stored.apply(gone=((Kind.EVENT, 1), (Kind.RESULT, 3), (Kind.VALUE, 77)))
+
+    assert stored.do(stored.table.recall)[1].shares[Kind.EVENT] == Share(1, 7 + 9 + 220, 2.0)
+    assert stored.numbers(Kind.RESULT) == []
+
+
+def test_the_next_run_learns_what_there_is(stored: Stored) -> None:
+    stored.apply(
         row(5, Kind.VALUE), row(7, Kind.RESULT, key="alice/7"), losses=(Loss("x", Kind.VALUE, 2, 1.0, None),)
     )
-    kept.apply(losses=(Loss("x", Kind.VALUE, 3, None, 9.0), Loss("y", Kind.EVENT, 1, 4.0, 4.0)))
+    stored.apply(losses=(Loss("x", Kind.VALUE, 3, None, 9.0), Loss("y", Kind.EVENT, 1, 4.0, 4.0)))
 
-    highest, recalled = kept.do(kept.table.recall)
+    highest, recalled = stored.do(stored.table.recall)
 
     assert highest == 7
     assert recalled.shares[Kind.EVENT] == Share(0, 0, 0.0)
@@ -107,93 +107,93 @@ def test_the_next_run_learns_what_there_is(kept: Kept) -> None:
     assert set(recalled.losses) == {Loss("x", Kind.VALUE, 5, 1.0, 9.0), Loss("y", Kind.EVENT, 1, 4.0, 4.0)}
 
 
-def test_losses_that_were_told_are_forgotten_before_new_ones_are_noted(kept: Kept) -> None:
-    kept.apply(losses=(Loss("x", Kind.VALUE, 2, 1.0, 1.0),))
-    kept.apply(losses=(Loss("x", Kind.VALUE, 1, 2.0, 2.0),), are_losses_told=True)
+def test_losses_that_were_reported_are_forgotten_before_new_ones_are_noted(stored: Stored) -> None:
+    stored.apply(losses=(Loss("x", Kind.VALUE, 2, 1.0, 1.0),))
+    stored.apply(losses=(Loss("x", Kind.VALUE, 1, 2.0, 2.0),), are_losses_declared=True)
 
-    assert kept.do(kept.table.recall)[1].losses == (Loss("x", Kind.VALUE, 1, 2.0, 2.0),)
+    assert stored.do(stored.table.recall)[1].losses == (Loss("x", Kind.VALUE, 1, 2.0, 2.0),)
 
 
-def test_too_many_rows_cost_the_oldest_values_then_events_then_results(kept: Kept) -> None:
+def test_too_many_rows_cost_the_oldest_values_then_events_then_results(stored: Stored) -> None:
     kinds = [Kind.RESULT, Kind.EVENT, Kind.VALUE]
-    assert kept.apply(*(row(number, kinds[number % 3]) for number in range(90))) == ()
+    assert stored.apply(*(row(number, kinds[number % 3]) for number in range(90))) == ()
 
-    first = kept.apply(*(row(number, Kind.RESULT) for number in range(90, 120)))
+    first = stored.apply(*(row(number, Kind.RESULT) for number in range(90, 120)))
     assert first == (Loss(FULL, Kind.VALUE, 21, 2.0, 62.0, 62),)
 
-    second = kept.apply(*(row(number, Kind.RESULT) for number in range(120, 150)))
+    second = stored.apply(*(row(number, Kind.RESULT) for number in range(120, 150)))
     assert [(loss.kind, loss.rows, loss.upto) for loss in second] == [
         (Kind.VALUE, 9, 89),
         (Kind.EVENT, 21, 61),
     ]
 
-    third = kept.apply(*(row(number, Kind.RESULT) for number in range(150, 180)))
+    third = stored.apply(*(row(number, Kind.RESULT) for number in range(150, 180)))
     assert [(loss.kind, loss.rows) for loss in third] == [(Kind.EVENT, 9), (Kind.RESULT, 21)]
-    assert len(kept.numbers(Kind.RESULT)) == 99
-    declared = {(loss.kind, loss.rows) for loss in kept.do(kept.table.recall)[1].losses}
+    assert len(stored.numbers(Kind.RESULT)) == 99
+    declared = {(loss.kind, loss.rows) for loss in stored.do(stored.table.recall)[1].losses}
     assert declared == {(Kind.VALUE, 30), (Kind.EVENT, 30), (Kind.RESULT, 21)}
 
 
-def test_a_full_file_makes_room_and_tells_once_what_it_cost(kept: Kept) -> None:
-    kept.apply(*(row(number, Kind.VALUE) for number in range(50)))
+def test_a_full_file_makes_room_and_reports_once_what_it_cost(stored: Stored) -> None:
+    stored.apply(*(row(number, Kind.VALUE) for number in range(50)))
 
-    kept.database.make_room()
+    stored.database.make_room()
 
-    assert kept.table.take_made_room() == (Loss(FULL, Kind.VALUE, 6, 0.0, 5.0, 5),)
-    assert kept.table.take_made_room() == ()
-    assert kept.numbers(Kind.VALUE) == list(range(6, 50))
-    assert kept.do(kept.table.recall)[1].losses == (Loss(FULL, Kind.VALUE, 6, 0.0, 5.0),)
+    assert stored.table.take_made_room() == (Loss(FULL, Kind.VALUE, 6, 0.0, 5.0, 5),)
+    assert stored.table.take_made_room() == ()
+    assert stored.numbers(Kind.VALUE) == list(range(6, 50))
+    assert stored.do(stored.table.recall)[1].losses == (Loss(FULL, Kind.VALUE, 6, 0.0, 5.0),)
 
 
-def test_room_is_made_in_an_empty_file_too(kept: Kept) -> None:
-    kept.database.make_room()
+def test_room_is_made_in_an_empty_file_too(stored: Stored) -> None:
+    stored.database.make_room()
 
-    assert kept.table.take_made_room() == ()
+    assert stored.table.take_made_room() == ()
 
 
 @pytest.mark.parametrize(
     "damage",
     ["payload = x'00'", "topic = 'b/#'", "time_s = 'soon'", "boot = 7", "checksum = 0", "correlation = 1.5"],
 )
-def test_a_damaged_row_is_never_told_but_declared(kept: Kept, damage: str) -> None:
-    kept.apply(row(1), row(2), row(3))
-    kept.execute(f"UPDATE spool SET {damage} WHERE number = 2")
+def test_a_damaged_row_is_never_reported_but_declared(stored: Stored, damage: str) -> None:
+    stored.apply(row(1), row(2), row(3))
+    stored.execute(f"UPDATE spool SET {damage} WHERE number = 2")
 
-    page = kept.page(Kind.EVENT)
+    page = stored.page(Kind.EVENT)
 
     assert page == Page((row(1), row(3)), is_last=True, losses=(Loss(DAMAGED, Kind.EVENT, 1, None, None),))
-    assert kept.page(Kind.EVENT) == Page((row(1), row(3)), is_last=True)
-    assert kept.do(kept.table.recall)[1].losses == page.losses
+    assert stored.page(Kind.EVENT) == Page((row(1), row(3)), is_last=True)
+    assert stored.do(stored.table.recall)[1].losses == page.losses
 
 
 @pytest.mark.parametrize("number", ["'last'", "-5", str(2**61)])
-def test_numbers_that_make_no_sense_are_damage(kept: Kept, number: str) -> None:
-    kept.execute("CREATE TABLE spool2 AS SELECT * FROM spool")
-    kept.execute("DROP TABLE spool")
-    kept.execute("ALTER TABLE spool2 RENAME TO spool")
-    kept.execute(f"INSERT INTO spool VALUES (1, {number}, '', '', x'', NULL, '', 1.0, 0)")
+def test_numbers_that_make_no_sense_are_damage(stored: Stored, number: str) -> None:
+    stored.execute("CREATE TABLE spool2 AS SELECT * FROM spool")
+    stored.execute("DROP TABLE spool")
+    stored.execute("ALTER TABLE spool2 RENAME TO spool")
+    stored.execute(f"INSERT INTO spool VALUES (1, {number}, '', '', x'', NULL, '', 1.0, 0)")
 
     with pytest.raises(DamagedError):
-        kept.do(kept.table.recall)
+        stored.do(stored.table.recall)
 
 
-def test_times_and_losses_that_make_no_sense_are_left_out(kept: Kept) -> None:
-    kept.apply(row(1), losses=(Loss("x", Kind.VALUE, 2, 1.0, 1.0), Loss("y", Kind.EVENT, 2, 1.0, 1.0)))
-    kept.execute("UPDATE spool SET time_s = 'soon'")
-    kept.execute("UPDATE loss SET kind = 9 WHERE reason = 'x'")
-    kept.execute("UPDATE loss SET first_s = 'soon'")
+def test_times_and_losses_that_make_no_sense_are_left_out(stored: Stored) -> None:
+    stored.apply(row(1), losses=(Loss("x", Kind.VALUE, 2, 1.0, 1.0), Loss("y", Kind.EVENT, 2, 1.0, 1.0)))
+    stored.execute("UPDATE spool SET time_s = 'soon'")
+    stored.execute("UPDATE loss SET kind = 9 WHERE reason = 'x'")
+    stored.execute("UPDATE loss SET first_s = 'soon'")
 
-    _, recalled = kept.do(kept.table.recall)
+    _, recalled = stored.do(stored.table.recall)
 
     assert recalled.shares[Kind.EVENT].first_s == 0.0
     assert recalled.losses == (Loss("y", Kind.EVENT, 2, None, 1.0),)
 
 
-def test_of_what_the_broker_refused_the_newest_are_kept(kept: Kept) -> None:
+def test_of_what_the_broker_refused_the_newest_are_stored(stored: Stored) -> None:
     for number in range(MOST_REFUSED + 20):
-        kept.apply(refusals=(Refusal(float(number), 0x87, "b/event", b"x"),))
+        stored.apply(refusals=(Refusal(float(number), 0x87, "b/event", b"x"),))
 
-    refused = kept.do(kept.table.refused)
+    refused = stored.do(stored.table.refused)
 
     assert [each.time_s for each in refused] == [float(number) for number in range(20, MOST_REFUSED + 20)]
     assert refused[0] == Refusal(20.0, 0x87, "b/event", b"x")

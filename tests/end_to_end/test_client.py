@@ -19,7 +19,7 @@ TOPICS = Topics("starters/mcc1")
 
 
 class PlayedGateway:
-    """Says that it is online, and answers as told."""
+    """Says that it is online, and answers as reported."""
 
     def __init__(self, broker: MosquittoBroker, watcher: Watcher) -> None:
         self._broker = broker
@@ -144,7 +144,7 @@ async def test_a_stop_goes_out_even_when_no_gateway_seems_to_be_there(
     if state is not None:
         PlayedGateway.come_online(broker, state)
     async with broker.watch(TOPICS.command_filter) as watcher:
-        with pytest.raises(BrokerError, match="the stop was sent, and nobody answered"):
+        with pytest.raises(BrokerError, match="the stop was sent, and no gateway answered"):
             await client(broker).stop("pump-1")
         topic, body = await PlayedGateway(broker, watcher).command()
 
@@ -172,7 +172,7 @@ async def test_a_gateway_that_publishes_no_token_is_sent_nothing_but_a_stop(
     assert topic.endswith("/stop")
 
 
-async def test_a_stop_that_no_gateway_seemed_to_hear_may_still_be_answered(
+async def test_a_stop_that_no_gateway_seemed_to_receive_may_still_be_answered(
     start_mosquitto: StartMosquitto,
 ) -> None:
     broker = start_mosquitto()
@@ -218,7 +218,7 @@ async def test_a_connection_lost_after_the_command_leaves_its_end_unknown(
         _, body = await PlayedGateway(broker, watcher).command()
         broker.kill()
 
-        with pytest.raises(NoResultError, match="was lost before the end was told") as unknown:
+        with pytest.raises(NoResultError, match="was lost before the final result") as unknown:
             await asking
 
     assert unknown.value.id == body["id"]

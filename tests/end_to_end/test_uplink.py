@@ -1,4 +1,4 @@
-"""The way up moves to another broker: goodbye there, everything afresh here, nothing kept is lost."""
+"""The way up moves to another broker: goodbye there, everything afresh here, nothing stored is lost."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CONFIG = (
     '[[line]]\nname = "l"\nport = "/dev/x"\nbaud = 9600\nframing = "8N2"\n'
     '[[line.starter]]\nname = "pump"\naddress = 1\nfamily = "ssw07"\n'
 )
-NOBODY = 9
+NO_ONE = 9
 
 
 def site(folder: Path, port: int, *, more: str = "", password: str | None = None) -> Site:
@@ -36,17 +36,17 @@ def site(folder: Path, port: int, *, more: str = "", password: str | None = None
 
 
 class Links:
-    """Hears of the connection."""
+    """Receives events of the connection."""
 
     def __init__(self) -> None:
-        self.told: asyncio.Queue[tuple[bool, str]] = asyncio.Queue()
+        self.reported: asyncio.Queue[tuple[bool, str]] = asyncio.Queue()
 
     def note(self, is_connected: bool, trouble: str) -> None:
-        self.told.put_nowait((is_connected, trouble))
+        self.reported.put_nowait((is_connected, trouble))
 
     async def next(self) -> tuple[bool, str]:
         async with asyncio.timeout(10.0):
-            return await self.told.get()
+            return await self.reported.get()
 
 
 @asynccontextmanager
@@ -117,7 +117,7 @@ async def test_nothing_moves_when_broker_and_login_are_the_same(
 
         await up.move(site(tmp_path, broker.port))
 
-        assert links.told.empty()
+        assert links.reported.empty()
 
 
 async def test_another_password_alone_is_another_login(
@@ -139,7 +139,7 @@ async def test_a_broker_that_was_never_there_is_left_at_once(
     start_mosquitto: StartMosquitto, tmp_path: Path
 ) -> None:
     broker = start_mosquitto()
-    async with uplink(site(tmp_path, NOBODY)) as (up, links):
+    async with uplink(site(tmp_path, NO_ONE)) as (up, links):
         assert not (await links.next())[0]
 
         async with asyncio.timeout(2.0):

@@ -31,7 +31,7 @@ def test_only_registers_that_differ_are_written() -> None:
     assert frames("sst", "configure", args, R41=30, R33=20, **AT_REST) == [ENTER, LEAVE]
 
 
-def test_only_the_low_byte_tells_whether_a_register_differs() -> None:
+def test_only_the_low_byte_decides_whether_a_register_differs() -> None:
     assert frames("sst", "configure", {"R41": 30}, R41=0x011E, **AT_REST) == [ENTER, LEAVE]
 
 

@@ -64,7 +64,9 @@ def test_a_rule_holds_on_what_it_demands_and_on_nothing_else(
         ("is_stopped", {"full_voltage": True}),
     ],
 )
-def test_the_rules_of_the_sst_are_told_from_its_coils_and_register_19(rule: str, bad: dict[str, Any]) -> None:
+def test_the_rules_of_the_sst_are_decoded_from_its_coils_and_register_19(
+    rule: str, bad: dict[str, Any]
+) -> None:
     good = {**SST_AT_REST, "coil7": False, "coil8": False}
 
     assert broken("sst", (rule,), good) == []

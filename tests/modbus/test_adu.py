@@ -61,7 +61,7 @@ def test_a_crc_with_its_bytes_exchanged_is_refused() -> None:
 
 
 @pytest.mark.parametrize("size", [0, 1])
-def test_less_than_a_function_tells_no_length(size: int) -> None:
+def test_less_than_a_function_gives_no_length(size: int) -> None:
     head = b"\x01"[:size]
 
     assert adu.reply_adu_size(head) is None
@@ -95,7 +95,7 @@ def test_a_byte_count_that_no_frame_can_hold_is_refused(function: int) -> None:
 
 
 @pytest.mark.parametrize("function", [0, 7, 8, 17, 24, 42, 44, 127, 0x80, 0x87, 0xFF])
-def test_a_function_that_nobody_asked_for_begins_no_reply_and_no_request(function: int) -> None:
+def test_a_function_that_no_one_asked_for_begins_no_reply_and_no_request(function: int) -> None:
     head = bytes((1, function))
 
     with pytest.raises(BadFrameError, match="function"):
@@ -132,7 +132,7 @@ def test_a_broadcast_is_a_request() -> None:
         ("01 17 00 00 00 01 00 00 00 02 04", 17),
     ],
 )
-def test_the_length_of_a_request_is_told_from_its_first_bytes(head: str, size: int | None) -> None:
+def test_the_length_of_a_request_is_known_from_its_first_bytes(head: str, size: int | None) -> None:
     assert adu.request_adu_size(bytes.fromhex(head)) == size
 
 

@@ -17,7 +17,7 @@ def test_a_request_is_four_bytes() -> None:
     assert ReadDeviceIdentification(read_code=4, object_id=2).encode() == bytes.fromhex("2B 0E 04 02")
 
 
-def test_its_reply_alone_tells_its_length() -> None:
+def test_only_its_reply_contains_its_length() -> None:
     assert BASIC.reply_size() is None
 
 
@@ -44,7 +44,7 @@ def test_the_conformity_level_does_not_matter(conformity: str) -> None:
     assert said == DeviceIdentification(objects={0: "WEG"})
 
 
-def test_more_follows_and_where_to_go_on_are_told() -> None:
+def test_more_follows_and_where_to_go_on_are_reported() -> None:
     said = BASIC.decode_reply(reply("81 FF 02 01 00 03 57 45 47"))
 
     assert (said.more_follows, said.next_object) == (True, 2)

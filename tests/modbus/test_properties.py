@@ -79,7 +79,7 @@ def test_every_change_of_one_byte_of_one_frame_is_refused() -> None:
 
 @PROPERTY
 @given(units, reply_pdus())
-def test_the_length_of_a_reply_is_told_right_by_every_beginning_that_tells_it(unit: int, pdu: bytes) -> None:
+def test_the_length_of_a_reply_is_given_right_by_every_beginning_that_gives_it(unit: int, pdu: bytes) -> None:
     frame = adu.encode(unit, pdu)
 
     sizes = [adu.reply_adu_size(frame[:length]) for length in range(len(frame) + 1)]
@@ -92,7 +92,7 @@ def test_the_length_of_a_reply_is_told_right_by_every_beginning_that_tells_it(un
 
 @PROPERTY
 @given(units, requests())
-def test_the_length_of_a_request_is_told_right_by_every_beginning_that_tells_it(
+def test_the_length_of_a_request_is_given_right_by_every_beginning_that_gives_it(
     unit: int, request: KnownRequest
 ) -> None:
     frame = adu.encode(unit, request.encode())

@@ -115,7 +115,7 @@ def test_a_number_that_fits_no_register_is_refused(word: int) -> None:
             build()
 
 
-def test_reads_and_writes_are_told_apart() -> None:
+def test_reads_and_writes_are_distinguished() -> None:
     reads = {type(request).__name__ for request in REQUESTS if not request.is_write}
 
     assert reads == {"ReadCoils", "ReadDiscreteInputs", "ReadHoldingRegisters", "ReadInputRegisters"}
@@ -169,7 +169,7 @@ def test_only_its_own_exception_counts(request_: Any) -> None:
 
 
 @pytest.mark.parametrize("code", [4, 6])
-def test_the_exceptions_of_the_sst_are_told(code: int) -> None:
+def test_the_exceptions_of_the_sst_are_decoded(code: int) -> None:
     assert exception_code(ReadInputRegisters(0, 43), bytes((0x84, code))) == code
 
 
@@ -219,7 +219,7 @@ def test_an_sst_may_acknowledge_registers_by_their_bytes() -> None:
             request.decode_reply(bytes.fromhex(wrong))
 
 
-def test_nobody_else_may_acknowledge_registers_by_their_bytes() -> None:
+def test_no_one_else_may_acknowledge_registers_by_their_bytes() -> None:
     with pytest.raises(BadReplyError):
         WriteRegisters(30, (1, 2, 3)).decode_reply(bytes.fromhex("10 00 1E 00 06"))
 

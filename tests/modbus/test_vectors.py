@@ -113,7 +113,7 @@ def test_a_reply_is_encoded_as_the_manual_prints_it(vector: dict[str, Any]) -> N
 
 
 @every_vector
-def test_the_end_of_a_printed_reply_is_told_from_its_beginning(vector: dict[str, Any]) -> None:
+def test_the_end_of_a_printed_reply_is_known_from_its_beginning(vector: dict[str, Any]) -> None:
     printed = bytes.fromhex(vector["reply"])
 
     sizes = [adu.reply_adu_size(printed[:length]) for length in range(len(printed) + 1)]
@@ -131,7 +131,7 @@ def test_a_misprinted_crc_is_refused(vector: dict[str, Any]) -> None:
 
 
 @every_misprint
-def test_a_misprinted_reply_with_the_crc_mended_still_says_what_is_meant(vector: dict[str, Any]) -> None:
+def test_a_misprinted_reply_with_the_crc_corrected_still_says_what_is_meant(vector: dict[str, Any]) -> None:
     says = vector["says"]
     printed = bytes.fromhex(vector["reply_printed"])
 

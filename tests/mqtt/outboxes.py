@@ -13,7 +13,7 @@ WIDE = 1000  # a window that never fills
 
 def pack(topic: str, items: Sequence[str], boot: str) -> Message:
     assert boot == "run"
-    return Message(topic, ",".join(items).encode(), qos=1, retain=False, is_kept=True, is_droppable=True)
+    return Message(topic, ",".join(items).encode(), qos=1, retain=False, is_queued=True, is_droppable=True)
 
 
 def outbox(**limits: int) -> Outbox:
@@ -31,11 +31,11 @@ def value(number: int, *, starter: str = "p") -> Message:
 
 
 def event(text: str) -> Message:
-    return Message("e", text.encode(), qos=1, retain=False, is_kept=True, is_droppable=True)
+    return Message("e", text.encode(), qos=1, retain=False, is_queued=True, is_droppable=True)
 
 
 def result(text: str) -> Message:
-    return Message("r", text.encode(), qos=1, retain=False, is_kept=True)
+    return Message("r", text.encode(), qos=1, retain=False, is_queued=True)
 
 
 def take_all(box: Outbox) -> list[Outgoing]:

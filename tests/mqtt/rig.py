@@ -1,4 +1,4 @@
-"""The MQTT floor put together as the application does it, with everything it hears written down."""
+"""The MQTT layer put together as the application does it, with everything it receives written down."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def settings(port: int, **changes: object) -> BrokerSettings:
 
 
 class MqttRig:
-    """A gateway that is nothing but its MQTT floor; its tokens die with a connection, as they should."""
+    """A gateway that is nothing but its MQTT layer; its tokens die with a connection, as they should."""
 
     def __init__(self, how: BrokerSettings) -> None:
         self.topics = Topics("b")
@@ -43,7 +43,7 @@ class MqttRig:
         self.intake = CommandParser(self.topics, self.tokens)
         self.payloads = Payloads(self.topics, "boot-1")
         self.outbox = Outbox(last_topic=self.topics.gateway_status, pack=self.payloads.history, boot="boot-1")
-        self.outbox.grant_history(10**6)  # nobody paces what is told late
+        self.outbox.grant_history(10**6)  # no one paces what is reported late
         self.publisher = Publisher(self.payloads, self.outbox, SystemClock())
         self.links: asyncio.Queue[tuple[bool, str]] = asyncio.Queue()
         self.versions: list[Version] = []  # of the connections so far

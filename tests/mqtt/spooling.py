@@ -65,7 +65,7 @@ class InlineDisk(OutboxDisk):
 
 def pack(topic: str, items: Sequence[str], boot: str) -> Message:
     payload = f'{{"boot":"{boot}","items":[{",".join(items)}]}}'.encode()
-    return Message(topic, payload, qos=1, retain=False, is_kept=True, is_droppable=True)
+    return Message(topic, payload, qos=1, retain=False, is_queued=True, is_droppable=True)
 
 
 def value(number: int, *, starter: str = "p", point: str = "a") -> Message:
@@ -75,11 +75,11 @@ def value(number: int, *, starter: str = "p", point: str = "a") -> Message:
 
 
 def event(number: int) -> Message:
-    return Message("b/event", str(number).encode(), qos=1, retain=False, is_kept=True, is_droppable=True)
+    return Message("b/event", str(number).encode(), qos=1, retain=False, is_queued=True, is_droppable=True)
 
 
 def result(number: int, key: str = "") -> Message:
-    return Message("b/result", str(number).encode(), qos=1, retain=False, is_kept=True, key=key)
+    return Message("b/result", str(number).encode(), qos=1, retain=False, is_queued=True, key=key)
 
 
 class SpoolRun:
@@ -94,9 +94,11 @@ class SpoolRun:
         store = self.disk._store
         assert isinstance(store, InlineStore)
         self.store = store
-        self.spooler = DiskSync(self.outbox, self.disk, clock=self.clock, tell=self._tell, wake=self._deliver)
+        self.spooler = DiskSync(
+            self.outbox, self.disk, clock=self.clock, publish_event=self._publish_event, wake=self._deliver
+        )
         self.events: list[tuple[str, Mapping[str, Any]]] = []
-        self.told: list[tuple[float, Message]] = []  # what the broker has had, and when
+        self.reported: list[tuple[float, Message]] = []  # what the broker has had, and when
         self.refuses: Callable[[Message], bool] = lambda message: False
         self.acknowledges = True
         self.tasks = [asyncio.create_task(work()) for work in (self.spooler.run, self.spooler.pace)]
@@ -133,13 +135,13 @@ class SpoolRun:
 
     def texts(self, topic: str = "") -> list[str]:
         """Return what the broker has had, with its topics without the base when none is given."""
-        told = [message for _, message in self.told]
+        reported = [message for _, message in self.reported]
         if topic:
-            return [message.payload.decode() for message in told if message.topic == f"b/{topic}"]
-        return [f"{message.topic[2:]}={message.payload.decode()}" for message in told]
+            return [message.payload.decode() for message in reported if message.topic == f"b/{topic}"]
+        return [f"{message.topic[2:]}={message.payload.decode()}" for message in reported]
 
     def items(self, starter: str = "p", boot: str | None = None) -> list[int]:
-        """Return the values that were told late."""
+        """Return the values that were reported late."""
         batches = [json.loads(text) for text in self.texts(f"{starter}/history")]
         return [item for each in batches if boot in (None, each["boot"]) for item in each["items"]]
 
@@ -155,14 +157,14 @@ class SpoolRun:
         return lost
 
     def memory_rows(self) -> int:
-        return sum(len(lane) for lane in self.outbox.kept._lanes)
+        return sum(len(lane) for lane in self.outbox.backlog._segments)
 
-    def _tell(self, code: str, severity: Severity, text: str, data: Mapping[str, Any]) -> None:
+    def _publish_event(self, code: str, severity: Severity, text: str, data: Mapping[str, Any]) -> None:
         self.events.append((code, data))
 
     def _deliver(self) -> None:
         while (outgoing := self.outbox.take()) is not None:
-            self.told.append((self.loop.time(), outgoing.message))
+            self.reported.append((self.loop.time(), outgoing.message))
             if self.acknowledges:
                 self.loop.call_later(PROMPT_S, self._acknowledge, outgoing)
 

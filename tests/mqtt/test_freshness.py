@@ -68,7 +68,7 @@ def test_a_lost_connection_takes_its_token_along() -> None:
     assert len({*tokens, boot.token}) == 4
 
 
-def test_a_connection_is_as_old_as_when_it_was_first_told() -> None:
+def test_a_connection_is_as_old_as_when_it_was_first_reported() -> None:
     boot = RunToken("run")
     boot.connected(1.0)
     boot.connected(5.0)
@@ -115,7 +115,7 @@ def test_the_right_token_outweighs_a_senders_clock_that_is_behind() -> None:
     assert isinstance(judged, CommandRequest)
 
 
-def test_nothing_is_before_a_connection_that_has_not_been_told() -> None:
+def test_nothing_is_before_a_connection_that_has_not_been_reported() -> None:
     assert not RunToken("run").is_before_connection(0.0)
 
 
@@ -221,7 +221,7 @@ def test_tokens_of_before_a_lost_connection_or_a_standstill_prove_nothing(event:
     assert isinstance(desk.judge(desk.token(110.0)), CommandRequest)
 
 
-def test_a_token_that_was_never_made_proves_nothing_and_spoils_the_boot_beside_it() -> None:
+def test_a_token_that_was_never_made_proves_nothing_and_invalidates_the_boot_beside_it() -> None:
     desk = Desk()
     desk.freshness = ("boot",)
 
@@ -281,7 +281,7 @@ def test_an_expectation_or_selection_of_another_shape_is_refused(fields: dict[st
     assert Desk().judge({"boot": "run", **fields}) == "bad_payload"
 
 
-def test_the_status_tells_the_token_and_the_run_and_events_the_run() -> None:
+def test_the_status_reports_the_token_and_the_run_and_events_the_run() -> None:
     boot = RunToken("run")
     payloads = Payloads(TOPICS, boot)
     boot.connected(1.0)
@@ -294,7 +294,7 @@ def test_the_status_tells_the_token_and_the_run_and_events_the_run() -> None:
     assert json.loads(event.payload)["boot"] == "run"
 
 
-def test_a_state_tells_by_whom_and_why_the_starter_is_locked() -> None:
+def test_a_state_reports_by_whom_and_why_the_starter_is_locked() -> None:
     lock = LockRecord("alice", NOW_S, "belt is off", "Alice A.")
     locked = StateRecord("pump-1", "ready", Quality.GOOD, NOW_S, 1, lock=lock)
     free = StateRecord("pump-1", "ready", Quality.GOOD, NOW_S, 1)

@@ -128,7 +128,7 @@ def test_a_retained_command_is_never_acted_on(verb: str) -> None:
     assert refusal(incoming).code == "retained"
 
 
-def test_a_refusal_names_the_command_so_that_its_sender_can_be_told() -> None:
+def test_a_refusal_names_the_command_so_that_its_sender_can_be_notified() -> None:
     incoming = command(
         {"id": "c1", "operator": "Ana", "args": {"value": 3}, "surprise": 1}, correlation=b"42"
     )

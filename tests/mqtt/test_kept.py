@@ -14,7 +14,7 @@ def utc(at_s: float) -> float:
     return 1000.0 + at_s
 
 
-def kept(*, max_rows: int = 20_000, max_bytes: int = 2**24) -> Backlog:
+def stored(*, max_rows: int = 20_000, max_bytes: int = 2**24) -> Backlog:
     made = Backlog(boot="run", max_rows=max_rows, max_bytes=max_bytes)
     made.is_disk_away = lambda: False
     return made
@@ -34,7 +34,7 @@ def sink(box: Backlog, lane: Segment, window: int) -> None:
 
 
 def test_what_is_acknowledged_while_it_is_written_is_deleted_afterwards() -> None:
-    box = kept()
+    box = stored()
     box.put(Kind.EVENT, event("1"), 5.0)
     changes = box.collect(utc)
     assert changes is not None
@@ -48,7 +48,7 @@ def test_what_is_acknowledged_while_it_is_written_is_deleted_afterwards() -> Non
 
 
 def test_what_could_not_be_written_comes_again_before_what_is_newer() -> None:
-    box = kept()
+    box = stored()
     for number in range(3):
         box.put(Kind.EVENT, event(str(number)), 0.0)
     changes = box.collect(utc)
@@ -64,7 +64,7 @@ def test_what_could_not_be_written_comes_again_before_what_is_newer() -> None:
 
 
 def test_what_has_come_with_a_page_is_not_there_twice() -> None:
-    box = kept()
+    box = stored()
     lane = box._new[Kind.VALUE]
     entries = [box.put(Kind.VALUE, event(str(number)), 0.0, is_held=True) for number in range(6)]
     sink(box, lane, window=2)
@@ -82,8 +82,8 @@ def test_what_has_come_with_a_page_is_not_there_twice() -> None:
     assert box.collect(utc) == Changes(gone=((Kind.VALUE, 6),))
 
 
-def test_a_page_that_comes_after_its_disk_was_lost_is_for_nobody() -> None:
-    box = kept()
+def test_a_page_that_comes_after_its_disk_was_lost_is_for_no_one() -> None:
+    box = stored()
     for number in range(6):
         box.put(Kind.EVENT, event(str(number)), 0.0)
     lane = box._new[Kind.EVENT]
@@ -126,7 +126,7 @@ def test_what_sinks_while_a_page_is_on_its_way_is_not_part_of_it() -> None:
 
 
 def test_an_entry_that_is_gone_is_passed_over_at_the_front() -> None:
-    box = kept(max_rows=2)
+    box = stored(max_rows=2)
     held = box.put(Kind.VALUE, event("1"), 0.0, is_held=True)
     box.put(Kind.VALUE, event("2"), 0.0)
     box.cancel(held)
@@ -140,7 +140,7 @@ def test_an_entry_that_is_gone_is_passed_over_at_the_front() -> None:
 
 
 def test_what_came_from_the_disk_and_is_on_its_way_is_no_reason_to_drop_what_is_new_for_ever() -> None:
-    box = kept(max_bytes=1000)
+    box = stored(max_bytes=1000)
     box.recall(Recalled({Kind.EVENT: Share(1, 2000, 0.0)}, frozenset(), ()))
     ((lane, wanted),) = box.wanted()
     assert (wanted.after, wanted.before) == (LOWEST, 1)
@@ -155,10 +155,10 @@ def test_what_came_from_the_disk_and_is_on_its_way_is_no_reason_to_drop_what_is_
     assert take(box).message.payload == b"new"
 
 
-def test_values_that_were_told_live_after_all_do_not_stay_in_memory() -> None:
-    box = kept()
+def test_values_that_were_reported_live_after_all_do_not_stay_in_memory() -> None:
+    box = stored()
     held = [box.put(Kind.VALUE, value(number), 0.0, is_held=True) for number in range(1000)]
-    lane = held[0].lane
+    lane = held[0].segment
     for entry in held[1:]:
         box.cancel(entry)
 

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from gateway.mqtt.outbox.losses import TOLD_EVERY_S, Losses
+from gateway.mqtt.outbox.losses import DECLARE_EVERY_S, Losses
 from gateway.storage.spool import Changes, Kind, Loss, merged
 
 VALUES = Loss("memory_full", Kind.VALUE, 3, 1_760_000_000.0, 1_760_000_005.0)
@@ -16,7 +16,7 @@ def test_nothing_lost_is_nothing_to_say() -> None:
     assert losses.wait_s(0.0) == 0.0
 
 
-def test_a_loss_is_kept_and_declared_and_then_forgotten_in_one_transaction_with_what_is_new() -> None:
+def test_a_loss_is_stored_and_declared_and_then_forgotten_in_one_transaction_with_what_is_new() -> None:
     losses = Losses()
     losses.note([VALUES])
     losses.note_saved([EVENTS])
@@ -42,11 +42,11 @@ def test_a_loss_is_kept_and_declared_and_then_forgotten_in_one_transaction_with_
             {"reason": "disk_full", "kind": "event", "count": 2, "first": None, "last": None},
         ],
     }
-    assert losses.changes(None) == Changes(are_losses_told=True)
+    assert losses.changes(None) == Changes(are_losses_declared=True)
     assert losses.changes(None) is None
 
 
-def test_more_losses_are_summed_up_until_it_is_time_to_tell_them() -> None:
+def test_more_losses_are_summed_up_until_it_is_time_to_report_them() -> None:
     losses = Losses()
     losses.note([VALUES])
     losses.declare(0.0)
@@ -54,8 +54,8 @@ def test_more_losses_are_summed_up_until_it_is_time_to_tell_them() -> None:
     losses.note([VALUES])
 
     assert losses.declare(1.0) is None
-    assert losses.wait_s(1.0) == TOLD_EVERY_S - 1.0
-    declared = losses.declare(TOLD_EVERY_S)
+    assert losses.wait_s(1.0) == DECLARE_EVERY_S - 1.0
+    declared = losses.declare(DECLARE_EVERY_S)
     assert declared is not None
     assert declared[1]["count"] == 6
 
@@ -66,15 +66,15 @@ def test_what_the_disk_could_not_take_is_offered_again() -> None:
     losses.declare(0.0)
     losses.note([VALUES])
     changes = losses.changes(None)
-    assert changes == Changes(losses=(VALUES,), are_losses_told=True)
+    assert changes == Changes(losses=(VALUES,), are_losses_declared=True)
     losses.note([VALUES])
 
     losses.unwritten(changes)
 
-    assert losses.changes(None) == Changes(losses=merged([VALUES, VALUES]), are_losses_told=True)
+    assert losses.changes(None) == Changes(losses=merged([VALUES, VALUES]), are_losses_declared=True)
 
 
-def test_a_new_disk_learns_all_that_is_not_told() -> None:
+def test_a_new_disk_learns_all_that_is_not_reported() -> None:
     losses = Losses()
     losses.note_saved([VALUES, EVENTS])
     assert losses.changes(None) is None

@@ -28,7 +28,7 @@ def test_nothing_is_sent_without_a_connection() -> None:
     assert not box.is_idle
 
 
-def test_a_connection_hears_every_retained_topic_then_the_status_then_the_rest_in_order() -> None:
+def test_a_connection_receives_every_retained_topic_then_the_status_then_the_rest_in_order() -> None:
     box = outbox()
     box.put(latest(STATUS, "online"), 0.0)
     box.put(event("1"), 0.0)
@@ -196,7 +196,7 @@ def test_a_forgotten_topic_that_came_back_before_the_acknowledgement_stays() -> 
 
 
 @given(st.lists(st.sampled_from(["put", "connect", "disconnect", "take", "ack", "refuse"]), max_size=80))
-def test_kept_messages_arrive_in_order_and_none_is_missing(steps: list[str]) -> None:
+def test_stored_messages_arrive_in_order_and_none_is_missing(steps: list[str]) -> None:
     box = outbox()
     flying: list[Outgoing] = []
     sent: list[int] = []
@@ -223,19 +223,19 @@ def test_kept_messages_arrive_in_order_and_none_is_missing(steps: list[str]) -> 
 
     assert list(dict.fromkeys(sent)) == list(range(count))
     assert box.is_idle
-    assert box.figures(0.0)["bytes"] == 0
+    assert box.statistics(0.0)["bytes"] == 0
 
 
-def test_whoever_waits_for_it_hears_that_a_final_result_was_told() -> None:
+def test_a_subscriber_receives_that_a_final_result_was_reported() -> None:
     box = outbox()
-    told: list[str] = []
-    box.on_told = told.append
-    box.put(Message("r", b"", qos=1, retain=False, is_kept=True, key="alice/7"), 0.0)
+    reported: list[str] = []
+    box.on_delivered = reported.append
+    box.put(Message("r", b"", qos=1, retain=False, is_queued=True, key="alice/7"), 0.0)
     box.put(result("accepted"), 0.0)
     box.connected(WIDE)
     taken = take_all(box)
-    assert told == []
+    assert reported == []
 
     acknowledge(box, taken)
 
-    assert told == ["alice/7"]
+    assert reported == ["alice/7"]

@@ -20,7 +20,7 @@ def test_the_bytes_are_bounded_too() -> None:
         box.put(event("x" * 1000), 0.0)
 
     assert box.dropped == 8
-    assert box.figures(0.0)["bytes"] == 2 * (1000 + 21 + 200)
+    assert box.statistics(0.0)["bytes"] == 2 * (1000 + 21 + 200)
 
 
 def test_a_message_beyond_all_bounds_is_dropped_and_leaves_nothing_behind() -> None:
@@ -30,7 +30,7 @@ def test_a_message_beyond_all_bounds_is_dropped_and_leaves_nothing_behind() -> N
 
     assert box.dropped == 1
     assert box.is_idle
-    assert box.figures(0.0)["bytes"] == 0
+    assert box.statistics(0.0)["bytes"] == 0
 
 
 def test_what_is_in_flight_is_not_dropped() -> None:
@@ -48,9 +48,9 @@ def test_what_is_in_flight_is_not_dropped() -> None:
     assert [again.message for again in take_all(box)] == [sent.message for sent in taken]
 
 
-def test_the_figures_tell_how_much_waits_and_since_when() -> None:
+def test_the_statistics_report_how_much_waits_and_since_when() -> None:
     box = outbox()
-    assert box.figures(0.0) == {
+    assert box.statistics(0.0) == {
         "depth": 0,
         "oldest_s": 0.0,
         "bytes": 0,
@@ -68,14 +68,14 @@ def test_the_figures_tell_how_much_waits_and_since_when() -> None:
     box.connected(1)
     (taken,) = take_all(box)
 
-    assert box.figures(15.0)["depth"] == 3
-    assert box.figures(15.0)["oldest_s"] == 5.0
-    assert box.figures(15.0)["reconnects"] == 3
+    assert box.statistics(15.0)["depth"] == 3
+    assert box.statistics(15.0)["oldest_s"] == 5.0
+    assert box.statistics(15.0)["reconnects"] == 3
     box.acked(taken.ticket, 0)
-    assert box.figures(15.0)["depth"] == 2
+    assert box.statistics(15.0)["depth"] == 2
     while not box.is_idle:
         acknowledge(box, take_all(box))
-    assert box.figures(15.0)["bytes"] == 0
+    assert box.statistics(15.0)["bytes"] == 0
 
 
 def test_news_that_the_window_keeps_back_counts_too() -> None:
@@ -86,9 +86,9 @@ def test_news_that_the_window_keeps_back_counts_too() -> None:
     box.put(latest("a", "12345"), 3.0)
     box.acked(taken.ticket, 0)
 
-    figures = box.figures(4.0)
+    statistics = box.statistics(4.0)
 
-    assert (figures["depth"], figures["oldest_s"], figures["bytes"]) == (1, 1.0, 20 + 1 + 5 + 200)
+    assert (statistics["depth"], statistics["oldest_s"], statistics["bytes"]) == (1, 1.0, 20 + 1 + 5 + 200)
 
 
 @pytest.mark.parametrize("window", [1, 3])

@@ -16,7 +16,7 @@ from tests.mqtt.outboxes import (
 )
 
 
-def test_values_overtaken_without_a_connection_are_told_in_batches_after_everything_else() -> None:
+def test_values_overtaken_without_a_connection_are_reported_in_batches_after_everything_else() -> None:
     box = outbox()
     for number in range(1, 303):
         box.put(value(number), 0.0)
@@ -37,7 +37,7 @@ def test_values_overtaken_without_a_connection_are_told_in_batches_after_everyth
     ]
 
 
-def test_a_value_that_was_acknowledged_is_not_told_again_as_history() -> None:
+def test_a_value_that_was_acknowledged_is_not_reported_again_as_history() -> None:
     box = outbox()
     box.connected(WIDE)
     box.put(value(1), 0.0)
@@ -51,7 +51,7 @@ def test_a_value_that_was_acknowledged_is_not_told_again_as_history() -> None:
     assert box.take() is None
 
 
-def test_a_value_in_flight_when_the_connection_broke_is_told_as_history_if_it_was_overtaken() -> None:
+def test_a_value_in_flight_when_the_connection_broke_is_reported_as_history_if_it_was_overtaken() -> None:
     box = outbox()
     box.connected(WIDE)
     box.put(value(1), 0.0)
@@ -90,7 +90,7 @@ def test_a_repetition_for_a_new_connection_is_no_news_when_that_one_breaks_too()
     box.disconnected()
 
     assert box.is_idle
-    assert box.figures(5.0)["depth"] == 0
+    assert box.statistics(5.0)["depth"] == 0
 
 
 def test_history_that_was_not_acknowledged_is_sent_again() -> None:
@@ -116,7 +116,7 @@ def test_a_full_outbox_drops_history_first_then_events_and_results_last() -> Non
     assert box.dropped == 2
 
     box.put(event("2"), 0.0)
-    assert box.dropped == 2  # the newest value will be told live
+    assert box.dropped == 2  # the newest value will be reported live
     box.put(result("3"), 0.0)
     assert box.dropped == 3
     box.put(result("4"), 0.0)
@@ -128,7 +128,7 @@ def test_a_full_outbox_drops_history_first_then_events_and_results_last() -> Non
     assert texts(take_all(box)) == ["v/p=2", "r=2", "r=3", "r=4", "r=5"]
 
 
-def test_values_told_late_wait_until_they_are_granted() -> None:
+def test_values_reported_late_wait_until_they_are_granted() -> None:
     box = Outbox(last_topic=STATUS, pack=pack, boot="run")
     for number in range(1, 303):
         box.put(value(number), 0.0)
@@ -143,23 +143,23 @@ def test_values_told_late_wait_until_they_are_granted() -> None:
     assert [len(sent.message.payload.split(b",")) for sent in (first, second, third)] == [100, 200, 1]
 
 
-def test_a_newest_value_that_waits_for_a_connection_is_kept_as_well_until_it_is_told() -> None:
+def test_a_newest_value_that_waits_for_a_connection_is_stored_as_well_until_it_is_reported() -> None:
     box = outbox()
     box.put(value(1), 3.0)
-    rows, _, since_s = box.kept.waiting()
+    rows, _, since_s = box.backlog.waiting()
     assert (rows, since_s) == (1, 3.0)
-    assert box.figures(5.0)["depth"] == 1
+    assert box.statistics(5.0)["depth"] == 1
 
     box.connected(WIDE)
     taken = take_all(box)
     assert texts(taken) == ["v/p=1"]
-    assert not box.kept.is_empty
+    assert not box.backlog.is_empty
 
     acknowledge(box, taken)
     assert box.is_idle
 
 
-def test_a_newest_value_that_waited_and_was_overtaken_on_its_way_is_told_once() -> None:
+def test_a_newest_value_that_waited_and_was_overtaken_on_its_way_is_reported_once() -> None:
     box = outbox()
     box.put(value(1), 0.0)
     box.connected(WIDE)
@@ -172,7 +172,7 @@ def test_a_newest_value_that_waited_and_was_overtaken_on_its_way_is_told_once() 
     assert texts([*first, *second]) == ["v/p=1", "v/p=2"]
 
 
-def test_a_kept_newest_value_that_there_was_no_room_for_is_lost_only_when_it_is_overtaken() -> None:
+def test_a_stored_newest_value_that_there_was_no_room_for_is_lost_only_when_it_is_overtaken() -> None:
     box = outbox(max_rows=1)
     box.put(value(1), 0.0)
     box.put(result("1"), 0.0)

@@ -40,9 +40,9 @@ def text(message: Message) -> str:
     return message.payload.decode("utf-8")
 
 
-LATEST = {"qos": 1, "retain": True, "is_kept": False}
-KEPT = {"qos": 1, "retain": False, "is_kept": True}
-FIGURES = {"qos": 0, "retain": True, "is_kept": False}
+LATEST = {"qos": 1, "retain": True, "is_queued": False}
+STORED = {"qos": 1, "retain": False, "is_queued": True}
+STATISTICS = {"qos": 0, "retain": True, "is_queued": False}
 
 
 @pytest.mark.parametrize(
@@ -120,21 +120,21 @@ FIGURES = {"qos": 0, "retain": True, "is_kept": False}
         (
             EventRecord("pump-1", "started", Severity.INFO, "started", T, 7, {"peak": 1.0}),
             "b/starter/pump-1/event",
-            KEPT,
+            STORED,
             f'{{"seq":7,"time":{AT},"boot":"boot-1","code":"started","severity":"info","text":"started",'
             '"data":{"peak":1.0}}',
         ),
         (
             EventRecord("", "port_lost", Severity.ERROR, "unplugged", T, 8),
             "b/gateway/event",
-            KEPT,
+            STORED,
             f'{{"seq":8,"time":{AT},"boot":"boot-1","code":"port_lost","severity":"error","text":"unplugged",'
             '"data":{}}',
         ),
         (
             RESULT,
             "b/result/pump-1/alice",
-            KEPT,
+            STORED,
             f'{{"id":"c1","verb":"start","phase":"confirmed","code":"ok","text":"it runs","time":{AT},'
             '"duplicate":false}',
         ),
@@ -146,12 +146,12 @@ FIGURES = {"qos": 0, "retain": True, "is_kept": False}
                 id="c1",
             ),
             "b/audit",
-            KEPT,
+            STORED,
             f'{{"seq":10,"time":{AT},"starter":"pump-1","client":"alice",'
             '"verb":"set","args":{"value":30.0},"decision":"confirmed","code":"ok","before":{"P314":20},'
             '"after":{"P314":30},"id":"c1","operator":"Al","reason":null,"boot":"boot-1"}',
         ),
-        (LineRecord("pumps", {"polls": 3}), "b/gateway/line/pumps", FIGURES, '{"polls":3}'),
+        (LineRecord("pumps", {"polls": 3}), "b/gateway/line/pumps", STATISTICS, '{"polls":3}'),
     ],
 )
 def test_a_record_becomes_the_contracts_message(
@@ -214,7 +214,7 @@ def test_history_is_a_batch_of_items() -> None:
     message = payloads().history("b/starter/pump-1/history", ['{"seq":1}', '{"seq":2}'], "boot-0")
 
     assert text(message) == '{"boot":"boot-0","items":[{"seq":1},{"seq":2}]}'
-    assert (message.qos, message.retain, message.is_kept, message.is_droppable) == (1, False, True, True)
+    assert (message.qos, message.retain, message.is_queued, message.is_droppable) == (1, False, True, True)
 
 
 def test_a_record_with_an_impossible_name_is_a_value_error() -> None:
@@ -227,7 +227,7 @@ def test_what_is_no_record_at_all_is_a_bug() -> None:
         payloads().message(object())  # type: ignore[arg-type]  # on purpose
 
 
-def test_the_status_tells_which_run_of_the_gateway_speaks() -> None:
+def test_the_status_reports_which_run_of_the_gateway_speaks() -> None:
     message = payloads().status("online", time_s=T, since_s=T - 1, reason=None)
 
     assert message.topic == "b/gateway/status"
@@ -264,7 +264,7 @@ def test_the_info_says_who_may_do_what_and_that_this_is_no_safety_function() -> 
     }
 
 
-def test_the_outbox_figures_are_only_the_latest() -> None:
+def test_the_outbox_statistics_are_only_the_latest() -> None:
     message = payloads().outbox({"depth": 1, "oldest_s": 2.0})
 
     assert (message.topic, message.qos, message.retain) == ("b/gateway/outbox", 0, True)

@@ -170,8 +170,8 @@ def test_the_will_and_the_farewell_say_offline() -> None:
     assert EPOCH_S == 1_760_000_000.0
 
 
-async def figures_over(made: Desk, seconds: int) -> list[tuple[int, Any]]:
-    """Return at which second the outbox figures were published, and the figures."""
+async def statistics_over(made: Desk, seconds: int) -> list[tuple[int, Any]]:
+    """Return at which second the outbox statistics were published, and the statistics."""
     seen = []
     for second in range(seconds):
         seen += [(second, payload) for topic, payload in made.published() if topic == "b/gateway/outbox"]
@@ -179,19 +179,19 @@ async def figures_over(made: Desk, seconds: int) -> list[tuple[int, Any]]:
     return seen
 
 
-def test_the_outbox_figures_come_every_30_s() -> None:
+def test_the_outbox_statistics_come_every_30_s() -> None:
     async def main() -> list[tuple[int, Any]]:
         made = await desk()
         task = asyncio.create_task(made.publisher.run())
         await asyncio.sleep(0.5)
-        seen = await figures_over(made, 70)
+        seen = await statistics_over(made, 70)
         task.cancel()
         return seen
 
     assert [second for second, _ in run_virtually(main())] == [0, 30, 60]
 
 
-def test_a_refusal_is_told_within_a_second_and_logged_once(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_refusal_is_reported_within_a_second_and_logged_once(caplog: pytest.LogCaptureFixture) -> None:
     async def main() -> list[tuple[int, Any]]:
         made = await desk()
         task = asyncio.create_task(made.publisher.run())
@@ -203,7 +203,7 @@ def test_a_refusal_is_told_within_a_second_and_logged_once(caplog: pytest.LogCap
             assert outgoing is not None
             made.outbox.acked(outgoing.ticket, 0x87)
             await asyncio.sleep(2.0)
-        seen = await figures_over(made, 1)
+        seen = await statistics_over(made, 1)
         task.cancel()
         return seen
 
@@ -215,17 +215,17 @@ def test_a_refusal_is_told_within_a_second_and_logged_once(caplog: pytest.LogCap
     ]
 
 
-def test_a_full_outbox_is_told_within_a_second_and_logged_once(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_full_outbox_is_reported_within_a_second_and_logged_once(caplog: pytest.LogCaptureFixture) -> None:
     async def main() -> list[tuple[int, Any]]:
         made = await desk()
-        made.outbox.kept._max_rows = 1
+        made.outbox.backlog._max_rows = 1
         task = asyncio.create_task(made.publisher.run())
         await asyncio.sleep(0.5)
         made.published()
         for seq in range(1, 4):
             made.publisher.put(event(seq))
         await asyncio.sleep(1.0)
-        seen = await figures_over(made, 1)
+        seen = await statistics_over(made, 1)
         task.cancel()
         return seen
 

@@ -53,7 +53,7 @@ def test_an_unreachable_broker_is_explained(error: OSError | ValueError, text: s
     assert str(unreachable("b:1", error)) == text
 
 
-def test_a_refusal_is_explained_with_its_mend_where_there_is_one() -> None:
+def test_a_refusal_is_explained_with_its_hint_where_there_is_one() -> None:
     assert str(refused("b:1", 0x86, "Bad user name or password")) == (
         "broker b:1 refuses the connection: Bad user name or password (check username and password)"
     )

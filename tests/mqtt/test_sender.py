@@ -56,7 +56,7 @@ async def send(broker: FakeBroker, *, within_s: float = 10.0) -> Mapping[str, An
         ([0x87, 1, 1], "read the results of alice"),
     ],
 )
-async def test_a_refused_subscription_is_told(codes: list[int], forbidden: str) -> None:
+async def test_a_refused_subscription_is_reported(codes: list[int], forbidden: str) -> None:
     async with PickyBroker(after_suback=STATUS + FRESH, suback_codes=codes) as broker:
         with pytest.raises(BrokerError, match=f"does not let a client without login {forbidden}"):
             await send(broker)
@@ -76,7 +76,7 @@ async def test_a_broker_that_goes_away_meanwhile_leaves_the_end_unknown() -> Non
 
         broker._writers[-1].close()
 
-        with pytest.raises(NoResultError, match="was lost before the end was told: look at the starter"):
+        with pytest.raises(NoResultError, match="was lost before the final result: look at the starter"):
             await sending
 
 
@@ -90,7 +90,7 @@ async def test_a_broker_of_the_older_version_is_spoken_to_in_its_own() -> None:
         assert broker.levels == [LEVEL_5, LEVEL_311]
 
 
-async def test_a_broker_that_refuses_us_is_told() -> None:
+async def test_a_broker_that_refuses_us_is_reported() -> None:
     async with FakeBroker(answers={LEVEL_5: bytes.fromhex("20 03 00 87 00")}) as broker:
         with pytest.raises(BrokerError):
             await send(broker)

@@ -75,13 +75,13 @@ def test_what_was_acknowledged_is_not_sent_again_after_a_kill(tmp_path: Path) ->
         second.connect()
         await asyncio.sleep(2.0)
 
-        assert second.told == []
+        assert second.reported == []
         second.kill()
 
     run_virtually(main())
 
 
-def test_the_newest_values_of_an_outage_outlive_a_kill_too_and_are_told_once_without_one(
+def test_the_newest_values_of_an_outage_outlive_a_kill_too_and_are_reported_once_without_one(
     tmp_path: Path,
 ) -> None:
     async def main() -> None:
@@ -137,13 +137,13 @@ def test_live_values_come_first_and_the_backlog_drains_at_its_pace(tmp_path: Pat
             await asyncio.sleep(0.1)
         await asyncio.sleep(5.0)
 
-        live_s = [at_s - began_s for at_s, told in run.told if told.retain]
-        late = [(at_s - began_s, told) for at_s, told in run.told if not told.retain]
+        live_s = [at_s - began_s for at_s, reported in run.reported if reported.retain]
+        late = [(at_s - began_s, reported) for at_s, reported in run.reported if not reported.retain]
         assert live_s[0] == 0.0
         assert len(live_s) == 101
         assert max(second - first for first, second in pairwise(live_s)) < 0.2
-        assert all(told.topic == "b/p/history" for _, told in late)
-        assert all(told.payload.count(b",") <= MAX_HISTORY_ITEMS for _, told in late)
+        assert all(reported.topic == "b/p/history" for _, reported in late)
+        assert all(reported.payload.count(b",") <= MAX_HISTORY_ITEMS for _, reported in late)
         assert run.items() == list(range(9_999))
         assert 9.0 < late[-1][0] < 12.0  # 1000 a second
         run.kill()
@@ -195,13 +195,13 @@ def test_a_connection_that_breaks_over_and_over_only_repeats(tmp_path: Path) -> 
     run_virtually(main())
 
 
-@pytest.mark.parametrize("is_told_before", [True, False])
-def test_a_final_result_that_the_ledger_wants_told_again_is_told_once(
-    tmp_path: Path, is_told_before: bool
+@pytest.mark.parametrize("is_reported_before", [True, False])
+def test_a_final_result_that_the_ledger_wants_reported_again_is_reported_once(
+    tmp_path: Path, is_reported_before: bool
 ) -> None:
     async def main() -> None:
         first = await SpoolRun(tmp_path, "1").begin()
-        if not is_told_before:
+        if not is_reported_before:
             first.put(result(7, key="alice/7"))
             await asyncio.sleep(1.0)
         first.kill()
@@ -221,7 +221,7 @@ def test_a_final_result_that_the_ledger_wants_told_again_is_told_once(
     run_virtually(main())
 
 
-def test_times_of_earlier_runs_count_for_the_figures(tmp_path: Path) -> None:
+def test_times_of_earlier_runs_count_for_the_statistics(tmp_path: Path) -> None:
     async def main() -> None:
         first = await SpoolRun(tmp_path, "1").begin()
         first.put(event(1), value(2), value(3))
@@ -231,10 +231,10 @@ def test_times_of_earlier_runs_count_for_the_figures(tmp_path: Path) -> None:
 
         second = await SpoolRun(tmp_path, "2").begin()
 
-        figures = second.outbox.figures(second.clock.now_s())
-        assert figures["depth"] == 3
-        assert figures["oldest_s"] == pytest.approx(101.3, abs=0.5)
-        assert figures["bytes"] > 600
+        statistics = second.outbox.statistics(second.clock.now_s())
+        assert statistics["depth"] == 3
+        assert statistics["oldest_s"] == pytest.approx(101.3, abs=0.5)
+        assert statistics["bytes"] > 600
         second.kill()
 
     run_virtually(main())

@@ -1,4 +1,4 @@
-"""Random lives of an outbox and its file: whatever happens, all is told in the end, and nothing is left."""
+"""The outbox and its disk under random trouble: whatever happens, what was safe is reported."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def small_windows(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class Life:
-    """Several runs on one file; `safe` is what must be told, whatever happens."""
+    """Several runs on one file; `safe` is what must be reported, whatever happens."""
 
     def __init__(self, folder: Path, dice: random.Random, *, fails: bool) -> None:
         self.folder = folder
@@ -37,7 +37,7 @@ class Life:
         self.numbers = 0
         self.safe: set[int] = set()
         self.fresh: set[int] = set()  # what the disk need not know yet
-        self.told: list[int] = []
+        self.reported: list[int] = []
 
     @property
     def run(self) -> SpoolRun:
@@ -48,7 +48,7 @@ class Life:
 
     async def step(self) -> None:
         trouble = [self.fail, self.hang] if self.fails else []
-        steps: list[Callable[[], object]] = [self.put, self.put, self.link, self.mend, *trouble]
+        steps: list[Callable[[], object]] = [self.put, self.put, self.link, self.repair, *trouble]
         self.dice.choice(steps)()
         await self.pass_time(self.dice.choice([0.0, 0.05, 0.5, 3.0]))
         if self.dice.random() < 0.05:
@@ -80,7 +80,7 @@ class Life:
     def hang(self) -> None:
         self.run.store.is_hanging = True
 
-    def mend(self) -> None:
+    def repair(self) -> None:
         self.run.store.is_failing = False
         if not self.run.store.is_hanging:
             return
@@ -101,7 +101,7 @@ class Life:
 
     async def end(self) -> None:
         """Let everything be well, and wait until nothing waits any more."""
-        self.mend()
+        self.repair()
         if not self.run.outbox.is_connected:
             self.run.connect(window=20)
         await asyncio.sleep(120.0)
@@ -112,7 +112,7 @@ class Life:
 
 @pytest.mark.parametrize("fails", [False, True])
 @pytest.mark.parametrize("seed", range(LIVES))
-def test_what_was_safe_is_told_and_nothing_is_left(tmp_path: Path, seed: int, fails: bool) -> None:
+def test_what_was_safe_is_reported_and_nothing_is_left(tmp_path: Path, seed: int, fails: bool) -> None:
     async def main() -> None:
         life = Life(tmp_path, random.Random(seed), fails=fails)
         await life.begin()
@@ -120,16 +120,16 @@ def test_what_was_safe_is_told_and_nothing_is_left(tmp_path: Path, seed: int, fa
             await life.step()
         await life.end()
 
-        told = {*life.texts("event"), *life.texts("result")}
+        reported = {*life.texts("event"), *life.texts("result")}
         values = {
             *(number for run in life.runs for starter in "pq" for number in run.items(starter)),
             *(number for starter in "pq" for number in life.texts(f"{starter}/value/a")),
         }
-        assert life.safe - told == set()
+        assert life.safe - reported == set()
         assert life.safe - values == set()
         assert all(run.lost() == {} for run in life.runs)
         assert life.run.outbox.is_idle
-        assert life.run.outbox.figures(life.run.clock.now_s())["bytes"] == 0
+        assert life.run.outbox.statistics(life.run.clock.now_s())["bytes"] == 0
         assert life.run.memory_rows() == 0
         if not fails:
             for run in life.runs:

@@ -125,7 +125,7 @@ def test_nothing_waits_for_a_disk_that_hangs(tmp_path: Path) -> None:
     run_virtually(main())
 
 
-def test_who_waits_for_the_disk_is_told_to_go_on_without_it(tmp_path: Path) -> None:
+def test_who_waits_for_the_disk_is_allowed_to_go_on_without_it(tmp_path: Path) -> None:
     async def main() -> None:
         run = SpoolRun(tmp_path, "1")
         run.store.is_hanging = True

@@ -32,9 +32,9 @@ def test_a_day_without_a_broker_costs_no_memory_and_what_does_not_fit_is_declare
                 run.put(event(second))
             await asyncio.sleep(every_s)
             assert run.memory_rows() <= sum(WINDOWS.values()) + 2 * points
-        figures = run.outbox.figures(run.clock.now_s())
-        assert figures["depth"] <= most_rows + points
-        assert figures["bytes"] < 500 * most_rows
+        statistics = run.outbox.statistics(run.clock.now_s())
+        assert statistics["depth"] <= most_rows + points
+        assert statistics["bytes"] < 500 * most_rows
         run.connect()
         await asyncio.sleep(120.0)
 
@@ -45,7 +45,7 @@ def test_a_day_without_a_broker_costs_no_memory_and_what_does_not_fit_is_declare
         assert run.lost()["value"] == put - len(set(items) | set(live)) > 0
         assert items[0] == run.lost()["value"]  # the oldest have gone
         assert run.outbox.is_idle
-        assert run.outbox.figures(run.clock.now_s())["bytes"] == 0
+        assert run.outbox.statistics(run.clock.now_s())["bytes"] == 0
         run.kill()
 
     run_virtually(main())
@@ -62,7 +62,7 @@ def test_a_full_disk_gives_up_values_then_events_then_results_and_says_so_even_a
         for number in range(600):
             first.put(result(1000 + number))
         await asyncio.sleep(2 * BATCH_S)
-        assert first.outbox.figures(0.0)["depth"] <= 1000
+        assert first.outbox.statistics(0.0)["depth"] <= 1000
         first.kill()
 
         second = await SpoolRun(tmp_path, "2").begin()
@@ -79,7 +79,7 @@ def test_a_full_disk_gives_up_values_then_events_then_results_and_says_so_even_a
         third = await SpoolRun(tmp_path, "3").begin()
         third.connect()
         await asyncio.sleep(2.0)
-        assert third.codes() == []  # it was told
+        assert third.codes() == []  # it was reported
         third.kill()
 
     run_virtually(main())
@@ -122,7 +122,7 @@ def test_losses_that_go_on_are_summed_up(tmp_path: Path) -> None:
     run_virtually(main())
 
 
-def test_what_the_broker_refuses_is_set_aside_and_told_once(tmp_path: Path) -> None:
+def test_what_the_broker_refuses_is_set_aside_and_reported_once(tmp_path: Path) -> None:
     async def main() -> None:
         run = await SpoolRun(tmp_path, "1").begin()
         run.put(event(0))
@@ -138,7 +138,7 @@ def test_what_the_broker_refuses_is_set_aside_and_told_once(tmp_path: Path) -> N
 
         assert len(run.texts("event")) == 150
         assert run.codes() == ["publish_refused"]
-        assert run.outbox.figures(0.0)["refused"] == 150
+        assert run.outbox.statistics(0.0)["refused"] == 150
         await asyncio.sleep(3600.0)
         run.put(event(150))
         await asyncio.sleep(1.0)
@@ -164,7 +164,7 @@ def test_a_lane_gives_the_rows_up_that_its_disk_does_not_have(tmp_path: Path) ->
         await asyncio.sleep(60.0)
 
         assert run.lost()["value"] == 4999 - len(run.items())
-        assert isinstance(run.outbox.kept._lanes[0], Segment)
+        assert isinstance(run.outbox.backlog._segments[0], Segment)
         run.kill()
 
     run_virtually(main())

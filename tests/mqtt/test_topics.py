@@ -111,7 +111,7 @@ def test_a_topic_that_is_not_below_command_is_none_of_ours(topic: str) -> None:
         (f"b/command/pump-1/alice/{'X' * 500}", ("pump-1", "alice", "X" * 39 + "…"), "level_misspelt"),
     ],
 )
-def test_of_a_mistyped_command_topic_is_told_what_can_be(
+def test_of_a_mistyped_command_topic_is_reported_what_can_be(
     topic: str, known: tuple[str, str, str], problem: str
 ) -> None:
     found = Topics("b").parse_command(topic)

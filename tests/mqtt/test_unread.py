@@ -1,4 +1,4 @@
-"""Whether the broker has sent something that nobody has dealt with yet."""
+"""Whether the broker has sent something that no one has dealt with yet."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ def test_what_is_being_read_is_unread_until_it_has_been_dealt_with() -> None:
     assert not unread()
 
 
-@pytest.mark.parametrize("is_told", [True, False])
-def test_a_socket_that_is_closed_has_nothing_unread(is_told: bool) -> None:
+@pytest.mark.parametrize("is_reported", [True, False])
+def test_a_socket_that_is_closed_has_nothing_unread(is_reported: bool) -> None:
     unread = Unread()
     ours, theirs = socket.socketpair()
     unread.watch(ours.fileno())
     theirs.send(b"stop")
-    if is_told:
+    if is_reported:
         unread.forget()
     ours.close()
     theirs.close()

@@ -1,4 +1,4 @@
-"""Impairments spoil replies on order, and alike for the same seed."""
+"""Impairments corrupt replies on order, and alike for the same seed."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def test_a_reply_may_come_twice() -> None:
     assert replies(Doubled()) == [ANSWER * 2]
 
 
-def test_a_babbling_unit_sends_bytes_that_nobody_asked_for() -> None:
+def test_a_babbling_unit_sends_bytes_that_no_one_asked_for() -> None:
     async def main() -> list[bytes]:
         line = make_line()
         port = await line.opener()()
@@ -139,7 +139,7 @@ def test_babbling_answers_rightly_in_between() -> None:
     assert replies(Babbling(every_s=100.0)) == [ANSWER]
 
 
-def test_a_babble_into_a_request_spoils_it() -> None:
+def test_a_babble_into_a_request_corrupts_it() -> None:
     async def main() -> SimulatedLine:
         line = make_line()
         port = await line.opener()()
@@ -154,7 +154,7 @@ def test_a_babble_into_a_request_spoils_it() -> None:
     assert line.units[0].handled == 0
 
 
-def test_noise_on_the_line_spoils_requests_without_blaming_the_master() -> None:
+def test_noise_on_the_line_corrupts_requests_without_blaming_the_master() -> None:
     async def main() -> SimulatedLine:
         line = make_line()
         line.noise = Noisy(0.3)
@@ -196,7 +196,7 @@ def test_a_unit_taken_off_the_line_is_gone() -> None:
     assert run_virtually(main()) == b""
 
 
-def test_units_live_on_while_nobody_asks() -> None:
+def test_units_live_on_while_no_one_asks() -> None:
     async def main() -> None:
         line = make_line()
         await line.opener()()

@@ -8,7 +8,7 @@ import pytest
 
 from gateway.errors import UsageError
 from gateway.families.profile.load import FAMILIES
-from gateway.sim.controls import KNOBS, turn
+from gateway.sim.controls import KNOBS, set_knob
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
 from gateway.sim.sst.unit import Sst
@@ -54,7 +54,7 @@ def test_a_starter_trips_with_the_code_that_is_asked_for_and_its_motor_coasts(
 ) -> None:
     unit = running(family)
 
-    said = turn(unit, "trip", setting)
+    said = set_knob(unit, "trip", setting)
 
     assert said == f"tripped: {code}"
     assert unit.trips[-1].code == code
@@ -65,9 +65,9 @@ def test_a_starter_trips_with_the_code_that_is_asked_for_and_its_motor_coasts(
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_fault_is_cleared_at_the_starter_itself(family: str) -> None:
     unit = make(family)
-    turn(unit, "trip", "")
+    set_knob(unit, "trip", "")
 
-    turn(unit, "clear", "")
+    set_knob(unit, "clear", "")
 
     assert not has_fault(unit)
 
@@ -77,12 +77,12 @@ def test_alarms_come_and_go_where_the_family_has_them() -> None:
     assert isinstance(mill, Ssw900)
     assert isinstance(fan, Ssw06)
 
-    assert turn(mill, "alarm", "A063") == "alarm A063"
-    turn(fan, "alarm", "")
+    assert set_knob(mill, "alarm", "A063") == "alarm A063"
+    set_knob(fan, "alarm", "")
     assert (mill.alarms, fan.is_alarm) == ([63], True)
 
-    turn(mill, "clear", "")
-    turn(fan, "clear", "")
+    set_knob(mill, "clear", "")
+    set_knob(fan, "clear", "")
     assert (mill.alarms, fan.is_alarm) == ([], False)
 
 
@@ -91,9 +91,9 @@ def test_a_weg_starter_goes_local_and_back(family: str) -> None:
     unit = make(family)
     assert isinstance(unit, Commanded)
 
-    turn(unit, "control", "local")
+    set_knob(unit, "control", "local")
     is_local = not unit.is_remote
-    turn(unit, "control", "remote")
+    set_knob(unit, "control", "remote")
 
     assert is_local
     assert unit.is_remote
@@ -103,25 +103,25 @@ def test_an_sst_goes_over_to_its_inputs_where_it_is_started_and_stopped_by_hand(
     unit = make("sst")
     assert isinstance(unit, Sst)
 
-    turn(unit, "control", "local")
+    set_knob(unit, "control", "local")
     assert unit.control == "parallel"
-    turn(unit, "keypad", "start")
+    set_knob(unit, "keypad", "start")
     assert unit.motor.is_turned_on
-    turn(unit, "keypad", "stop")
+    set_knob(unit, "keypad", "stop")
     assert not unit.motor.is_turned_on
-    turn(unit, "control", "remote")
+    set_knob(unit, "control", "remote")
     assert unit.control == "modbus"
 
 
 def test_the_keypad_of_a_weg_starter_counts_in_local_control_only() -> None:
     unit = make("ssw07")
 
-    turn(unit, "keypad", "start")
+    set_knob(unit, "keypad", "start")
     assert not unit.motor.is_turned_on
-    turn(unit, "control", "local")
-    turn(unit, "keypad", "start")
+    set_knob(unit, "control", "local")
+    set_knob(unit, "keypad", "start")
     assert unit.motor.is_turned_on
-    turn(unit, "keypad", "stop")
+    set_knob(unit, "keypad", "stop")
     assert not unit.motor.is_turned_on
 
 
@@ -129,14 +129,14 @@ def test_the_keypad_of_a_weg_starter_counts_in_local_control_only() -> None:
 def test_both_supplies_can_be_switched(family: str) -> None:
     unit = make(family)
 
-    turn(unit, "power", "off")
+    set_knob(unit, "power", "off")
     assert not unit.is_powered
-    turn(unit, "power", "on")
-    turn(unit, "mains", "off")
+    set_knob(unit, "power", "on")
+    set_knob(unit, "mains", "off")
 
     assert unit.is_powered
     assert not unit.motor.is_mains_present
-    turn(unit, "mains", "on")
+    set_knob(unit, "mains", "on")
     assert unit.motor.is_mains_present
 
 
@@ -160,7 +160,7 @@ def test_what_a_starter_does_not_have_is_refused_with_what_it_has(
     unit = make(family)
 
     with pytest.raises(UsageError, match=why):
-        turn(unit, knob, setting)
+        set_knob(unit, knob, setting)
 
     assert unit.trips == []
 

@@ -176,7 +176,7 @@ def test_a_request_into_a_pending_answer_collides_with_it() -> None:
         port.write(encode(2, ReadHoldingRegisters(2, 2).encode()))
         received = await receive(port, within_s=0.3)
 
-        assert len(received) == 9  # the second request was spoilt: one garbled reply only
+        assert len(received) == 9  # the second request was corrupted: one garbled reply only
         assert [violation.kind for violation in line.violations] == ["collision"]
 
     run_virtually(main())

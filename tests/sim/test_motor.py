@@ -57,7 +57,7 @@ def test_a_cut_lets_the_motor_coast_without_current() -> None:
     assert motor.state is MotorState.STOPPED
 
 
-def test_a_start_while_it_still_turns_begins_from_that_speed() -> None:
+def test_a_start_while_it_still_runs_begins_from_that_speed() -> None:
     motor = Motor(DATA)
     motor.start()
     motor.step(10.0)
@@ -172,7 +172,7 @@ def test_without_mains_nothing_starts_and_what_runs_coasts() -> None:
     assert motor.state is MotorState.STOPPED
 
 
-def test_a_jog_turns_slowly_until_stopped() -> None:
+def test_a_jog_runs_slowly_until_stopped() -> None:
     motor = Motor(DATA)
     motor.jog()
     motor.step(5.0)

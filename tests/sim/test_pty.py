@@ -146,7 +146,7 @@ async def test_a_line_with_parity_answers_who_cannot_set_it_on_a_terminal() -> N
     await served.stop()
 
 
-async def test_bytes_that_nobody_reads_are_lost_without_harm() -> None:
+async def test_bytes_that_no_one_reads_are_lost_without_harm() -> None:
     served = make_pty()
     await served.start()
 

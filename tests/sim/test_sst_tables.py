@@ -96,7 +96,7 @@ def test_st_13_ranges_differ_by_model(model: str, allowed: int, refused: int) ->
     assert talk.code(WriteRegister(30, refused)) == 3
 
 
-def test_coils_that_only_tell_cannot_be_written() -> None:
+def test_coils_that_only_report_cannot_be_written() -> None:
     talk, _ = make()
 
     assert talk.code(coil(5)) == 2
@@ -117,7 +117,7 @@ def test_st_21_the_heatsink_temperature_is_a_signed_low_byte() -> None:
     assert register(talk, 13) == 0x00FF
 
 
-def test_st_22_register_19_tells_what_the_motor_does() -> None:
+def test_st_22_register_19_shows_what_the_motor_does() -> None:
     talk, _ = make()
     seen = [register(talk, 19)]
     for request, wait_s in ((START, 0.5), (None, 5.0), (STOP, 0.5), (None, 5.0)):

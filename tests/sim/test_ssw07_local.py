@@ -18,7 +18,7 @@ def test_with_the_option_running_stays_on_during_the_ramp_down() -> None:
     assert status(talk) & 0x81 == 0x81
 
 
-def test_with_a_kept_run_command_a_reset_starts_the_motor() -> None:
+def test_with_a_run_command_in_force_a_reset_starts_the_motor() -> None:
     talk, unit = running(keeps_run_command=True)
     unit.trip(5)
     talk.wait(10.0)
@@ -29,7 +29,7 @@ def test_with_a_kept_run_command_a_reset_starts_the_motor() -> None:
     assert unit.starts == [0.0]
 
 
-def test_with_a_kept_run_command_general_enable_starts_the_motor() -> None:
+def test_with_a_run_command_in_force_general_enable_starts_the_motor() -> None:
     talk, unit = running(keeps_run_command=True)
     talk.ask(WriteCoil(101, is_on=False))
     assert unit.motor.state is MotorState.COASTING
@@ -40,7 +40,7 @@ def test_with_a_kept_run_command_general_enable_starts_the_motor() -> None:
     assert unit.motor.is_turned_on
 
 
-def test_with_a_kept_run_command_a_start_in_error_is_made_good_by_the_reset() -> None:
+def test_with_a_run_command_in_force_a_start_in_error_is_made_good_by_the_reset() -> None:
     talk, unit = make(keeps_run_command=True)
     unit.trip(5)
     talk.ask(START)
@@ -132,7 +132,7 @@ def test_an_overload_is_shown_as_a_fault() -> None:
     assert unit.fault == 66
 
 
-def test_every_write_frame_is_kept_whether_obeyed_or_not() -> None:
+def test_every_write_frame_is_stored_whether_obeyed_or_not() -> None:
     talk, unit = make()
     talk.ask(START)
     talk.code(WriteRegister(89, 0))

@@ -200,7 +200,7 @@ def test_a_fault_calls_a_start_off_and_clears_the_run_bit() -> None:
     assert unit.motor.starts == 0
 
 
-def test_with_a_kept_run_command_a_reset_starts_the_motor() -> None:
+def test_with_a_run_command_in_force_a_reset_starts_the_motor() -> None:
     talk, unit = running(keeps_run_command=True)
     unit.trip(5)
     talk.wait(20.0)

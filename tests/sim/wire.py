@@ -15,7 +15,7 @@ TIMING = LineTiming(9600, Framing.parse("8N2"))
 
 
 class Talk:
-    """Asks one unit, without a line; time passes only when told to."""
+    """Asks one unit, without a line; time passes only on request."""
 
     def __init__(self, unit: SimulatedUnit) -> None:
         self.unit = unit

@@ -85,6 +85,6 @@ def test_each_request_is_told_when_it_is_done() -> None:
     told: list[tuple[str, ...]] = []
     hear: Callable[[object], None] = lambda each: told.append(each.codes)  # type: ignore[attr-defined]  # noqa: E731
 
-    run_virtually(read_in_bulk(Starter().ask, PROFILE, bulk_reads(PROFILE, CODES), tell=hear))
+    run_virtually(read_in_bulk(Starter().ask, PROFILE, bulk_reads(PROFILE, CODES), on_read=hear))
 
     assert told == [CODES]

@@ -84,5 +84,5 @@ def test_the_page_says_what_the_list_says() -> None:
 
 
 def test_a_code_is_explained_also_when_it_is_not_in_the_list() -> None:
-    assert explain("locked").mend == "Ask who locked it."
+    assert explain("locked").hint == "Ask who locked it."
     assert "Modbus exception" in explain("exception_77").sentence

@@ -121,7 +121,7 @@ async def test_a_change_is_saved_and_many_changes_at_once_few_times() -> None:
         desk.change()
         await asyncio.sleep(0.01)
 
-    assert await desk.saver.kept(within_s=1.0)
+    assert await desk.saver.saved(within_s=1.0)
 
     assert desk.memory.document == {"number": 10}
     assert desk.memory.saves == 2
@@ -131,7 +131,7 @@ async def test_a_change_is_saved_and_many_changes_at_once_few_times() -> None:
 async def test_nothing_to_save_is_kept_already() -> None:
     desk = Desk()
 
-    assert await desk.saver.kept(within_s=1.0)
+    assert await desk.saver.saved(within_s=1.0)
     assert desk.memory.saves == 0
 
 
@@ -140,10 +140,10 @@ async def test_a_disk_that_takes_too_long_is_not_waited_for() -> None:
     desk = Desk(save_s=60.0)
     desk.change()
 
-    assert not await desk.saver.kept(within_s=1.0)
+    assert not await desk.saver.saved(within_s=1.0)
     assert asyncio.get_running_loop().time() == 1.0
     await asyncio.sleep(60.0)
-    assert await desk.saver.kept(within_s=1.0)
+    assert await desk.saver.saved(within_s=1.0)
 
 
 @virtually
@@ -151,7 +151,7 @@ async def test_what_could_not_be_saved_is_told_once_and_tried_again() -> None:
     desk = Desk()
     desk.memory.is_away = True
     desk.change()
-    assert not await desk.saver.kept(within_s=1.0)
+    assert not await desk.saver.saved(within_s=1.0)
     desk.change()
     await asyncio.sleep(2.5 * RETRY_S)
 

@@ -62,7 +62,7 @@ def test_the_holder_on_another_machine_or_in_another_container_is_named_with_its
 
 
 @pytest.mark.parametrize("content", ["", "nonsense", "\x00\xff"])
-def test_a_file_that_names_nobody_is_locked_all_the_same(content: str, tmp_path: Path) -> None:
+def test_a_file_that_names_no_one_is_locked_all_the_same(content: str, tmp_path: Path) -> None:
     with instance_lock(tmp_path):
         (tmp_path / FILE).write_text(content)
 
@@ -93,7 +93,7 @@ def test_the_lock_ends_with_a_process_that_was_killed(tmp_path: Path) -> None:
         third.kill()
 
 
-def test_a_folder_of_another_user_is_told_in_one_line_with_its_remedy(tmp_path: Path) -> None:
+def test_a_folder_of_another_user_is_reported_in_one_line_with_its_remedy(tmp_path: Path) -> None:
     make_reachable(tmp_path)
     locked = tmp_path / "state"
     locked.mkdir()

@@ -37,7 +37,7 @@ def test_files_that_an_earlier_version_left_readable_become_private(tmp_path: Pa
     assert modes(tmp_path) == {0o600}
 
 
-def test_files_that_are_made_later_are_private_whoever_makes_them(tmp_path: Path) -> None:
+def test_files_that_are_made_later_are_private_too(tmp_path: Path) -> None:
     keep_private(tmp_path)
 
     JsonFile(tmp_path / "precautions.json").write({"version": 1})

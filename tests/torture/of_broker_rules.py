@@ -104,7 +104,7 @@ def _other_rules(w: World, old: str, new: str) -> Iterator[None]:
 
 
 SCENARIOS = (
-    Scenario("client id taken over", Place.BROKER, taken_over, 60, 10, "s"),
+    Scenario("client id used twice", Place.BROKER, taken_over, 60, 10, "s"),
     Scenario("refused login", Place.BROKER, refused, 60, 10, "s"),
     Scenario("Receive Maximum 1", Place.BROKER, one_at_a_time, 20, 1, "times"),
     Scenario("slow consumer", Place.BROKER, slow_consumer, 60, 10, "s"),

@@ -122,7 +122,7 @@ async def _retained_before(site: CommandSite, version: str, count: int) -> int:
         for id_, (starter, user) in zip(ids, places, strict=True):
             payload = site.payload(id_, issued_at=rfc3339(time.time()), ttl_s=TTL_S)
             _publish_one(site, version, f"{starter}/{user}", payload)
-        site.old_broker.mend()
+        site.old_broker.repair()
         await _refused(site, ids, ("retained",), within_s=15.0)
     _forget_retained(site)
     return 0
@@ -139,7 +139,7 @@ async def _retained_live(site: CommandSite) -> None:
     for _ in range(3):
         since = len(site.listener.results)
         site.old_broker.cut()
-        site.old_broker.mend()
+        site.old_broker.repair()
         await site.result(
             lambda each: each["id"] == id_ and each["duplicate"], "the copy's answer", since=since
         )

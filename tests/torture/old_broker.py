@@ -38,7 +38,7 @@ class OldBroker:
         for writer in tuple(self._writers):
             writer.transport.abort()
 
-    def mend(self) -> None:
+    def repair(self) -> None:
         """Take connections again."""
         self._is_cut = False
 

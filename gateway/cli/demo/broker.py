@@ -17,7 +17,7 @@ _START_TIMEOUT_S = 20.0
 
 
 class DemoBroker:
-    """A broker process that lives as long as the demo; anybody on this machine may use it."""
+    """A broker process that lives as long as the demo; any program on this machine may use it."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder

@@ -78,7 +78,7 @@ Paste these into another terminal:
 {send} pump set --client demo parameter=P314 value=30
 {send} pump read --client demo parameter=P003
 {by_hand}
-What a hand at the simulated starter would do has topics of its own, which no real gateway has:
+What a person beside a simulated starter would do has topics, which no real gateway has:
 
 # trip
 {trip}

@@ -38,7 +38,7 @@ class DemoSimulator:
                     if line.decode().startswith(_READY):
                         return
         await self.stop()
-        raise PortError("of the demo", "the simulated starters do not start", "see what they said above")
+        raise PortError("of the demo", "the simulated starters do not start", "see their output above")
 
     async def stop(self) -> None:
         """End the process."""

@@ -1,4 +1,4 @@
-"""`doctor`: what is not right with the machine, the broker and the starters' settings. Start at `doctor`."""
+"""`doctor`: finds problems of the machine, the broker and the starters' settings. Start at `doctor`."""
 
 from gateway.cli.doctor.doctor import add_parser, run
 

@@ -1,4 +1,4 @@
-"""Whether the broker can be reached with the gateway's login, and a running gateway asked through it."""
+"""Checks the broker with the gateway's login, and reads settings through a running gateway."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class BrokerAccess:
         self._settings: BrokerSettings | None = None  # once a login has succeeded
 
     async def remarks(self) -> list[DoctorFinding]:
-        """Log in, under another client id than the gateway, and tell what came of it."""
+        """Log in, under another client id than the gateway, and return what was found."""
         try:
             settings = self._settings_of(None, None)
         except ConfigError as error:
@@ -59,7 +59,9 @@ class BrokerAccess:
         who = "the gateway's login"
         where = f"broker {settings.address}"
         try:
-            if self._username is not None:  # a broker may let go of the gateway for a second one of its login
+            if (
+                self._username is not None
+            ):  # a broker may disconnect the gateway for a second connection with its login
                 who = f"the login {self._username}"
                 settings = self._settings_of(self._username, self._password_file)
             version = await _log_in(settings)
@@ -69,18 +71,18 @@ class BrokerAccess:
         return [*remarks, DoctorFinding(where, f"takes {who}, MQTT {version}")]
 
     async def known(self, starter: str) -> str:
-        """Return what the running gateway says of a starter that it cannot read whole; empty: nothing.
+        """Return the running gateway's reason why a starter cannot be read; empty when it can.
 
         BrokerError when the broker, or the right to read it, is missing.
         """
         topics = Topics(self._config.base)
-        told = await CommandClient(self._usable(), topics).retained(
+        known = await CommandClient(self._usable(), topics).retained(
             topics.availability(starter), within_s=KNOWN_WITHIN_S
         )
-        if told is None or told.get("state") == "online":
+        if known is None or known.get("state") == "online":
             return ""
-        since = f" since {told['since']}" if told.get("since") else ""
-        return f"the gateway says: {told.get('state')}{since}: {told.get('reason') or 'no reason told'}"
+        since = f" since {known['since']}" if known.get("since") else ""
+        return f"the gateway says: {known.get('state')}{since}: {known.get('reason') or 'no reason given'}"
 
     async def read(self, starter: str, codes: Iterable[str]) -> dict[str, tuple[int, ...]]:
         """Return the raw words of these rows, asked of the running gateway; what it refuses is left out.

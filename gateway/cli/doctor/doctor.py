@@ -1,4 +1,4 @@
-"""`starter-gateway doctor`: what on this machine or in these starters would bite; nothing is changed."""
+"""`starter-gateway doctor`: looks for problems of the machine and the starters' settings; changes nothing."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command's parser."""
     parser = subparsers.add_parser(
         "doctor",
-        description="Tell what on this machine or in these starters would bite: ports, adapters, clock, state"
-        " directory, broker, command sources and communication watchdogs. Nothing is changed; exit code 1"
-        " when something bites. Run it as the gateway's user.",
+        description="Look for problems: ports, adapters, clock, state directory, broker, and in the starters"
+        " command sources and communication watchdogs. Nothing is changed; exit code 1 when there is a"
+        " problem. Run it as the gateway's user.",
     )
     parser.add_argument("config", metavar="CONFIG", help="the gateway's configuration")
     who = f"the operator as whom a running gateway is asked, else --username, else {OWN_NAME}"
@@ -36,7 +36,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print one remark a line, and how many of them bite."""
+    """Print one finding a line, then the number of errors and warnings."""
     config = load(args.config)
     folder = Path(args.config).parent
     broker = BrokerAccess(
@@ -53,11 +53,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def verdict(remarks: list[DoctorFinding]) -> int:
-    """Print the sum of the remarks and return the exit code."""
+    """Print the number of problems and return the exit code."""
     errors = sum(remark.weight is Weight.ERROR for remark in remarks)
     warnings = sum(remark.weight is Weight.WARNING for remark in remarks)
-    if not any(remark.bites for remark in remarks):
-        print("nothing bites")
+    if not any(remark.is_problem for remark in remarks):
+        print("no problems")
         return 0
     print(f"{_count(errors, 'error')}, {_count(warnings, 'warning')}")
     return 1
@@ -66,24 +66,24 @@ def verdict(remarks: list[DoctorFinding]) -> int:
 async def _examine(config: Config, folder: Path, broker: BrokerAccess) -> list[DoctorFinding]:
     remarks: list[DoctorFinding] = []
 
-    def tell(remark: DoctorFinding | None) -> None:
+    def report(remark: DoctorFinding | None) -> None:
         if remark is not None:
             remarks.append(remark)
             print(remark, flush=True)
 
-    tell(clock_remark())
+    report(clock_remark())
     state_dir = folder / config.gateway.state_dir
-    tell(state_dir_remark(state_dir))
+    report(state_dir_remark(state_dir))
     for remark in wear_remarks(state_dir):
-        tell(remark)
+        report(remark)
     for remark in await broker.remarks():
-        tell(remark)
+        report(remark)
     for prospect in prospects_of(config):
         table = prospect.table
         opener = SerialOpener(table.port, table.baud, timing_of(table).framing)
         checkup = LineCheckup(prospect, opener, broker=broker, clock=SystemClock(), state_dir=state_dir)
-        await checkup.run(tell)
-        tell(latency_remark(table.port, f"line {table.name}"))
+        await checkup.run(report)
+        report(latency_remark(table.port, f"line {table.name}"))
     return remarks
 
 

@@ -1,4 +1,4 @@
-"""What `doctor` says: one sentence about one thing, and whether it bites."""
+"""One finding of `doctor`: a sentence about one thing, and whether it is a problem."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ class DoctorFinding:
     weight: Weight | None = None
 
     @property
-    def bites(self) -> bool:
-        """Return whether somebody should do something about it."""
+    def is_problem(self) -> bool:
+        """Return whether a person should act on it."""
         return self.weight in (Weight.WARNING, Weight.ERROR)
 
     def __str__(self) -> str:

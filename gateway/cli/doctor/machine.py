@@ -1,4 +1,4 @@
-"""What on this machine would bite: adapters, the clock, the state directory, and what is kept in it."""
+"""Problems of the machine: adapters, the clock, the state directory and its contents."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _TIMEX_BYTES = 512  # more than struct timex has anywhere
 
 
 def latency_remark(port: str, where: str, *, sysfs: Path = SYSFS_TTY) -> DoctorFinding | None:
-    """Return what there is to say of an adapter's latency timer; None when it has none."""
+    """Return the finding about an adapter's latency timer; None when it has none."""
     name = Path(port).resolve().name
     timer = sysfs / name / "device" / "latency_timer"
     try:
@@ -47,10 +47,10 @@ def clock_state() -> int | None:
 
 
 def clock_remark(read: Callable[[], int | None] = clock_state) -> DoctorFinding:
-    """Return whether the clock is synchronised: times in topics, and `issued_at` of commands, hang on it."""
+    """Return whether the clock is synchronised: times in topics and `issued_at` of commands depend on it."""
     state = read()
     if state is None:
-        return DoctorFinding("clock", "whether it is synchronised cannot be told here", Weight.NOTE)
+        return DoctorFinding("clock", "whether it is synchronised is unknown here", Weight.NOTE)
     if state == _TIME_ERROR:
         what = "is not synchronised: time stamps are wrong, commands need `token`, not `issued_at`"
         return DoctorFinding(
@@ -73,8 +73,10 @@ def _wear_remark(starter: str, count: int) -> DoctorFinding:
     what = f"this gateway has written {times} to its non-volatile memory"
     if count < WRITES_BORNE:
         return DoctorFinding(f"starter {starter}", what)
-    mend = f"flash is usually made for {WRITES_BORNE}: find out which program sets something again and again"
-    return DoctorFinding(f"starter {starter}", f"{what} ({mend})", Weight.WARNING)
+    hint = (
+        f"flash is usually made for {WRITES_BORNE}: find the program that writes the same setting repeatedly"
+    )
+    return DoctorFinding(f"starter {starter}", f"{what} ({hint})", Weight.WARNING)
 
 
 def state_dir_remark(folder: Path) -> DoctorFinding:

@@ -1,4 +1,4 @@
-"""What in the starters would bite: asked directly, or through the gateway that holds their port."""
+"""Problems in the starters' settings, read directly or through the gateway that holds their port."""
 
 from __future__ import annotations
 
@@ -51,8 +51,8 @@ class LineCheckup:
         self._state_dir = state_dir
         self._where = f"line {prospect.table.name}"
 
-    async def run(self, tell: Callable[[DoctorFinding], None]) -> None:
-        """Look at everything; `tell` hears of each remark at once."""
+    async def run(self, report: Callable[[DoctorFinding], None]) -> None:
+        """Examine each starter; `report` gets each finding at once."""
         setups = [setup for setup in setups_of(self._table) if setup.is_enabled]
         try:
             async with exclusive_line(
@@ -61,21 +61,23 @@ class LineCheckup:
                 timing_of(self._table),
                 allowance_s=self._table.adapter_allowance_s,
             ) as line:
-                tell(DoctorFinding(self._where, f"{self._table.port} opens"))
+                report(DoctorFinding(self._where, f"{self._table.port} opens"))
                 for setup in setups:
-                    await self._ask_directly(setup, line, tell)
+                    await self._ask_directly(setup, line, report)
         except PortLostError as error:
-            tell(DoctorFinding(self._where, str(error), Weight.ERROR))
+            report(DoctorFinding(self._where, str(error), Weight.ERROR))
         except PortError as error:
             if error.reason != BUSY:
-                tell(DoctorFinding(self._where, str(error), Weight.ERROR))
+                report(DoctorFinding(self._where, str(error), Weight.ERROR))
                 return
-            tell(DoctorFinding(self._where, f"{self._table.port} is in use; the gateway is asked over MQTT"))
+            report(
+                DoctorFinding(self._where, f"{self._table.port} is in use; the gateway is asked over MQTT")
+            )
             for setup in setups:
-                await self._ask_the_gateway(setup, tell)
+                await self._ask_the_gateway(setup, report)
 
     async def _ask_directly(
-        self, setup: StarterSetup, line: LineClient, tell: Callable[[DoctorFinding], None]
+        self, setup: StarterSetup, line: LineClient, report: Callable[[DoctorFinding], None]
     ) -> None:
         bench = OfflineStarter(
             setup, line=line, sink=_NullSink(), clock=self._clock, sequence=SequenceNumbers()
@@ -85,55 +87,57 @@ class LineCheckup:
             await bench.identify()
             rows = (await bench.read(bulk_reads(setup.profile, readiness_codes(setup.profile)))).rows
         except CommandError as error:
-            tell(DoctorFinding(where, error.text, Weight.ERROR))
+            report(DoctorFinding(where, error.text, Weight.ERROR))
             return
-        tell(DoctorFinding(where, f"is {bench.variant.model or setup.profile.title}"))
+        report(DoctorFinding(where, f"is {bench.variant.model or setup.profile.title}"))
         trouble = identity_trouble(self._state_dir, setup, bench.identity)
         if trouble:
-            tell(DoctorFinding(where, f"commands would be held: {trouble}", Weight.ERROR))
-        self._judge(setup, bench.variant, rows, tell)
-        for dog in watchdogs(setup.profile, bench.variant, rows)[:1]:
-            what = f"{dog.code} runs since this look: the gateway must poll within {dog.after_s:g} s"
-            tell(DoctorFinding(where, what, Weight.NOTE))
+            report(DoctorFinding(where, f"commands would be held: {trouble}", Weight.ERROR))
+        self._judge(setup, bench.variant, rows, report)
+        for watchdog in watchdogs(setup.profile, bench.variant, rows)[:1]:
+            what = (
+                f"{watchdog.code} runs since this look: the gateway must poll within {watchdog.after_s:g} s"
+            )
+            report(DoctorFinding(where, what, Weight.NOTE))
 
-    async def _ask_the_gateway(self, setup: StarterSetup, tell: Callable[[DoctorFinding], None]) -> None:
+    async def _ask_the_gateway(self, setup: StarterSetup, report: Callable[[DoctorFinding], None]) -> None:
         where = f"starter {setup.name}"
         slots = device_of(setup.profile).slot_rows
         try:
             known = await self._broker.known(setup.name)
             if known:
-                tell(DoctorFinding(where, known, Weight.ERROR))
+                report(DoctorFinding(where, known, Weight.ERROR))
             if known.startswith("the gateway says: offline"):
                 return  # every question would be refused
             rows = await self._broker.read(setup.name, readiness_codes(setup.profile))
         except BrokerError as error:
-            tell(DoctorFinding(where, f"cannot be asked: {error}", Weight.WARNING))
+            report(DoctorFinding(where, f"cannot be asked: {error}", Weight.WARNING))
             return
         if not rows:
             what = "the gateway reads nothing of it: see its availability and its events"
-            tell(DoctorFinding(where, what, Weight.ERROR))
+            report(DoctorFinding(where, what, Weight.ERROR))
             return
-        tell(DoctorFinding(where, "answers the gateway"))
+        report(DoctorFinding(where, "answers the gateway"))
         variant = setup.variant
         if all(code in rows for code in slots) and slots:
             contents = tuple(rows[code][0] for code in slots)
             variant = merged(variant, identify(setup.profile, {"slots": contents}))
-        self._judge(setup, variant, rows, tell)
+        self._judge(setup, variant, rows, report)
 
     def _judge(
-        self, setup: StarterSetup, variant: Variant, rows: Rows, tell: Callable[[DoctorFinding], None]
+        self, setup: StarterSetup, variant: Variant, rows: Rows, report: Callable[[DoctorFinding], None]
     ) -> None:
         gap_s = self._gaps_s.get(setup.name)
         findings = readiness(setup.profile, variant, rows, gap_s=gap_s, watchdog_s=setup.watchdog_s)
         for finding in findings:
-            tell(DoctorFinding(f"starter {setup.name}", finding.text, finding.weight))
+            report(DoctorFinding(f"starter {setup.name}", finding.text, finding.weight))
         delivered = as_delivered(setup.profile, variant, rows)
         if delivered:
-            tell(DoctorFinding(f"starter {setup.name}", delivered))
+            report(DoctorFinding(f"starter {setup.name}", delivered))
 
 
 class _NullSink:
-    """Hears nothing: the remarks say it all."""
+    """Discards every record: the findings contain it all."""
 
     def put(self, record: Record) -> None:
         """Leave a record."""

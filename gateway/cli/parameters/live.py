@@ -82,7 +82,7 @@ class LiveStarter:
                 bench = OfflineStarter(
                     self.setup,
                     line=line,
-                    sink=_Nobody(),
+                    sink=_NoRecords(),
                     clock=self.clock,
                     sequence=SequenceNumbers(),
                     watchdogs=watchdogs,
@@ -92,12 +92,12 @@ class LiveStarter:
         except PortError as error:
             if error.reason != "busy":
                 raise
-            mend = "stop the gateway for the time being: this command needs the port for itself"
-            raise PortError(error.port, "a gateway or another program holds it", mend) from error
+            hint = "stop the gateway for the time being: this command needs the port for itself"
+            raise PortError(error.port, "a gateway or another program holds it", hint) from error
 
 
-class _Nobody:
-    """Hears nothing: the command itself tells what happens."""
+class _NoRecords:
+    """Discards every record: the command prints what happens."""
 
     def put(self, record: Record) -> None:
         """Leave a record."""
@@ -110,7 +110,7 @@ def save_live(live: LiveStarter, progress: Progress, *, with_unnamed: bool = Fal
 
 
 async def save(live: LiveStarter, progress: Progress, *, with_unnamed: bool = False) -> ParameterSet:
-    """Return everything that a starter tells, showing how far the reading is."""
+    """Read everything from a starter, with a progress line."""
     async with live.bench() as bench:
         codes = readable_codes(bench.profile, with_unnamed=with_unnamed)
         reading = await read_with_progress(bench, bulk_reads(bench.profile, codes), progress)
@@ -134,14 +134,14 @@ async def read_with_progress(
     all_s = sum(wire_s(read, bench.line.timing) for read in reads)
     began_s, done_s = loop.time(), 0.0
 
-    def tell(read: Read) -> None:
+    def show(read: Read) -> None:
         nonlocal done_s
         done_s = min(done_s + wire_s(read, bench.line.timing), all_s)
         left_s = (loop.time() - began_s) * (all_s - done_s) / done_s
         progress.show(done_s / all_s, f"{bench.setup.name}: {read.codes[-1]}", left_s=left_s)
 
     try:
-        return await bench.read(reads, tell=tell)
+        return await bench.read(reads, on_read=show)
     finally:
         progress.end()
 

@@ -1,4 +1,4 @@
-"""`starter-gateway parameters`: what a starter holds, saved, compared and put back."""
+"""`starter-gateway parameters`: saves, compares and restores a starter's parameters."""
 
 from __future__ import annotations
 
@@ -29,7 +29,9 @@ def add_parser(subparsers: Subparsers) -> None:
     save.add_argument(
         "--unnamed", action="store_true", help="P000 to P999 too, as raw words (SSW-06, SSW-07)"
     )
-    diff = actions.add_parser("diff", help="tell in which settings two sets differ; exit code 1 when in any")
+    diff = actions.add_parser(
+        "diff", help="print the settings in which two sets differ; exit code 1 when there are any"
+    )
     diff.add_argument("a", metavar="A", help="a saved file, or CONFIG:STARTER for a live one")
     diff.add_argument("b", metavar="B", nargs="?", help="another one")
     diff.add_argument(
@@ -37,12 +39,12 @@ def add_parser(subparsers: Subparsers) -> None:
         action="store_true",
         help="instead of B: what the starter is delivered with, as far as its serial manual prints it",
     )
-    diff.add_argument("--all", action="store_true", help="what is measured too, not the settings alone")
+    diff.add_argument("--all", action="store_true", help="measured values too, not the settings alone")
     restore = actions.add_parser("restore", help="write the settings that differ, at standstill only")
     _add_starter(restore)
     restore.add_argument("file", metavar="FILE", help="a file of `parameters save`")
     restore.add_argument(
-        "--dry-run", action="store_true", help="tell what would be written, and write nothing"
+        "--dry-run", action="store_true", help="print what would be written, and write nothing"
     )
     restore.add_argument(
         "--command-sources",
@@ -51,7 +53,7 @@ def add_parser(subparsers: Subparsers) -> None:
         " a run command stands there",
     )
     restore.add_argument(
-        "--other-model", action="store_true", help="although it was saved from another model"
+        "--other-model", action="store_true", help="restore also a file that was saved from another model"
     )
 
 

@@ -1,12 +1,14 @@
-"""`parameters restore`: a saved set is put back, or it is told what that would change.
+"""`parameters restore`: writes a saved set of parameters to a starter, or prints what it would write.
 
-Whether the one who answers is the starter that the gateway knows: judged by what it has kept.
+The gateway does not run meanwhile, since both need the port, so this command applies the gateway's own
+rules from the files in its state directory. It writes nothing
 
-Adds to the counts of writes to starters' memories that the gateway keeps; it does not run meanwhile.
+1. while the starter is locked for maintenance (precautions);
+2. when the device is not the starter that the gateway knows (identities);
+3. when it is of another model than the file, unless --other-model is given;
+4. when the line could not serve a watchdog that the file sets (watchdogs).
 
-Whether a starter is locked for maintenance: as the gateway, which does not run now, has kept it.
-
-The watchdogs that the gateway has kept, for those who set parameters while it does not run.
+Afterwards it adds its writes to the count of memory writes, and stores the watchdogs for the next run.
 """
 
 from __future__ import annotations
@@ -40,16 +42,16 @@ from gateway.system.clock import read_clocks
 
 
 def identity_trouble(state_dir: Path, setup: StarterSetup, identity: Identity) -> str:
-    """Return what speaks against this starter; empty when nothing does, or when none was ever seen before."""
+    """Return why this may be another starter; empty when it is the known one, or the first one seen here."""
     try:
-        stranger = stranger_in(JsonFile(state_dir / IDENTITIES_FILE).load() or {}, setup, identity)
+        mismatch = stranger_in(JsonFile(state_dir / IDENTITIES_FILE).load() or {}, setup, identity)
     except DamagedError as error:
-        return f"whether it is the starter that the gateway knows cannot be told: {error}"
-    return "" if stranger is None else stranger.text
+        return f"whether it is the starter that the gateway knows is unknown: {error}"
+    return "" if mismatch is None else mismatch.text
 
 
 def count_writes(state_dir: Path, starter: str, writes: int) -> str:
-    """Count so many more writes; return in words why that cannot be, empty when it was done.
+    """Add to the count of writes; return why that failed, empty when it was done.
 
     Where no gateway has ever run there is nothing to add to.
     """
@@ -79,7 +81,7 @@ def lock_trouble(state_dir: Path, starter: str) -> CommandError | None:
 
 
 class _ReadOnly(NoStore):
-    """Gives what a file holds; it is written once, at the end."""
+    """Reads a file and writes nothing; `save_watchdogs` writes it once, at the end."""
 
     def __init__(self, memory: JsonStore) -> None:
         self.load = memory.load  # type: ignore[method-assign] # all else is nothing
@@ -94,7 +96,7 @@ def known_watchdogs(state_dir: Path, starters: Iterable[StarterSetup]) -> KnownW
 
 
 def save_watchdogs(state_dir: Path, watchdogs: KnownWatchdogs) -> str:
-    """Have the next run know these from its first poll on; return why that cannot be, empty when it was done.
+    """Store these for the next run of the gateway; return why that failed, empty when it was done.
 
     Where no gateway has ever run there is nothing to add to.
     """
@@ -150,10 +152,10 @@ async def restore(
         if is_dry or not plan.changes:
             return 0
         work = Restore(bench, plan, clock=live.clock)
-        with suppress(NotImplementedError, ValueError):  # only the main thread's loop hears signals
+        with suppress(NotImplementedError, ValueError):  # only the main thread's loop receives signals
             asyncio.get_running_loop().add_signal_handler(signal.SIGINT, work.interrupt)
         try:
-            end = await work.run(_teller(plan, progress))
+            end = await work.run(_progress_shower(plan, progress))
         finally:
             trouble = count_writes(live.state_dir, live.setup.name, work.writes)
             trouble = trouble or save_watchdogs(live.state_dir, watchdogs)
@@ -164,7 +166,7 @@ async def restore(
 
 
 def _check_lock(live: LiveStarter, *, is_dry: bool) -> None:
-    """Let nothing be written while the starter is locked for maintenance: the gateway would refuse it too."""
+    """Raise CommandError while the starter is locked for maintenance, as the gateway would."""
     trouble = lock_trouble(live.state_dir, live.setup.name)
     if trouble is not None and not is_dry:
         raise CommandError(trouble.code, f"{live.setup.name}: {trouble.text}; nothing was written")
@@ -173,7 +175,7 @@ def _check_lock(live: LiveStarter, *, is_dry: bool) -> None:
 
 
 def _check_identity(live: LiveStarter, bench: OfflineStarter, *, is_dry: bool) -> None:
-    """Let nothing be written to a starter that the gateway itself would not command."""
+    """Raise CommandError for a starter that the gateway itself would not command."""
     trouble = identity_trouble(live.state_dir, live.setup, bench.identity)
     if trouble and not is_dry:
         raise CommandError("identity_changed", f"{live.setup.name}: {trouble}; nothing was written")
@@ -184,7 +186,7 @@ def _check_identity(live: LiveStarter, bench: OfflineStarter, *, is_dry: bool) -
 async def _check_watchdog(
     live: LiveStarter, watchdogs: KnownWatchdogs, plan: RestorePlan, *, is_dry: bool
 ) -> None:
-    """Let nothing be written that sets a watchdog which the line cannot keep; CommandError."""
+    """Raise CommandError when the set contains a watchdog that the line cannot serve in time."""
     rows = {change.code: tuple(change.after.raw or ()) for change in plan.changes}
     try:
         await watchdogs.check(live.setup.name, rows)
@@ -203,8 +205,8 @@ def _check_model(bench: OfflineStarter, wanted: ParameterSet, *, is_other_model:
 
 def _show_plan(plan: RestorePlan, sources: Collection[str], *, is_dry: bool) -> None:
     for code, why in plan.left.items():
-        mend = " (--command-sources restores it too)" if code in sources else ""
-        print(f"left as it is: {code}: {why}{mend}")
+        hint = " (--command-sources restores it too)" if code in sources else ""
+        print(f"left as it is: {code}: {why}{hint}")
     if not plan.changes:
         print("nothing to write: the starter holds these settings already")
         return
@@ -212,18 +214,18 @@ def _show_plan(plan: RestorePlan, sources: Collection[str], *, is_dry: bool) -> 
         print(f"{'would write' if is_dry else 'to write'}: {change.text}")
 
 
-def _teller(plan: RestorePlan, progress: Progress) -> Callable[[tuple[PlannedWrite, ...]], None]:
+def _progress_shower(plan: RestorePlan, progress: Progress) -> Callable[[tuple[PlannedWrite, ...]], None]:
     """Return what shows how many of the changes are written, and how long the others will take."""
     loop = asyncio.get_running_loop()
     began_s, done = loop.time(), 0
 
-    def tell(group: tuple[PlannedWrite, ...]) -> None:
+    def show(group: tuple[PlannedWrite, ...]) -> None:
         nonlocal done
         left_s = (loop.time() - began_s) / done * (len(plan.changes) - done) if done else None
         progress.show(done / len(plan.changes), f"writing {group[0].code}", left_s=left_s)
         done += len(group)
 
-    return tell
+    return show
 
 
 def _show_end(end: RestoreEnd, progress: Progress) -> int:

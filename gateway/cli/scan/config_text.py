@@ -44,7 +44,7 @@ def config_text(port: str, found: Sequence[Find]) -> str:
     return text
 
 
-def told(find: Find) -> str:
+def described(find: Find) -> str:
     """Return in a line who answers, in characters that harm no terminal."""
     if find.profile is None:
         return clean(f"no known starter: {find.identity.reason}")
@@ -73,7 +73,7 @@ def _text(
 def _starter(find: Find, *, with_watchdogs: bool) -> str:
     family = "" if find.profile is None else find.profile.family
     lines = [
-        f"[[line.starter]] # {told(find)}",
+        f"[[line.starter]] # {described(find)}",
         f'name = "{family}-{find.address}"',
         f"address = {find.address}",
         f'family = "{family}"',
@@ -88,4 +88,4 @@ def _starter(find: Find, *, with_watchdogs: bool) -> str:
 def _left_out(find: Find) -> str:
     where = f"# address {find.address} at {find.timing.baud} {find.timing.framing}"
     why = why_not(find.profile, find.timing) if find.profile is not None else ""
-    return f"{where}: {told(find)}" + (f" ({why})" if why else "") + "\n"
+    return f"{where}: {described(find)}" + (f" ({why})" if why else "") + "\n"

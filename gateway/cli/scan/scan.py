@@ -13,15 +13,15 @@ from typing import get_args
 from gateway.cli.arguments import whole_number
 from gateway.cli.command import Subparsers
 from gateway.cli.progress import Progress
-from gateway.cli.scan.config_text import config_text, told
+from gateway.cli.scan.config_text import config_text, described
 from gateway.cli.scan.search import (
     ADDRESSES,
     BAUDS,
     FRAMINGS,
     Find,
     Search,
+    SearchSettings,
     Step,
-    Wish,
     timings_in_order,
     why_not,
 )
@@ -62,7 +62,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Scan, and print the configuration; 1 when no starter was found."""
-    wish = wish_of(args)
+    settings = settings_of_search(args)
     port = args.port if "://" in args.port else os.path.abspath(args.port)
 
     def open_with(timing: LineTiming) -> PortOpener:
@@ -70,22 +70,24 @@ def run(args: argparse.Namespace) -> int:
 
     progress = Progress()
     with asyncio.Runner(loop_factory=new_precise_loop) as runner:
-        found = runner.run(scan(wish, open_with, progress))
+        found = runner.run(scan(settings, open_with, progress))
     return show(found, stable_name(port), progress)
 
 
-async def scan(wish: Wish, open_with: Callable[[LineTiming], PortOpener], progress: Progress) -> list[Find]:
-    """Return what answers, and tell how far the search is."""
+async def scan(
+    settings: SearchSettings, open_with: Callable[[LineTiming], PortOpener], progress: Progress
+) -> list[Find]:
+    """Return the devices that answer, with a progress line."""
 
     def step(now: Step) -> None:
         what = f"{now.timing.baud} {now.timing.framing} address {now.address}"
         progress.show(now.share, what, left_s=now.left_s)
 
     def find(one: Find) -> None:
-        progress.say(f"address {one.address} at {one.timing.baud} {one.timing.framing}: {told(one)}")
+        progress.say(f"address {one.address} at {one.timing.baud} {one.timing.framing}: {described(one)}")
 
     try:
-        return await Search(wish, open_with, tell_step=step, tell_find=find).run()
+        return await Search(settings, open_with, on_step=step, on_find=find).run()
     finally:
         progress.clear()
 
@@ -95,9 +97,10 @@ def show(found: list[Find], port: str, progress: Progress) -> int:
     for find in found:
         why = "" if find.profile is None else why_not(find.profile, find.timing)
         if why:
-            progress.say(f"address {find.address} is left out: {why} (it may be heard at another one: --all)")
-        for dog in find.watchdogs:
-            left = f"its watchdog {dog.code} runs since this scan: after {dog.after_s:g} s it {dog.does}"
+            progress.say(f"address {find.address} is left out: {why} (it may answer at another one: --all)")
+        for watchdog in find.watchdogs:
+            acts = f"after {watchdog.after_s:g} s it {watchdog.does}"
+            left = f"its watchdog {watchdog.code} runs since this scan: {acts}"
             progress.say(f"address {find.address}: {left}")
     text = config_text(port, found)
     if not text:
@@ -108,7 +111,7 @@ def show(found: list[Find], port: str, progress: Progress) -> int:
     return 0
 
 
-def wish_of(args: argparse.Namespace) -> Wish:
+def settings_of_search(args: argparse.Namespace) -> SearchSettings:
     """Return what to search; UsageError for what cannot be."""
     bauds = [whole_number(each, "--baud", low=1, high=10_000_000) for each in _split(args.baud)] or BAUDS
     for baud in bauds:
@@ -117,10 +120,10 @@ def wish_of(args: argparse.Namespace) -> Wish:
     framings = [each.upper() for each in _split(args.framing)] or FRAMINGS
     for framing in framings:
         if framing not in get_args(FramingText):
-            raise UsageError(f"--framing {framing!r} is none (one of {_list(get_args(FramingText))})")
+            raise UsageError(f"--framing {framing!r} is no framing (one of {_list(get_args(FramingText))})")
     if not 0.005 <= args.reply_within <= 10:
         raise UsageError(f"--reply-within {args.reply_within} is out of range (0.005..10)")
-    return Wish(
+    return SearchSettings(
         timings=timings_in_order(bauds, framings),
         addresses=addresses_in(args.address),
         response_time_s=args.reply_within,
@@ -136,10 +139,10 @@ def addresses_in(text: str) -> tuple[int, ...]:
         match = _RANGE.fullmatch(part)
         first, last = (int(match[1]), int(match[2] or match[1])) if match else (0, 0)
         if first not in ADDRESSES or last not in ADDRESSES or first > last:
-            raise UsageError(f"--address {part!r} is none (1-247, or e.g. 1-16,20)")
+            raise UsageError(f"--address {part!r} is no address (1-247, or e.g. 1-16,20)")
         found |= dict.fromkeys(range(first, last + 1))
     if not found:
-        raise UsageError("--address names none (e.g. 1-247)")
+        raise UsageError("--address names no address (e.g. 1-247)")
     return tuple(found)
 
 

@@ -71,7 +71,7 @@ class Step:
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class SearchSettings:
     """What is searched, and how."""
 
     timings: tuple[LineTiming, ...]
@@ -103,19 +103,19 @@ class Search:
 
     def __init__(
         self,
-        wish: Wish,
+        settings: SearchSettings,
         open_with: Callable[[LineTiming], PortOpener],
         *,
-        tell_step: Callable[[Step], None],
-        tell_find: Callable[[Find], None],
+        on_step: Callable[[Step], None],
+        on_find: Callable[[Find], None],
     ) -> None:
-        self._wish = wish
+        self._settings = settings
         self._open_with = open_with
-        self._tell_step = tell_step
-        self._tell_find = tell_find
+        self._on_step = on_step
+        self._on_find = on_find
         self._due: dict[int, tuple[float, float]] = {}  # by address: when to ask again, and how often
-        self._legs = list(_legs(wish))
-        self._probes = _PROBES if wish.is_thorough else _PROBES[:1]
+        self._legs = list(_legs(settings))
+        self._probes = _PROBES if settings.is_thorough else _PROBES[:1]
         self._spent_s = 0.0
         self._was_open = False  # the port, at least once
 
@@ -127,7 +127,7 @@ class Search:
             here = await self._walk(timing, addresses)
             found += here
             is_settled = any(find.profile is not None and not why_not(find.profile, timing) for find in here)
-            if is_settled and not self._wish.goes_on:  # all units of a line have one setting
+            if is_settled and not self._settings.goes_on:  # all units of a line have one setting
                 self._legs = [leg for leg in self._legs if leg[0] == timing]
         return found
 
@@ -143,13 +143,13 @@ class Search:
                 async with Survey(self._open_with(timing), timing) as survey:
                     self._was_open = True
                     while left:
-                        self._tell(timing, addresses, left[0][0])
+                        self._report_step(timing, addresses, left[0][0])
                         await self._keep_quiet(survey)
                         find = await self._look(survey, left[0][1])
                         left.popleft()
                         if find is not None:
                             found.append(find)
-                            self._tell_find(find)
+                            self._on_find(find)
                             self._watch(find)
             except PortError:
                 if len(left) < before:  # it did work for a while
@@ -161,21 +161,21 @@ class Search:
         self._spent_s += len(addresses) * self._cost_s(timing)
         return found
 
-    def _tell(self, timing: LineTiming, addresses: tuple[int, ...], place: int) -> None:
+    def _report_step(self, timing: LineTiming, addresses: tuple[int, ...], place: int) -> None:
         cost_s = self._cost_s(timing)
         left_s = (len(addresses) - place) * cost_s + sum(
             len(theirs) * self._cost_s(its) for its, theirs in self._legs
         )
         done_s = self._spent_s + place * cost_s
-        self._tell_step(Step(done_s / (done_s + left_s), left_s, timing, addresses[place]))
+        self._on_step(Step(done_s / (done_s + left_s), left_s, timing, addresses[place]))
 
     def _cost_s(self, timing: LineTiming) -> float:
-        """Return the time that an address takes where nobody is."""
-        response_time_s = self._wish.response_time_s
+        """Return the time that an address without a device takes."""
+        response_time_s = self._settings.response_time_s
         return sum(silent_cost_s(each, timing, response_time_s=response_time_s) for each in self._probes)
 
     async def _look(self, survey: Survey, address: int) -> Find | None:
-        """Return who is at an address, None when nobody is."""
+        """Return the device at an address, None when there is none."""
         garbled = ""
         for probe in self._probes:
             outcome = await self._ask_twice(survey, address, probe)
@@ -192,8 +192,8 @@ class Search:
         return Find(address, survey.timing, None, Identity(reason=reason))
 
     async def _ask_twice(self, survey: Survey, address: int, probe: Request) -> Outcome:
-        """Ask, and again when the answer was spoilt."""
-        outcome = await survey.ask(address, probe, response_time_s=self._wish.response_time_s)
+        """Send a request, and once more when the reply was corrupted."""
+        outcome = await survey.ask(address, probe, response_time_s=self._settings.response_time_s)
         if isinstance(outcome, Garbled):
             outcome = await survey.ask(address, probe, response_time_s=_SLOWEST_REPLY_S)
         return outcome
@@ -203,7 +203,7 @@ class Search:
         asked: dict[Request, Outcome] = {}
 
         async def ask(request: Request) -> Outcome:
-            response_time_s = max(self._wish.response_time_s, _SLOWEST_REPLY_S)
+            response_time_s = max(self._settings.response_time_s, _SLOWEST_REPLY_S)
             if not isinstance(asked.get(request), Answered):
                 asked[request] = await survey.ask(address, request, response_time_s=response_time_s)
             return asked[request]
@@ -217,8 +217,8 @@ class Search:
             }
             identity = identify(profile, answers)
             if matches(profile, identity):
-                dogs = await self._watchdogs(ask, profile, identity)
-                return Find(address, survey.timing, profile, identity, dogs)
+                watchdogs = await self._watchdogs(ask, profile, identity)
+                return Find(address, survey.timing, profile, identity, watchdogs)
             reasons[identity.reason] = None
         return Find(address, survey.timing, None, Identity(reason="; ".join(reasons)))
 
@@ -244,9 +244,9 @@ class Search:
                 await survey.ask(address, _PROBE, response_time_s=_SLOWEST_REPLY_S)
 
 
-def _legs(wish: Wish) -> Iterator[tuple[LineTiming, tuple[int, ...]]]:
+def _legs(settings: SearchSettings) -> Iterator[tuple[LineTiming, tuple[int, ...]]]:
     """Yield what to search in which order: the likely addresses of all settings first."""
-    likely = tuple(address for address in wish.addresses if address in LIKELY_ADDRESSES)
-    others = tuple(address for address in wish.addresses if address not in LIKELY_ADDRESSES)
+    likely = tuple(address for address in settings.addresses if address in LIKELY_ADDRESSES)
+    others = tuple(address for address in settings.addresses if address not in LIKELY_ADDRESSES)
     for addresses in (likely, others):
-        yield from ((timing, addresses) for timing in wish.timings if addresses)
+        yield from ((timing, addresses) for timing in settings.timings if addresses)

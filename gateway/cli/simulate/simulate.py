@@ -112,18 +112,18 @@ def _broker(url: str | None) -> tuple[str, int] | None:
 
 def simulated_unit(starter: StarterTable) -> SimulatedUnit:
     """Return a starter as the configuration describes it: model, slot, and its table `simulated`."""
-    wish = starter.simulated
+    simulated = starter.simulated
     rows = load_profile(starter.family).parameters
     options: dict[str, Any] = {
-        "settings": {rows[code].address: value for code, value in wish.parameters.items()}
+        "settings": {rows[code].address: value for code, value in simulated.parameters.items()}
     }
-    if wish.firmware is not None:
-        options["firmware"] = wish.firmware
+    if simulated.firmware is not None:
+        options["firmware"] = simulated.firmware
     if starter.slot is not None:
         options["slot"] = starter.slot
     unit = make_unit(starter.family, starter.address, seed=starter.address, model=starter.model, **options)
-    if wish.braking_s:
-        unit.motor.data = replace(unit.motor.data, braking_s=wish.braking_s)
+    if simulated.braking_s:
+        unit.motor.data = replace(unit.motor.data, braking_s=simulated.braking_s)
     return unit
 
 

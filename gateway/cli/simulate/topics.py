@@ -20,7 +20,7 @@ from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.payloads import Message
 from gateway.mqtt.outbox.outbox import Outgoing
-from gateway.sim.controls import turn
+from gateway.sim.controls import set_knob
 from gateway.sim.core.unit import SimulatedUnit
 
 log = logging.getLogger(__name__)
@@ -37,7 +37,7 @@ _PAYLOAD_SHOWN = 40
 async def simulator_topics(
     units: Mapping[str, SimulatedUnit], *, host: str, port: int
 ) -> AsyncIterator[None]:
-    """Let everybody at a broker on loopback turn the knobs of these starters; UsageError for another one."""
+    """Serve the knobs of these starters at a broker on loopback; UsageError for another broker."""
     if not is_loopback(host):
         raise UsageError(
             f"broker {host}: the knobs of simulated starters stay on loopback (mqtt://127.0.0.1)"
@@ -52,7 +52,7 @@ async def simulator_topics(
             connection.wake()
 
     connection = BrokerConnection(
-        settings, answers, command_filter=FILTER, will=lambda: None, on_incoming=take, on_link=_tell_link
+        settings, answers, command_filter=FILTER, will=lambda: None, on_incoming=take, on_link=_log_link
     )
     running = asyncio.create_task(connection.run())
     try:
@@ -64,22 +64,22 @@ async def simulator_topics(
 
 
 def answer_to(units: Mapping[str, SimulatedUnit], incoming: Incoming) -> Message | None:
-    """Turn the knob that a message names and return what is to be said of it; None for an own answer."""
+    """Apply the knob that a message names and return the answer; None for a message of our own."""
     _, starter, knob = incoming.topic.split("/")
     if knob == DONE:
         return None
     setting = incoming.payload.decode("utf-8", "replace")
-    told = {"knob": knob, "setting": setting[:_PAYLOAD_SHOWN]}
+    answer = {"knob": knob, "setting": setting[:_PAYLOAD_SHOWN]}
     try:
-        told["text"] = _turn(units, starter, knob, setting, is_retained=incoming.is_retained)
-        log.info("simulated starter=%s %s", starter, told["text"])
+        answer["text"] = _apply(units, starter, knob, setting, is_retained=incoming.is_retained)
+        log.info("simulated starter=%s %s", starter, answer["text"])
     except UsageError as error:
-        told["error"] = str(error)
+        answer["error"] = str(error)
         log.warning("simulated starter=%s %s: %s", starter, knob, error)
-    return Message(f"{TREE}/{starter}/{DONE}", json.dumps(told).encode(), qos=1, retain=False)
+    return Message(f"{TREE}/{starter}/{DONE}", json.dumps(answer).encode(), qos=1, retain=False)
 
 
-def _turn(
+def _apply(
     units: Mapping[str, SimulatedUnit], starter: str, knob: str, setting: str, *, is_retained: bool
 ) -> str:
     unit = units.get(starter)
@@ -87,15 +87,15 @@ def _turn(
         raise UsageError(f"no simulated starter {starter[:_PAYLOAD_SHOWN]!r} (one of {', '.join(units)})")
     if is_retained:
         raise UsageError("retained: it would be done again at every start")
-    return turn(unit, knob, setting)
+    return set_knob(unit, knob, setting)
 
 
-def _tell_link(is_connected: bool, trouble: str) -> None:  # noqa: FBT001 - the connection's signature
+def _log_link(is_connected: bool, trouble: str) -> None:  # noqa: FBT001 - the connection's signature
     log.debug("knobs: connected=%s %s", is_connected, trouble)
 
 
 class _Answers:
-    """What was said of knobs that were turned, until the broker has it (`mqtt.connection.broker.Source`)."""
+    """Answers about knobs that were set, until the broker has them (`mqtt.connection.broker.Source`)."""
 
     def __init__(self) -> None:
         self._waiting: deque[Message] = deque(maxlen=MOST_WAITING)
@@ -112,7 +112,7 @@ class _Answers:
         """End a connection."""
 
     def take(self) -> Outgoing | None:
-        """Return the next one; nobody waits for its acknowledgement."""
+        """Return the next one; its acknowledgement is not awaited."""
         if not self._waiting:
             return None
         self._ticket += 1

@@ -59,7 +59,7 @@ _NO_SUCH_PORT = ("no such port", "plug the adapter in, or correct the name: see 
 _NOT_PERMITTED = ("not permitted", "add the user to group dialout")
 _BUSY = ("busy", "another program holds it: stop that one")
 _NO_TTY = ("not a serial port", "name a device such as /dev/ttyUSB0, or socket://host:port")
-_MENDS = {
+_HINTS = {
     errno.ENOENT: _NO_SUCH_PORT,
     errno.ENODEV: _NO_SUCH_PORT,
     errno.ENXIO: _NO_SUCH_PORT,
@@ -167,8 +167,8 @@ class SerialOpener:
 def port_error(name: str, error: BaseException) -> PortError:
     """Return the error that tells in a user's words why a port did not open, and the mend."""
     number = _errno_of(error)
-    if number in _MENDS:
-        return PortError(name, *_MENDS[number])
+    if number in _HINTS:
+        return PortError(name, *_HINTS[number])
     return PortError(name, str(error))
 
 

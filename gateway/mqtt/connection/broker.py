@@ -52,10 +52,10 @@ class Source(Protocol):
 
 
 class BrokerConnection:
-    """The way to one broker. All calls belong on the loop that runs `run`; no callback may block.
+    """The connection to one broker. All calls belong on the loop that runs `run`; no callback may block.
 
-    `will` makes the message that the broker publishes when this gateway vanishes. `on_link` hears of every
-    change: connected or not, and what is wrong (also while connected, when commands cannot arrive).
+    `will` makes the message that the broker publishes when the connection is lost. `on_link` is called for
+    each change: connected or not, and what is wrong (also while connected, when commands cannot arrive).
     `on_notice` is called for losses that need an event of their own: once, until a connection has held again.
     `pulse` makes a message of QoS 0 that goes out before all others of a connection and then every
     PULSE_EVERY_S; it is made when it is sent, and never waits. `on_version` takes each connection's version.
@@ -164,7 +164,7 @@ class BrokerConnection:
             if self._choice.failed(session.connack_code, is_closed=session.is_closed_unanswered):
                 log.debug("broker=%s %s; next: MQTT %s", self._settings.address, error, self._choice.version)
                 return True
-            self._tell(str(error), is_connected=False)
+            self._report_link(str(error), is_connected=False)
         finally:
             session.abort()
         return False
@@ -176,7 +176,7 @@ class BrokerConnection:
         self._source.connected(session.window)
         try:
             self._on_version(self._choice.version)
-            self._tell(self._deaf() if is_deaf else "", is_connected=True)
+            self._report_link(self._deaf() if is_deaf else "", is_connected=True)
             self._beat(session)
             self.wake()
             reason = await session.lost
@@ -191,7 +191,7 @@ class BrokerConnection:
             self._published.clear()
             self._logged.clear()
             self._short_ones = 0
-        self._tell(f"broker {self._settings.address}: {reason}", is_connected=False)
+        self._report_link(f"broker {self._settings.address}: {reason}", is_connected=False)
         self._notice(session.notice, reason)
 
     def _notice(self, notice: Notice | None, reason: str) -> None:
@@ -210,7 +210,7 @@ class BrokerConnection:
             self._beat(self._session)
 
     def _beat(self, session: Session) -> None:
-        """Send the pulse, or try again soon; what could not be sent is made anew."""
+        """Send the pulse, or try again soon; what could not be sent is made again."""
         if self._beating is not None:
             self._beating.cancel()
         if self._pulse is None or self._is_source_shut:
@@ -239,7 +239,7 @@ class BrokerConnection:
         if session is not None and session.in_flight <= session.window // 2:
             self.wake()
 
-    def _tell(self, trouble: str, *, is_connected: bool) -> None:
+    def _report_link(self, trouble: str, *, is_connected: bool) -> None:
         if (is_connected, trouble) == self._link or self._closing.is_set():
             return
         self._link = (is_connected, trouble)
@@ -264,7 +264,7 @@ class BrokerConnection:
             return
 
     async def _wait_until(self, is_true: Callable[[], bool], within_s: float) -> None:
-        """Wait for something that an acknowledgement or a loss may make true, but not for ever."""
+        """Wait, for a limited time, for something that an acknowledgement or a loss may make true."""
         try:
             async with asyncio.timeout(within_s):
                 while not is_true():

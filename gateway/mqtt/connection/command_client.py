@@ -79,7 +79,7 @@ class CommandClient:
                     return await self._final(order, message, on_phase)
             except TimeoutError:
                 if trouble is not None:
-                    raise BrokerError(f"the stop was sent, and nobody answered: {trouble}") from None
+                    raise BrokerError(f"the stop was sent, and no gateway answered: {trouble}") from None
                 return None
         finally:
             await session.disconnect()
@@ -98,31 +98,31 @@ class CommandClient:
             await session.disconnect()
 
     async def _proof(self, session: Session, order: Order) -> tuple[Mapping[str, str], BrokerError | None]:
-        """Return what proves a command fresh; a stop does without, and hears why there is none."""
+        """Return what proves a command fresh; a stop is sent without, and reports why there is none."""
         is_stop = order.verb == STOP
         try:
-            status = await self._told_status(session, STOP_STATUS_WITHIN_S if is_stop else STATUS_WITHIN_S)
+            status = await self._gateway_status(session, STOP_STATUS_WITHIN_S if is_stop else STATUS_WITHIN_S)
             proof = {"boot": str(status.get("boot"))}
             if not is_stop:
-                proof["token"] = await self._told_token(session)
+                proof["token"] = await self._current_token(session)
         except BrokerError as error:
             if not is_stop or session.lost.done():
                 raise
             return {}, error
         return proof, None
 
-    async def _told_status(self, session: Session, within_s: float) -> dict[str, Any]:
+    async def _gateway_status(self, session: Session, within_s: float) -> dict[str, Any]:
         topic = self._topics.gateway_status
         status = await self._retained(session, topic, within_s)
         if status is None:
-            raise BrokerError(f"no gateway has told its state in {topic}", "is it running?")
+            raise BrokerError(f"no gateway has published its state in {topic}", "is it running?")
         if status.get("state") == "offline":
             raise BrokerError(
-                f"the gateway is offline: {status.get('reason') or 'no reason told'}", "start it"
+                f"the gateway is offline: {status.get('reason') or 'no reason given'}", "start it"
             )
         return status
 
-    async def _told_token(self, session: Session) -> str:
+    async def _current_token(self, session: Session) -> str:
         """Return the present token; taken last, so that it is as young as can be."""
         topic = self._topics.gateway_fresh
         fresh = await self._retained(session, topic, STATUS_WITHIN_S)
@@ -196,12 +196,12 @@ class CommandClient:
         text = f"the connection to {self._settings.address} was lost"
         if order is None:
             return BrokerError(text, "nothing was sent")
-        return NoResultError(str(order.id), f"{text} before the end was told: look at the starter")
+        return NoResultError(str(order.id), f"{text} before the final result: look at the starter")
 
     def _forbidden(self, what: str) -> BrokerError:
         who = f"user {self._settings.username}" if self._settings.username else "a client without login"
-        mend = "log in as the operator with --username, or look at its access list"
-        return BrokerError(f"broker {self._settings.address} does not let {who} {what}", mend)
+        hint = "log in as the operator with --username, or look at its access list"
+        return BrokerError(f"broker {self._settings.address} does not let {who} {what}", hint)
 
 
 async def connected(

@@ -1,6 +1,6 @@
-"""Where messages wait to be parsed, a few milliseconds' worth at a time; a stop is looked for before that.
+"""Where messages wait to be parsed, a few milliseconds' worth at a time; stops are taken first.
 
-1. What a message is for is told by its topic alone: a stop is taken at once, whatever waits.
+1. The topic alone says what a message is for: a stop is taken at once, before everything that waits.
 2. The others are parsed in the order of their arrival, in at most half of the time.
 3. Beyond `MOST` that wait, or `MOST_OF_CLIENT` of one client, a message is refused unparsed; those on
    topics that name no client count as one client's, and are dropped.

@@ -1,6 +1,6 @@
-"""When and how to try the broker again: the pause, and the version of MQTT.
+"""Reconnecting to the broker: how long to wait, with which version of MQTT, and the wording of failures.
 
-Why there is no connection, in words and with the remedy.
+`refused` and `unreachable` make a BrokerError, with a hint, from a CONNACK or an error of TCP or TLS.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ UNSUPPORTED_VERSION = 0x84  # CONNACK [MQTT5 3.2.2.2]; paho says the same for co
 PACKET_TOO_LARGE = 0x95  # [MQTT5 3.4.2.1]
 SESSION_TAKEN_OVER = 0x8E  # DISCONNECT [MQTT5 3.14.2.1]: another client has connected with our client id
 
-_MENDS = {  # CONNACK reason codes [MQTT5 3.2.2.2]; paho translates the codes of [MQTT3 3.2.2.3] into these
-    UNSUPPORTED_VERSION: "set the version of MQTT that the broker speaks",
+_HINTS = {  # CONNACK reason codes [MQTT5 3.2.2.2]; paho translates the codes of [MQTT3 3.2.2.3] into these
+    UNSUPPORTED_VERSION: "set the version of MQTT that the broker supports",
     0x85: "choose another client id",
     0x86: "check username and password",
     0x87: "check username and password, which some brokers refuse so; else let this user connect",
@@ -26,20 +26,20 @@ _MENDS = {  # CONNACK reason codes [MQTT5 3.2.2.2]; paho translates the codes of
 
 _OTHER_NAME = "give url the name that stands in the certificate, or have one made for this name"
 _OTHER_TIME = "is this machine's clock right? else renew the certificate"
-_CERTIFICATE_MENDS = {9: _OTHER_TIME, 10: _OTHER_TIME, 62: _OTHER_NAME, 64: _OTHER_NAME}  # X509_V_ERR_...
+_CERTIFICATE_HINTS = {9: _OTHER_TIME, 10: _OTHER_TIME, 62: _OTHER_NAME, 64: _OTHER_NAME}  # X509_V_ERR_...
 
 
 def refused(address: str, reason_code: int, name: str) -> BrokerError:
     """Return the error for a CONNACK that refuses the connection."""
-    return BrokerError(f"broker {address} refuses the connection: {name}", _MENDS.get(reason_code, ""))
+    return BrokerError(f"broker {address} refuses the connection: {name}", _HINTS.get(reason_code, ""))
 
 
 def unreachable(address: str, error: OSError | ValueError) -> BrokerError:
     """Return the error for a TCP or TLS connection that could not be made."""
     match error:
         case ssl.SSLCertVerificationError():
-            mend = _CERTIFICATE_MENDS.get(getattr(error, "verify_code", 0), "check ca_file")
-            return BrokerError(f"broker {address}: its certificate: {error.verify_message}", mend)
+            hint = _CERTIFICATE_HINTS.get(getattr(error, "verify_code", 0), "check ca_file")
+            return BrokerError(f"broker {address}: its certificate: {error.verify_message}", hint)
         case ssl.SSLError():
             return BrokerError(f"broker {address}: TLS: {error.reason}", "is this its TLS port?")
         case socket.gaierror():
@@ -88,14 +88,14 @@ def too_large(size: int, most: int) -> Notice:
 
 
 class Version(enum.StrEnum):
-    """A version of MQTT that the gateway speaks."""
+    """A version of MQTT that the gateway supports."""
 
     V5 = "5"
     V311 = "3.1.1"
 
 
 class VersionChoice:
-    """Which version to speak: 5 at each attempt to connect, 3.1.1 only to a broker that refuses 5.
+    """Which version to use: 5 at each attempt to connect, 3.1.1 only to a broker that refuses 5.
 
     A refusal is a CONNACK that says so, or a connection that the broker closed right upon the CONNECT, CLOSED
     times in a row, as brokers do that cannot even read a CONNECT of MQTT 5. Closed once, it may have been

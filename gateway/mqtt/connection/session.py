@@ -41,7 +41,7 @@ MAX_INCOMING_BYTES = 65_536  # asked of the broker, and never read; commands are
 CONNECTION_LOST = "connection lost"
 CALLBACKS = [f"on_{each}" for each in ("connect", "disconnect", "publish", "subscribe", "message")]
 CALLBACKS += [f"on_socket_{each}" for each in ("open", "close", "register_write", "unregister_write")]
-READS_AT_ONCE = 100  # packets read before other tasks of the loop have their turn
+READS_AT_ONCE = 100  # packets read before other tasks of the loop run
 READ_FOR_S = 0.003  # nor longer than this
 
 
@@ -144,7 +144,7 @@ class Session:
         return True
 
     def publish(self, ticket: int, message: Message) -> int | None:
-        """Send a message; return a reason code when it cannot be sent at all, else `on_ack` tells its end."""
+        """Send a message; return a reason code when it cannot be sent, else `on_ack` reports its end."""
         if self.lost.done():
             return None  # the outbox still has it
         if self._max_packet is not None and message.packet_size > self._max_packet:
@@ -310,19 +310,21 @@ class Session:
         if self._sock is not None:
             self._loop.remove_writer(self._sock)
 
-    def _on_connect(self, _client: Any, _userdata: Any, _flags: Any, code: ReasonCode, told: Any) -> None:
+    def _on_connect(
+        self, _client: Any, _userdata: Any, _flags: Any, code: ReasonCode, properties: Any
+    ) -> None:
         self.connack_code = code.value
         if code.is_failure:
             self._connack.set_exception(refused(self._settings.address, code.value, str(code)))
             return
-        self.window = min(self._settings.window, getattr(told, "ReceiveMaximum", 65_535))
-        self._max_packet = getattr(told, "MaximumPacketSize", None)
+        self.window = min(self._settings.window, getattr(properties, "ReceiveMaximum", 65_535))
+        self._max_packet = getattr(properties, "MaximumPacketSize", None)
         self._connack.set_result(None)
 
-    def _on_subscribe(self, _client: Any, _userdata: Any, _mid: int, codes: Any, _told: Any) -> None:
+    def _on_subscribe(self, _client: Any, _userdata: Any, _mid: int, codes: Any, _properties: Any) -> None:
         self._suback.set_result(max((code.value for code in codes), default=0))
 
-    def _on_publish(self, _client: Any, _userdata: Any, mid: int, code: ReasonCode, _told: Any) -> None:
+    def _on_publish(self, _client: Any, _userdata: Any, mid: int, code: ReasonCode, _properties: Any) -> None:
         ticket, _ = self._tickets.pop(mid, (None, 0.0))
         if ticket is not None:
             self._on_ack(ticket, code.value)
@@ -341,10 +343,12 @@ class Session:
             response_topic=getattr(message.properties, "ResponseTopic", None),
             correlation=getattr(message.properties, "CorrelationData", None),
         )
-        # Not from within paho: whatever goes wrong with a command must not spoil its parser.
+        # Not from within paho: an error in a command must not damage its parser.
         self._loop.call_soon(self._on_incoming, incoming)
 
-    def _on_disconnect(self, _client: Any, _userdata: Any, flags: Any, code: ReasonCode, _told: Any) -> None:
+    def _on_disconnect(
+        self, _client: Any, _userdata: Any, flags: Any, code: ReasonCode, _properties: Any
+    ) -> None:
         if flags.is_disconnect_packet_from_server and code.value == SESSION_TAKEN_OVER:
             self._lose_with(taken_over(self._settings.client_id))
         elif flags.is_disconnect_packet_from_server:

@@ -1,4 +1,4 @@
-"""Whether the broker has sent something that nobody has dealt with yet; threads may ask."""
+"""Whether a received message is not dealt with yet; any thread may ask."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Judges what comes in on a command topic by its form, its retained flag and its age; starters come later."""
+"""Checks a message on a command topic: form, retained flag and age, but nothing of the starter."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Incoming:
 
 @dataclass(frozen=True, slots=True)
 class Rejection:
-    """A command that is not acted on: `code` names the rule, the rest its sender, empty when unknown."""
+    """A command that is not carried out: `code` names the rule, the rest its sender, empty when unknown."""
 
     starter: str
     client: str

@@ -73,7 +73,7 @@ class Proof:
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """When a command is judged: on the steady clock, and on the wall's, with what speaks against that one."""
+    """When a command is judged: steady clock and wall clock, and why the latter is not trusted, if so."""
 
     now_s: float
     utc_s: float

@@ -1,6 +1,7 @@
-"""Records of the starters' floor as messages: topic, payload, quality of service, retained or kept.
+"""Converts records to messages: topic, payload, quality of service, and retained or queued.
 
-The text of values: nearly all that is published is this, so it is put together by hand.
+A retained message is the newest of its topic. A queued message (event, result, audit, history) is sent in
+order and repeated until acknowledged. Most messages are values: `ValueTexts` formats their JSON directly.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from gateway.starters.policy.rights import Operator
 
 
 class ValueText(NamedTuple):
-    """A value as it is told now, and as it is told later."""
+    """A value's JSON for its own topic, and as an item of the history."""
 
     topic: str
     text: str
@@ -46,7 +47,7 @@ class _Names(NamedTuple):
 
 
 class ValueTexts:
-    """Writes values; remembers the topics of every point there is."""
+    """Formats values; caches the topics of each point."""
 
     def __init__(self, topics: Topics) -> None:
         self._topics = topics
@@ -82,7 +83,7 @@ MAX_HISTORY_ITEMS = 200
 
 
 class HistoryItem(NamedTuple):
-    """A value that may have to be told later: the history topic and the item's JSON."""
+    """A value that may have to be published late: the history topic and the item's JSON."""
 
     topic: str
     text: str
@@ -90,16 +91,16 @@ class HistoryItem(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """One publication: kept, in order, until acknowledged, or else only the newest of its topic counts."""
+    """One publication: queued until acknowledged, or replaced by the next one of its topic."""
 
     topic: str
     payload: bytes
     qos: int
     retain: bool
-    is_kept: bool = False
+    is_queued: bool = False
     is_droppable: bool = False  # goes first when the outbox is full
     correlation: bytes | None = None  # MQTT 5 only
-    history: HistoryItem | None = None  # told later when a newer one takes its place before it was sent
+    history: HistoryItem | None = None  # published late when a newer value replaces it before it was sent
     key: str = ""  # of a command's final result, "client/id"
 
     @property
@@ -110,7 +111,7 @@ class Message:
 
 @dataclass(frozen=True, slots=True)
 class GatewayInfo:
-    """What `gateway/info` tells."""
+    """The contents of `gateway/info`."""
 
     version: str
     starters: tuple[str, ...]
@@ -121,7 +122,7 @@ class GatewayInfo:
 
 
 class Payloads:
-    """Turns records into messages below one base; `boot` names this run of the gateway."""
+    """Converts records to messages below one base; `boot` names this run of the gateway."""
 
     def __init__(self, topics: Topics, boot: RunToken | str) -> None:
         self.topics = topics
@@ -148,7 +149,7 @@ class Payloads:
             case AuditRecord():
                 return self._audit(record)
             case LineRecord():
-                return _latest(self.topics.line(record.line), record.figures, qos=0)
+                return _latest(self.topics.line(record.line), record.statistics, qos=0)
             case _:
                 assert_never(record)
 
@@ -196,19 +197,19 @@ class Payloads:
             fields["groups"] = dict(info.groups)
         return _latest(self.topics.gateway_info, fields)
 
-    def outbox(self, figures: Mapping[str, Any]) -> Message:
-        """Return how the outbox does."""
-        return _latest(self.topics.gateway_outbox, figures, qos=0)
+    def outbox(self, statistics: Mapping[str, Any]) -> Message:
+        """Return the outbox's statistics."""
+        return _latest(self.topics.gateway_outbox, statistics, qos=0)
 
     def history(self, topic: str, items: Sequence[str], boot: str) -> Message:
-        """Return a batch of values of a run, told late: at most MAX_HISTORY_ITEMS, each JSON already."""
+        """Return a batch of values of a run, published late: at most MAX_HISTORY_ITEMS, each JSON already."""
         payload = f'{{"boot":{to_json(boot)},"items":{join_json(items)}}}'.encode("utf-8", "replace")
-        return Message(topic, payload, qos=1, retain=False, is_kept=True, is_droppable=True)
+        return Message(topic, payload, qos=1, retain=False, is_queued=True, is_droppable=True)
 
     def _value(self, record: ValueRecord) -> Message:
-        told = self._values.of(record)
-        item = HistoryItem(told.history_topic, told.item)
-        return Message(told.topic, told.text.encode("utf-8", "replace"), qos=1, retain=True, history=item)
+        made = self._values.of(record)
+        item = HistoryItem(made.history_topic, made.item)
+        return Message(made.topic, made.text.encode("utf-8", "replace"), qos=1, retain=True, history=item)
 
     def _state(self, record: StateRecord) -> Message:
         fields: dict[str, Any] = {
@@ -266,7 +267,7 @@ class Payloads:
             "text": record.text,
             "data": record.data,
         }
-        return _kept(self.topics.event(record.starter), fields, is_droppable=True)
+        return _queued(self.topics.event(record.starter), fields, is_droppable=True)
 
     def _result(self, record: ResultRecord) -> Message:
         fields = {
@@ -280,12 +281,14 @@ class Payloads:
         }
         # An accepted response topic is this very topic, so `response_topic` need not be looked at again.
         topic = self.topics.result(record.starter, record.client)
-        return _kept(topic, _extended(fields, record.values), correlation=record.correlation, key=record.key)
+        return _queued(
+            topic, _extended(fields, record.values), correlation=record.correlation, key=record.key
+        )
 
     def _audit(self, record: AuditRecord) -> Message:
         claims = {"operator": record.operator, "reason": record.reason}
         fields = {**record.as_data(), **claims, "boot": self._boot.run}
-        return _kept(self.topics.audit, fields, is_droppable=True)
+        return _queued(self.topics.audit, fields, is_droppable=True)
 
 
 def _lock(lock: LockRecord | None) -> dict[str, Any] | None:
@@ -306,7 +309,7 @@ def _latest(
     return Message(topic, to_payload(fields), qos=qos, retain=True, history=history)
 
 
-def _kept(
+def _queued(
     topic: str,
     fields: Mapping[str, Any],
     *,
@@ -319,7 +322,7 @@ def _kept(
         to_payload(fields),
         qos=1,
         retain=False,
-        is_kept=True,
+        is_queued=True,
         is_droppable=is_droppable,
         correlation=correlation,
         key=key,

@@ -32,7 +32,7 @@ class RunToken:
             self._connected_s = None
 
     def stood_still(self, now_s: float) -> None:
-        """Let nothing from before now count: what was sent meanwhile has waited, nobody knows how long."""
+        """Invalidate the tokens issued so far: a command that carries one has waited for an unknown time."""
         self._tokens += 1
         if self._connected_s is not None:
             self._connected_s = now_s

@@ -1,6 +1,7 @@
-"""JSON from strangers: read strictly, so that nothing has two meanings.
+"""JSON, both ways.
 
-JSON as the contract wants it published: floats with a decimal part, never NaN, times in RFC 3339.
+Reading is strict, since any client may send: no duplicate keys, NaN, deep nesting or very long integers.
+Writing follows the contract: floats have a decimal part and are never NaN, times are RFC 3339 in UTC.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ MAX_INT_DIGITS = 19  # enough for 64 bits
 
 
 def read_object(payload: bytes) -> dict[str, Any]:
-    """Return the one JSON object in `payload`; ValueError tells why it is none."""
+    """Return the one JSON object in `payload`; ValueError with the reason when it is none."""
     try:
         text = payload.decode("utf-8")
     except UnicodeDecodeError as error:

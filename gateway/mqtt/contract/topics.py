@@ -57,7 +57,7 @@ class Topics:
         self._command_prefix = f"{base}/command/"
 
     def line(self, line: str) -> str:
-        """Return the topic of a line's figures."""
+        """Return the topic of a line's statistics."""
         return f"{self.base}/gateway/line/{_checked(line)}"
 
     def starter(self, starter: str) -> str:
@@ -65,11 +65,11 @@ class Topics:
         return f"{self.base}/starter/{_checked(starter)}"
 
     def info(self, starter: str) -> str:
-        """Return the topic that tells what a starter is."""
+        """Return the topic that describes a starter."""
         return f"{self.starter(starter)}/info"
 
     def availability(self, starter: str) -> str:
-        """Return the topic that tells whether a starter answers."""
+        """Return the topic that states whether a starter answers."""
         return f"{self.starter(starter)}/availability"
 
     def state(self, starter: str) -> str:
@@ -97,7 +97,7 @@ class Topics:
         return f"{self._command_prefix}{_checked(starter)}/{_checked(client)}/{_checked(verb)}"
 
     def result(self, starter: str, client: str) -> str:
-        """Return the topic on which `client` hears about his commands to a starter."""
+        """Return the topic of results of a client's commands to a starter."""
         return f"{self.base}/result/{_checked(starter)}/{_checked(client)}"
 
     def parse_command(self, topic: str) -> CommandAddress | Malformed | None:

@@ -1,7 +1,7 @@
-"""What must reach the broker although it is away: results, events, and values that were overtaken.
+"""What waits for the broker while it is away: results, events, and values that a newer one replaced.
 
-All of it waits here until it is acknowledged. A disk, where there is one, knows it too a moment later, and
-holds what is too much for the memory. Nothing here touches the disk: this says what it has yet to learn.
+Each entry stays until the broker has acknowledged it. A disk, where there is one, stores it a moment later,
+and holds what exceeds the memory. This class does no I/O: `collect` returns what the disk has to write next.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ WINDOWS = {Kind.VALUE: 2000, Kind.EVENT: 1000, Kind.RESULT: 1000}  # in memory, 
 
 
 class Backlog:
-    """Six lanes, three of this run and three of earlier ones; memory alone has bounds of its own.
+    """Six segments: three kinds, each of this run and of earlier runs; bounded in memory by rows and bytes.
 
     `on_work` is called when there is something for the disk to do. Times are the steady clock's.
     """
@@ -42,7 +42,7 @@ class Backlog:
         self._max_bytes = max_bytes
         self._old = {kind: Segment(kind, window=WINDOWS[kind], end=1) for kind in Kind}
         self._new = {kind: Segment(kind, window=WINDOWS[kind], end=HIGHEST) for kind in Kind}
-        self._lanes = (*self._old.values(), *self._new.values())
+        self._segments = (*self._old.values(), *self._new.values())
         self._out: dict[int, QueuedMessage] = {}  # taken and not acknowledged
         self._out_bytes = 0
         self._numbers = 0
@@ -65,14 +65,14 @@ class Backlog:
     @property
     def is_empty(self) -> bool:
         """Return whether nothing waits, here or on the disk."""
-        return not self._out and not any(len(lane) or lane.sunk.rows for lane in self._lanes)
+        return not self._out and not any(len(segment) or segment.sunk.rows for segment in self._segments)
 
     @property
     def has_history(self) -> bool:
-        """Return whether values wait to be told late."""
-        lanes = (self._old[Kind.VALUE], self._new[Kind.VALUE])
-        return any(not entry.is_held for lane in lanes for entry in lane) or any(
-            lane.sunk.rows for lane in lanes
+        """Return whether values wait to be published late."""
+        segments = (self._old[Kind.VALUE], self._new[Kind.VALUE])
+        return any(not entry.is_held for segment in segments for entry in segment) or any(
+            segment.sunk.rows for segment in segments
         )
 
     def knows(self, key: str) -> bool:
@@ -80,12 +80,12 @@ class Backlog:
         return key in self._keys
 
     def put(self, kind: Kind, message: Message, since_s: float, *, is_held: bool = False) -> QueuedMessage:
-        """Keep a message, or a value; when memory is full the oldest values go first, results last."""
+        """Add a message or a value; when memory is full the oldest values go first, results last."""
         self._numbers += 1
         entry = QueuedMessage(
             self._numbers, kind, message, self._boot, since_s, self._new[kind], is_held=is_held
         )
-        entry.lane.add(entry)
+        entry.segment.add(entry)
         self._fresh[entry.number] = entry
         self._has_news |= kind is not Kind.VALUE
         self._make_room()
@@ -102,7 +102,7 @@ class Backlog:
         if event is None or event.number <= late_upto:
             event = self._first(Kind.EVENT, is_away)
         if result is None or event is None:
-            self._has_news = bool(result or event) or any(lane.sunk.rows for lane in self._lanes)
+            self._has_news = bool(result or event) or any(segment.sunk.rows for segment in self._segments)
             return result or event
         is_result_late = result.number <= late_upto
         is_event_first = event.number < result.number and (is_result_late or event.number > late_upto)
@@ -110,14 +110,14 @@ class Backlog:
 
     def take(self, entry: QueuedMessage) -> None:
         """Remove what `next` returned, until it is done or given back."""
-        entry.lane.take(entry)
+        entry.segment.take(entry)
         self._fly(entry)
 
     def take_history(self, most: int) -> list[QueuedMessage]:
         """Remove some values of one run and starter, until they are done or given back."""
         is_away = self.is_disk_away()
-        for lane in (self._old[Kind.VALUE], self._new[Kind.VALUE]):
-            batch = lane.take_batch(most, is_disk_away=is_away)
+        for segment in (self._old[Kind.VALUE], self._new[Kind.VALUE]):
+            batch = segment.take_batch(most, is_disk_away=is_away)
             if batch:
                 for entry in batch:
                     self._fly(entry)
@@ -131,27 +131,27 @@ class Backlog:
             del self._out[entry.number]
             self._out_bytes -= entry.size
             entry.is_gone = True
-            self._tell_gone(entry)
+            self._note_gone(entry)
         self.on_work()
 
     def cancel(self, entry: QueuedMessage) -> None:
-        """Leave out an entry that has become needless: its value was told live."""
+        """Remove an entry that is no longer needed: its value was published live."""
         if not entry.is_gone:
-            entry.lane.cancel(entry)
-            self._tell_gone(entry)
+            entry.segment.cancel(entry)
+            self._note_gone(entry)
             self.on_work()
 
     def release(self, entry: QueuedMessage) -> None:
-        """Let the history tell a value that was held because it was to be told live."""
+        """Let the history include a value that was held for its live publication."""
         entry.is_held = False
         if entry.is_gone:
             self._lose(MEMORY, entry)
 
     def give_back_all(self) -> None:
         """Put everything that was taken and not done back, in its old order."""
-        for lane in self._lanes:
-            taken = in_order(entry for entry in self._out.values() if entry.lane is lane)
-            lane.give_back(taken)
+        for segment in self._segments:
+            taken = in_order(entry for entry in self._out.values() if entry.segment is segment)
+            segment.give_back(taken)
         self._out.clear()
         self._out_bytes = 0
         self._has_news = True
@@ -162,13 +162,17 @@ class Backlog:
 
     def waiting(self) -> tuple[int, int, float | None]:
         """Return how many rows wait (here, on their way, and on the disk), how many bytes, and since when."""
-        shares = [lane.sunk for lane in self._lanes if lane.sunk.rows]
+        shares = [segment.sunk for segment in self._segments if segment.sunk.rows]
         since_s = [share.first_s for share in shares]
-        since_s += [entry.since_s for entry in chain(*self._lanes, self._out.values())]
-        rows = sum(len(lane) for lane in self._lanes) + len(self._out) + sum(each.rows for each in shares)
+        since_s += [entry.since_s for entry in chain(*self._segments, self._out.values())]
+        rows = (
+            sum(len(segment) for segment in self._segments)
+            + len(self._out)
+            + sum(each.rows for each in shares)
+        )
         return rows, self._bytes + sum(each.bytes for each in shares), min(since_s, default=None)
 
-    # What the disk has yet to learn.
+    # What the disk has to write.
 
     def collect(self, utc_of: Callable[[float], float]) -> Changes | None:
         """Return what the disk is to do next, None for nothing; `written` or `unwritten` must follow."""
@@ -190,10 +194,10 @@ class Backlog:
         for entry in self._writing:
             entry.state = State.WRITTEN
             if entry.is_gone:
-                self._tell_gone(entry)
+                self._note_gone(entry)
         self._writing = []
-        for lane in self._lanes:
-            lane.thin()
+        for segment in self._segments:
+            segment.thin()
 
     def unwritten(self, changes: Changes) -> None:
         """Note that the disk could not do it."""
@@ -216,7 +220,7 @@ class Backlog:
             for each in losses
         )
 
-    # What the disk says.
+    # What the disk reports.
 
     def recall(self, recalled: Recalled) -> None:
         """Begin with what earlier runs have left behind; its times are the steady clock's."""
@@ -226,41 +230,43 @@ class Backlog:
             self._old[kind].begin(share)
 
     def wanted(self) -> Iterator[tuple[Segment, Wanted]]:
-        """Give one by one what is to be read from the disk; `page`, or the lane's `no_page`, must follow."""
-        for lane in self._lanes:
-            if (wanted := lane.wanted()) is not None:
-                yield lane, wanted
+        """Yield what is to be read from the disk; call `page`, or the segment's `no_page`, after each."""
+        for segment in self._segments:
+            if (wanted := segment.wanted()) is not None:
+                yield segment, wanted
 
-    def page(self, lane: Segment, page: Page) -> None:
+    def page(self, segment: Segment, page: Page) -> None:
         """Take what was read; its times are the steady clock's."""
-        known = {entry.number for entry in lane} | self._out.keys() | {number for _, number in self._gone}
-        entries = [entry_of(row, lane) for row in page.rows if row.number not in known]
+        known = {entry.number for entry in segment} | self._out.keys() | {number for _, number in self._gone}
+        entries = [entry_of(row, segment) for row in page.rows if row.number not in known]
         lost = sum(each.rows for each in page.losses)
         upto = max((row.number for row in page.rows), default=LOWEST)
-        missing = lane.page(entries, upto=upto, is_last=page.is_last, lost=lost)
+        missing = segment.page(entries, upto=upto, is_last=page.is_last, lost=lost)
         self.dropped += lost
         self._has_news = True
         if missing:
-            self._add_loss(Loss(STORE, lane.kind, missing, None, None))
+            self._add_loss(Loss(STORE, segment.kind, missing, None, None))
 
     def drop(self, loss: Loss) -> None:
         """Give up what the disk had no room for."""
-        lanes = (self._old[loss.kind], self._new[loss.kind])
-        out = (each for each in self._out.values() if each.lane in lanes and each.state is State.WRITTEN)
+        segments = (self._old[loss.kind], self._new[loss.kind])
+        out = (
+            each for each in self._out.values() if each.segment in segments and each.state is State.WRITTEN
+        )
         rest = loss.rows - sum(each.number <= loss.upto for each in out)
-        rest -= sum(lane.forget(loss.upto) for lane in lanes)
-        for lane in lanes:
-            rest -= lane.forget_sunk(max(rest, 0))
+        rest -= sum(segment.forget(loss.upto) for segment in segments)
+        for segment in segments:
+            rest -= segment.forget_sunk(max(rest, 0))
         self.dropped += loss.rows
 
     def lose_disk(self) -> None:
         """Declare what was only on the disk; all the rest is written again."""
-        for lane in self._lanes:
-            first_s = lane.sunk.first_s
-            if lost := lane.lose_disk():
-                self._add_loss(Loss(STORE, lane.kind, lost, first_s, None))
+        for segment in self._segments:
+            first_s = segment.sunk.first_s
+            if lost := segment.lose_disk():
+                self._add_loss(Loss(STORE, segment.kind, lost, first_s, None))
         self._gone.clear()
-        entries = in_order(chain(*self._lanes, self._out.values()))
+        entries = in_order(chain(*self._segments, self._out.values()))
         for entry in entries:
             if entry.state is State.WRITTEN:
                 entry.state = State.FRESH
@@ -271,7 +277,7 @@ class Backlog:
 
     @property
     def _bytes(self) -> int:
-        return sum(lane.bytes for lane in self._lanes) + self._out_bytes
+        return sum(segment.bytes for segment in self._segments) + self._out_bytes
 
     def _first(self, kind: Kind, is_away: bool) -> QueuedMessage | None:  # noqa: FBT001 - asked once for several
         old = self._old[kind].first(is_disk_away=is_away)
@@ -282,18 +288,20 @@ class Backlog:
         self._out_bytes += entry.size
 
     def _make_room(self) -> None:
-        while self._bytes > self._max_bytes or sum(len(lane) for lane in self._lanes) > self._max_rows:
+        while (
+            self._bytes > self._max_bytes or sum(len(segment) for segment in self._segments) > self._max_rows
+        ):
             victims = (self._first(kind, is_away=True) for kind in Kind)
             victim = next((each for each in victims if each is not None), None)
             if victim is None:
                 return
-            victim.lane.take(victim)
+            victim.segment.take(victim)
             victim.is_gone = True
-            self._tell_gone(victim)
+            self._note_gone(victim)
             if not victim.is_held:
                 self._lose(MEMORY, victim)
 
-    def _tell_gone(self, entry: QueuedMessage) -> None:
+    def _note_gone(self, entry: QueuedMessage) -> None:
         """Have the disk forget an entry that it knows."""
         self._fresh.pop(entry.number, None)
         if entry.state in (State.WRITTEN, State.SUNK):

@@ -1,7 +1,13 @@
-"""Lets the outbox and its disk learn from each other, paces what is told late, and declares what was lost.
+"""Keeps the outbox's file up to date, paces the history, and declares losses.
 
-Nothing waits for the disk: messages go out whether it has them or not, and what was acknowledged before the
-disk has heard of it never goes there.
+Sending never waits for the disk: a message goes out whether it is on the disk or not, and one that was
+acknowledged before it was written is never written.
+
+1. Every BATCH_S, what is new or acknowledged is written in one transaction (`DiskSync.run`). Events, results
+   and losses are flushed to the disk, values at the latest after FLUSH_S.
+2. While the broker is connected, rows of earlier times are read back page by page, and values that were
+   replaced before they were sent are published as history, at most 200 every PACE_S (`DiskSync.pace`).
+3. What memory or disk could not hold is declared once, in the event `gap`.
 """
 
 from __future__ import annotations
@@ -24,12 +30,14 @@ log = logging.getLogger(__name__)
 BATCH_S = 0.2  # what is put within this time goes to the disk at once
 FLUSH_S = 5.0  # values may be in the kernel's hands for so long
 RETRY_S = 1.0
-RECALL_WITHIN_S = 5.0  # who waits for what earlier runs left behind goes on without it
+RECALL_WITHIN_S = 5.0  # after this time the start continues without what earlier runs left
 PAGE_ROWS = 400
 PACE_S = 0.2  # a history of at most 200 values each time: 1000 values a second
 REFUSED_EVERY_S = 3600.0
 
-Tell = Callable[[str, Severity, str, Mapping[str, Any]], None]  # code, severity, text, data of an event
+PublishEvent = Callable[
+    [str, Severity, str, Mapping[str, Any]], None
+]  # code, severity, text, data of an event
 
 
 class Disk(Protocol):
@@ -37,11 +45,11 @@ class Disk(Protocol):
 
     @property
     def trouble(self) -> str:
-        """Why nothing can be kept now; empty when it can."""
+        """Why nothing can be stored now; empty when it can."""
         ...
 
     def start(self, on_news: Callable[[News, str], None]) -> None:
-        """Begin, and tell on this loop how it goes."""
+        """Begin; `on_news` is called on this loop with each change of its state."""
         ...
 
     async def recall(self) -> Recalled:
@@ -57,39 +65,45 @@ class Disk(Protocol):
         ...
 
     async def close(self, within_s: float) -> bool:
-        """Let go; return whether all could be written."""
+        """Close; return whether all could be written."""
         ...
 
 
 class DiskSync:
-    """One outbox's way to its disk; `tell` publishes an event, `wake` has the outbox sent.
+    """Links one outbox and its disk; `publish_event` publishes an event, `wake` has the outbox sent.
 
-    Two loops, `run` and `pace`, are to be run for ever, by whoever also calls `start` and `close`.
+    The caller runs the two endless loops, `run` and `pace`, between `start` and `close`.
     """
 
     def __init__(
-        self, outbox: Outbox, disk: Disk, *, clock: Clock, tell: Tell, wake: Callable[[], None]
+        self,
+        outbox: Outbox,
+        disk: Disk,
+        *,
+        clock: Clock,
+        publish_event: PublishEvent,
+        wake: Callable[[], None],
     ) -> None:
         self._outbox = outbox
-        self._kept = outbox.kept
+        self._backlog = outbox.backlog
         self._disk = disk
         self._clock = clock
-        self._tell = tell
+        self._publish_event = publish_event
         self._wake = wake
         self._work = asyncio.Event()
         self._history = asyncio.Event()
-        self._turning = asyncio.Lock()
+        self._stepping = asyncio.Lock()
         self._is_recalled = self._is_away = False
         self._waiting: list[Callable[[], None]] = []
         self._losses = Losses()
-        self._flushed_s = self._refused_told_s = float("-inf")
+        self._flushed_s = self._refused_logged_s = float("-inf")
         self._refused = 0
-        self._kept.is_disk_away = lambda: bool(disk.trouble)
-        self._kept.on_work = self._note_work
+        self._backlog.is_disk_away = lambda: bool(disk.trouble)
+        self._backlog.on_work = self._note_work
 
     def start(self) -> None:
         """Begin; the disk is opened elsewhere."""
-        self._disk.start(self._hear)
+        self._disk.start(self._on_disk_news)
         asyncio.get_running_loop().call_later(RECALL_WITHIN_S, self._wait_no_longer)
 
     def when_recalled(self, call: Callable[[], None]) -> None:
@@ -100,39 +114,39 @@ class DiskSync:
             self._waiting.append(call)
 
     async def run(self) -> None:
-        """Keep the disk up to date, for ever."""
-        self._work.set()  # whatever was under way before, if this was started again
+        """Keep the disk up to date, until cancelled."""
+        self._work.set()  # also after a restart of this loop
         while True:
             await self._work.wait()
             await asyncio.sleep(BATCH_S)
             self._work.clear()
-            async with self._turning:
-                is_done = await self._turn()
+            async with self._stepping:
+                is_done = await self._step()
             if not is_done:
                 await asyncio.sleep(RETRY_S)
                 self._work.set()
 
     async def pace(self) -> None:
-        """Let what was missed be told a little at a time, for ever."""
+        """Publish the history a little at a time, until cancelled."""
         self._history.set()
         while True:
             await self._history.wait()
             self._history.clear()
-            while self._outbox.is_connected and self._kept.has_history:
+            while self._outbox.is_connected and self._backlog.has_history:
                 self._outbox.grant_history()
                 self._wake()
                 await asyncio.sleep(PACE_S)
             self._outbox.grant_history(0)
 
     async def close(self, *, within_s: float) -> None:
-        """Write down what could not be sent, and let go of the disk; nothing is sent any more."""
+        """Write what was not sent, and close the disk; nothing is sent any more."""
         self._outbox.disconnected()
         try:
-            async with asyncio.timeout(within_s / 2), self._turning:
+            async with asyncio.timeout(within_s / 2), self._stepping:
                 if not self._disk.trouble:
                     await self._write()
         except (TimeoutError, StoreError) as error:
-            log.warning("outbox: what waits for the broker could not be kept: %s", error or "no time")
+            log.warning("outbox: what waits for the broker could not be stored: %s", error or "no time")
         if not await self._disk.close(within_s / 2):
             log.warning("outbox: the disk took too long")
 
@@ -141,19 +155,21 @@ class DiskSync:
         if self._outbox.is_connected:
             self._history.set()
 
-    def _hear(self, news: News, text: str) -> None:
-        """Hear what became of the disk's file."""
+    def _on_disk_news(self, news: News, text: str) -> None:
+        """Log and publish a change of the disk's state."""
         match news:
             case News.OPEN:
                 log.info("outbox %s", text)
                 if self._is_away:
-                    self._tell("outbox_available", Severity.INFO, "the outbox is on the disk again", {})
+                    self._publish_event(
+                        "outbox_available", Severity.INFO, "the outbox is on the disk again", {}
+                    )
                 self._is_away = False
             case News.AWAY:
                 self._is_away = True
                 self._alarm("outbox_unavailable", f"what waits for the broker is in memory only: {text}")
             case News.LOST:
-                self._kept.lose_disk()
+                self._backlog.lose_disk()
                 self._losses.lose_disk()
                 self._alarm("outbox_lost", f"what waited for the broker on the disk was lost: {text}")
             case _:
@@ -161,18 +177,18 @@ class DiskSync:
         self._work.set()
 
     def _alarm(self, code: str, text: str) -> None:
-        self._tell(code, Severity.ERROR, text, {})
+        self._publish_event(code, Severity.ERROR, text, {})
 
     def _wait_no_longer(self) -> None:
         waiting, self._waiting = self._waiting, []
         for call in waiting:
             call()
 
-    async def _turn(self) -> bool:
-        """Do what is to be done now; return whether the disk let us."""
-        self._losses.note(self._kept.take_losses(self._clock.utc_s))
+    async def _step(self) -> bool:
+        """Write and read what is due; return whether the disk could do it."""
+        self._losses.note(self._backlog.take_losses(self._clock.utc_s))
         self._declare()
-        self._tell_refused()
+        self._publish_refused()
         if self._disk.trouble:
             return False
         try:
@@ -191,7 +207,7 @@ class DiskSync:
             kind: share._replace(first_s=self._steady_s(share.first_s))
             for kind, share in recalled.shares.items()
         }
-        self._kept.recall(recalled._replace(shares=shares))
+        self._backlog.recall(recalled._replace(shares=shares))
         self._losses.note_saved(recalled.losses)
         self._wait_no_longer()
         self._note_work()
@@ -201,18 +217,18 @@ class DiskSync:
             try:
                 losses = await self._disk.apply(changes)
             except BaseException:
-                self._kept.unwritten(changes)
+                self._backlog.unwritten(changes)
                 self._losses.unwritten(changes)
                 raise
-            self._kept.written()
+            self._backlog.written()
             for loss in losses:
-                self._kept.drop(loss)
+                self._backlog.drop(loss)
             self._losses.note_saved(losses)
             if changes.is_flushed:
                 self._flushed_s = self._clock.now_s()
 
     def _changes(self) -> Changes | None:
-        changes = self._losses.changes(self._kept.collect(self._clock.utc_s))
+        changes = self._losses.changes(self._backlog.collect(self._clock.utc_s))
         if changes is None:
             return None
         is_old = self._clock.now_s() - self._flushed_s > FLUSH_S
@@ -220,18 +236,18 @@ class DiskSync:
         return changes._replace(is_flushed=is_old or matters)
 
     async def _read(self) -> None:
-        """Fill up what is in memory, while it is being sent."""
+        """Read rows back into memory while they are being sent."""
         is_read = False
-        for lane, wanted in self._kept.wanted() if self._outbox.is_connected else ():
+        for segment, wanted in self._backlog.wanted() if self._outbox.is_connected else ():
             try:
                 page = await self._disk.page(
-                    lane.kind, after=wanted.after, before=wanted.before, most=PAGE_ROWS
+                    segment.kind, after=wanted.after, before=wanted.before, most=PAGE_ROWS
                 )
             except BaseException:
-                lane.no_page()
+                segment.no_page()
                 raise
             rows = tuple(row._replace(time_s=self._steady_s(row.time_s)) for row in page.rows)
-            self._kept.page(lane, page._replace(rows=rows))
+            self._backlog.page(segment, page._replace(rows=rows))
             self._losses.note_saved(page.losses)
             is_read = True
         if is_read:
@@ -243,22 +259,22 @@ class DiskSync:
         return self._clock.now_s() - max(0.0, self._clock.utc_s() - utc_s)
 
     def _declare(self) -> None:
-        """Tell what was lost, as soon as there is somebody to tell."""
+        """Publish what was lost, once there is a connection."""
         if self._outbox.is_connected:
             now_s = self._clock.now_s()
             if declaration := self._losses.declare(now_s):
-                self._tell("gap", Severity.WARNING, *declaration)
+                self._publish_event("gap", Severity.WARNING, *declaration)
             elif wait_s := self._losses.wait_s(now_s):
                 asyncio.get_running_loop().call_later(wait_s, self._work.set)
 
-    def _tell_refused(self) -> None:
-        """Tell, once an hour, that the broker refuses what we publish; the rest is counted."""
+    def _publish_refused(self) -> None:
+        """Publish, once an hour at most, that the broker refuses messages; the others are counted."""
         now_s = self._clock.now_s()
         count = self._outbox.refused - self._refused
-        if count and now_s - self._refused_told_s >= REFUSED_EVERY_S:
+        if count and now_s - self._refused_logged_s >= REFUSED_EVERY_S:
             self._refused += count
-            self._refused_told_s = now_s
+            self._refused_logged_s = now_s
             topic, code = self._outbox.refusals[-1]
             text = f"the broker refused {count} messages, the last on {topic}: look at its access list"
             data = {"count": count, "topic": topic, "reason_code": code}
-            self._tell("publish_refused", Severity.ERROR, text, data)
+            self._publish_event("publish_refused", Severity.ERROR, text, data)

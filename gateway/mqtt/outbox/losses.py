@@ -1,4 +1,4 @@
-"""What the broker will never hear of: summed up, kept on the disk, and declared once."""
+"""What was lost before the broker had it: summed up, stored on the disk, and declared once."""
 
 from __future__ import annotations
 
@@ -8,62 +8,62 @@ from typing import Any
 from gateway.records import rfc3339
 from gateway.storage.spool import Changes, Loss, merged
 
-TOLD_EVERY_S = 60.0  # losses that go on are summed up
+DECLARE_EVERY_S = 60.0  # losses that go on are summed up
 
 
 class Losses:
-    """Knows what is not told yet, and what the disk does not know of all this."""
+    """Losses that are not declared yet, and those that the disk does not have yet."""
 
     def __init__(self) -> None:
-        self._untold: tuple[Loss, ...] = ()
+        self._undeclared: tuple[Loss, ...] = ()
         self._unsaved: tuple[Loss, ...] = ()
-        self._is_telling_unsaved = False
-        self._told_s = float("-inf")
+        self._is_declaring_unsaved = False
+        self._declared_s = float("-inf")
 
     def note(self, losses: Sequence[Loss]) -> None:
         """Note what memory could not hold."""
-        self._untold = merged((*self._untold, *losses))
+        self._undeclared = merged((*self._undeclared, *losses))
         self._unsaved = merged((*self._unsaved, *losses))
 
     def note_saved(self, losses: Sequence[Loss]) -> None:
-        """Note what the disk has noted already."""
-        self._untold = merged((*self._untold, *losses))
+        """Note losses that the disk has already."""
+        self._undeclared = merged((*self._undeclared, *losses))
 
     def lose_disk(self) -> None:
-        """Have the disk, which is a new one, learn everything again."""
-        self._unsaved = self._untold
+        """Have everything written again: the disk is a new one."""
+        self._unsaved = self._undeclared
 
     def changes(self, changes: Changes | None) -> Changes | None:
         """Return these changes with what the disk does not know of losses, None for none at all."""
-        if changes is None and not self._unsaved and not self._is_telling_unsaved:
+        if changes is None and not self._unsaved and not self._is_declaring_unsaved:
             return None
         changes = (changes or Changes())._replace(
-            losses=self._unsaved, are_losses_told=self._is_telling_unsaved
+            losses=self._unsaved, are_losses_declared=self._is_declaring_unsaved
         )
-        self._unsaved, self._is_telling_unsaved = (), False
+        self._unsaved, self._is_declaring_unsaved = (), False
         return changes
 
     def unwritten(self, changes: Changes) -> None:
         """Note that the disk could not do what `changes` returned."""
         self._unsaved = merged((*changes.losses, *self._unsaved))
-        self._is_telling_unsaved |= changes.are_losses_told
+        self._is_declaring_unsaved |= changes.are_losses_declared
 
     def declare(self, now_s: float) -> tuple[str, dict[str, Any]] | None:
         """Return text and data of the event that declares all; None when there is none, or too soon."""
-        if not self._untold or self.wait_s(now_s) > 0:
+        if not self._undeclared or self.wait_s(now_s) > 0:
             return None
-        text, data = _told(self._untold)
-        self._untold, self._unsaved = (), ()
-        self._is_telling_unsaved = True
-        self._told_s = now_s
+        text, data = _summary(self._undeclared)
+        self._undeclared, self._unsaved = (), ()
+        self._is_declaring_unsaved = True
+        self._declared_s = now_s
         return text, data
 
     def wait_s(self, now_s: float) -> float:
         """Return how long losses that there are have to wait until they are declared."""
-        return max(0.0, self._told_s + TOLD_EVERY_S - now_s) if self._untold else 0.0
+        return max(0.0, self._declared_s + DECLARE_EVERY_S - now_s) if self._undeclared else 0.0
 
 
-def _told(losses: Sequence[Loss]) -> tuple[str, dict[str, Any]]:
+def _summary(losses: Sequence[Loss]) -> tuple[str, dict[str, Any]]:
     parts = ", ".join(f"{loss.rows} of kind {loss.kind.name.lower()} ({loss.reason})" for loss in losses)
     firsts = [loss.first_s for loss in losses if loss.first_s is not None]
     lasts = [loss.last_s for loss in losses if loss.last_s is not None]

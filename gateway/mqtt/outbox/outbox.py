@@ -1,8 +1,15 @@
-"""What is still to be told to the broker: the newest of every retained topic, and the rest in order.
+"""What is still to be published: the newest message of every retained topic, and the queued ones in order.
 
-Retained topics hold only their newest message, and all of them are sent afresh on every connection. Kept
+Retained topics hold only their newest message, and all of them are sent again on every connection. Queued
 messages (events, results, audit) are sent in order and stay until the broker has acknowledged them, over any
-number of connections. Values that a newer one overtook before they were sent are told later, in batches.
+number of connections. Values that a newer one replaced before they were sent are published late, in batches.
+
+What goes out next (`Outbox.take`), within the broker's window of unacknowledged messages:
+
+1. on a new connection, every retained topic, the gateway's status last;
+2. queued results and events; of those from before this connection, at most every second one;
+3. retained topics with a new message;
+4. the history, within the credit that `grant_history` gives.
 """
 
 from __future__ import annotations
@@ -28,7 +35,7 @@ class Outgoing:
     ticket: int
     message: Message
     since_s: float | None  # None: a repetition for a new connection, no news
-    entries: tuple[QueuedMessage, ...] = ()  # what it tells of what is kept
+    entries: tuple[QueuedMessage, ...] = ()  # of the backlog, that it contains
 
 
 class RefusedPublish(NamedTuple):
@@ -56,26 +63,28 @@ class Outbox:
     ) -> None:
         self._last_topic = last_topic
         self._pack = pack
-        self.kept = Backlog(boot=boot, max_rows=max_rows, max_bytes=max_bytes)
+        self.backlog = Backlog(boot=boot, max_rows=max_rows, max_bytes=max_bytes)
         self._latest: dict[str, Message] = {}
         self._waiting: dict[str, float] = {}  # retained topics with news, and since when
-        self._opening: deque[str] = deque()  # what a new connection still has to hear first
-        self._held: dict[str, tuple[Message, QueuedMessage]] = {}  # newest values that are kept as well
+        self._opening: deque[str] = deque()  # topics that a new connection still has to send first
+        self._held: dict[
+            str, tuple[Message, QueuedMessage]
+        ] = {}  # newest values that are in the backlog as well
         self._in_flight: dict[int, Outgoing] = {}
         self._window = 0  # 0: not connected
         self._tickets = 0
         self._connections = 0
-        self._late_upto = 0  # what was kept before this connection
+        self._late_upto = 0  # number of the last entry from before this connection
         self._was_late = False
         self._history_credit = 0
         self.refused = 0
         self.refusals: deque[RefusedPublish] = deque(maxlen=MAX_REMEMBERED_REFUSALS)
-        self.on_told: Callable[[str], None] = lambda _: None  # hears the keys of final results
+        self.on_delivered: Callable[[str], None] = lambda _: None  # called with the key of each final result
 
     @property
     def dropped(self) -> int:
-        """Return how many messages and values were given up, for want of room or because a disk lost them."""
-        return self.kept.dropped
+        """Return how many messages and values were dropped: there was no room, or a disk lost them."""
+        return self.backlog.dropped
 
     @property
     def is_connected(self) -> bool:
@@ -84,14 +93,14 @@ class Outbox:
 
     def put(self, message: Message, now_s: float) -> None:
         """Take a message; a full outbox drops history first, then events and audit, then results."""
-        if message.is_kept:
-            self._keep(message, now_s)
+        if message.is_queued:
+            self._enqueue(message, now_s)
             return
         before = self._latest.get(message.topic)
         if before is not None and message.topic in self._waiting:
             self._remember(before, self._waiting[message.topic])
         self._latest[message.topic] = message
-        if message.qos or self._window:  # what QoS 0 says is not missed; the next connection hears the newest
+        if message.qos or self._window:  # QoS 0 while offline: the next connection sends the newest
             self._waiting.setdefault(message.topic, now_s)
         if not self._window:
             self._hold(message, now_s)
@@ -109,8 +118,8 @@ class Outbox:
         self._opening = deque(topic for topic in self._latest if topic != self._last_topic)
         if self._last_topic in self._latest:
             self._opening.append(self._last_topic)
-        self._late_upto = self.kept.last_number
-        self.kept.on_work()
+        self._late_upto = self.backlog.last_number
+        self.backlog.on_work()
 
     def disconnected(self) -> None:
         """End a connection; what was not acknowledged waits again, in its old order."""
@@ -118,7 +127,7 @@ class Outbox:
         self._opening.clear()
         unacknowledged = list(self._in_flight.values())
         self._in_flight.clear()
-        self.kept.give_back_all()
+        self.backlog.give_back_all()
         for sent in unacknowledged:
             if sent.entries or sent.since_s is None:
                 continue
@@ -135,7 +144,7 @@ class Outbox:
             return None
         taken = (
             self._take_latest(self._opening)
-            or self._take_kept()
+            or self._take_backlog()
             or self._take_latest(self._waiting)
             or self._take_history()
         )
@@ -144,7 +153,7 @@ class Outbox:
         return taken
 
     def grant_history(self, items: int = MAX_HISTORY_ITEMS) -> None:
-        """Let so many values be told late, beyond those that were told; what was granted before is void."""
+        """Allow this many more values to be published late; an earlier credit is void."""
         self._history_credit = items
 
     def acked(self, ticket: int, reason_code: int) -> None:
@@ -154,12 +163,12 @@ class Outbox:
             return
         message = sent.message
         if sent.entries:
-            self.kept.done(sent.entries)
+            self.backlog.done(sent.entries)
             if message.key:
-                self.on_told(message.key)
+                self.on_delivered(message.key)
         else:
             if self._held:
-                self._told_live(message)
+                self._sent_live(message)
             if not message.payload and self._latest[message.topic] is message:
                 del self._latest[message.topic]
         if reason_code >= FIRST_FAILURE:
@@ -168,49 +177,49 @@ class Outbox:
     @property
     def is_idle(self) -> bool:
         """Return whether everything has been sent and acknowledged."""
-        return not (self._opening or self._waiting or self._in_flight) and self.kept.is_empty
+        return not (self._opening or self._waiting or self._in_flight) and self.backlog.is_empty
 
-    def figures(self, now_s: float) -> dict[str, Any]:
-        """Return what `gateway/outbox` tells, of what is on the disk as well."""
-        kept_rows, kept_bytes, kept_since_s = self.kept.waiting()
+    def statistics(self, now_s: float) -> dict[str, Any]:
+        """Return the contents of `gateway/outbox`, including what is on the disk."""
+        backlog_rows, backlog_bytes, backlog_since_s = self.backlog.waiting()
         flying_s = [sent.since_s for sent in self._in_flight.values() if not sent.entries]
         news_s = [at_s for at_s in (*flying_s, *self._waiting.values()) if at_s is not None]
-        since_s = [*news_s, *([] if kept_since_s is None else [kept_since_s])]
+        since_s = [*news_s, *([] if backlog_since_s is None else [backlog_since_s])]
         latest_bytes = sum(_size(self._latest[topic]) for topic in self._waiting if topic not in self._held)
         return {
-            "depth": len(news_s) + kept_rows - len(self._held),
+            "depth": len(news_s) + backlog_rows - len(self._held),
             "oldest_s": round(max(0.0, now_s - min(since_s)), 3) if since_s else 0.0,
-            "bytes": kept_bytes + latest_bytes,
+            "bytes": backlog_bytes + latest_bytes,
             "dropped": self.dropped,
             "refused": self.refused,
             "reconnects": max(0, self._connections - 1),
         }
 
-    def _keep(self, message: Message, now_s: float) -> None:
-        if message.key and self.kept.knows(message.key):
+    def _enqueue(self, message: Message, now_s: float) -> None:
+        if message.key and self.backlog.knows(message.key):
             return  # an earlier run has left it behind, word for word
-        self.kept.put(Kind.EVENT if message.is_droppable else Kind.RESULT, message, now_s)
+        self.backlog.put(Kind.EVENT if message.is_droppable else Kind.RESULT, message, now_s)
 
     def _hold(self, message: Message, since_s: float) -> None:
-        """Keep a newest value as well that cannot be told now, lest a crash takes it along."""
+        """Queue a newest value as well that cannot be sent now, so that a crash does not lose it."""
         if message.history is not None and message.topic not in self._held:
-            entry = self.kept.put(Kind.VALUE, _item(message.history), since_s, is_held=True)
+            entry = self.backlog.put(Kind.VALUE, _item(message.history), since_s, is_held=True)
             self._held[message.topic] = (message, entry)
 
-    def _told_live(self, message: Message) -> None:
+    def _sent_live(self, message: Message) -> None:
         held = self._held.get(message.topic)
         if held is not None and held[0] is message:
             del self._held[message.topic]
-            self.kept.cancel(held[1])
+            self.backlog.cancel(held[1])
 
     def _remember(self, message: Message, since_s: float) -> None:
-        """Put an overtaken value aside, to be told in the history."""
+        """Move a replaced value to the history."""
         held = self._held.get(message.topic)
         if held is not None and held[0] is message:
             del self._held[message.topic]
-            self.kept.release(held[1])
+            self.backlog.release(held[1])
         elif message.history is not None:
-            self.kept.put(Kind.VALUE, _item(message.history), since_s)
+            self.backlog.put(Kind.VALUE, _item(message.history), since_s)
 
     def _take_latest(self, topics: deque[str] | dict[str, float]) -> Outgoing | None:
         """Return the newest message of the first of these topics; it has no news any more."""
@@ -223,9 +232,9 @@ class Outbox:
             topics.popleft()
         return self._outgoing(message, since_s)
 
-    def _take_kept(self) -> Outgoing | None:
+    def _take_backlog(self) -> Outgoing | None:
         """Return the next result or event; every second old one gives way to a live value."""
-        entry = self.kept.next(self._late_upto)
+        entry = self.backlog.next(self._late_upto)
         if entry is None:
             return None
         is_late = entry.kind is Kind.EVENT and entry.number <= self._late_upto
@@ -233,13 +242,13 @@ class Outbox:
             self._was_late = False
             return None
         self._was_late = is_late
-        self.kept.take(entry)
+        self.backlog.take(entry)
         return self._outgoing(entry.message, entry.since_s, entry)
 
     def _take_history(self) -> Outgoing | None:
         if self._history_credit <= 0:
             return None
-        entries = self.kept.take_history(min(self._history_credit, MAX_HISTORY_ITEMS))
+        entries = self.backlog.take_history(min(self._history_credit, MAX_HISTORY_ITEMS))
         if not entries:
             return None
         self._history_credit -= len(entries)
@@ -256,13 +265,13 @@ class Outbox:
         self.refused += 1
         self.refusals.append(RefusedPublish(message.topic, reason_code))
         for entry in sent.entries[:1]:
-            self.kept.refuse(Refusal(entry.since_s, reason_code, message.topic, message.payload))
-        self.kept.on_work()
+            self.backlog.refuse(Refusal(entry.since_s, reason_code, message.topic, message.payload))
+        self.backlog.on_work()
 
 
 def _item(item: HistoryItem) -> Message:
     payload = item.text.encode("utf-8", "replace")
-    return Message(item.topic, payload, qos=1, retain=False, is_kept=True, is_droppable=True)
+    return Message(item.topic, payload, qos=1, retain=False, is_queued=True, is_droppable=True)
 
 
 def _size(message: Message) -> int:

@@ -19,7 +19,7 @@ from gateway.storage.spool import Kind, Row, Share
 
 ROW_BYTES = 200  # what a row costs besides its topic and payload, roughly
 LOOKAHEAD = 1000  # entries among which a batch is gathered
-MOST_GONE = 100  # that may stand in a lane although nobody wants them any more
+MOST_GONE = 100  # entries that may stay in a segment although they are done
 LOWEST = -(2**62)
 
 
@@ -29,7 +29,7 @@ class State(enum.Enum):
     FRESH = enum.auto()
     WRITING = enum.auto()
     WRITTEN = enum.auto()
-    SUNK = enum.auto()  # and no lane holds it any more
+    SUNK = enum.auto()  # on the disk only
 
 
 @dataclass(slots=True, eq=False)
@@ -41,10 +41,10 @@ class QueuedMessage:
     message: Message
     boot: str
     since_s: float
-    lane: Segment
+    segment: Segment
     state: State = State.FRESH
     is_gone: bool = False  # acknowledged, or given up
-    is_held: bool = False  # its value is on its way live; history does not tell it meanwhile
+    is_held: bool = False  # its value is being published live; the history leaves it out meanwhile
     size: int = field(init=False)
 
     def __post_init__(self) -> None:
@@ -52,7 +52,7 @@ class QueuedMessage:
 
 
 class Wanted(NamedTuple):
-    """Which rows a lane wants from the disk: those between these numbers, exclusive."""
+    """Which rows a segment wants from the disk: those between these numbers, exclusive."""
 
     after: int
     before: int
@@ -200,7 +200,7 @@ class Segment:
         return rows
 
     def _sweep(self) -> None:
-        """Let go of what is gone: nobody may ever come to take what stands before it."""
+        """Remove entries that are done, also those behind entries that are never taken."""
         self._head = deque(entry for entry in self._head if not entry.is_gone)
         self._tail = deque(entry for entry in self._tail if not entry.is_gone)
         self._gone = 0
@@ -242,19 +242,19 @@ def row_of(entry: QueuedMessage, utc_of: Callable[[float], float]) -> Row:
     )
 
 
-def entry_of(row: Row, lane: Segment) -> QueuedMessage:
+def entry_of(row: Row, segment: Segment) -> QueuedMessage:
     """Return what the disk knows as an entry; the row's time is the steady clock's."""
     message = Message(
         row.topic,
         row.payload,
         qos=1,
         retain=False,
-        is_kept=True,
+        is_queued=True,
         is_droppable=row.kind is not Kind.RESULT,
         correlation=row.correlation,
         key=row.key,
     )
-    return QueuedMessage(row.number, row.kind, message, row.boot, row.time_s, lane, State.WRITTEN)
+    return QueuedMessage(row.number, row.kind, message, row.boot, row.time_s, segment, State.WRITTEN)
 
 
 def _place(entry: QueuedMessage) -> tuple[str, str]:

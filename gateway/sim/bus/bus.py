@@ -1,6 +1,7 @@
-"""Two virtual wires: units, byte times, silences and a record of it all, on the running loop's clock.
+"""A virtual RS-485 bus: units and one master, with true byte times and silences on the running loop's clock.
 
-What is kept of the bytes on a virtual line: frames, and what the master did wrong.
+It records the frames (`Frame`) and what the master did wrong (`BusViolation`): a frame that is too early,
+broken by a pause or in collision with another, or a request too soon after a broadcast.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ class IncomingFrame:
     end_s: float
     data: bytearray = field(default_factory=bytearray)
     longest_gap_s: float = 0.0
-    spoilt: str = ""  # why nobody can understand it
+    defect: str = ""  # why no unit can decode it
 
     def extend(self, data: bytes, *, start_s: float) -> None:
         """Add bytes that follow on."""
@@ -68,7 +69,7 @@ Sink = Callable[[bytes, float], None]  # bytes that arrive at the master, and wh
 
 SHORTEST_TURNAROUND_S = 0.1  # after a broadcast [SERIAL 2.4.1]
 
-VIOLATIONS_KEPT = 10_000
+MOST_VIOLATIONS = 10_000
 
 _GARBAGE = 0xA5  # what a collision makes of a byte
 
@@ -85,8 +86,8 @@ class _SendOrder:
 class Bus:
     """Several units on two wires, and one master at a time.
 
-    A unit sees a request only when the silence before it was kept; otherwise nobody answers, and the
-    violation is on record. Replies arrive in pieces of `chunk_bytes` (None: whole) at their true times.
+    A unit sees a request only after a sufficient silence; otherwise no unit answers, and the violation is
+    recorded. Replies arrive in pieces of `chunk_bytes` (None: whole) at their true times.
     """
 
     def __init__(
@@ -98,7 +99,7 @@ class Bus:
         seed: int = 0,
         chunk_bytes: int | None = 1,
         tolerance_s: float = 1e-6,
-        frames_kept: int = 1000,
+        frames_stored: int = 1000,
     ) -> None:
         self.timing = timing
         self.name = name
@@ -107,7 +108,7 @@ class Bus:
         self.noise: Noisy | None = None  # on everything, both ways
         self.units: list[SimulatedUnit] = []
         self.violations: list[BusViolation] = []
-        self.transcript: deque[Frame] = deque(maxlen=frames_kept)
+        self.transcript: deque[Frame] = deque(maxlen=frames_stored)
         self._dice = random.Random(seed)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._sink: Sink | None = None
@@ -139,7 +140,7 @@ class Bus:
     def impair(
         self, address: int, impairment: Impairment, *, count: int | None = None, chance: float = 1.0
     ) -> None:
-        """Spoil the replies of a unit: the next `count`, or until it is healed; each by this chance."""
+        """Impair the replies of a unit: the next `count`, or until it is healed; each with this chance."""
         self._orders[address] = order = _SendOrder(impairment, count, chance)
         if isinstance(impairment, Babbling):
             self._plan_babble(address, order)
@@ -179,9 +180,9 @@ class Bus:
             frame = None
         if frame is None:
             frame = self._incoming = IncomingFrame(timing, start_s, start_s)
-            frame.spoilt = self._judge_start(start_s, timing)
+            frame.defect = self._judge_start(start_s, timing)
         frame.extend(data, start_s=start_s)
-        if frame.spoilt == "collision":
+        if frame.defect == "collision":
             self._garbled_until_s = frame.end_s
         self._busy_until_s = max(self._busy_until_s, frame.end_s)
         if self._frame_timer is not None:
@@ -214,8 +215,8 @@ class Bus:
         if frame is None:
             return
         data = self.noise.flip(bytes(frame.data), self._dice) if self.noise else bytes(frame.data)
-        self.transcript.append(Frame(frame.start_s, frame.end_s, 0, data, frame.spoilt))
-        adu = None if frame.spoilt else self._decode(frame, data)
+        self.transcript.append(Frame(frame.start_s, frame.end_s, 0, data, frame.defect))
+        adu = None if frame.defect else self._decode(frame, data)
         if adu is None:
             for unit in self.units:
                 unit.note_reception_error(is_crc=True, byte_count=len(data))
@@ -271,7 +272,7 @@ class Bus:
         frame = self._incoming
         if frame is not None:  # the master's bytes, or the silence that should have followed them
             self._violate(frame.start_s, "collision", f"unit {address} had not yet answered")
-            frame.spoilt = "collision"
+            frame.defect = "collision"
             self._garbled_until_s = max(self._garbled_until_s, frame.end_s)
         elif start_s < self._busy_until_s - self.tolerance_s:  # another unit is sending
             self._garbled_until_s = max(self._garbled_until_s, min(self._busy_until_s, end_s))
@@ -301,7 +302,7 @@ class Bus:
             self._plan_babble(address, order)
 
     def _violate(self, at_s: float, kind: str, detail: str) -> None:
-        if len(self.violations) >= VIOLATIONS_KEPT:  # a master that never learns
+        if len(self.violations) >= MOST_VIOLATIONS:  # a master that never learns
             del self.violations[0]
         self.violations.append(BusViolation(at_s, kind, detail))
 

@@ -1,4 +1,4 @@
-"""What can be wrong with replies, on order: an impairment turns one reply into what is sent instead."""
+"""Faults of replies, injected on request: an impairment replaces one reply by what is sent instead."""
 
 from __future__ import annotations
 
@@ -82,8 +82,8 @@ class CutShort:
 
     def apply(self, reply: Reply, dice: random.Random) -> tuple[Reply, ...]:  # noqa: ARG002
         """Return the beginning of the reply, if anything is left."""
-        kept = reply.adu[: -self.missing_bytes]
-        return (replace(reply, adu=kept),) if kept else ()
+        preserved = reply.adu[: -self.missing_bytes]
+        return (replace(reply, adu=preserved),) if preserved else ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +99,7 @@ class Doubled:
 
 @dataclass(frozen=True, slots=True)
 class Babbling:
-    """Answers rightly, but also sends bytes that nobody asked for, again and again."""
+    """Answers rightly, but also sends unrequested bytes, again and again."""
 
     every_s: float = 0.5  # on average
     byte_count: int = 6

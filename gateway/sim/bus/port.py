@@ -1,7 +1,4 @@
-"""The master's end of a virtual line: the same seam as a tty, without one.
-
-A virtual RS-485 line that the gateway can open in place of a tty.
-"""
+"""A virtual RS-485 line that the gateway opens in place of a tty: its port, the line and an opener."""
 
 from __future__ import annotations
 
@@ -13,7 +10,7 @@ from gateway.sim.bus.bus import Bus
 
 
 class SimulatedPort:
-    """An open virtual line (`gateway.line.port.base.Port`), spoken to with this speed and framing."""
+    """An open virtual line (`gateway.line.port.base.Port`), used with this speed and framing."""
 
     def __init__(self, line: Bus, timing: LineTiming) -> None:
         self._line = line
@@ -57,7 +54,7 @@ class SimulatedPort:
             self.lose("closed")
 
     def lose(self, reason: str) -> None:
-        """Make the port unusable: whoever reads or writes gets PortLostError with this reason."""
+        """Make the port unusable: reading and writing then raise PortLostError with this reason."""
         self._lost = reason
         self._line.detach()
         self._wake()

@@ -35,10 +35,10 @@ _BAUDS = {rate: baud for baud, rate in _RATES.items()}
 class PtyLine:
     """Serves a line on a pty of the running loop; `link` is a path that shall lead to it.
 
-    The master speaks at the rate and with the stop bits that it has set on its end; who sets nothing has the
-    line's own. A pty has no parity (the kernel takes the flag away), so that is always the line's.
+    The master sends at the rate and with the stop bits that it has set on its end; without that, the
+    line's own apply. A pty has no parity (the kernel takes the flag away), so that is always the line's.
 
-    A pty carries bytes at once: the line reckons when they would have left the wire, and replies are written
+    A pty carries bytes at once: the line computes when they would have left the wire, and replies are written
     at the time of their last byte (or of each, as the line's `chunk_bytes` says). Give the line a tolerance
     of some 0.2 ms, since two programs never wake on the spot.
     """
@@ -46,10 +46,10 @@ class PtyLine:
     def __init__(self, line: Bus, *, link: str | os.PathLike[str] | None = None) -> None:
         self.line = line
         self.path = ""  # of the master's end, once started
-        self.lost_bytes = 0  # written while nobody read
+        self.lost_bytes = 0  # written while no master read
         self._link = Path(link) if link is not None else None
         self._ours = -1
-        self._theirs = -1  # kept open: without any opener our end could not be read
+        self._theirs = -1  # stays open: without any opener our end could not be read
         self._claim: socket.socket | None = None  # of the link, as long as this process lives
 
     async def start(self) -> None:
@@ -80,7 +80,7 @@ class PtyLine:
         self._close()
 
     def _read(self) -> None:
-        with suppress(OSError):  # whoever opened it exclusively may be killed, and wants it back then
+        with suppress(OSError):  # a master that opened it exclusively may be killed and started again
             fcntl.ioctl(self._theirs, termios.TIOCNXCL)
         with suppress(BlockingIOError):
             self.line.send(os.read(self._ours, _READ_SIZE), self._timing())
@@ -98,7 +98,7 @@ class PtyLine:
         termios.tcsetattr(self._theirs, termios.TCSANOW, attributes)
 
     def _timing(self) -> LineTiming:
-        """Return how the master speaks now."""
+        """Return the master's present speed and framing."""
         attributes = termios.tcgetattr(self._theirs)
         own = self.line.timing
         baud = _BAUDS.get(attributes[5], own.baud)

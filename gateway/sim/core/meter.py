@@ -73,7 +73,7 @@ class Meter:
         return (self._motor.output_pct / 100) ** 2 * 160 if self._motor.is_fed else 0.0
 
     def _noise(self) -> float:
-        """Return the present noise, in standard deviations; drawn anew now and then."""
+        """Return the present noise, in standard deviations; drawn again now and then."""
         now_s = self._motor.powered_s
         if now_s - self._drawn_s >= _NOISE_EVERY_S:
             self._drawn_s = now_s

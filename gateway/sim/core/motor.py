@@ -21,7 +21,7 @@ _NO_LOAD = 0.3  # of the rated current, magnetising
 _JOG_SPEED = 0.1
 _JOG_CURRENT_PCT = 200.0
 _BRAKING_CURRENT_PCT = 150.0
-_IMAGE_LIMIT = 1.15  # times the rated current that the thermal image bears for ever
+_IMAGE_LIMIT = 1.15  # times the rated current that the thermal image bears permanently
 _FINE_STEP_S = 0.1  # while the current changes
 _COARSE_STEP_S = 1.0  # while the thermal image heads for a trip
 
@@ -35,7 +35,7 @@ class Motor:
         self.speed = 0.0  # 0..1 of the rated speed
         self.load_pct = self.data.load_pct
         self.is_mains_present = True
-        self.trip: MotorTrip | None = None  # set when a protection acts; whoever handles it clears it
+        self.trip: MotorTrip | None = None  # set when a protection acts; the starter clears it
         self.standstill_s = math.inf  # since the motor came to rest
         self.thermal_pct = 0.0  # 100 trips
         self.heatsink_c = AMBIENT_C
@@ -69,7 +69,7 @@ class Motor:
         self._enter(MotorEvent.CUT)
 
     def jog(self) -> None:
-        """Turn slowly, until stopped; only from standstill."""
+        """Jog at slow speed, until stopped; only from standstill."""
         if self.is_mains_present and self.state is MotorState.STOPPED:
             self._enter(MotorEvent.JOG)
 
@@ -94,7 +94,7 @@ class Motor:
 
     @property
     def is_turning(self) -> bool:
-        """Whether the shaft turns, driven or not."""
+        """Whether the shaft is in motion, driven or not."""
         return self.state is not MotorState.STOPPED
 
     @property
@@ -179,7 +179,7 @@ class Motor:
             self._full_voltage_left_s = self.data.full_voltage_s
 
     def _piece_s(self) -> float:
-        """Return how long the present state can be reckoned in one go."""
+        """Return how long the present state can be computed in one step."""
         ends_s = self.ends_in_s
         if self.state is MotorState.STOPPED:
             return math.inf
@@ -209,13 +209,13 @@ class Motor:
         """Let a piece of time pass in which the state stays as it is, and leave the state at its end."""
         is_over = piece_s >= self.ends_in_s - 1e-9
         self._warm(piece_s)
-        self._turn(piece_s)
+        self._advance(piece_s)
         self._count(piece_s)
         if is_over:
             self._enter(MotorEvent.ELAPSED)
         self._protect(piece_s)
 
-    def _turn(self, piece_s: float) -> None:
+    def _advance(self, piece_s: float) -> None:
         match self.state:
             case MotorState.RAMP_UP:
                 self.speed = min(1.0, self.speed + piece_s / max(self.data.ramp_up_s, 1e-9))
@@ -251,7 +251,7 @@ class Motor:
         constant_s = self.data.heating_s if self.is_fed else self.data.cooling_s
         target_pct = self._image_target_pct()
         self.thermal_pct += (target_pct - self.thermal_pct) * -math.expm1(-piece_s / constant_s)
-        # Only the thyristors heat the heatsink: hardly anything once the bypass has taken over.
+        # Only the thyristors heat the heatsink: hardly anything once the bypass is closed.
         is_conducting = self.is_fed and self.state is not MotorState.BYPASS
         square = (self.current_pct / 100) ** 2
         hot_c = AMBIENT_C + (25.0 if is_conducting else 4.0) * square

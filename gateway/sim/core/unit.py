@@ -1,4 +1,4 @@
-"""A simulated starter, as far as all families are alike: time, silence, restarts, and requests by their kind.
+"""The common part of a simulated starter: time, silence, restarts, and requests by their function.
 
 Pure: time comes in with each call, chance is seeded. A family adds its tables and its rules.
 """
@@ -22,7 +22,7 @@ from gateway.sim.core.motor import Motor
 from gateway.sim.core.power import MotorData, MotorTrip
 from gateway.sim.core.requests import RequestHandlers, refuse_function
 
-_WRITES_KEPT = 10_000
+_MOST_WRITES = 10_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,7 @@ class SimulatedUnit(RequestHandlers, ABC):
         self.clock: Callable[[], float] | None = None  # the line's, once the unit is on one
         self.starts: list[float] = []  # when a start was accepted over the line
         self.start_frames: list[float] = []  # when one was asked for, accepted or not
-        self.writes: deque[RegisterWrite] = deque(maxlen=_WRITES_KEPT)
+        self.writes: deque[RegisterWrite] = deque(maxlen=_MOST_WRITES)
         self.trips: list[Trip] = []
         self.handled = 0  # requests that this unit acted on
         self._joined: LineTiming | None = None
@@ -81,7 +81,7 @@ class SimulatedUnit(RequestHandlers, ABC):
         self.advance(now_s)
         if not self.is_listening or not self._is_received(pdu):
             return None
-        self._hear()
+        self._on_request()
         self.handled += 1
         function = pdu[0] if pdu else 0
         try:
@@ -110,14 +110,14 @@ class SimulatedUnit(RequestHandlers, ABC):
         return self._joined in (None, timing)
 
     def join(self, timing: LineTiming) -> None:
-        """Set speed and framing to those of the line it is put on, as whoever installs it does."""
+        """Set speed and framing to those of the line it is put on, as at its installation."""
         self._joined = timing
 
     def note_reception_error(self, *, is_crc: bool, byte_count: int) -> None:
         """Count a frame that was on the line, but could not be understood."""
 
     def advance(self, now_s: float) -> None:
-        """Let time pass up to `now_s`: the motor turns, watchdogs bite."""
+        """Let time pass up to `now_s`: the motor moves, watchdogs act."""
         if self._now_s is None:
             self._now_s = now_s
             self._switched_on()
@@ -182,14 +182,14 @@ class SimulatedUnit(RequestHandlers, ABC):
         """Return the reply as it is sent, if it is."""
         return reply
 
-    def _hear(self) -> None:
+    def _on_request(self) -> None:
         """Take note of a valid telegram."""
 
     def _switched_on(self) -> None:
         """Begin to live."""
 
     def _forget(self) -> None:
-        """Lose what is not kept without supply, and take up the state after switching on."""
+        """Lose what is not stored without supply, and take up the state after switching on."""
 
     def _stopped_otherwise(self) -> None:
         """Forget a standing run command: the motor was stopped by something else."""
@@ -204,7 +204,7 @@ class SimulatedUnit(RequestHandlers, ABC):
     # Below the surface
 
     def _restart(self) -> None:
-        """Start the whole device anew: the motor coasts, what is not stored is lost, nothing is heard."""
+        """Restart the whole device: the motor coasts, what is not stored is lost, requests are ignored."""
         self.motor.cut()
         self._timers.clear()
         self._forget()
@@ -215,7 +215,7 @@ class SimulatedUnit(RequestHandlers, ABC):
         self._switched_on()
 
     def _catch_up(self) -> None:
-        """Live up to the line's present, before somebody touches the unit from outside."""
+        """Simulate up to the line's present time, before a change from outside."""
         if self.clock is not None:
             self.advance(self.clock())
         elif self._now_s is None:

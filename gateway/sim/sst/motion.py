@@ -98,7 +98,7 @@ class SstMotion(SimulatedUnit):
             self._start()
 
     def local_stop(self) -> None:
-        """Stop through it; the motor then stays stopped, whoever controls next."""
+        """Stop through it; the motor then stays stopped, also when another source takes control."""
         self._catch_up()
         if self.control != "modbus":
             self._stop()
@@ -158,11 +158,11 @@ class SstMotion(SimulatedUnit):
         """Start, on single-phase models once the capacitor is discharged (notes)."""
         discharged_s = self._charged_until_s + _DISCHARGED_AFTER_S
         if self.model.number == SINGLE_PHASE and self.now_s < discharged_s:
-            self._at("start", discharged_s, self._turn_on)
+            self._at("start", discharged_s, self._switch_on)
         else:
-            self._turn_on()
+            self._switch_on()
 
-    def _turn_on(self) -> None:
+    def _switch_on(self) -> None:
         self.motor.start()
         self._charged_until_s = self.now_s + self.motor.data.ramp_up_s
 
@@ -178,8 +178,8 @@ class SstMotion(SimulatedUnit):
 
     # Errors and watchdogs
 
-    def _hear(self) -> None:
-        """Count both timeouts anew (notes on registers 41 and 42).
+    def _on_request(self) -> None:
+        """Restart both timeouts (notes on registers 41 and 42).
 
         Whether they run before the first command after a start-up is not stated. Here they do not: with
         register 42 at 1 s a starter could never be reached again.

@@ -21,7 +21,7 @@ INITIAL_TEST_S = 0.2  # not stated: ours
 
 
 class CommandSources(Commanded):
-    """The part of an SSW900 that turns command words into motion."""
+    """The part of an SSW900 that carries out command words."""
 
     def __init__(
         self,

@@ -54,7 +54,7 @@ class Faults(CommandSources):
         self.transmitted += 1
         return reply
 
-    def _hear(self) -> None:
+    def _on_request(self) -> None:
         self.received += 1
         if FAULT_SILENCE in self.alarms:
             self.alarms.remove(FAULT_SILENCE)
@@ -62,7 +62,7 @@ class Faults(CommandSources):
         self._watch()
 
     def _watch(self) -> None:
-        """Count anew; the first valid telegram begins it (C8.2.5)."""
+        """Count again from 0; the first valid telegram begins it (C8.2.5)."""
         is_on = self.setting(C8_TIMEOUT_MODE) in (_MODE_FAULT, _MODE_ALARM) and self.setting(C8_TIMEOUT)
         if is_on:
             self._at("C8.2.5", self.now_s + self.setting(C8_TIMEOUT) / 10, self._miss_telegrams)

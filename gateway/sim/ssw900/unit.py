@@ -70,7 +70,7 @@ class Ssw900(Faults):
         self._map.add(WRITE_WORDS)
         sources = {C3_MODE: SLOT_1_DECIDES[1] + 2 * (slot - 1), C3_REMOTE_SOURCE: SOURCE_SLOT_1 + slot - 1}
         self._words = {**self._factory(), **sources, C8_ADDRESS: address, **(settings or {})}
-        self._kept: dict[int, int] = {}  # what a word of 1600-1619 has overwritten, until power is off
+        self._overwritten: dict[int, int] = {}  # what a word of 1600-1619 has overwritten, until power is off
         super().__init__(
             address,
             slot=slot,
@@ -207,7 +207,7 @@ class Ssw900(Faults):
         words = [self.setting(WRITE_WORDS.start + each) for each in range(first, place + 1)]
         if owner.allows(words):
             for each in owner.registers:
-                self._kept.setdefault(each, self.setting(each))
+                self._overwritten.setdefault(each, self.setting(each))
             self._set(owner, words)
 
     def _identification(self) -> dict[int, str]:
@@ -215,8 +215,8 @@ class Ssw900(Faults):
 
     def _forget(self) -> None:
         super()._forget()
-        self._words.update(self._kept)
-        self._kept = {}
+        self._words.update(self._overwritten)
+        self._overwritten = {}
         self.phase = ""
         self.command_words = {1: ENABLE, 2: ENABLE}
         self.is_disabled = False

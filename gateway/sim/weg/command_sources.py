@@ -108,7 +108,7 @@ class Supervised(Commanded):
 
     # E28
 
-    def _hear(self) -> None:
+    def _on_request(self) -> None:
         if self.is_silence_shown and self.fault != FAULT_SILENCE:
             self.is_silence_shown = False  # it goes when communication returns (2.4)
             self.is_disabled = False

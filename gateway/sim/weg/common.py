@@ -88,7 +88,7 @@ class Commanded(SimulatedUnit):
         """Whether a fault is latched."""
         return self.fault != 0
 
-    # What a family tells
+    # What a family defines
 
     @property
     @abstractmethod
@@ -240,7 +240,7 @@ class Commanded(SimulatedUnit):
                 self.motor.stop()
 
     def _obey_direction(self, *, is_reverse: bool) -> None:
-        """Turn the other way; a running motor first stops by ramp."""
+        """Reverse the direction; a running motor first stops by ramp."""
         self.command = self.command | REVERSE if is_reverse else self.command & ~REVERSE
         if is_reverse == self.is_reverse:
             return

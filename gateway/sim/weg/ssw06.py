@@ -132,8 +132,8 @@ class Ssw06(BasicVariables):
 
     def _load_factory(self) -> None:
         """Take up the factory settings, but stay on the line."""
-        kept = {number: self.settings[number] for number in (P_ADDRESS, P_SERIAL, P_START_DELAY)}
-        self.settings = {**dict.fromkeys(self.limits, 0), **self.delivered, **_FACTORY, **kept}
+        preserved = {number: self.settings[number] for number in (P_ADDRESS, P_SERIAL, P_START_DELAY)}
+        self.settings = {**dict.fromkeys(self.limits, 0), **self.delivered, **_FACTORY, **preserved}
         self._watch()
         self._adjust(AFTER_FACTORY_RESET)
 

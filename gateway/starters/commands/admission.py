@@ -25,7 +25,7 @@ from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.rights import Rights
 from gateway.storage.journal import UNAVAILABLE, Journal
 from gateway.system.clock import Clock
-from gateway.system.token_bucket import TELL_EVERY_S, Damped
+from gateway.system.token_bucket import REFUSAL_EVERY_S, Damped
 
 CAN_WAIT = frozenset({"read", "set", "configure", "output"})  # verbs that move no motor
 LEDGER_FULL = "ledger_full"
@@ -191,8 +191,8 @@ class OverloadRefusals:
 
     def __init__(self, desk: Reporting) -> None:
         self._desk = desk
-        self._refusals = Damped(self._refuse, clock=desk.clock, every_s=TELL_EVERY_S)
-        self._stops = Damped(self._answer_stop, clock=desk.clock, every_s=TELL_EVERY_S)
+        self._refusals = Damped(self._refuse, clock=desk.clock, every_s=REFUSAL_EVERY_S)
+        self._stops = Damped(self._answer_stop, clock=desk.clock, every_s=REFUSAL_EVERY_S)
 
     def refuse(self, client: Hashable, request: CommandRequest, text: str) -> None:
         """Refuse a command now, or count it; one whose id is known gets no answer."""

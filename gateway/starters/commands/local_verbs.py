@@ -92,7 +92,7 @@ class LocalVerbs:
     ) -> None:
         """Give the result once it is on the disk; an unlocking that cannot be kept is taken back."""
         request, is_lock = errand.request, errand.request.verb == LOCK
-        if await self._saver.kept(within_s=KEPT_WITHIN_S):
+        if await self._saver.saved(within_s=KEPT_WITHIN_S):
             code, more = ("locked", f"; {NOTICE}") if is_lock else ("unlocked", "")
             why = request.args.get("reason", request.reason)
             data = {"client": request.client, "operator": request.operator, "reason": why}

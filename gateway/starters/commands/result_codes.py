@@ -14,7 +14,7 @@ class Code(NamedTuple):
     """What one code means, for people."""
 
     sentence: str
-    mend: str
+    hint: str
 
 
 def explain(code: str) -> Code:
@@ -30,7 +30,7 @@ def explain(code: str) -> Code:
 _AGAIN = "Send it again, with a new id."
 _LOOK = "Look at the starter, then decide."
 _LATER = "Wait, look, then send it again, with a new id."
-_SENDER = "Mend the program that sent it."
+_SENDER = "Correct the program that sent it."
 
 CODES: Mapping[str, Mapping[str, Code]] = {
     "It went well": {
@@ -117,7 +117,7 @@ CODES: Mapping[str, Mapping[str, Code]] = {
         "offline": Code("The starter does not answer.", "Look at the starter and its line."),
         "identity_unknown": Code("It is not yet known who answers at this address.", _LATER),
         "identity_mismatch": Code(
-            "Another device answers than the one configured.", "Mend wiring or configuration."
+            "Another device answers than the one configured.", "Correct the wiring or the configuration."
         ),
         "identity_changed": Code(
             "Another starter answers than before, or another model than configured.", "Look, then accept."
@@ -154,7 +154,7 @@ CODES: Mapping[str, Mapping[str, Code]] = {
             "Send fewer.",
         ),
         "line_full": Code(
-            "The line is so full that the command had no turn while it was valid; nothing was written.",
+            "The line is so full that the command got no slot while it was valid; nothing was written.",
             "Send it again, with a new id, after the time that the text says.",
         ),
         "watchdog_unkept": Code(
@@ -172,9 +172,9 @@ CODES: Mapping[str, Mapping[str, Code]] = {
             "Of so many commands a copy could still be carried out that no new one can be remembered.",
             "Wait a minute; prove freshness by token, not by boot alone. A stop is always taken.",
         ),
-        "not_kept": Code("It could not be kept on the disk.", "Look at state_dir."),
+        "not_kept": Code("It could not be stored on the disk.", "Look at state_dir."),
         "shutting_down": Code("The gateway is ending.", f"{_LOOK} {_AGAIN}"),
-        "interrupted": Code("The one who gave the command interrupted it.", _LOOK),
+        "interrupted": Code("Its client interrupted the command.", _LOOK),
     },
     "The command itself is wrong": {
         "retained": Code("A retained command is never acted on.", "Send it without retain."),

@@ -120,7 +120,7 @@ class IdentityRegistry:
 
     async def kept(self) -> bool:
         """Return whether what is known now outlives the gateway."""
-        return await self._saver.kept(within_s=KEPT_WITHIN_S)
+        return await self._saver.saved(within_s=KEPT_WITHIN_S)
 
     async def close(self) -> None:
         """Keep what is left to be kept, and then do nothing more."""

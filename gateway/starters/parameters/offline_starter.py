@@ -86,9 +86,11 @@ class OfflineStarter:
         """Send a request."""
         return ask(self.line, self.setup, request, lane=lane, until_s=until_s)
 
-    async def read(self, reads: Iterable[Read], *, tell: Callable[[Read], None] | None = None) -> BulkReading:
+    async def read(
+        self, reads: Iterable[Read], *, on_read: Callable[[Read], None] | None = None
+    ) -> BulkReading:
         """Carry out many reads; CommandError and PortLostError as `read_in_bulk`."""
-        return await read_in_bulk(self.ask, self.profile, reads, tell=tell)
+        return await read_in_bulk(self.ask, self.profile, reads, on_read=on_read)
 
     def take_rows(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
         """Keep rows that were just read for a command."""

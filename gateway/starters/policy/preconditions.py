@@ -114,7 +114,7 @@ class Guard:
         self._logbook.note_start(starter, now_s=self._clock.now_s())
         self._saver.touch()
         if self._rulebook.of(starter).is_counting:
-            if not await self._saver.kept(within_s=KEPT_WITHIN_S):
+            if not await self._saver.saved(within_s=KEPT_WITHIN_S):
                 raise CommandError(
                     "not_kept", "the start could not be counted on the disk, as its rules demand"
                 )

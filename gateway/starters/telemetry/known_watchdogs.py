@@ -134,7 +134,7 @@ class KnownWatchdogs:
         await self._check(setup, written)
         self._keep(setup)
         self._saver.touch()
-        await self._saver.kept(within_s=KEPT_WITHIN_S)
+        await self._saver.saved(within_s=KEPT_WITHIN_S)
 
     async def check(self, name: str, rows: Rows) -> None:
         """Demand that the line could keep a starter whose settings were these; CommandError."""

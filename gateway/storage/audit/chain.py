@@ -1,7 +1,7 @@
 """The audit's hash chain: each line carries the SHA-256 of the hash before it and of its own canonical JSON.
 
-Whoever changes, removes or inserts a line must recompute every later one, and then the newest hash is another
-than the one that somebody may have noted.
+To change, remove or insert a line, one must recompute every later one; then the newest hash differs from the
+one that an auditor may have noted.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def read_line(line: str) -> tuple[dict[str, Any], Head]:
 
 
 def verify(lines: Iterable[tuple[str, str]], *, after: Head | None) -> Verification:
-    """Check lines, each with its place; `after` is what went before them, None when nobody knows."""
+    """Check lines, each with its place; `after` is the line before them, None when it is unknown."""
     head, count, problems = after, 0, list[str]()
     for place, line in lines:
         count += 1

@@ -1,4 +1,4 @@
-"""The audit, kept on the disk by a thread of its own: whoever puts an entry never waits."""
+"""The audit log: a thread writes its entries to the disk, so that the caller never waits."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class AuditLog:
 
     def _take(self, entry: Mapping[str, Any]) -> None:
         if self._queue.qsize() >= MOST_WAITING:
-            self._lost += 1  # told as soon as there is room
+            self._lost += 1  # reported once there is room
         else:
             self._queue.put(entry)
 
@@ -80,7 +80,7 @@ class AuditLog:
             is_over = self._fetch(waiting)
             if self._lost:
                 lost, self._lost = self._lost, 0
-                waiting.append(self._note("entries_lost", f"{lost} entries could not be kept"))
+                waiting.append(self._note("entries_lost", f"{lost} entries could not be stored"))
             if self._write(waiting):
                 waiting.clear()
             elif self._closing.wait(self._retry_s):
@@ -106,7 +106,7 @@ class AuditLog:
         except OSError as error:
             self._writer.close()
             trouble = f"{error.filename or self._writer.folder}: {error.strerror or error}"
-        except Exception:  # the guard at the thread's top: what cannot be written is not tried for ever
+        except Exception:  # the guard at the thread's top: what cannot be written is not retried without end
             log.exception("audit=%s entries=%d cannot be written", self._writer.folder, len(entries))
             self._lost += len(entries)
         if trouble != self._trouble:

@@ -85,12 +85,12 @@ def tail(path: Path) -> Tail:
 
 
 def lines(folder: Path) -> Iterator[tuple[str, str]]:
-    """Return all whole lines in order, each with its place; what is no text shows as what cannot be right."""
+    """Return all whole lines in order, each with its place; octets that are no UTF-8 are replaced."""
     for number in segments(folder):
         path = segment_path(folder, number)
         try:
             octets = path.read_bytes()
-        except FileNotFoundError:  # removed by the gateway meanwhile; the anchor tells
+        except FileNotFoundError:  # removed by the gateway meanwhile, as the anchor records
             continue
         whole = octets[: octets.rfind(b"\n") + 1]
         for place, line in enumerate(whole.split(b"\n")[:-1], 1):

@@ -16,7 +16,7 @@ MOST_SEGMENTS = 16
 
 
 class AuditWriter:
-    """The end of the chain, of one thread. Close it after an OSError: the next call opens it anew."""
+    """The end of the chain, of one thread. Close it after an OSError: the next call opens it again."""
 
     def __init__(self, folder: Path, segment_bytes: int, most_segments: int) -> None:
         self.folder = folder
@@ -38,7 +38,7 @@ class AuditWriter:
             entries = [*(note(code, text) for code, text in said), *entries]
             fd = self._begin_segment(self._number)
         elif not segment_path(self.folder, self._number).exists():
-            fd = self._begin_segment(self._number + 1)  # somebody took it away: the chain will show that
+            fd = self._begin_segment(self._number + 1)  # it was removed: the chain will show that
         head, octets = self._head, bytearray()
         for entry in entries:
             line, head = link(head, entry)
@@ -50,7 +50,7 @@ class AuditWriter:
             self._forget_oldest()
 
     def close(self) -> None:
-        """Let go of the files."""
+        """Close the files."""
         for fd in (self._fd, self._lock):
             if fd is not None:
                 os.close(fd)

@@ -1,4 +1,4 @@
-"""What at the broker would bite."""
+"""What at the broker would be a problem."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gateway.cli.doctor.finding import DoctorFinding
 from gateway.config.load import parse
 from gateway.errors import BrokerError
 from gateway.mqtt.connection import command_client as sender
-from tests.commands.doctor_site import biting, site
+from tests.commands.doctor_site import problems_in, site
 from tests.mosquitto import StartMosquitto
 
 
@@ -22,35 +22,35 @@ def remarks_of(text: str, folder: Path) -> list[DoctorFinding]:
     return asyncio.run(access.remarks())
 
 
-def test_a_broker_that_is_away_bites() -> None:
-    (bite,) = biting(remarks_of(site(port=1), Path("/tmp")))
+def test_a_broker_that_is_away_is_a_problem() -> None:
+    (bite,) = problems_in(remarks_of(site(port=1), Path("/tmp")))
 
     assert bite.startswith("broker 127.0.0.1:1: ")
 
 
-def test_a_password_file_that_others_may_read_bites(tmp_path: Path) -> None:
+def test_a_password_file_that_others_may_read_is_a_problem(tmp_path: Path) -> None:
     (tmp_path / "password").write_text("secret\n", "utf-8")
     (tmp_path / "password").chmod(0o644)
 
-    (bite,) = biting(remarks_of(site(login='username = "g"\npassword_file = "password"'), tmp_path))
+    (bite,) = problems_in(remarks_of(site(login='username = "g"\npassword_file = "password"'), tmp_path))
 
     assert "chmod 600" in bite
     assert "secret" not in bite
 
 
-def test_a_login_that_the_broker_takes_is_told_and_one_that_it_refuses_bites(
+def test_a_login_that_the_broker_takes_is_reported_and_one_that_it_refuses_is_a_problem(
     tmp_path: Path, start_mosquitto: StartMosquitto
 ) -> None:
     broker = start_mosquitto(users={"g": "right"})
     login = 'username = "g"\npassword_file = "password"'
-    bites = []
+    is_a_problem = []
     for password in ("right", "wrong"):
         (tmp_path / "password").write_text(password, "utf-8")
         (tmp_path / "password").chmod(0o600)
-        bites.append(biting(remarks_of(site(port=broker.port, login=login), tmp_path)))
+        is_a_problem.append(problems_in(remarks_of(site(port=broker.port, login=login), tmp_path)))
 
-    assert bites[0] == []
-    assert len(bites[1]) == 1
+    assert is_a_problem[0] == []
+    assert len(is_a_problem[1]) == 1
 
 
 def test_nothing_is_asked_of_a_broker_that_cannot_be_used() -> None:
@@ -60,19 +60,19 @@ def test_nothing_is_asked_of_a_broker_that_cannot_be_used() -> None:
         asyncio.run(access.read("pump-1", ["P220"]))
 
 
-def test_a_gateway_that_does_not_run_and_a_starter_that_nobody_may_read_cannot_be_asked(
+def test_a_gateway_that_does_not_run_and_a_starter_that_no_one_may_read_cannot_be_asked(
     tmp_path: Path, start_mosquitto: StartMosquitto, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sender, "STATUS_WITHIN_S", 0.05)
     text = site(port=start_mosquitto().port)
     access = BrokerAccess(parse(text, "site.toml"), tmp_path)
-    assert biting(asyncio.run(access.remarks())) == []
+    assert problems_in(asyncio.run(access.remarks())) == []
 
     with pytest.raises(BrokerError, match=r"no \[\[operator\]\] doctor may read it .*--client"):
         asyncio.run(access.read("pump-1", ["P220"]))
     asks_as_alice = BrokerAccess(parse(text, "site.toml"), tmp_path, client="alice")
     asyncio.run(asks_as_alice.remarks())
-    with pytest.raises(BrokerError, match="no gateway has told its state"):
+    with pytest.raises(BrokerError, match="no gateway has published its state"):
         asyncio.run(asks_as_alice.read("pump-1", ["P220"]))
     with pytest.raises(BrokerError, match=r"no \[\[operator\]\] alice may read it"):
         asyncio.run(asks_as_alice.read("fan", ["P220"]))
@@ -92,10 +92,10 @@ def test_the_doctor_logs_in_as_the_operator_that_is_named(
         access = BrokerAccess(config, tmp_path, client="alice", username="alice", password_file=path)
         return asyncio.run(access.remarks())
 
-    told = [remark.text for remark in remarks("hers")]
-    assert any(text.startswith("takes the login alice, MQTT ") for text in told)
-    assert not any("the gateway's login" in text for text in told)  # which may be under way
-    (bite,) = biting(remarks("wrong"))
+    reported = [remark.text for remark in remarks("hers")]
+    assert any(text.startswith("takes the login alice, MQTT ") for text in reported)
+    assert not any("the gateway's login" in text for text in reported)  # which may be under way
+    (bite,) = problems_in(remarks("wrong"))
     assert "the login alice: " in bite
     assert "username and password" in bite
 

@@ -174,7 +174,7 @@ def test_nothing_is_sent_to_a_gateway_that_is_offline(start_mosquitto: StartMosq
     assert "command/pump-1" not in broker.log()
 
 
-def test_a_gateway_that_was_never_there_is_told(
+def test_a_gateway_that_was_never_there_is_reported(
     start_mosquitto: StartMosquitto, send: Send, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("gateway.mqtt.connection.command_client.STATUS_WITHIN_S", 0.1)
@@ -183,13 +183,11 @@ def test_a_gateway_that_was_never_there_is_told(
     code, _, error = send(broker.port, "pump-1", "start")
 
     assert code == 1
-    assert (
-        error
-        == f"starter-gateway: no gateway has told its state in {TOPICS.gateway_status} (is it running?)\n"
-    )
+    text = f"no gateway has published its state in {TOPICS.gateway_status} (is it running?)"
+    assert error == f"starter-gateway: {text}\n"
 
 
-def test_a_login_without_the_right_to_write_is_told(
+def test_a_login_without_the_right_to_write_is_reported(
     start_mosquitto: StartMosquitto, send: Send, tmp_path: Path
 ) -> None:
     acl = "user alice\ntopic read starters/#\nuser mcc1\ntopic readwrite starters/#\n"
@@ -218,7 +216,7 @@ def test_the_configurations_own_login_is_taken_when_no_other_is_given(
     code, _, error = send(broker.port, "pump-1", "start", changes=(("[mqtt]", '[mqtt]\nusername = "mcc1"'),))
 
     assert code == 1
-    assert "no gateway has told its state" in error  # so it was let in
+    assert "no gateway has published its state" in error  # so it was let in
 
 
 def test_the_password_of_another_login_is_asked_for_or_taken_from_the_environment(
@@ -243,17 +241,17 @@ def test_the_password_of_another_login_is_asked_for_or_taken_from_the_environmen
 
 
 def test_a_user_without_a_name_makes_no_claim(send: Send, monkeypatch: pytest.MonkeyPatch) -> None:
-    def nobody() -> str:
+    def no_one() -> str:
         raise KeyError("uid not found")
 
-    monkeypatch.setattr("getpass.getuser", nobody)
+    monkeypatch.setattr("getpass.getuser", no_one)
 
     code, _, error = send(free_port(), "pump-1", "start")
 
     assert (code, "nothing listens there" in error) == (1, True)
 
 
-def test_a_broker_that_is_away_is_told_in_one_line(send: Send) -> None:
+def test_a_broker_that_is_away_is_reported_in_one_line(send: Send) -> None:
     code, _, error = send(free_port(), "pump-1", "start")
 
     assert code == 1
@@ -262,7 +260,7 @@ def test_a_broker_that_is_away_is_told_in_one_line(send: Send) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "changes", "told"),
+    ("words", "changes", "reported"),
     [
         (("pump-9", "start"), (), "no starter 'pump-9' (one of pump-1, pump-2)"),
         (("pump-1", "Start"), (), "no verb 'Start'"),
@@ -286,13 +284,13 @@ def test_a_broker_that_is_away_is_told_in_one_line(send: Send) -> None:
         ),
     ],
 )
-def test_what_cannot_be_asked_is_told_before_anything_is_sent(
-    send: Send, words: tuple[str, ...], changes: tuple[tuple[str, str], ...], told: str
+def test_what_cannot_be_asked_is_reported_before_anything_is_sent(
+    send: Send, words: tuple[str, ...], changes: tuple[tuple[str, str], ...], reported: str
 ) -> None:
     code, _, error = send(free_port(), *words, changes=changes)
 
     assert code == 2
-    assert told in error
+    assert reported in error
 
 
 async def test_a_selection_prints_its_token_for_the_command_that_follows(

@@ -50,11 +50,13 @@ HOLES = {  # each in the list, and what the proof then finds
         "viewer, who only looks on, commands",
         "viewer commands as alice",
     },
-    ("user viewer\n", "user viewer\ntopic write starters/mcc1/result/#\n"): {"viewer tells alice a result"},
+    ("user viewer\n", "user viewer\ntopic write starters/mcc1/result/#\n"): {
+        "viewer publishes a result to alice"
+    },
     ("user bob\n", "user bob\ntopic write starters/mcc1/starter/#\n"): {"bob says what a starter does"},
     ("user bob\n", "user bob\ntopic write starters/mcc1/result/#\n"): {
-        "bob tells himself a result",
-        "bob tells alice a result",
+        "bob publishes a result to itself",
+        "bob publishes a result to alice",
     },
     ("topic write starters/mcc1/command/+/bob/#\n", ""): {"bob commands under the own name"},
     # before the first user: for those without a login

@@ -103,7 +103,7 @@ async def test_a_configured_version_is_not_given_up() -> None:
     assert not is_connected
     assert trouble == (
         f"broker 127.0.0.1:{broker.port} refuses the connection: Unsupported protocol version "
-        "(set the version of MQTT that the broker speaks)"
+        "(set the version of MQTT that the broker supports)"
     )
 
 
@@ -144,7 +144,7 @@ async def test_a_message_larger_than_the_broker_takes_is_set_aside_and_the_next_
     assert list(rig.outbox.refusals) == [("b/starter/pump-1/history", 0x95)]
 
 
-async def test_a_broker_that_acknowledges_nothing_is_left_and_hears_everything_again() -> None:
+async def test_a_broker_that_acknowledges_nothing_is_left_and_receives_everything_again() -> None:
     async with FakeBroker(acknowledges=False) as broker, MqttRig(settings(broker.port, ack_s=0.1)) as rig:
         rig.publisher.put(event(1))
         await rig.until_connected()
@@ -155,7 +155,7 @@ async def test_a_broker_that_acknowledges_nothing_is_left_and_hears_everything_a
 
     assert not is_connected
     assert trouble.endswith("the broker has not acknowledged a message for 0.1 s")
-    assert rig.outbox.figures(0.0)["reconnects"] == 1
+    assert rig.outbox.statistics(0.0)["reconnects"] == 1
 
 
 @pytest.mark.parametrize(
@@ -264,7 +264,7 @@ async def test_the_correlation_data_of_a_command_comes_back_with_its_result() ->
     assert b"\x05\x09\x00\x0242{" in packet.body
 
 
-async def test_figures_go_out_without_waiting_for_an_acknowledgement() -> None:
+async def test_statistics_go_out_without_waiting_for_an_acknowledgement() -> None:
     async with FakeBroker(acknowledges=False) as broker, MqttRig(settings(broker.port)) as rig:
         rig.publisher.put(LineRecord("pumps", {"polls": 1}))
         while (await broker.publication(qos=0)).topic != "b/gateway/line/pumps":

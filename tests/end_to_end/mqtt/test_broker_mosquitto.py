@@ -146,11 +146,11 @@ async def test_a_publication_that_the_access_list_forbids_is_counted_and_not_rep
     assert seqs(messages) == []
     assert rig.outbox.refused == 1
     assert list(rig.outbox.refusals) == [("b/starter/pump-1/event", 0x87)]
-    assert rig.outbox.figures(0.0)["depth"] == 0
+    assert rig.outbox.statistics(0.0)["depth"] == 0
 
 
 @BOTH
-async def test_a_wrong_password_is_reported_once_with_its_mend(
+async def test_a_wrong_password_is_reported_once_with_its_hint(
     start_mosquitto: StartMosquitto, version: Version
 ) -> None:
     broker = start_mosquitto(users={"mcc1": "right"})

@@ -54,7 +54,7 @@ async def test_another_client_with_our_name_makes_no_storm_and_loses_no_event(
     assert list(dict.fromkeys(numbers(messages))) == [str(number) for number in range(1, ROUNDS + 1)]
 
 
-async def test_an_expired_certificate_is_told_once_and_its_successor_is_taken_without_a_restart(
+async def test_an_expired_certificate_is_reported_once_and_its_successor_is_taken_without_a_restart(
     start_mosquitto: StartMosquitto, tmp_path: Path
 ) -> None:
     expired, good = Certificate.make_expired(tmp_path), Certificate.make(tmp_path)
@@ -67,7 +67,7 @@ async def test_an_expired_certificate_is_told_once_and_its_successor_is_taken_wi
         is_connected, trouble = await rig.link()
         while broker.log().count("New connection") < 4:
             await rig.connection._pause(0.05)
-        is_told_once = rig.links.empty()
+        is_reported_once = rig.links.empty()
         shutil.copy(good.cert, used.cert)
         shutil.copy(good.key, used.key)
         broker.restart()
@@ -75,11 +75,11 @@ async def test_an_expired_certificate_is_told_once_and_its_successor_is_taken_wi
 
     assert not is_connected
     assert "its certificate: certificate has expired" in trouble
-    assert is_told_once
+    assert is_reported_once
     assert "CONNECT" not in broker.log().partition("terminating")[0]
 
 
-async def test_a_subscriber_that_reads_nothing_holds_nobody_up(start_mosquitto: StartMosquitto) -> None:
+async def test_a_subscriber_that_reads_nothing_holds_no_one_up(start_mosquitto: StartMosquitto) -> None:
     broker = start_mosquitto(options=["max_queued_messages 100"])
     subscribe = bytes.fromhex("82 08 0001 0003") + b"b/#" + b"\x01"
     messages: list[Seen] = []

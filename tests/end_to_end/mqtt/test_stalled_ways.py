@@ -62,7 +62,7 @@ async def test_a_start_that_stood_between_broker_and_gateway(
         relay.go_on()
 
         assert await verdicts(rig, 2) == [verdict, "not_fresh"]
-        assert rig.boot.token == "boot-1"  # nobody has noticed anything
+        assert rig.boot.token == "boot-1"  # no one has noticed anything
 
 
 @pytest.mark.parametrize("version", [Version.V5, Version.V311])

@@ -74,8 +74,8 @@ async def _all(
 
 
 def _is_for(contender: Contender, fault: Fault) -> bool:
-    """Return whether a contender takes part: the mended one only where something is written."""
-    return fault.is_about_writes or not (isinstance(contender, Modpoll) and contender.is_mended)
+    """Return whether a contender takes part: the corrected one only where something is written."""
+    return fault.is_about_writes or not (isinstance(contender, Modpoll) and contender.is_corrected)
 
 
 def table(compared: tuple[Contender, ...], faults: list[Fault], scores: dict[tuple[str, str], Score]) -> str:

@@ -132,18 +132,18 @@ class Script(Contender):
 
 
 class Modpoll(Contender):
-    """modpoll from PyPI in an environment of its own; `is_mended`: with one word of its writes put right."""
+    """modpoll from PyPI in an environment of its own; `is_corrected`: one word of its writes is replaced."""
 
-    def __init__(self, home: Path, *, is_mended: bool = False) -> None:
-        self.name = "modpoll, mended" if is_mended else "modpoll"
+    def __init__(self, home: Path, *, is_corrected: bool = False) -> None:
+        self.name = "modpoll, corrected" if is_corrected else "modpoll"
         self._home = home
-        self.is_mended = is_mended
+        self.is_corrected = is_corrected
 
     def environ(self, site: PeerSite) -> Mapping[str, str]:
-        if not self.is_mended:
+        if not self.is_corrected:
             return {}
         (source,) = self._home.glob("lib/python*/site-packages/modpoll")
-        copy = site.folder / "mended" / "modpoll"
+        copy = site.folder / "corrected" / "modpoll"
         copy.mkdir(parents=True, exist_ok=True)
         for path in source.glob("*.py"):
             text = path.read_text("utf-8").replace("unit=dev.devid", "slave=dev.devid")
@@ -192,7 +192,7 @@ def contenders(home: Path) -> tuple[Contender, ...]:
         venv.create(home, with_pip=True, clear=True)
         subprocess.run([str(home / "bin" / "python"), "-m", "pip", "install", "--quiet", MODPOLL], check=True)
         (home / "ready").touch()
-    return Ours(), Modpoll(home), Modpoll(home, is_mended=True), Script()
+    return Ours(), Modpoll(home), Modpoll(home, is_corrected=True), Script()
 
 
 def nothing_good(received_s: float) -> Iterator[Told]:

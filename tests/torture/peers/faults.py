@@ -116,7 +116,7 @@ class Fault:
 
 FAULTS = (
     Fault("none, 20 s", nothing),
-    Fault("one of four starters dead, 30 s", dead_starter),
+    Fault("one of four starters without power, 30 s", dead_starter),
     Fault("broker away, 60 s", broker_away),
     Fault("broker killed, its state lost", broker_wiped),
     Fault("SIGKILL, 3 times", killed),
@@ -124,6 +124,6 @@ FAULTS = (
     Fault("5 % of replies 0.05 to 1 s late, 40 s", late_replies),
     Fault("3 % of bytes wrong, both ways, 40 s", byte_errors),
     Fault("retained `start` waiting at connect", retained_start, is_about_writes=True),
-    Fault("`start` to a dead starter, back after 20 s", write_to_dead_starter, is_about_writes=True),
+    Fault("`start` to a starter without power, back after 20 s", write_to_dead_starter, is_about_writes=True),
     Fault("12 stops, polling as fast as it can", stops, every_s=0.0, is_about_writes=True),
 )

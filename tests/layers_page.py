@@ -1,0 +1,72 @@
+"""Makes the tables of layers in docs/architecture.md from the import contracts: run it with `python -m`."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs" / "architecture.md"
+BEGIN, END = "<!-- layers: made by python -m tests.layers_page -->\n", "<!-- end of layers -->\n"
+
+PURE = "Pure packages import nothing that waits, logs or stores"
+
+
+def contracts() -> list[Mapping[str, Any]]:
+    """Return the import contracts of the project."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+    return list(project["tool"]["importlinter"]["contracts"])
+
+
+def layers() -> dict[str, list[list[str]]]:
+    """Return the layers of each package that has them, the top first; the modules of one layer together."""
+    return {
+        contract["containers"][0]: [
+            [name.strip() for name in layer.split("|")] for layer in contract["layers"]
+        ]
+        for contract in contracts()
+        if contract["type"] == "layers"
+    }
+
+
+def pure() -> list[str]:
+    """Return the packages and modules that do no I/O."""
+    return next(contract["source_modules"] for contract in contracts() if contract["name"] == PURE)
+
+
+def tables() -> str:
+    """Return the layers as Markdown."""
+    inside = layers()
+    rows = [f"| {_names(layer)} | {_of(layer, inside)} |" for layer in inside["gateway"]]
+    names = ", ".join(f"`{name.removeprefix('gateway.')}`" for name in pure())
+    return "\n".join(
+        ["| layer, the top first | layers inside |", "|---|---|", *rows, "", f"Pure: {names}.", ""]
+    )
+
+
+def page(text: str) -> str:
+    """Return the page with its tables made again."""
+    before, _, rest = text.partition(BEGIN)
+    _, _, after = rest.partition(END)
+    return f"{before}{BEGIN}\n{tables()}\n{END}{after}"
+
+
+def _names(layer: list[str]) -> str:
+    return " · ".join(f"`{name}`" for name in layer)
+
+
+def _of(layer: list[str], inside: Mapping[str, list[list[str]]]) -> str:
+    return "<br>".join(_chain(name, inside) for name in layer if f"gateway.{name}" in inside)
+
+
+def _chain(name: str, inside: Mapping[str, list[list[str]]]) -> str:
+    def steps() -> Iterator[str]:
+        yield from (" · ".join(each) for each in inside[f"gateway.{name}"])
+
+    return f"{name}: {' > '.join(steps())}"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(PAGE.read_text("utf-8")), "utf-8")
