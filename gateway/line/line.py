@@ -23,7 +23,6 @@ from gateway.line.scheduler.scheduler import Scheduler
 from gateway.line.scheduler.stop_latency import worst_stop_latency_s
 from gateway.line.service import IDLE_WAKE_S, LineService
 from gateway.line.statistics import Statistics
-from gateway.line.stop_hold import StopHold
 from gateway.modbus.timing import LineTiming
 
 logger = logging.getLogger(__name__)
@@ -47,7 +46,6 @@ class Line:
         seed: int = 0,
         deaf_after_s: float | None = None,
         hurry: Callable[[], None] | None = None,  # called when what was told before must not wait
-        has_arrived: Callable[[], bool] = lambda: False,  # something that may become a stop
     ) -> None:
         self.name = name
         self.timing = timing
@@ -60,7 +58,6 @@ class Line:
         self._figures = Statistics()
         self._preparations = RequestCache()
         self._deafness = PortRecovery(deaf_after_s)
-        self._doorstep = StopHold(has_arrived)
         self._time: Callable[[], float] = lambda: -inf
         self._serving: LineService | None = None  # while the port is open
         self._is_stopping = False
@@ -231,7 +228,6 @@ class Line:
             plan=self._plan,
             figures=self._figures,
             deafness=self._deafness,
-            doorstep=self._doorstep,
             preparations=self._preparations,
             voice=self._voice,
             step=self._step,

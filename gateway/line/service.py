@@ -16,7 +16,6 @@ from gateway.line.rtu.transaction import RtuMaster
 from gateway.line.scheduler.requests import Job, Priority, Slot
 from gateway.line.scheduler.scheduler import Scheduler
 from gateway.line.statistics import Statistics
-from gateway.line.stop_hold import LOOK_EVERY_S, StopHold
 
 RESET = "reset: a write was not answered in time, and must not act later"
 IDLE_WAKE_S = 1.0  # an idle line looks at its port so often
@@ -34,7 +33,6 @@ class LineService:
         plan: Scheduler,
         figures: Statistics,
         deafness: PortRecovery,
-        doorstep: StopHold,
         preparations: RequestCache,
         voice: Notifications,
         step: Callable[[], None],
@@ -45,7 +43,6 @@ class LineService:
         self._plan = plan
         self._figures = figures
         self._deafness = deafness
-        self._doorstep = doorstep
         self._preparations = preparations
         self._voice = voice
         self._step = step  # called whenever the loop gets on
@@ -100,8 +97,6 @@ class LineService:
                 self.ask_all_anew()
             self._choose(max(line.quiet_from_s(), free_s))
             noise = await self._fall_silent()
-            if noise is None and await self._let_in():
-                noise = await self._fall_silent()
             turn = self._chosen()
             if turn is None:
                 self._voice.flush()
@@ -145,18 +140,6 @@ class LineService:
 
     def _is_stop_waiting(self) -> bool:
         return self._has_stop or (self._turn is not None and self._turn.is_stop)
-
-    async def _let_in(self) -> bool:
-        """Hold what was chosen back while a stop may be about to come; return whether that took time."""
-        began_s = self._time()
-        if self._turn is None or self._turn.is_stop or not self._doorstep.is_worth_waiting(began_s):
-            return False
-        now_s = began_s
-        while not self._has_stop and self._doorstep.is_worth_waiting(now_s, began_s):
-            await self._sleep(now_s + LOOK_EVERY_S)
-            now_s = self._time()
-        self._doorstep.waited(began_s, now_s)
-        return True
 
     async def _take(self, turn: Slot, noise: Garbled | None) -> Outcome:
         """Do one transaction, unless too late or on too noisy a line; a job ends even when this does not.

@@ -53,14 +53,11 @@ class _Hosted:
 class LineHost:
     """Runs every line in one thread with a loop of its own; its methods belong to the app's loop.
 
-    The listener is called on the app's loop, in the order in which things happened. `is_unread` tells any
-    thread whether something has come for the lines that the app has not dealt with yet.
+    The listener is called on the app's loop, in the order in which things happened.
     """
 
-    def __init__(self, listener: LineListener, is_unread: Callable[[], bool] = lambda: False) -> None:
+    def __init__(self, listener: LineListener) -> None:
         self.lag = LagMeter()  # of the lines' loop
-        self._is_unread = is_unread
-        self._handed = self._taken = 0  # calls, by the app's thread and the lines'
         self._listener = listener
         self._courier = LoopBridge()
         self._collector = TunedCollector()
@@ -94,7 +91,6 @@ class LineHost:
             seed=seed,
             deaf_after_s=deaf_after_s,
             hurry=self._courier.flush,
-            has_arrived=self._has_arrived,
         )
         hosted = self._lines[name] = _Hosted(scheduler, opener, listener)
         hosted.note_figures()
@@ -158,21 +154,12 @@ class LineHost:
         if self._loop is None:
             call()
             return
-        self._handed += 1
         with contextlib.suppress(RuntimeError):  # the loop has just been closed: nothing is left to do
-            self._loop.call_soon_threadsafe(self._take, call)
+            self._loop.call_soon_threadsafe(call)
 
     def to_app(self, call: Callable[[], object]) -> None:
         """Have something done on the app's loop, in order."""
         self._courier.post(call)
-
-    def _take(self, call: Callable[[], object]) -> None:
-        self._taken += 1
-        call()
-
-    def _has_arrived(self) -> bool:
-        """Return whether something is on its way to the lines: not read yet, or handed over but not taken."""
-        return self._handed != self._taken or self._is_unread()
 
     def _carry_frame(self, on_frame: OnFrame, line: str, at_s: float, direction: str, frame: bytes) -> None:
         self._courier.post_soon(lambda: on_frame(line, at_s, direction, frame))

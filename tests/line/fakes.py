@@ -251,7 +251,6 @@ class Rig:
         timing: LineTiming = TIMING,
         *,
         deaf_after_s: float | None = None,
-        has_arrived: Callable[[], bool] = lambda: False,
     ) -> None:
         self.listener = Listener()
         self.opener = FakeOpener(lambda: FakePort(answer, timing))
@@ -262,7 +261,6 @@ class Rig:
             polls=tuple(polls),
             listener=self.listener,
             deaf_after_s=deaf_after_s,
-            has_arrived=has_arrived,
         )
         self.client = LocalLineClient(self.scheduler)
 

@@ -7,14 +7,12 @@ import itertools
 import logging
 import sys
 import threading
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Iterator
 
 import pytest
 
 from gateway.line import thread as host_module
 from gateway.line.client import LineClient
-from gateway.line.line import Line
 from gateway.line.loop_bridge import LoopBridge
 from gateway.line.rtu.outcome import Answered, Outcome, Silent
 from gateway.line.scheduler.requests import Priority
@@ -245,30 +243,3 @@ async def test_frames_are_handed_on_to_the_app_while_it_captures() -> None:
     directions = [direction for line, _, direction, _ in heard if line == "pumps"]
     assert {">>", "<<"} >= set(directions)
     assert all(first != second for first, second in itertools.pairwise(directions))
-
-
-async def test_what_was_handed_over_has_arrived_until_the_lines_thread_takes_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    asked: list[Callable[[], bool]] = []
-
-    class Spied(Line):
-        def __init__(self, *, has_arrived: Callable[[], bool], **given: Any) -> None:
-            asked.append(has_arrived)
-            super().__init__(has_arrived=has_arrived, **given)
-
-    monkeypatch.setattr(host_module, "Line", Spied)
-    host = LineHost(WaitingListener())
-    add(host, fake_opener())
-    await host.start()
-    (has_arrived,) = asked
-    gate = threading.Event()
-    try:
-        assert not has_arrived()
-        host.to_line(lambda: gate.wait(10.0))  # keeps the thread busy
-        host.to_line(lambda: None)
-        assert has_arrived()
-    finally:
-        gate.set()
-    await until(lambda: not has_arrived())
-    await host.stop()
