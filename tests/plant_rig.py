@@ -160,7 +160,7 @@ async def running(settled_s: float = 30.0, *changes: tuple[str, str]) -> AsyncIt
         sequence=sequence,
         make_opener=here.opener,
     )
-    host = LocalHost(plant)
+    host = LocalHost(plant.handle)
     plant.build(host, here.config.lines)
     companions.add_fast_lanes(
         precautions=precautions, sink=here.sink, clock=clock, sequence=sequence, may_write=True

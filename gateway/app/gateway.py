@@ -84,7 +84,7 @@ class App:
             clock=self._clock,
             sequence=self._sequence,
         )
-        self._host = LineHost(self._plant)
+        self._host = LineHost(self._plant.handle)
         self._plant.build(self._host, site.config.lines)
         self._keeper = self._build_keeper()
         self._uplink.outbox.on_told = self._keeper.journal.told

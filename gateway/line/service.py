@@ -8,10 +8,10 @@ from dataclasses import replace
 from math import inf
 
 from gateway.errors import PortLostError, PortResetError
-from gateway.line.events import Notifications
+from gateway.line.events import LineEvents
 from gateway.line.port_recovery import DEAF, PortRecovery
 from gateway.line.rtu.outcome import TOO_LATE, Garbled, Outcome, Silent
-from gateway.line.rtu.request import RequestCache
+from gateway.line.rtu.request import encoded
 from gateway.line.rtu.transaction import RtuMaster
 from gateway.line.scheduler.requests import Job, Priority, Slot
 from gateway.line.scheduler.scheduler import Scheduler
@@ -30,21 +30,19 @@ class LineService:
         line: RtuMaster,
         *,
         port_name: str,
-        plan: Scheduler,
+        scheduler: Scheduler,
         figures: Statistics,
         deafness: PortRecovery,
-        preparations: RequestCache,
-        voice: Notifications,
+        events: LineEvents,
         step: Callable[[], None],
     ) -> None:
         self.line = line
         self.is_stopping = False
         self._port_name = port_name
-        self._plan = plan
+        self._scheduler = scheduler
         self._figures = figures
         self._deafness = deafness
-        self._preparations = preparations
-        self._voice = voice
+        self._events = events
         self._step = step  # called whenever the loop gets on
         self._time = asyncio.get_running_loop().time
         self._turn: Slot | None = None  # chosen, not yet sent
@@ -59,13 +57,13 @@ class LineService:
             await self._run()
         finally:
             if self._turn is not None:
-                self._plan.put_back(self._turn, self._turn.since_s)
+                self._scheduler.put_back(self._turn, self._turn.since_s)
                 self._turn = None
-            self._voice.flush()
+            self._events.flush()
 
     def submit(self, job: Job) -> None:
         """Queue a job: a stop goes before whatever has been chosen, others before a poll, not for ever."""
-        self._plan.submit(job, self._time())
+        self._scheduler.submit(job, self._time())
         if job.lane <= Priority.FOLLOW_UP:
             self._is_overtaken = True
             self._has_stop = self._has_stop or job.lane is Priority.STOP or job.request.is_write
@@ -78,7 +76,7 @@ class LineService:
         if self._turn is not None and any(each is job for each in self._turn.jobs):
             self._turn = self._turn.without(job)
             return True
-        return self._plan.withdraw(job)
+        return self._scheduler.withdraw(job)
 
     def wake(self) -> None:
         """Look at the plan again."""
@@ -87,7 +85,7 @@ class LineService:
 
     def ask_all_anew(self) -> None:
         """Ask those at once who are only silent because nobody could be heard."""
-        self._plan.hasten_all(self._time())
+        self._scheduler.hasten_all(self._time())
 
     async def _run(self) -> None:
         line = self.line
@@ -99,8 +97,8 @@ class LineService:
             noise = await self._fall_silent()
             turn = self._chosen()
             if turn is None:
-                self._voice.flush()
-                await self._wait_for_work(self._plan.next_due_s())
+                self._events.flush()
+                await self._wait_for_work(self._scheduler.next_due_s())
                 continue
             free_from_s = line.free_from_s(turn.unit, turn.request)
             if noise is None and free_from_s > self._time():
@@ -114,17 +112,17 @@ class LineService:
             if turn.unit and self._deafness.take(outcome, self._time()):
                 raise PortLostError(self._port_name, DEAF)
             if not self._deafness.is_deaf:
-                self._voice.tell_port("open", is_open=True)
+                self._events.port_changed("open", is_open=True)
 
     def _choose(self, when_s: float) -> None:
         """Choose what is to be sent then."""
         self._is_overtaken = self._has_stop = False
-        self._turn = self._plan.pick(when_s)
+        self._turn = self._scheduler.pick(when_s)
 
     def _chosen(self) -> Slot | None:
         """Return what is to be sent now: what was chosen, unless a stop came since or there was nothing."""
         if self._turn is not None and self._is_overtaken:
-            self._plan.put_back(self._turn, self._turn.since_s)
+            self._scheduler.put_back(self._turn, self._turn.since_s)
             self._turn = None
         if self._turn is None:
             self._choose(self._time())
@@ -135,7 +133,7 @@ class LineService:
         """Wait until anything may be sent; Garbled when the line does not become quiet."""
         if await self.line.hush():
             return None
-        self._voice.flush()  # this may take long
+        self._events.flush()  # this may take long
         return await self.line.settle(is_for_stop=self._is_stop_waiting)
 
     def _is_stop_waiting(self) -> bool:
@@ -158,47 +156,46 @@ class LineService:
         try:
             if noise is not None:
                 await self.line.find_gap(GAP_WITHIN_S)
-            prepared = self._preparations.of(poll.key if poll else None, turn.unit, turn.request)
             outcome = await self.line.exchange(
-                prepared,
+                encoded(turn.unit, turn.request),
                 response_time_s=self._figures.response_time_s(turn),
                 longest_s=turn.response_time_s,
                 until_s=until_s,
-                meanwhile=self._voice.flush,
+                meanwhile=self._events.flush,
             )
             if outcome != Silent(TOO_LATE, is_sent=False):
                 self._figures.note_sent(turn, self.line.written_s)
         finally:
             if outcome is None:
                 for job in turn.jobs:
-                    self._voice.finish(job, Silent("port lost", is_sent=self.line.is_on_wire))
+                    self._events.job_done(job, Silent("port lost", is_sent=self.line.is_on_wire))
         return outcome if noise is None else replace(outcome, is_over_babble=True)
 
     def _record(self, turn: Slot, outcome: Outcome, *, took_s: float) -> None:
         """Plan on, and have it told to whoever waits for this outcome."""
         now_s = self._time()
         self._figures.note(turn, outcome, took_s=took_s, now_s=now_s)
-        verdict = self._plan.record(turn, outcome, now_s)
-        for trouble in self.line.suspicions.take_news():
-            self._voice.tell_trouble(trouble)
+        verdict = self._scheduler.record(turn, outcome, now_s)
+        for fault in self.line.suspicions.take_news():
+            self._events.fault(fault)
         if verdict.is_answering is not None:
-            self._voice.tell_unit(turn.unit, outcome, is_answering=verdict.is_answering)
+            self._events.unit_changed(turn.unit, outcome, is_answering=verdict.is_answering)
         if not verdict.is_final:
             return
         for job in turn.jobs:
-            self._voice.finish(job, outcome)
+            self._events.job_done(job, outcome)
         if turn.poll is not None:
-            self._voice.tell_poll(turn.poll, outcome)
+            self._events.poll_done(turn.poll, outcome)
 
     async def _put_back(self, turn: Slot, until_s: float) -> None:
         """Let the unit's late reply come first; nothing but a new job is worth ending that wait for."""
-        self._plan.put_back(turn, until_s)
+        self._scheduler.put_back(turn, until_s)
         if turn.job is not None and turn.lane is not Priority.FOLLOW_UP:
             await self._wait_for_work(until_s)
 
     async def _wait_for_work(self, until_s: float) -> None:
         """Sleep until then, or until a job comes or it is time to look at the port."""
-        self._voice.flush()
+        self._events.flush()
         await self._sleep(min(until_s, self._time() + IDLE_WAKE_S))
         self._step()
 

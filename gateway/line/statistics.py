@@ -69,10 +69,6 @@ class Statistics:
         self._units.pop(unit, None)
         self._learnt.forget(unit)
 
-    def forget_poll(self, key: str) -> None:
-        """Drop what is kept of a poll that is gone."""
-        self._took_s.pop(key, None)
-
     def utilisation(self, now_s: float) -> float:
         """Return the share of time that the line was busy, 0..1; 0 before the first turn."""
         if not self._samples or now_s <= self._samples[0][0]:
@@ -84,9 +80,10 @@ class Statistics:
         """Return the figures of `B/gateway/line/{line}`; `sweep_s` is one turn of each of these polls."""
         self._count()
         self._reckon(now_s)
+        self._took_s = {poll.key: self._took_s.get(poll.key, 0.0) for poll in polls}  # others may be gone
         return {
             "utilisation": self.utilisation(now_s),
-            "sweep_s": float(sum(self._took_s.get(poll.key, 0.0) for poll in polls)),
+            "sweep_s": float(sum(self._took_s.values())),
             **{name: self._turns[name] for name in ("polls", "jobs", *_OUTCOMES)},
             "stop_latency_s": {"computed": worst_stop_latency_s, "worst": self._worst_stop_latency_s},
             "units": {unit: figures.to_dict() for unit, figures in self._units.items()},

@@ -18,7 +18,6 @@ import sys
 import time
 import tty
 from dataclasses import asdict, dataclass, field
-from typing import Any
 
 from tests.bench.account import Submitted
 
@@ -77,7 +76,7 @@ async def line(task: Task) -> Span:
     from gateway.modbus.writes import WriteCoil
 
     timing = LineTiming(task.baud, Framing.parse(task.framing))
-    host = LineHost(_Deaf())
+    host = LineHost(lambda _: None)
     request = ReadHoldingRegisters(0, REGISTERS)
     clients = [
         host.add_line(
@@ -110,15 +109,6 @@ async def line(task: Task) -> Span:
     span.stops = stops
     await host.stop()
     return span
-
-
-class _Deaf:
-    """A listener that has nothing to do."""
-
-    def on_poll(self, *_: Any) -> None: ...
-    def on_unit(self, *_: Any) -> None: ...
-    def on_port(self, *_: Any) -> None: ...
-    def on_trouble(self, *_: Any) -> None: ...
 
 
 async def pymodbus(task: Task) -> Span:

@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from math import inf
 
 from gateway.errors import PortError, PortLostError
-from gateway.line.client import LocalLineClient
+from gateway.line.client import LineClient, post_here
+from gateway.line.events import FrameSeen, LineEvent, LineFault, PollResult, PortChanged, UnitChanged
 from gateway.line.line import Line
 from gateway.line.rtu.outcome import Outcome
 from gateway.line.rtu.trace import Trace
@@ -21,6 +22,7 @@ from gateway.modbus.pdu import Request, encode_exception
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.server import decode_request
 from gateway.modbus.timing import Framing, LineTiming
+from tests.local_host import local_events
 
 TIMING = LineTiming(19200, Framing.parse("8E1"))
 RESPONSE_TIME_S = 0.010
@@ -224,18 +226,21 @@ class Listener:
         self.units: list[tuple[float, int, bool, str, tuple[str, ...]]] = []
         self.ports: list[tuple[float, bool, str]] = []
         self.troubles: list[tuple[str, int, str, tuple[str, ...]]] = []
+        self.frames: list[FrameSeen] = []
 
-    def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
-        self.polls.append((asyncio.get_running_loop().time(), key, unit, outcome))
-
-    def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:
-        self.units.append((asyncio.get_running_loop().time(), unit, is_answering, reason, frames))
-
-    def on_trouble(self, line: str, code: str, unit: int, text: str, frames: tuple[str, ...]) -> None:
-        self.troubles.append((code, unit, text, frames))
-
-    def on_port(self, line: str, is_open: bool, reason: str) -> None:
-        self.ports.append((asyncio.get_running_loop().time(), is_open, reason))
+    def handle(self, event: LineEvent) -> None:
+        now_s = asyncio.get_running_loop().time()
+        match event:
+            case PollResult():
+                self.polls.append((now_s, event.key, event.unit, event.outcome))
+            case UnitChanged():
+                self.units.append((now_s, event.unit, event.is_answering, event.reason, event.frames))
+            case LineFault():
+                self.troubles.append((event.code, event.unit, event.text, event.frames))
+            case FrameSeen():
+                self.frames.append(event)
+            case PortChanged():
+                self.ports.append((now_s, event.is_open, event.reason))
 
     def outcomes(self, key: str) -> list[Outcome]:
         return [outcome for _, told_key, _, outcome in self.polls if told_key == key]
@@ -259,10 +264,10 @@ class Rig:
             opener=self.opener,
             timing=timing,
             polls=tuple(polls),
-            listener=self.listener,
+            events=local_events(self.listener.handle),
             deaf_after_s=deaf_after_s,
         )
-        self.client = LocalLineClient(self.scheduler)
+        self.client = LineClient(self.scheduler, post_here)
 
     @property
     def port(self) -> FakePort:

@@ -13,7 +13,7 @@ import pytest
 
 from gateway.line import thread as host_module
 from gateway.line.client import LineClient
-from gateway.line.loop_bridge import LoopBridge
+from gateway.line.events import LineEvent, PollResult, PortChanged, UnitChanged
 from gateway.line.rtu.outcome import Answered, Outcome, Silent
 from gateway.line.scheduler.requests import Priority
 from gateway.line.thread import SWITCH_INTERVAL_S, LineHost
@@ -45,14 +45,14 @@ class WaitingListener(Listener):
         self.order.append(text)
         self.news.put_nowait(text)
 
-    def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
-        self._note(f"{line} poll {key}")
-
-    def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:
-        self._note(f"{line} unit {unit}")
-
-    def on_port(self, line: str, is_open: bool, reason: str) -> None:
-        self._note(f"{line} port {is_open}")
+    def handle(self, event: LineEvent) -> None:
+        match event:
+            case PollResult():
+                self._note(f"{event.line} poll {event.key}")
+            case UnitChanged():
+                self._note(f"{event.line} unit {event.unit}")
+            case PortChanged():
+                self._note(f"{event.line} port {event.is_open}")
 
     async def hear(self, text: str) -> None:
         async with asyncio.timeout(LONG_S):
@@ -87,7 +87,7 @@ async def ask(line: LineClient) -> Outcome:
 
 async def test_the_app_transacts_on_lines_that_run_in_a_thread_of_their_own() -> None:
     listener = WaitingListener()
-    host = LineHost(listener)
+    host = LineHost(listener.handle)
     line = add(host, opener := fake_opener())
     assert await ask(line) == NO_PORT
 
@@ -111,7 +111,7 @@ async def test_a_line_with_a_bug_is_started_again_and_the_others_go_on(
     monkeypatch.setattr(host_module, "RESTART_PAUSE_S", 0.01)
     monkeypatch.setattr(host_module, "FIGURES_EVERY_S", 0.01)
     listener = WaitingListener()
-    host = LineHost(listener)
+    host = LineHost(listener.handle)
     broken = add(host, opener := BrokenOpener(), "broken")
     sound = add(host, fake_opener(), "sound", every_s=0.0)
 
@@ -138,7 +138,7 @@ async def test_a_line_with_a_bug_is_started_again_and_the_others_go_on(
 
 async def test_stopping_lets_the_transaction_under_way_end_and_ends_the_waiting_ones() -> None:
     listener = WaitingListener()
-    host = LineHost(listener)
+    host = LineHost(listener.handle)
     line = host.add_line(name="pumps", opener=(opener := fake_opener()), timing=TIMING, polls=[])
     await host.start()
     await listener.hear("pumps port True")
@@ -156,7 +156,7 @@ async def test_stopping_lets_the_transaction_under_way_end_and_ends_the_waiting_
 
 async def test_a_transaction_given_up_by_the_app_is_withdrawn() -> None:
     listener = WaitingListener()
-    host = LineHost(listener)
+    host = LineHost(listener.handle)
     opener = FakeOpener(lambda: FakePort(Units(set())))
     line = host.add_line(name="pumps", opener=opener, timing=TIMING, polls=[])
     await host.start()
@@ -176,7 +176,7 @@ async def test_a_transaction_given_up_by_the_app_is_withdrawn() -> None:
 
 async def test_polls_are_changed_from_the_app() -> None:
     listener = WaitingListener()
-    host = LineHost(listener)
+    host = LineHost(listener.handle)
     line = add(host, fake_opener(), every_s=3600.0)
     line.expect_silence(1, 0.0)
     await host.start()
@@ -184,7 +184,7 @@ async def test_polls_are_changed_from_the_app() -> None:
 
     line.add_poll(poll("b", every_s=3600.0))
     await listener.hear("pumps poll b")
-    line.hasten("b")
+    line.expedite("b")
     await listener.hear("pumps poll b")
     line.remove_poll("a")
     line.set_every("b", 0.01)
@@ -195,35 +195,43 @@ async def test_polls_are_changed_from_the_app() -> None:
     assert line.timing is TIMING
 
 
-async def test_a_call_that_fails_in_the_app_does_not_hold_up_the_calls_behind_it() -> None:
-    loop = asyncio.get_running_loop()
-    courier = LoopBridge()
-    heard: list[int] = []
-    failures: list[str] = []
-    loop.set_exception_handler(lambda _, context: failures.append(str(context["exception"])))
-    courier.post(lambda: heard.append(0))  # before there is a loop
-    courier.loop = loop
+async def test_an_event_that_is_a_bug_for_the_app_does_not_hold_up_the_events_behind_it(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    handled: list[LineEvent] = []
 
-    courier.post(lambda: heard.append(1))
-    courier.post(lambda: 1 // 0)
-    courier.post(lambda: heard.append(2))
-    await until(lambda: len(heard) == 3)
+    def handle(event: LineEvent) -> None:
+        handled.append(event)
+        if len(handled) == 1:
+            raise ValueError("bug")
 
-    assert heard == [0, 1, 2]
-    assert failures == ["integer division or modulo by zero"]
+    host = LineHost(handle)
+    add(host, fake_opener())
+    await host.start()
+    await until(lambda: len(handled) == 3)
+    await host.stop()
+
+    assert [type(event) for event in handled] == [PortChanged, UnitChanged, PollResult]
+    assert "event=PortChanged failed" in caplog.text
 
 
-def test_calls_to_a_closed_app_are_dropped() -> None:
-    courier = LoopBridge()
-    courier.loop = asyncio.new_event_loop()
-    courier.loop.close()
+def test_events_for_a_closed_app_are_dropped() -> None:
+    async def start() -> LineHost:
+        add(host := LineHost(lambda _: None), fake_opener())
+        await host.start()
+        return host
 
-    courier.post(lambda: None)
+    host = asyncio.run(start())
+    ended = threading.Event()
+    host.to_line(host.remove_line("pumps").close)
+    host.to_line(ended.set)
+    assert ended.wait(LONG_S)
+    asyncio.run(host.stop())
 
 
 async def test_frames_are_handed_on_to_the_app_while_it_captures() -> None:
     listener = WaitingListener()
-    host = LineHost(listener)
+    host = LineHost(listener.handle)
     add(host, fake_opener(), "pumps", every_s=0.0)
     add(host, fake_opener(), "fans", every_s=0.0)
     frames: asyncio.Queue[tuple[str, float, str, bytes]] = asyncio.Queue()

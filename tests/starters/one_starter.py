@@ -11,9 +11,8 @@ from typing import Any
 from gateway.errors import DamagedError, StoreError
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
-from gateway.line.client import LocalLineClient
+from gateway.line.client import LineClient, post_here
 from gateway.line.line import Line
-from gateway.line.rtu.outcome import Outcome
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.records import AuditRecord, EventRecord, SequenceNumbers
 from gateway.sim.bus.port import SimulatedLine
@@ -27,7 +26,9 @@ from gateway.starters.services.services import StarterServices
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.polling import polls_of
 from gateway.starters.telemetry.telemetry import StarterTelemetry
+from tests.local_host import local_events
 from tests.starters.fakes import RecordingSink
+from tests.starters.router import Router
 from tests.virtual_time import VirtualClock
 
 TIMING = LineTiming(19200, Framing.parse("8N2"))
@@ -57,24 +58,6 @@ class TestMemory:
         if self.is_full:
             raise StoreError("no space left")
         self.document = document
-
-
-class Router:
-    """A LineListener that tells everything to one starter."""
-
-    starter: StarterTelemetry
-
-    def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
-        self.starter.on_poll(key, outcome)
-
-    def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:
-        self.starter.on_unit(is_answering=is_answering, reason=reason, frames=frames)
-
-    def on_trouble(self, line: str, code: str, unit: int, text: str, frames: tuple[str, ...]) -> None:
-        pass
-
-    def on_port(self, line: str, is_open: bool, reason: str) -> None:
-        pass
 
 
 @dataclass
@@ -136,7 +119,13 @@ async def one_starter(
     profile = load_profile(family or unit.family)  # as configured
     setup = StarterSetup("pump", "pumps", 1, profile, variant, every_s=every_s, has_fast_words=has_fast_words)
     router = Router()
-    scheduler = Line(name="pumps", opener=bus.opener(), timing=TIMING, polls=polls_of(setup), listener=router)
+    scheduler = Line(
+        name="pumps",
+        opener=bus.opener(),
+        timing=TIMING,
+        polls=polls_of(setup),
+        events=local_events(router.handle),
+    )
     rights = Rights([Operator("alice", ("*",), ("*",))])
     precautions = Policy(
         PolicySettings(),
@@ -149,7 +138,7 @@ async def one_starter(
     )
     telemetry = StarterTelemetry(
         setup,
-        line=LocalLineClient(scheduler),
+        line=LineClient(scheduler, post_here),
         sink=precautions.witness,
         clock=clock,
         sequence=sequence,
@@ -172,7 +161,7 @@ async def one_starter(
         sequence=sequence,
         may_write=may_write,
     )
-    router.starter = telemetry
+    router.add(telemetry)
     telemetry.start()
     companions.start()
     task = asyncio.create_task(scheduler.run())

@@ -12,9 +12,8 @@ import pytest
 
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Variant
-from gateway.line.client import LocalLineClient
+from gateway.line.client import LineClient, post_here
 from gateway.line.line import Line
-from gateway.line.rtu.outcome import Outcome
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.records import AvailabilityRecord, EventRecord, SequenceNumbers
 from gateway.sim.bus.faults import Reply
@@ -28,8 +27,10 @@ from gateway.starters.services.services import StarterServices
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.polling import polls_of
 from gateway.starters.telemetry.telemetry import StarterTelemetry
+from tests.local_host import local_events
 from tests.starters.fakes import RecordingSink
 from tests.starters.rig import virtually
+from tests.starters.router import Router
 from tests.virtual_time import VirtualClock
 
 TIMING = LineTiming(19200, Framing.parse("8N2"))
@@ -52,34 +53,25 @@ class Site:
         return [event for event in self.sink.of(EventRecord) if event.code == code]
 
 
-class Router:
-    """A LineListener that tells everything to one starter."""
-
-    starter: StarterTelemetry
-
-    def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
-        self.starter.on_poll(key, outcome)
-
-    def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:
-        self.starter.on_unit(is_answering=is_answering, reason=reason, frames=frames)
-
-    def on_port(self, line: str, is_open: bool, reason: str) -> None:
-        pass
-
-
 @asynccontextmanager
 async def site(unit: SimulatedUnit) -> AsyncIterator[Site]:
     clock, sink, sequence = VirtualClock(asyncio.get_running_loop()), RecordingSink(), SequenceNumbers()
     bus = SimulatedLine(TIMING, [unit])
     setup = StarterSetup("pump", "pumps", 1, load_profile(unit.family), Variant())
     router = Router()
-    scheduler = Line(name="pumps", opener=bus.opener(), timing=TIMING, polls=polls_of(setup), listener=router)
+    scheduler = Line(
+        name="pumps",
+        opener=bus.opener(),
+        timing=TIMING,
+        polls=polls_of(setup),
+        events=local_events(router.handle),
+    )
     telemetry = StarterTelemetry(
-        setup, line=LocalLineClient(scheduler), sink=sink, clock=clock, sequence=sequence
+        setup, line=LineClient(scheduler, post_here), sink=sink, clock=clock, sequence=sequence
     )
     companions = StarterServices(sink, patrol_every_s=LAP_S)
     companions.add(telemetry)
-    router.starter = telemetry
+    router.add(telemetry)
     rights = Rights([Operator("alice", ("*",), ("*",))])
     commander = Dispatcher(
         {"pump": telemetry}, rights=rights, sink=companions, clock=clock, sequence=sequence

@@ -13,9 +13,8 @@ import pytest
 
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Variant
-from gateway.line.client import LocalLineClient
+from gateway.line.client import LineClient, post_here
 from gateway.line.line import Line
-from gateway.line.rtu.outcome import Outcome
 from gateway.modbus.adu import decode
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.records import (
@@ -39,8 +38,10 @@ from gateway.starters.policy.rights import Operator, Rights
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.polling import polls_of
 from gateway.starters.telemetry.telemetry import StarterTelemetry
+from tests.local_host import local_events
 from tests.starters.fakes import RecordingSink
 from tests.starters.rig import virtually
+from tests.starters.router import Router
 from tests.virtual_time import VirtualClock
 
 TIMING = LineTiming(19200, Framing.parse("8N2"))
@@ -64,23 +65,6 @@ class Site:
         )
 
 
-class Router:
-    """A LineListener of one line."""
-
-    def __init__(self) -> None:
-        self.starters: dict[int, StarterTelemetry] = {}
-
-    def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
-        self.starters[unit].on_poll(key, outcome)
-
-    def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:
-        self.starters[unit].on_unit(is_answering=is_answering, reason=reason, frames=frames)
-
-    def on_port(self, line: str, is_open: bool, reason: str) -> None:
-        for starter in () if is_open else self.starters.values():
-            starter.on_unit(is_answering=False, reason=reason)
-
-
 @asynccontextmanager
 async def site() -> AsyncIterator[Site]:
     """Run four starters, one of each family, named after it; all online and identified."""
@@ -93,8 +77,10 @@ async def site() -> AsyncIterator[Site]:
     ]
     router = Router()
     polls = [poll for setup in setups for poll in polls_of(setup)]
-    scheduler = Line(name="pumps", opener=bus.opener(), timing=TIMING, polls=polls, listener=router)
-    line = LocalLineClient(scheduler)
+    scheduler = Line(
+        name="pumps", opener=bus.opener(), timing=TIMING, polls=polls, events=local_events(router.handle)
+    )
+    line = LineClient(scheduler, post_here)
     telemetries = {
         setup.name: StarterTelemetry(setup, line=line, sink=sink, clock=clock, sequence=sequence)
         for setup in setups
@@ -102,7 +88,7 @@ async def site() -> AsyncIterator[Site]:
     rights = Rights([Operator("alice", ("*",), ("*",))])
     commander = Dispatcher(telemetries, rights=rights, sink=sink, clock=clock, sequence=sequence)
     for telemetry in telemetries.values():
-        router.starters[telemetry.setup.address] = telemetry
+        router.add(telemetry)
         telemetry.start()
     task = asyncio.create_task(scheduler.run())
     await asyncio.sleep(3.0)

@@ -1,8 +1,9 @@
-"""A request in the bytes that go on the wire, reckoned once and sent as often as it is asked."""
+"""A request in the bytes that go on the wire, encoded once and sent as often as it is polled."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Self
 
 from gateway.modbus import adu
@@ -11,6 +12,8 @@ from gateway.modbus.pdu import Request
 
 # Their normal reply repeats the request [APP 6.5, 6.6, 6.16], so it cannot be told from an adapter's echo.
 MIRRORED = frozenset({Function.WRITE_COIL, Function.WRITE_REGISTER, Function.MASK_WRITE_REGISTER})
+
+CACHED = 4096  # requests; the polls of some lines full of starters
 
 _ADU_EXTRA = 3  # bytes around a PDU: unit and CRC
 
@@ -27,7 +30,7 @@ class EncodedRequest:
 
     @classmethod
     def of(cls, unit: int, request: Request) -> Self:
-        """Reckon what will be needed; ValueError for what no frame can hold."""
+        """Compute what will be needed; ValueError for what no frame can hold."""
         size = request.reply_size()
         return cls(
             unit,
@@ -38,21 +41,7 @@ class EncodedRequest:
         )
 
 
-class RequestCache:
-    """The latest preparation of each poll."""
-
-    def __init__(self) -> None:
-        self._known: dict[str, EncodedRequest] = {}
-
-    def of(self, key: str | None, unit: int, request: Request) -> EncodedRequest:
-        """Return a request prepared, from memory when it is that of the poll `key` asked before."""
-        if key is None:
-            return EncodedRequest.of(unit, request)
-        known = self._known.get(key)
-        if known is None or known.request is not request or known.unit != unit:
-            known = self._known[key] = EncodedRequest.of(unit, request)
-        return known
-
-    def forget(self, key: str) -> None:
-        """Drop what is kept of a poll that is gone."""
-        self._known.pop(key, None)
+@lru_cache(maxsize=CACHED)
+def encoded(unit: int, request: Request) -> EncodedRequest:
+    """Return a request encoded, from memory when it was sent before; ValueError as `of`."""
+    return EncodedRequest.of(unit, request)
