@@ -7,7 +7,7 @@ from collections.abc import Callable, Coroutine, Sequence
 from typing import Any
 
 from gateway.line.client import LineClient, post_here
-from gateway.line.events import EventQueue, LineEvent, deliver
+from gateway.line.events import POLLS_WAIT_S, EventQueue, LineEvent, deliver
 from gateway.line.line import Line
 from gateway.line.port.base import PortOpener
 from gateway.line.scheduler.requests import Poll
@@ -17,9 +17,11 @@ from gateway.modbus.timing import LineTiming
 class LocalHost:
     """As `LineHost`, without the thread; lines begin as they are added."""
 
-    def __init__(self, handle: Callable[[LineEvent], None]) -> None:
+    def __init__(self, handle: Callable[[LineEvent], None], polls_wait_s: float = POLLS_WAIT_S) -> None:
         loop = asyncio.get_running_loop()
-        self._events = EventQueue(lambda batch: loop.call_soon(deliver, batch, handle))
+        self._events = EventQueue(
+            lambda batch: loop.call_soon(deliver, batch, handle), polls_wait_s=polls_wait_s
+        )
         self._lines: dict[str, tuple[asyncio.Task[None], Line]] = {}
         self._ending: set[asyncio.Task[None]] = set()
 

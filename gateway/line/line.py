@@ -47,7 +47,7 @@ class Line:
     ) -> None:
         self.name = name
         self.timing = timing
-        self.progress = 0  # grows with each transaction, idle wake-up and attempt to open
+        self._steps = 0  # attempts to open, and what earlier ports were good for
         self._opener = opener
         self._allowance_s = allowance_s
         self._scheduler = Scheduler(polls, seed=seed)
@@ -60,6 +60,12 @@ class Line:
         self._is_stopping = False
         self._is_reopening = False  # after a reset on purpose: jobs wait for the new connection
         self._earlier_stray_bytes = 0
+
+    @property
+    def progress(self) -> int:
+        """Return a count that grows with each transaction, idle wake-up and attempt to open."""
+        serving = self._serving
+        return self._steps if serving is None else self._steps + serving.steps
 
     async def run(self) -> None:
         """Serve this line until cancelled; a transaction whose request is sent then still runs to its end."""
@@ -131,7 +137,7 @@ class Line:
         """Open the port, serve, and reopen when it is lost, ever less often while that is no use."""
         pause_s = REOPEN_FLOOR_S
         while True:
-            self.progress += 1
+            self._steps += 1
             tried_s = self._time()
             try:
                 port = await self._opener()
@@ -154,7 +160,7 @@ class Line:
         until_s = self._time() + pause_s
         while (left_s := until_s - self._time()) > 0:
             await asyncio.sleep(min(left_s, IDLE_WAKE_S))
-            self.progress += 1
+            self._steps += 1
 
     async def _use(self, port: Port) -> None:
         """Serve on an open port until it is lost or we stop; leave it closed.
@@ -172,13 +178,14 @@ class Line:
                 serving.ask_all_anew()
             else:
                 self.events.port_changed("open", is_open=True)
-            await serving.run()
+            await asyncio.create_task(serving.run(), name=f"serve {self.name}")
         except PortResetError as error:
             logger.info("line=%s %s", self.name, error)
             self._is_reopening = True
         except PortLostError as error:
             self.events.port_changed(str(error), is_open=False)
         finally:
+            self._steps += serving.steps
             self._serving = None
             self._earlier_stray_bytes += line.stray_bytes
             port.close()
@@ -199,11 +206,7 @@ class Line:
             figures=self._figures,
             deafness=self._deafness,
             events=self.events,
-            step=self._step,
         )
-
-    def _step(self) -> None:
-        self.progress += 1
 
     def _wake(self) -> None:
         if self._serving is not None:

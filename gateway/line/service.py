@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
 from dataclasses import replace
 from math import inf
 
@@ -11,7 +10,7 @@ from gateway.errors import PortLostError, PortResetError
 from gateway.line.events import LineEvents
 from gateway.line.port_recovery import DEAF, PortRecovery
 from gateway.line.rtu.outcome import TOO_LATE, Garbled, Outcome, Silent
-from gateway.line.rtu.request import encoded
+from gateway.line.rtu.request import EncodedRequest
 from gateway.line.rtu.transaction import RtuMaster
 from gateway.line.scheduler.requests import Job, Priority, Slot
 from gateway.line.scheduler.scheduler import Scheduler
@@ -34,7 +33,6 @@ class LineService:
         figures: Statistics,
         deafness: PortRecovery,
         events: LineEvents,
-        step: Callable[[], None],
     ) -> None:
         self.line = line
         self.is_stopping = False
@@ -43,7 +41,7 @@ class LineService:
         self._figures = figures
         self._deafness = deafness
         self._events = events
-        self._step = step  # called whenever the loop gets on
+        self.steps = 0  # grows with each transaction and idle wake-up
         self._time = asyncio.get_running_loop().time
         self._turn: Slot | None = None  # chosen, not yet sent
         self._is_overtaken = False  # by a job that came since
@@ -54,7 +52,8 @@ class LineService:
     async def run(self) -> None:
         """Serve until asked to stop; PortLostError when the port is gone, or of no use."""
         try:
-            await self._run()
+            while not self.is_stopping:
+                await self._serve()
         finally:
             if self._turn is not None:
                 self._scheduler.put_back(self._turn, self._turn.since_s)
@@ -87,32 +86,32 @@ class LineService:
         """Ask those at once who are only silent because nobody could be heard."""
         self._scheduler.hasten_all(self._time())
 
-    async def _run(self) -> None:
+    async def _serve(self) -> None:
+        """Do what is next: one transaction, or a wait for something to do."""
         line = self.line
-        while not self.is_stopping:
-            free_s = self._time()
-            if self._deafness.is_time_to_ask(free_s):
-                self.ask_all_anew()
-            self._choose(max(line.quiet_from_s(), free_s))
-            noise = await self._fall_silent()
-            turn = self._chosen()
-            if turn is None:
-                self._events.flush()
-                await self._wait_for_work(self._scheduler.next_due_s())
-                continue
-            free_from_s = line.free_from_s(turn.unit, turn.request)
-            if noise is None and free_from_s > self._time():
-                await self._put_back(turn, free_from_s)
-                continue
-            outcome = await self._take(turn, noise)
-            self._step()
-            self._record(turn, outcome, took_s=self._time() - free_s)
-            if _may_act_late(turn, outcome) and line.reset():
-                raise PortResetError(self._port_name, RESET)
-            if turn.unit and self._deafness.take(outcome, self._time()):
-                raise PortLostError(self._port_name, DEAF)
-            if not self._deafness.is_deaf:
-                self._events.port_changed("open", is_open=True)
+        free_s = self._time()
+        if self._deafness.is_time_to_ask(free_s):
+            self.ask_all_anew()
+        self._choose(max(line.quiet_from_s(), free_s))
+        noise = None if await line.hush() else await self._settle()
+        turn = self._chosen()
+        if turn is None:
+            await self._wait_for_work(self._scheduler.next_due_s())
+            return
+        free_from_s = line.free_from_s(turn.unit, turn.request)
+        if noise is None and free_from_s > self._time():
+            await self._put_back(turn, free_from_s)
+            return
+        outcome = await self._take(turn, noise)
+        self.steps += 1
+        self._record(turn, outcome, took_s=self._time() - free_s)
+        if _may_act_late(turn, outcome) and line.reset():
+            raise PortResetError(self._port_name, RESET)
+        was_deaf = self._deafness.is_deaf
+        if turn.unit and self._deafness.take(outcome, self._time()):
+            raise PortLostError(self._port_name, DEAF)
+        if was_deaf and not self._deafness.is_deaf:
+            self._events.port_changed("open", is_open=True)
 
     def _choose(self, when_s: float) -> None:
         """Choose what is to be sent then."""
@@ -129,10 +128,8 @@ class LineService:
         turn, self._turn = self._turn, None
         return turn
 
-    async def _fall_silent(self) -> Garbled | None:
-        """Wait until anything may be sent; Garbled when the line does not become quiet."""
-        if await self.line.hush():
-            return None
+    async def _settle(self) -> Garbled | None:
+        """Wait until anything may be sent on a line that was not silent; Garbled when it does not become."""
         self._events.flush()  # this may take long
         return await self.line.settle(is_for_stop=self._is_stop_waiting)
 
@@ -157,13 +154,13 @@ class LineService:
             if noise is not None:
                 await self.line.find_gap(GAP_WITHIN_S)
             outcome = await self.line.exchange(
-                encoded(turn.unit, turn.request),
+                EncodedRequest.of(turn.unit, turn.request),
                 response_time_s=self._figures.response_time_s(turn),
                 longest_s=turn.response_time_s,
                 until_s=until_s,
                 meanwhile=self._events.flush,
             )
-            if outcome != Silent(TOO_LATE, is_sent=False):
+            if turn.is_stop and outcome != Silent(TOO_LATE, is_sent=False):
                 self._figures.note_sent(turn, self.line.written_s)
         finally:
             if outcome is None:
@@ -197,7 +194,7 @@ class LineService:
         """Sleep until then, or until a job comes or it is time to look at the port."""
         self._events.flush()
         await self._sleep(min(until_s, self._time() + IDLE_WAKE_S))
-        self._step()
+        self.steps += 1
 
     async def _sleep(self, until_s: float) -> None:
         """Let go until then, or until somebody wakes us."""

@@ -15,11 +15,7 @@ _SHOWN_BYTES = 32  # of a reply that does not fit, in an error's text
 
 
 class Request(Protocol):
-    """One request to one unit; immutable and hashable, so that it can be encoded once and sent for ever."""
-
-    def __hash__(self) -> int:
-        """Equal requests have equal hashes."""
-        ...
+    """One request to one unit; immutable, so that it can be built once and sent for ever."""
 
     @property
     def function(self) -> int:

@@ -233,7 +233,7 @@ async def _way() -> _Way:
         sequence=sequence,
         make_opener=lambda table: _Opener(bus, table, way),
     )
-    host = LocalHost(plant.handle)
+    host = LocalHost(plant.handle, polls_wait_s=0.0)  # each on its own
     plant.build(host, config.lines)
     await plant.start()
     for coil in (101, 100):

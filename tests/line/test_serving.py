@@ -7,12 +7,11 @@ import asyncio
 import pytest
 
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Outcome, Silent
-from gateway.line.rtu.request import encoded
 from gateway.line.rtu.response_time import ENOUGH
 from gateway.line.scheduler.requests import Job, Poll, Priority
 from gateway.line.scheduler.scheduler import JOBS_IN_ROW
 from gateway.modbus import adu
-from gateway.modbus.reads import ReadHoldingRegisters, ReadInputRegisters
+from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteRegister
 from tests.line.fakes import DELAY_S, RESPONSE_TIME_S, TIMING, Rig, Units, poll
 from tests.virtual_time import run_virtually
@@ -223,15 +222,6 @@ def test_every_frame_is_handed_on_while_somebody_captures() -> None:
     assert [(each.line, each.direction) for each in frames] == [("pumps", ">>"), ("pumps", "<<")] * 2
     assert frames[1].frame == REPLY
     assert frames[1].at_s - frames[0].at_s == pytest.approx(ONE_S - TIMING.silence_s)
-
-
-def test_a_request_that_is_sent_again_is_not_encoded_anew() -> None:
-    first = encoded(1, READ)
-
-    assert encoded(1, ReadHoldingRegisters(0, 10)) is first
-    assert encoded(2, READ).unit == 2
-    assert encoded(1, ReadInputRegisters(0, 10)).request == ReadInputRegisters(0, 10)
-
 
 
 def test_a_job_whose_time_is_over_when_its_turn_comes_is_never_sent() -> None:

@@ -64,7 +64,6 @@ class TtyPort(OpenPort):
         self._is_watched = False  # the loop tells each arrival
         self._is_fetched = False  # what the loop is about to tell
         self._look_timer: asyncio.TimerHandle | None = None
-        self._count = bytearray(4)  # for the driver's answer: bytes that wait
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Take the transport; asyncio calls this, and gives it the descriptor right afterwards."""
@@ -128,18 +127,13 @@ class TtyPort(OpenPort):
         lacking = self._wanted - len(self._received)
         if lacking < DOZE_FROM:
             return
-        awake_s = self._last_byte_s + (lacking - 1) * self._character_s - _AWAKE_S
+        awake_s = self.last_byte_s + (lacking - 1) * self._character_s - _AWAKE_S
         if awake_s > self._time():
             self._look_away()
             self._look_timer = self._loop.call_at(awake_s, self._look)
 
     def _look_once(self) -> None:
-        """Take what has arrived, without waiting; a read that finds nothing raises, which costs more."""
-        if self._lost is None:
-            with contextlib.suppress(OSError):  # the read, or else the write, will tell
-                fcntl.ioctl(self._fd, termios.FIONREAD, self._count)
-                if not any(self._count):
-                    return
+        """Take what has arrived, without waiting."""
         self._fetch()
 
     def _fetch(self) -> None:

@@ -1,9 +1,8 @@
-"""A request in the bytes that go on the wire, encoded once and sent as often as it is polled."""
+"""A request in the bytes that go on the wire."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Self
 
 from gateway.modbus import adu
@@ -12,8 +11,6 @@ from gateway.modbus.pdu import Request
 
 # Their normal reply repeats the request [APP 6.5, 6.6, 6.16], so it cannot be told from an adapter's echo.
 MIRRORED = frozenset({Function.WRITE_COIL, Function.WRITE_REGISTER, Function.MASK_WRITE_REGISTER})
-
-CACHED = 4096  # requests; the polls of some lines full of starters
 
 _ADU_EXTRA = 3  # bytes around a PDU: unit and CRC
 
@@ -39,9 +36,3 @@ class EncodedRequest:
             None if size is None else size + _ADU_EXTRA,
             request.function in MIRRORED,
         )
-
-
-@lru_cache(maxsize=CACHED)
-def encoded(unit: int, request: Request) -> EncodedRequest:
-    """Return a request encoded, from memory when it was sent before; ValueError as `of`."""
-    return EncodedRequest.of(unit, request)
