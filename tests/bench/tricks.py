@@ -27,16 +27,9 @@ LEAST_EFFICIENCY, LEAST_CPU = 0.003, 0.10
 
 
 def _plain_reader() -> None:
-    def add(
-        loop: event_loop.PreciseLoop, number: int, take: Callable[[], None], notify: Callable[[], None]
-    ) -> None:
-        def read() -> None:
-            take()
-            notify()
-
-        loop.add_reader(number, read)
-
-    event_loop.PreciseLoop.add_quick_reader = add  # type: ignore[method-assign]
+    loop = event_loop.PreciseLoop
+    loop.add_quick_reader = loop.add_reader  # type: ignore[assignment,method-assign]
+    loop.remove_quick_reader = loop.remove_reader  # type: ignore[assignment,method-assign]
 
 
 def _no_early_wake_up() -> None:

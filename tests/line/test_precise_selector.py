@@ -110,31 +110,30 @@ def test_a_file_whose_writing_is_watched_too_is_reported_for_both(selector: Prec
         assert selector.select(0.001) == []
 
 
-def test_what_is_to_be_done_first_is_done_before_the_loop_hears_of_a_file(pipe: tuple[int, int]) -> None:
+def test_a_quick_reader_is_called_before_the_callbacks_and_what_it_wakes_goes_on_after_them(
+    pipe: tuple[int, int],
+) -> None:
     done: list[str] = []
 
     async def read_once() -> None:
         loop = asyncio.get_running_loop()
         assert isinstance(loop, PreciseLoop)
-        told = asyncio.Event()
+        read = loop.create_future()
 
         def take() -> None:
             done.append(f"taken {os.read(pipe[0], 1)!r}")
+            loop.remove_quick_reader(pipe[0])
+            read.set_result(None)
 
-        def tell() -> None:
-            done.append("told")
-            loop.remove_reader(pipe[0])
-            told.set()
-
-        loop.add_quick_reader(pipe[0], take, tell)
+        loop.add_quick_reader(pipe[0], take)
         os.write(pipe[1], b"x")
-        loop.call_soon(lambda: done.append("what was to be done anyway"))
-        await told.wait()
+        loop.call_soon(lambda: done.append("another callback"))
+        await read
+        done.append("woken")
         os.write(pipe[1], b"y")
         await asyncio.sleep(0.001)
 
     with asyncio.Runner(loop_factory=new_precise_loop) as runner:
         runner.run(read_once())
 
-    assert sorted(done) == ["taken b'x'", "told", "what was to be done anyway"]
-    assert done.index("taken b'x'") < done.index("told")
+    assert done == ["taken b'x'", "another callback", "woken"]

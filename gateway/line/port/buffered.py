@@ -75,7 +75,7 @@ class OpenPort(asyncio.Protocol, abc.ABC):
                 self._hold_s = until_s
                 break
             self._wanted = count
-            self._waiter = self._loop.create_future()
+            self._waiter = asyncio.Future(loop=self._loop)
             self._await_rest()
             timer = self._loop.call_at(until_s - self._lead.seconds, self._wake)
             try:
