@@ -22,7 +22,7 @@ EARLY = (0.0, 0.06, 0.13, 0.19, 0.25, 0.31)  # of its wait: so long before its e
 
 
 @dataclass(frozen=True)
-class Seen:
+class OldestSeen:
     """The oldest that the victim's values got, and by how much any value got older than foretold."""
 
     age_s: float
@@ -46,7 +46,9 @@ class _Tried:
     excess_s: float
 
 
-def worst_of(victim: Poll, polls: list[Poll], timing: LineTiming, prospect: Forecast, seed: int) -> Seen:
+def worst_of(
+    victim: Poll, polls: list[Poll], timing: LineTiming, prospect: Forecast, seed: int
+) -> OldestSeen:
     """Look for the oldest that the values of one poll get."""
     tried = []
     for each in itertools.starmap(Circumstances, itertools.product((False, True), repeat=3)):
@@ -59,7 +61,7 @@ def worst_of(victim: Poll, polls: list[Poll], timing: LineTiming, prospect: Fore
             for at_s in moments_s
         )
         tried += [calm, *storms]
-    return Seen(max(each.gap_s for each in tried), max(each.excess_s for each in tried))
+    return OldestSeen(max(each.gap_s for each in tried), max(each.excess_s for each in tried))
 
 
 class _Trial:

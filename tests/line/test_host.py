@@ -12,17 +12,11 @@ from collections.abc import Iterator
 import pytest
 
 from gateway.line import thread as host_module
-from gateway.line.client import LineClient
 from gateway.line.events import LineEvent, PollResult, PortChanged, UnitChanged
-from gateway.line.rtu.outcome import Answered, Outcome, Silent
-from gateway.line.scheduler.requests import Priority
+from gateway.line.rtu.outcome import Answered, Silent
 from gateway.line.thread import SWITCH_INTERVAL_S, LineHost
-from gateway.modbus.reads import ReadHoldingRegisters
-from tests.line.fakes import RESPONSE_TIME_S, TIMING, FakeOpener, FakePort, Listener, Units, poll, until
-
-READ = ReadHoldingRegisters(100, 2)
-NO_PORT = Silent("port closed", is_sent=False)
-LONG_S = 10.0
+from tests.line.fakes import TIMING, FakeOpener, FakePort, Units, poll, until
+from tests.line.hosted import LONG_S, NO_PORT, WaitingListener, add, ask, fake_opener
 
 
 @pytest.fixture(autouse=True)
@@ -30,34 +24,6 @@ def _switch_interval() -> Iterator[None]:
     before_s = sys.getswitchinterval()
     yield
     sys.setswitchinterval(before_s)
-
-
-class WaitingListener(Listener):
-    """A Listener that tells when something was told, and on which thread."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.news: asyncio.Queue[str] = asyncio.Queue()
-        self.order: list[str] = []
-
-    def _note(self, text: str) -> None:
-        assert threading.current_thread() is threading.main_thread()
-        self.order.append(text)
-        self.news.put_nowait(text)
-
-    def handle(self, event: LineEvent) -> None:
-        match event:
-            case PollResult():
-                self._note(f"{event.line} poll {event.key}")
-            case UnitChanged():
-                self._note(f"{event.line} unit {event.unit}")
-            case PortChanged():
-                self._note(f"{event.line} port {event.is_open}")
-
-    async def hear(self, text: str) -> None:
-        async with asyncio.timeout(LONG_S):
-            while await self.news.get() != text:
-                pass
 
 
 class BrokenOpener(FakeOpener):
@@ -71,18 +37,6 @@ class BrokenOpener(FakeOpener):
         if self.has_bug:
             raise RuntimeError("bug")
         return await super().__call__()
-
-
-def fake_opener() -> FakeOpener:
-    return FakeOpener(lambda: FakePort(Units({1})))
-
-
-def add(host: LineHost, opener: FakeOpener, name: str = "pumps", every_s: float = 10.0) -> LineClient:
-    return host.add_line(name=name, opener=opener, timing=TIMING, polls=[poll("a", every_s=every_s)])
-
-
-async def ask(line: LineClient) -> Outcome:
-    return await line.transact(1, READ, response_time_s=RESPONSE_TIME_S, lane=Priority.COMMAND)
 
 
 async def test_the_app_transacts_on_lines_that_run_in_a_thread_of_their_own() -> None:

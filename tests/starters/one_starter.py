@@ -61,7 +61,7 @@ class TestMemory:
 
 
 @dataclass
-class Here:
+class OneStarter:
     """What a test sees of it."""
 
     bus: SimulatedLine
@@ -111,7 +111,7 @@ async def one_starter(
     lap_s: float = 60.0,
     every_s: float = 1.0,
     family: str | None = None,
-) -> AsyncIterator[Here]:
+) -> AsyncIterator[OneStarter]:
     """Run it; nothing has been asked yet."""
     clock, sink, sequence = VirtualClock(asyncio.get_running_loop()), RecordingSink(), SequenceNumbers()
     bus = SimulatedLine(TIMING, [unit])
@@ -165,7 +165,7 @@ async def one_starter(
     telemetry.start()
     companions.start()
     task = asyncio.create_task(scheduler.run())
-    yield Here(bus, telemetry, commander, precautions, sink)
+    yield OneStarter(bus, telemetry, commander, precautions, sink)
     await commander.close()
     await telemetry.close()
     await companions.close()

@@ -43,7 +43,7 @@ MOVING = ("starting", "running", "stopping")
 
 
 @dataclass
-class Judge:
+class JudgingSink:
     """A sink that keeps what is wrong, not what is said."""
 
     truths: dict[str, list[Truth]] = field(default_factory=dict)
@@ -75,7 +75,7 @@ class VirtualLine:
 
     bus: SimulatedLine
     commander: Dispatcher
-    judge: Judge
+    judge: JudgingSink
     clock: VirtualClock
     watchdog_s: int
     ids: int = 0
@@ -107,7 +107,7 @@ class VirtualLine:
 async def virtual_line(seed: int, *, every_s: float = 1.0) -> AsyncIterator[VirtualLine]:
     """Run four starters, all online and identified; each watches its line for 1.5 times a crash's gap."""
     loop = asyncio.get_running_loop()
-    clock, sequence, judge = VirtualClock(loop), SequenceNumbers(), Judge()
+    clock, sequence, judge = VirtualClock(loop), SequenceNumbers(), JudgingSink()
     setups = [
         StarterSetup(family, "hall", address, load_profile(family), Variant(), every_s)
         for address, family in enumerate(FAMILIES, 1)
