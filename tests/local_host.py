@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Coroutine, Sequence
+from collections.abc import Callable, Coroutine, Sequence
 from typing import Any
 
-from gateway.line.client import LineClient, LocalLineClient
-from gateway.line.events import LineListener
+from gateway.line.client import LineClient, post_here
+from gateway.line.events import POLLS_WAIT_S, EventQueue, LineEvent, deliver
 from gateway.line.line import Line
-from gateway.line.loop_bridge import CarriedListener, LoopBridge
 from gateway.line.port.base import PortOpener
 from gateway.line.scheduler.requests import Poll
 from gateway.modbus.timing import LineTiming
@@ -18,11 +17,12 @@ from gateway.modbus.timing import LineTiming
 class LocalHost:
     """As `LineHost`, without the thread; lines begin as they are added."""
 
-    def __init__(self, listener: LineListener) -> None:
-        self._listener = listener
-        self._bridge = LoopBridge()
-        self._bridge.loop = asyncio.get_running_loop()
-        self._lines: dict[str, tuple[asyncio.Task[None], CarriedListener]] = {}
+    def __init__(self, handle: Callable[[LineEvent], None], polls_wait_s: float = POLLS_WAIT_S) -> None:
+        loop = asyncio.get_running_loop()
+        self._events = EventQueue(
+            lambda batch: loop.call_soon(deliver, batch, handle), polls_wait_s=polls_wait_s
+        )
+        self._lines: dict[str, tuple[asyncio.Task[None], Line]] = {}
         self._ending: set[asyncio.Task[None]] = set()
 
     def add_line(
@@ -36,24 +36,23 @@ class LocalHost:
         seed: int,
         deaf_after_s: float,
     ) -> LineClient:
-        listener = CarriedListener(self._listener, self._bridge)
-        scheduler = Line(
+        line = Line(
             name=name,
             opener=opener,
             timing=timing,
             polls=polls,
-            listener=listener,
+            events=self._events,
             allowance_s=allowance_s,
             seed=0,  # not by chance: what differs between two runs must come from what is tested
             deaf_after_s=deaf_after_s,
         )
-        task = asyncio.create_task(self._run(scheduler, tuple(self._ending)))
-        self._lines[name] = (task, listener)
-        return LocalLineClient(scheduler)
+        task = asyncio.create_task(self._run(line, tuple(self._ending)))
+        self._lines[name] = (task, line)
+        return LineClient(line, post_here)
 
     def remove_line(self, name: str) -> Coroutine[Any, Any, object]:
-        task, listener = self._lines.pop(name)
-        listener.mute()
+        task, line = self._lines.pop(name)
+        line.events.is_muted = True
         task.cancel()
         self._ending.add(task)
         task.add_done_callback(self._ending.discard)
@@ -63,7 +62,12 @@ class LocalHost:
         for name in tuple(self._lines):
             await self.remove_line(name)
 
-    async def _run(self, scheduler: Line, earlier: Sequence[asyncio.Task[None]]) -> None:
+    async def _run(self, line: Line, earlier: Sequence[asyncio.Task[None]]) -> None:
         if earlier:
             await asyncio.wait(earlier)
-        await scheduler.run()
+        await line.run()
+
+
+def local_events(handle: Callable[[LineEvent], None]) -> EventQueue:
+    """Return the list of a line on the test's own loop, each of whose events is handled at once."""
+    return EventQueue(lambda batch: deliver(batch, handle), polls_wait_s=0.0)

@@ -157,7 +157,7 @@ async def running(settled_s: float = 30.0, *changes: tuple[str, str]) -> AsyncIt
     plant = here.plant = Plant(
         here, precautions=precautions, companions=companions, make_opener=here.opener, **made
     )
-    host = LocalHost(plant)
+    host = LocalHost(plant.handle)
     plant.build(host, here.config.lines)
     await plant.start()
     companions.start()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 
+from gateway.line.events import LineFault, PollResult, UnitChanged
 from gateway.line.rtu.outcome import Answered, Silent
 from gateway.records import AvailabilityRecord, EventRecord, InfoRecord
 from tests.plant_rig import HALL, running, starter
@@ -112,7 +113,9 @@ async def test_an_answer_to_a_question_of_before_is_not_taken_for_the_new_starte
         await here.reload((FAN, FAN.replace("every_s = 1.0", "every_s = 1.0\nresponse_time_s = 0.5")))
         new = here.plant.starters["fan"]
         for key in keys:
-            here.plant.on_poll("hall", key, 2, Answered((0xFFFF,) * 20, at_s=30.0, response_time_s=0.01))
+            here.plant.handle(
+                PollResult("hall", key, 2, Answered((0xFFFF,) * 20, at_s=30.0, response_time_s=0.01))
+            )
 
         assert new is not old
         assert here.said("fan")[-1] == "offline"
@@ -186,9 +189,9 @@ async def test_news_of_no_one_is_for_no_one() -> None:
     async with running() as here:
         records = len(here.sink.records)
 
-        here.plant.on_poll("hall", "x", 99, Silent())
-        here.plant.on_unit("hall", 99, is_answering=True, reason="answers", frames=())
-        here.plant.on_trouble("hall", "babbling", 0, "somebody talks", ())
+        here.plant.handle(PollResult("hall", "x", 99, Silent()))
+        here.plant.handle(UnitChanged("hall", 99, is_answering=True, reason="answers"))
+        here.plant.handle(LineFault("hall", "babbling", 0, "somebody talks"))
 
         assert len(here.sink.records) == records
         assert here.events[-1] == "babbling hall"

@@ -123,7 +123,7 @@ class Run:
     def deadline_s(self, at: int) -> float | None:
         """Return the watchdog that the line keeps a starter from."""
         line: Any = self.plant.lines["hall"]
-        watchdog = line._scheduler._plan._polled.watchdogs._watchdogs.get(at)
+        watchdog = line._line._scheduler._polled.watchdogs._watchdogs.get(at)
         return None if watchdog is None else watchdog.limit_s
 
     def set(self, at: int, parameter: str, value: object, id_: str = "") -> None:
@@ -181,7 +181,7 @@ async def running(
         sequence=sequence,
         make_opener=opener,
     )
-    host = LocalHost(plant)
+    host = LocalHost(plant.handle)
     plant.build(host, config.lines)
     commander = Dispatcher(
         plant.starters,

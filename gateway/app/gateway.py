@@ -88,7 +88,7 @@ class App:
             sequence=self._sequence,
             refresh_s=site.config.mqtt.refresh_s,
         )
-        self._host = LineHost(self._plant, is_unread=self._uplink.unread)
+        self._host = LineHost(self._plant.handle)
         self._plant.build(self._host, site.config.lines)
         self._keeper = self._build_keeper()
         self._uplink.outbox.on_delivered = self._keeper.journal.delivered

@@ -14,10 +14,10 @@ from gateway.config.diff import Additions, ConfigChanges
 from gateway.config.schema import LineTable
 from gateway.line.capacity.outage import start_order
 from gateway.line.client import LineClient
+from gateway.line.events import LineEvent, LineFault, PollResult, PortChanged, UnitChanged
 from gateway.line.port.base import PortOpener
 from gateway.line.port.opener import SerialOpener
 from gateway.line.port_recovery import DEAF
-from gateway.line.rtu.outcome import Outcome
 from gateway.line.scheduler.requests import Poll
 from gateway.modbus.timing import LineTiming
 from gateway.records import SequenceNumbers, Severity, Sink
@@ -81,7 +81,7 @@ def serial_opener(table: LineTable) -> PortOpener:
 
 
 class Plant:
-    """Implements `LineListener`; all calls on the app's loop. `starters` and `lines` are by name."""
+    """All calls on the app's loop. `starters` and `lines` are by name."""
 
     def __init__(
         self,
@@ -154,37 +154,38 @@ class Plant:
         for starter in self.starters.values():
             await starter.close()
 
-    # The lines' listener. What is told late of a starter that is gone is for nobody.
+    def handle(self, event: LineEvent) -> None:
+        """Handle what happened on a line; what comes late of a starter that is gone is ignored."""
+        match event:
+            case PollResult():
+                starter = self._by_unit.get((event.line, event.unit))
+                if starter is not None:
+                    starter.on_poll(event.key, event.outcome)
+            case UnitChanged():
+                starter = self._by_unit.get((event.line, event.unit))
+                if starter is not None:
+                    starter.on_unit(is_answering=event.is_answering, reason=event.reason, frames=event.frames)
+                    self._listener.note_change()
+            case LineFault():
+                data = {"line": event.line, "unit": event.unit, "frames": list(event.frames)}
+                self._listener.tell(event.code, Severity.ERROR, f"line {event.line}: {event.text}", data)
+            case PortChanged():
+                self._change_port(event)
+            case _:
+                pass  # jobs and frames are the host's
 
-    def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
-        """Hear what became of a poll."""
-        starter = self._by_unit.get((line, unit))
-        if starter is not None:
-            starter.on_poll(key, outcome)
-
-    def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:  # noqa: FBT001 - LineListener's shape
-        """Hear that a unit began to answer or went silent."""
-        starter = self._by_unit.get((line, unit))
-        if starter is not None:
-            starter.on_unit(is_answering=is_answering, reason=reason, frames=frames)
-            self._listener.note_change()
-
-    def on_trouble(self, line: str, code: str, unit: int, text: str, frames: tuple[str, ...]) -> None:
-        """Hear what is wrong on a line: two starters with one address, or one that talks unasked."""
-        data = {"line": line, "unit": unit, "frames": list(frames)}
-        self._listener.tell(code, Severity.ERROR, f"line {line}: {text}", data)
-
-    def on_port(self, line: str, is_open: bool, reason: str) -> None:  # noqa: FBT001 - LineListener's shape
-        """Hear that a port was opened or is away: then none of its starters answers."""
-        if is_open:
-            self._listener.tell("port_open", Severity.INFO, f"line {line}: the port is open", {"line": line})
+    def _change_port(self, event: PortChanged) -> None:
+        """Publish that a port was opened or is away: then none of its starters answers."""
+        data = {"line": event.line}
+        if event.is_open:
+            self._listener.tell("port_open", Severity.INFO, f"line {event.line}: the port is open", data)
         else:
-            code = "port_deaf" if DEAF in reason else "port_away"
-            self._listener.tell(code, Severity.ERROR, f"line {line}: {reason}", {"line": line})
+            code = "port_deaf" if DEAF in event.reason else "port_away"
+            self._listener.tell(code, Severity.ERROR, f"line {event.line}: {event.reason}", data)
             for (name, _), starter in self._by_unit.items():
-                if name == line:
-                    starter.on_unit(is_answering=False, reason=reason)
-        self._listener.note_port(line, "" if is_open else reason)
+                if name == event.line:
+                    starter.on_unit(is_answering=False, reason=event.reason)
+        self._listener.note_port(event.line, "" if event.is_open else event.reason)
 
     def _retire(self, name: str) -> StarterTelemetry:
         """Take a starter off its line, and what the broker retains of it with it."""
@@ -219,7 +220,7 @@ class Plant:
             for poll in polls:
                 starter.line.add_poll(poll)
             for poll in polls[:1]:
-                starter.line.hasten(poll.key)
+                starter.line.expedite(poll.key)
         return come
 
     async def _welcome(

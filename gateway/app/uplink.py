@@ -17,7 +17,6 @@ from gateway.config.schema import Config
 from gateway.mqtt.connection.broker import BrokerConnection
 from gateway.mqtt.connection.reconnect import Version
 from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
-from gateway.mqtt.connection.unread import Unread
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.freshness import Tokens
 from gateway.mqtt.contract.payloads import GatewayInfo, Message, Payloads
@@ -57,7 +56,6 @@ class Uplink:
         self._connection: BrokerConnection
         self._seed = secrets.randbits(32)
         self._settings = self._settings_of(site)
-        self.unread = Unread()
         self.topics = Topics(site.config.base)
         self._tokens = tokens
         self._clock = clock
@@ -164,7 +162,6 @@ class Uplink:
             on_incoming=self._on_incoming,
             on_link=self._on_link,
             on_notice=lambda notice: self._tell(notice.code, Severity.ERROR, notice.text, {}),
-            unread=self.unread,
             pulse=self._fresh,
             on_version=self._note_version,
         )

@@ -12,7 +12,8 @@ from types import TracebackType
 from typing import Self
 
 from gateway.errors import PortLostError
-from gateway.line.client import LineClient, LocalLineClient
+from gateway.line.client import LineClient, post_here
+from gateway.line.events import EventQueue, LineEvent, PortChanged, deliver
 from gateway.line.line import Line
 from gateway.line.port.base import ClosesLate, Port, PortOpener
 from gateway.line.rtu.forms import Alternates
@@ -39,20 +40,25 @@ async def exclusive_line(
     A port that is lost later is not opened again: whatever is asked then ends unsent.
     """
     port = await opener()
-    listener = _Listener()
+    opened = asyncio.Event()
+
+    def handle(event: LineEvent) -> None:
+        if isinstance(event, PortChanged):
+            opened.set()
+
     scheduler = Line(
         name=name,
         opener=_Once(opener.name, port),
         timing=timing,
         polls=(),
-        listener=listener,
+        events=EventQueue(lambda batch: deliver(batch, handle)),
         allowance_s=allowance_s,
         alternates_of=alternates_of,
     )
     task = asyncio.create_task(scheduler.run(), name=f"exclusive {name}")
     try:
-        await listener.opened.wait()
-        yield LocalLineClient(scheduler)
+        await opened.wait()
+        yield LineClient(scheduler, post_here)
     finally:
         task.cancel()
         await asyncio.wait([task])
@@ -74,25 +80,6 @@ class _Once:
         if port is None:
             raise PortLostError(self._name, "lost while in use")
         return port
-
-
-class _Listener:
-    """Waits for the port; everything else is told to whoever asked."""
-
-    def __init__(self) -> None:
-        self.opened = asyncio.Event()
-
-    def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
-        """Never called: there are no polls."""
-
-    def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:  # noqa: FBT001 - the seam's exact shape
-        """Leave it to the outcomes."""
-
-    def on_trouble(self, line: str, code: str, unit: int, text: str, frames: tuple[str, ...]) -> None:
-        """Leave it to the log."""
-
-    def on_port(self, line: str, is_open: bool, reason: str) -> None:  # noqa: ARG002, FBT001 - the seam's exact shape
-        self.opened.set()
 
 
 ALLOWANCE_S = 0.02  # for adapters, drivers and this machine

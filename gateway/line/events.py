@@ -1,116 +1,190 @@
-"""What a line tells the floor above: answers to polls, units that come and go, the port.
+"""What happens on the lines, as data: appended on the lines' thread, handled on the app's.
 
-What a line tells the floor above: at a moment when the line does not wait for us.
+1. What happened in a transaction is appended to one list, in order.
+2. The list is handed over once the next request is on the wire: the app's thread would else take the
+   interpreter while the silence runs out.
+3. Results of polls may wait `POLLS_WAIT_S` for more: to wake the app's thread for each costs processor
+   time. All else goes at once, and takes along what waits before it.
 """
 
 from __future__ import annotations
 
+import asyncio
 import logging
-from collections.abc import Callable
-from typing import Any, Protocol
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 from gateway.line.rtu.bus_faults import BusFault
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Silent
 from gateway.line.rtu.trace import Trace
 from gateway.line.scheduler.requests import Job, Poll
 
-
-class LineListener(Protocol):
-    """Hears of one or more lines; every call must return at once and must not raise.
-
-    The scheduler calls it on the line's loop; `LineHost` carries the calls over to the app's loop, in order.
-    """
-
-    def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
-        """Hear what became of the poll `key`; a garbled reply is told only when repeating did not help."""
-        ...
-
-    def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:  # noqa: FBT001 - the seam's exact shape
-        """Hear that a unit began to answer or went silent; `frames` are the line's last, oldest first."""
-        ...
-
-    def on_trouble(self, line: str, code: str, unit: int, text: str, frames: tuple[str, ...]) -> None:
-        """Hear what is wrong on the line (`suspicion.py` has the codes); unit 0 is someone unknown."""
-        ...
-
-    def on_port(self, line: str, is_open: bool, reason: str) -> None:  # noqa: FBT001 - the seam's exact shape
-        """Hear that the port was opened or is away; told once per change of state or reason."""
-        ...
-
-
-OnFrame = Callable[[str, float, str, bytes], None]  # line, then as `trace.Tap`
+POLLS_WAIT_S = 0.1
 
 logger = logging.getLogger(__name__)
 
 
-class Notifications:
-    """Speaks for one line; what happened in a turn is told in order, once the next request is on its way.
+@dataclass(frozen=True, slots=True)
+class PollResult:
+    """What became of a poll; a garbled reply only when repeating did not help."""
 
-    What others do with an answer would else take the interpreter while the silence runs out.
-    """
+    line: str
+    key: str
+    unit: int
+    outcome: Outcome
+
+
+@dataclass(frozen=True, slots=True)
+class UnitChanged:
+    """A unit began to answer or went silent."""
+
+    line: str
+    unit: int
+    is_answering: bool
+    reason: str
+    frames: tuple[str, ...] = ()  # the line's last, oldest first
+
+
+@dataclass(frozen=True, slots=True)
+class LineFault:
+    """What is wrong on a line (`rtu/bus_faults.py` has the codes); unit 0 is an unknown one."""
+
+    line: str
+    code: str
+    unit: int
+    text: str
+    frames: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class PortChanged:
+    """A port was opened or is away; once for each change of state or reason."""
+
+    line: str
+    is_open: bool
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class JobDone:
+    """What became of a job; `job.finish` is to be called with it, whatever became of the line."""
+
+    job: Job
+    outcome: Outcome
+
+
+@dataclass(frozen=True, slots=True)
+class FrameSeen:
+    """A frame on a line that is captured; direction as in `trace.Tap`."""
+
+    line: str
+    at_s: float
+    direction: str
+    frame: bytes
+
+
+OnFrame = Callable[[str, float, str, bytes], None]  # what a FrameSeen says
+
+LineEvent = PollResult | UnitChanged | LineFault | PortChanged | JobDone | FrameSeen
+
+
+class EventQueue:
+    """The one list of all lines of a loop, to which it belongs; `hand_over` takes each batch."""
 
     def __init__(
-        self, name: str, listener: LineListener, trace: Trace, *, hurry: Callable[[], None] | None = None
+        self,
+        hand_over: Callable[[Sequence[tuple[LineEvents, LineEvent]]], None],
+        *,
+        polls_wait_s: float = POLLS_WAIT_S,
     ) -> None:
-        self._hurry = hurry  # called when what was told before must not wait
-        self._said: dict[str, Any] = {}  # the latest answers to urgent polls, by their keys
-        self._name = name
-        self._listener = listener
-        self._trace = trace
-        self._waiting: list[Callable[[], None]] = []
-        self._told_port: tuple[bool, str] | None = None
+        self.events: list[tuple[LineEvents, LineEvent]] = []
+        self.is_urgent = False
+        self._hand_over = hand_over
+        self._polls_wait_s = polls_wait_s
+        self._timer: asyncio.TimerHandle | None = None
 
     def flush(self) -> None:
-        """Tell what waits to be told."""
-        while self._waiting:
-            self._waiting.pop(0)()
+        """Hand over what there is, now or soon: the lines have a moment's time."""
+        if self.is_urgent or not self._polls_wait_s:
+            self.hand_over()
+        elif self.events and self._timer is None:
+            self._timer = asyncio.get_running_loop().call_later(self._polls_wait_s, self.hand_over)
 
-    def finish(self, job: Job, outcome: Outcome) -> None:
-        """Tell whoever waits for a job, soon."""
-        self._waiting.append(lambda: job.finish(outcome))
+    def hand_over(self) -> None:
+        """Hand over what there is, now."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        self.is_urgent = False
+        if self.events:
+            batch, self.events = self.events, []
+            self._hand_over(batch)
 
-    def tell_poll(self, poll: Poll, outcome: Outcome) -> None:
-        """Tell what became of a poll, soon."""
-        self._waiting.append(lambda: self._listener.on_poll(self._name, poll.key, poll.unit, outcome))
-        if poll.is_urgent and self._hurry is not None and isinstance(outcome, Answered):
-            if self._said.get(poll.key) != outcome.value:
-                self._waiting.append(self._hurry)
-            self._said[poll.key] = outcome.value
 
-    def tell_unit(self, unit: int, outcome: Outcome, *, is_answering: bool) -> None:
-        """Tell that a unit began to answer or went silent, soon, with the frames up to now."""
-        frames = self._trace.frames()
+class LineEvents:
+    """Appends the events of one line; `is_muted` belongs to those who handle them."""
+
+    def __init__(self, name: str, queue: EventQueue, trace: Trace) -> None:
+        self.is_muted = False
+        self._name = name
+        self._queue = queue
+        self._trace = trace
+        self._answers: dict[str, Any] = {}  # the latest to urgent polls, by their keys
+        self._port: tuple[bool, str] | None = None
+
+    def poll_done(self, poll: Poll, outcome: Outcome) -> None:
+        """Append the result of a poll."""
+        queue = self._queue
+        queue.events.append((self, PollResult(self._name, poll.key, poll.unit, outcome)))
+        if poll.is_urgent and isinstance(outcome, Answered) and self._answers.get(poll.key) != outcome.value:
+            self._answers[poll.key] = outcome.value
+            queue.is_urgent = True
+
+    def job_done(self, job: Job, outcome: Outcome) -> None:
+        """Append the end of a job."""
+        self._append(JobDone(job, outcome))
+
+    def unit_changed(self, unit: int, outcome: Outcome, *, is_answering: bool) -> None:
+        """Append that a unit began to answer or went silent, with the frames up to now."""
         reason = outcome.reason if isinstance(outcome, Silent | Garbled) else "answers"
+        self._append(UnitChanged(self._name, unit, is_answering, reason, self._trace.frames()))
 
-        def tell() -> None:
-            self._listener.on_unit(self._name, unit, is_answering, reason, frames)
+    def fault(self, fault: BusFault) -> None:
+        """Append what is wrong on the line, with the frames that showed it."""
+        self._append(LineFault(self._name, fault.code, fault.unit, fault.text, self._trace.frames()))
 
-        self._waiting.append(tell)
+    def port_changed(self, reason: str, *, is_open: bool) -> None:
+        """Append a change of the port's state, or of the reason why it is away; hand it over at once."""
+        if self._port != (is_open, reason):
+            self._port = (is_open, reason)
+            self._append(PortChanged(self._name, is_open, reason))
+            self._queue.hand_over()
 
-    def tell_trouble(self, trouble: BusFault) -> None:
-        """Tell what is wrong on the line, soon, with the frames that showed it."""
-        frames = self._trace.frames()
+    def capture(self, *, is_on: bool) -> None:
+        """Append every frame from now on, or none any more."""
+        self._trace.tap = self._frame_seen if is_on else None
 
-        def tell() -> None:
-            self._listener.on_trouble(self._name, trouble.code, trouble.unit, trouble.text, frames)
+    def flush(self) -> None:
+        """Hand over what there is, now or soon."""
+        if self._queue.events:
+            self._queue.flush()
 
-        self._waiting.append(tell)
+    def _frame_seen(self, at_s: float, direction: str, frame: bytes) -> None:
+        self._queue.events.append((self, FrameSeen(self._name, at_s, direction, frame)))
 
-    def capture(self, on_frame: OnFrame | None) -> None:
-        """Hand on every frame from now on; None: no more."""
-        if on_frame is None:
-            self._trace.tap = None
-            return
+    def _append(self, event: LineEvent) -> None:
+        self._queue.events.append((self, event))
+        self._queue.is_urgent = True
 
-        def tap(at_s: float, direction: str, frame: bytes) -> None:
-            self._waiting.append(lambda: on_frame(self._name, at_s, direction, frame))
 
-        self._trace.tap = tap
-
-    def tell_port(self, reason: str, *, is_open: bool) -> None:
-        """Tell a change of the port's state, or of the reason why it is away, once and now."""
-        if self._told_port == (is_open, reason):
-            return
-        self.flush()
-        self._told_port = (is_open, reason)
-        self._listener.on_port(self._name, is_open, reason)
+def deliver(batch: Sequence[tuple[LineEvents, LineEvent]], handle: Callable[[LineEvent], None]) -> None:
+    """Handle a batch in order, jobs here; of a line that is muted only its jobs."""
+    for origin, event in batch:
+        try:
+            if isinstance(event, JobDone):
+                event.job.finish(event.outcome)
+            elif not origin.is_muted:
+                handle(event)
+        except Exception:  # a bug with one event must not cost the others
+            logger.exception("event=%s failed", type(event).__name__)

@@ -9,14 +9,13 @@ from math import inf
 from typing import Any
 
 from gateway.errors import PortError, PortLostError, PortResetError
-from gateway.line.events import LineListener, Notifications, OnFrame
+from gateway.line.events import EventQueue, LineEvents
 from gateway.line.port.base import Port, PortOpener
 from gateway.line.port.tty import CountsErrors
 from gateway.line.port_recovery import PortRecovery
 from gateway.line.rtu.forms import Alternates, Forms
 from gateway.line.rtu.late_replies import LateReplies
 from gateway.line.rtu.outcome import Silent
-from gateway.line.rtu.request import RequestCache
 from gateway.line.rtu.timeouts import ALLOWANCE_S
 from gateway.line.rtu.trace import Trace
 from gateway.line.rtu.transaction import RtuMaster
@@ -25,7 +24,6 @@ from gateway.line.scheduler.scheduler import Scheduler
 from gateway.line.scheduler.stop_latency import worst_stop_latency_s
 from gateway.line.service import IDLE_WAKE_S, LineService
 from gateway.line.statistics import Statistics
-from gateway.line.stop_hold import StopHold
 from gateway.modbus.timing import LineTiming
 
 logger = logging.getLogger(__name__)
@@ -44,34 +42,35 @@ class Line:
         opener: PortOpener,
         timing: LineTiming,
         polls: Sequence[Poll],
-        listener: LineListener,
+        events: EventQueue,
         allowance_s: float = ALLOWANCE_S,
         seed: int = 0,
         deaf_after_s: float | None = None,
-        hurry: Callable[[], None] | None = None,  # called when what was told before must not wait
-        has_arrived: Callable[[], bool] = lambda: False,  # something that may become a stop
-        # Reads that say the same as one of a unit without polls.
-        alternates_of: Alternates = lambda _: (),
+        alternates_of: Alternates = lambda _: (),  # other forms of reads of units without polls
     ) -> None:
         self.name = name
         self.timing = timing
-        self.progress = 0  # grows with each transaction, idle wake-up and attempt to open
+        self._steps = 0  # attempts to open, and what earlier ports were good for
         self._opener = opener
         self._allowance_s = allowance_s
         self._alternates_of = alternates_of
-        self._plan = Scheduler(polls, seed=seed)
-        self._trace = Trace(name)
-        self._voice = Notifications(name, listener, self._trace, hurry=hurry)
-        self._figures = Statistics()
-        self._preparations = RequestCache()
         self._forms = Forms(LateReplies())
+        self._scheduler = Scheduler(polls, seed=seed)
+        self._trace = Trace(name)
+        self.events = LineEvents(name, events, self._trace)
+        self._figures = Statistics()
         self._deafness = PortRecovery(deaf_after_s)
-        self._doorstep = StopHold(has_arrived)
         self._time: Callable[[], float] = lambda: -inf
         self._serving: LineService | None = None  # while the port is open
         self._is_stopping = False
         self._is_reopening = False  # after a reset on purpose: jobs wait for the new connection
         self._earlier_stray_bytes = 0
+
+    @property
+    def progress(self) -> int:
+        """Return a count that grows with each transaction, idle wake-up and attempt to open."""
+        serving = self._serving
+        return self._steps if serving is None else self._steps + serving.steps
 
     async def run(self) -> None:
         """Serve this line until cancelled; a transaction whose request is sent then still runs to its end."""
@@ -91,69 +90,41 @@ class Line:
     def submit(self, job: Job) -> None:
         """Queue a job; without a port it ends at once."""
         if self._is_reopening:
-            self._plan.submit(job, self._time())
+            self._scheduler.submit(job, self._time())
         elif self._serving is None:
-            job.finish(Silent("port closed", is_sent=False))
+            self.events.job_done(job, Silent("port closed", is_sent=False))
+            self.events.flush()
         else:
             self._serving.submit(job)
 
     def withdraw(self, job: Job) -> bool:
         """Take a waiting job back, so that it is never sent; False when it is too late for that."""
         if self._is_reopening:
-            return self._plan.withdraw(job)
+            return self._scheduler.withdraw(job)
         return self._serving is not None and self._serving.withdraw(job)
 
-    def add_poll(self, poll: Poll) -> None:
-        """Repeat a request from now on; ValueError when its key is taken."""
-        self._plan.add_poll(poll, self._time())
+    def change(self, change: Callable[[Scheduler, float], object]) -> None:
+        """Change what is asked, and how often; given the time."""
+        change(self._scheduler, self._time())
         self._wake()
-
-    def remove_poll(self, key: str) -> None:
-        """Ask no more; KeyError when there is no such poll."""
-        self._plan.remove_poll(key)
-        self._preparations.forget(key)
-        self._figures.forget_poll(key)
-
-    def set_every(self, key: str, every_s: float) -> None:
-        """Change a poll's period; KeyError when there is no such poll."""
-        self._plan.set_every(key, every_s, self._time())
-        self._wake()
-
-    def hasten(self, key: str) -> None:
-        """Make a poll due now; KeyError when there is no such poll."""
-        self._plan.hasten(key, self._time())
-        self._wake()
-
-    def set_deadline(self, unit: int, seconds: float | None) -> None:
-        """See to it that a unit is reached within its watchdog's time; None or 0: it has none."""
-        self._plan.set_deadline(unit, seconds)
-        self._wake()
-
-    def expect_silence(self, unit: int, seconds: float) -> None:
-        """Count no misses of this unit for so long."""
-        self._plan.expect_silence(unit, self._time() + seconds)
 
     def forget(self, unit: int) -> None:
         """Know nothing of a unit any more, whose polls are removed."""
-        self._plan.forget(unit)
+        self._scheduler.forget(unit)
         self._forms.forget(unit)
         self._figures.forget(unit)
 
-    def capture(self, on_frame: OnFrame | None) -> None:
-        """Hand on every frame from now on; None: no more."""
-        self._voice.capture(on_frame)
-
     def figures(self) -> dict[str, Any]:
         """Return the counters and times of this line."""
-        polls = self._plan.polls()
+        polls = self._scheduler.polls()
         latency_s = worst_stop_latency_s(polls, self.timing, allowance_s=self._allowance_s)
         figures = self._figures.to_dict(polls, worst_stop_latency_s=latency_s, now_s=self._time())
         for unit, counts in figures["units"].items():
-            counts["state"] = self._plan.state_of(unit).value
+            counts["state"] = self._scheduler.state_of(unit).value
         state = {
             "is_open": self._serving is not None,
-            "stretch": round(self._plan.stretch, 3),
-            "watchdogs": self._plan.watchdog_figures(self._time()),
+            "stretch": round(self._scheduler.stretch, 3),
+            "watchdogs": self._scheduler.watchdog_figures(self._time()),
         }
         stray_bytes = self._earlier_stray_bytes + (self._serving.line.stray_bytes if self._serving else 0)
         errors = self._opener.uart_errors() if isinstance(self._opener, CountsErrors) else None
@@ -172,13 +143,13 @@ class Line:
         """Open the port, serve, and reopen when it is lost, ever less often while that is no use."""
         pause_s = REOPEN_FLOOR_S
         while True:
-            self.progress += 1
+            self._steps += 1
             tried_s = self._time()
             try:
                 port = await self._opener()
             except PortError as error:
                 self._end_jobs()
-                self._voice.tell_port(str(error), is_open=False)
+                self.events.port_changed(str(error), is_open=False)
             else:
                 await self._use(port)
             if self._is_stopping:
@@ -195,7 +166,7 @@ class Line:
         until_s = self._time() + pause_s
         while (left_s := until_s - self._time()) > 0:
             await asyncio.sleep(min(left_s, IDLE_WAKE_S))
-            self.progress += 1
+            self._steps += 1
 
     async def _use(self, port: Port) -> None:
         """Serve on an open port until it is lost or we stop; leave it closed.
@@ -207,21 +178,22 @@ class Line:
             port, self.timing, allowance_s=self._allowance_s, trace=self._trace, forms=self._forms
         )
         serving = self._serving = self._serving_of(line)
-        self._plan.begin(self._time())
+        self._scheduler.begin(self._time())
         self._figures.begin(self._time())
         self._deafness.begin()
         try:
             if self._deafness.is_deaf:
                 serving.ask_all_anew()
             else:
-                self._voice.tell_port("open", is_open=True)
-            await serving.run()
+                self.events.port_changed("open", is_open=True)
+            await asyncio.create_task(serving.run(), name=f"serve {self.name}")
         except PortResetError as error:
             logger.info("line=%s %s", self.name, error)
             self._is_reopening = True
         except PortLostError as error:
-            self._voice.tell_port(str(error), is_open=False)
+            self.events.port_changed(str(error), is_open=False)
         finally:
+            self._steps += serving.steps
             self._serving = None
             self._earlier_stray_bytes += line.stray_bytes
             port.close()
@@ -230,25 +202,20 @@ class Line:
 
     def _end_jobs(self) -> None:
         self._is_reopening = False
-        for job in self._plan.take_jobs():
-            job.finish(Silent("port closed", is_sent=False))
+        for job in self._scheduler.take_jobs():
+            self.events.job_done(job, Silent("port closed", is_sent=False))
+        self.events.flush()
 
     def _serving_of(self, line: RtuMaster) -> LineService:
         return LineService(
             line,
             port_name=self._opener.name,
-            plan=self._plan,
+            scheduler=self._scheduler,
             figures=self._figures,
             deafness=self._deafness,
-            doorstep=self._doorstep,
-            preparations=self._preparations,
-            voice=self._voice,
+            events=self.events,
             alternates_of=self._alternates_of,
-            step=self._step,
         )
-
-    def _step(self) -> None:
-        self.progress += 1
 
     def _wake(self) -> None:
         if self._serving is not None:

@@ -12,7 +12,6 @@ from gateway.line.rtu.response_time import ResponseTimeEstimator
 from gateway.line.scheduler.requests import Poll, Priority, Slot
 
 _UTILISATION_WINDOW = 30  # samples, a second apart or more
-_COUNTED_AT_ONCE = 64
 _RECKONED_AT_ONCE = 8
 _RECKONED_EVERY_S = 10.0
 _OUTCOMES = ("answered", "silent", "garbled", "refused")
@@ -22,7 +21,6 @@ class Statistics:
     """Counters since the start; utilisation of about the last half minute."""
 
     def __init__(self) -> None:
-        self._pending: list[tuple[Slot, Outcome, float]] = []  # not yet counted
         self._turns: Counter[str] = Counter()
         self._units: dict[int, _UnitStatistics] = {}
         self._learnt = ResponseTimeEstimator()
@@ -51,12 +49,22 @@ class Statistics:
 
     def note(self, turn: Slot, outcome: Outcome, *, took_s: float, now_s: float) -> None:
         """Count one turn that kept the line busy for `took_s`, its silence included."""
-        self._pending.append((turn, outcome, took_s))
         self._busy_s += took_s
         if now_s - self._samples[-1][0] >= 1.0:
             self._samples.append((now_s, self._busy_s))
-        if len(self._pending) >= _COUNTED_AT_ONCE or not isinstance(outcome, Answered):
-            self._count()
+        name = type(outcome).__name__.lower()
+        self._turns["jobs" if turn.poll is None else "polls"] += 1
+        self._turns[name] += 1
+        unit = self._units.get(turn.unit)
+        if unit is None:
+            unit = self._units[turn.unit] = _UnitStatistics()
+        unit.outcomes[name] += 1
+        if isinstance(outcome, Answered):
+            self._learnt.note_answer(turn.unit, turn.request.function, outcome.response_time_s)
+        elif not isinstance(outcome, Refused) and outcome.is_sent:
+            self._learnt.note_miss(turn.unit)
+        if turn.poll is not None:
+            self._took_s[turn.poll.key] = took_s
 
     def note_sent(self, turn: Slot, written_s: float) -> None:
         """Measure how long a stop waited for its first byte."""
@@ -65,13 +73,8 @@ class Statistics:
 
     def forget(self, unit: int) -> None:
         """Know nothing of a unit any more; what it has cost still counts."""
-        self._count()
         self._units.pop(unit, None)
         self._learnt.forget(unit)
-
-    def forget_poll(self, key: str) -> None:
-        """Drop what is kept of a poll that is gone."""
-        self._took_s.pop(key, None)
 
     def utilisation(self, now_s: float) -> float:
         """Return the share of time that the line was busy, 0..1; 0 before the first turn."""
@@ -82,34 +85,15 @@ class Statistics:
 
     def to_dict(self, polls: Iterable[Poll], *, worst_stop_latency_s: float, now_s: float) -> dict[str, Any]:
         """Return the figures of `B/gateway/line/{line}`; `sweep_s` is one turn of each of these polls."""
-        self._count()
         self._reckon(now_s)
+        self._took_s = {poll.key: self._took_s.get(poll.key, 0.0) for poll in polls}  # others may be gone
         return {
             "utilisation": self.utilisation(now_s),
-            "sweep_s": float(sum(self._took_s.get(poll.key, 0.0) for poll in polls)),
+            "sweep_s": float(sum(self._took_s.values())),
             **{name: self._turns[name] for name in ("polls", "jobs", *_OUTCOMES)},
             "stop_latency_s": {"computed": worst_stop_latency_s, "worst": self._worst_stop_latency_s},
             "units": {unit: figures.to_dict() for unit, figures in self._units.items()},
         }
-
-    def _count(self) -> None:
-        """Count the turns that were noted: many at once take less time than each on its own."""
-        turns = self._turns
-        for turn, outcome, took_s in self._pending:
-            turns["jobs" if turn.poll is None else "polls"] += 1
-            name = type(outcome).__name__.lower()
-            turns[name] += 1
-            unit = self._units.get(turn.unit)
-            if unit is None:
-                unit = self._units[turn.unit] = _UnitStatistics()
-            unit.note(name)
-            if isinstance(outcome, Answered):
-                self._learnt.note_answer(turn.unit, turn.request.function, outcome.response_time_s)
-            elif not isinstance(outcome, Refused) and outcome.is_sent:
-                self._learnt.note_miss(turn.unit)
-            if turn.poll is not None:
-                self._took_s[turn.poll.key] = took_s
-        self._pending.clear()
 
     def _reckon(self, now_s: float) -> None:
         """Reckon some units' response times anew, in turn: those of all at once would hold up the line."""
@@ -131,13 +115,10 @@ class _UnitStatistics:
     """One unit's counters, and its response times when they were last reckoned."""
 
     def __init__(self) -> None:
-        self._outcomes: Counter[str] = Counter()
+        self.outcomes: Counter[str] = Counter()
         self.reckoned_s = -inf
         self.times: dict[str, Any] = {"response_time_s": {"p50": None, "p99": None}, "functions": {}}
 
-    def note(self, outcome: str) -> None:
-        self._outcomes[outcome] += 1
-
     def to_dict(self) -> dict[str, Any]:
-        counts = {name: self._outcomes[name] for name in _OUTCOMES}
-        return {"asked": self._outcomes.total(), **counts, **self.times}
+        counts = {name: self.outcomes[name] for name in _OUTCOMES}
+        return {"asked": self.outcomes.total(), **counts, **self.times}

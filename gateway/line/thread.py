@@ -9,20 +9,15 @@ import sys
 import threading
 from collections.abc import Callable, Coroutine, Sequence
 from dataclasses import dataclass, field
-from functools import partial
-from math import inf
 from typing import Any
 
-from gateway.line.client import LineClient, LocalLineClient, settled
-from gateway.line.events import LineListener, OnFrame
+from gateway.line.client import LineClient
+from gateway.line.events import EventQueue, FrameSeen, LineEvent, LineEvents, OnFrame, deliver
 from gateway.line.line import Line
-from gateway.line.loop_bridge import CarriedListener, LoopBridge
 from gateway.line.port.base import ClosesLate, PortOpener
 from gateway.line.port.event_loop import new_precise_loop
-from gateway.line.rtu.outcome import Outcome, Silent
 from gateway.line.rtu.timeouts import ALLOWANCE_S
-from gateway.line.scheduler.requests import Poll, Priority
-from gateway.modbus.pdu import Request
+from gateway.line.scheduler.requests import Poll
 from gateway.modbus.timing import LineTiming
 from gateway.system.gc_tuning import TunedCollector
 from gateway.system.loop_lag import LagMeter
@@ -39,36 +34,33 @@ logger = logging.getLogger(__name__)
 class _Hosted:
     """One line in the thread."""
 
-    scheduler: Line
+    line: Line
     opener: PortOpener
-    listener: CarriedListener
     crashes: int = 0
     figures: dict[str, Any] = field(default_factory=dict)
     task: asyncio.Task[None] | None = None  # of the lines' loop, once it has begun
 
     def note_figures(self) -> None:
-        self.figures = {"crashes": self.crashes, **self.scheduler.figures()}
+        self.figures = {"crashes": self.crashes, **self.line.figures()}
 
 
 class LineHost:
     """Runs every line in one thread with a loop of its own; its methods belong to the app's loop.
 
-    The listener is called on the app's loop, in the order in which things happened. `is_unread` tells any
-    thread whether something has come for the lines that the app has not dealt with yet.
+    `handle` is given each event on the app's loop, in the order in which things happened.
     """
 
-    def __init__(self, listener: LineListener, is_unread: Callable[[], bool] = lambda: False) -> None:
+    def __init__(self, handle: Callable[[LineEvent], None]) -> None:
         self.lag = LagMeter()  # of the lines' loop
-        self._is_unread = is_unread
-        self._handed = self._taken = 0  # calls, by the app's thread and the lines'
-        self._listener = listener
-        self._courier = LoopBridge()
+        self._handle = handle
+        self._events = EventQueue(self._hand_over)
         self._collector = TunedCollector()
         self._lines: dict[str, _Hosted] = {}
         self._ending: set[asyncio.Task[None]] = set()  # of lines that were removed; of the lines' loop
         self._on_frame: OnFrame | None = None
         self._thread: threading.Thread | None = None
-        self._loop: asyncio.AbstractEventLoop | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None  # the lines'
+        self._app: asyncio.AbstractEventLoop | None = None
         self._stopping = asyncio.Event()  # belongs to the lines' loop
 
     def add_line(
@@ -83,40 +75,37 @@ class LineHost:
         deaf_after_s: float | None = None,
     ) -> LineClient:
         """Add a line, which begins with `start`, or at once: as soon as those removed before have ended."""
-        listener = CarriedListener(self._listener, self._courier)
-        scheduler = Line(
+        line = Line(
             name=name,
             opener=opener,
             timing=timing,
             polls=polls,
-            listener=listener,
+            events=self._events,
             allowance_s=allowance_s,
             seed=seed,
             deaf_after_s=deaf_after_s,
-            hurry=self._courier.flush,
-            has_arrived=self._has_arrived,
         )
-        hosted = self._lines[name] = _Hosted(scheduler, opener, listener)
+        hosted = self._lines[name] = _Hosted(line, opener)
         hosted.note_figures()
-        scheduler.capture(self._on_frame)
+        line.events.capture(is_on=self._on_frame is not None)
         if self._loop is not None:
-            self.to_line(lambda: self._begin(hosted))
-        return _HostedLineClient(hosted, self)
+            self.to_line(self._begin, hosted)
+        return LineClient(line, self._post, lambda: hosted.figures)
 
     def remove_line(self, name: str) -> Coroutine[Any, Any, object]:
-        """End a line, of which nothing is told from now on; what is returned waits until its port is closed.
+        """End a line, of which nothing is handled from now on; what is returned waits for its port's end.
 
         The transaction under way is not cut.
         """
         hosted = self._lines.pop(name)
-        hosted.listener.mute()
+        hosted.line.events.is_muted = True
         ended = asyncio.Event()
-        self.to_line(lambda: self._end(hosted, ended))
+        self.to_line(self._end, hosted, ended)
         return ended.wait()
 
     async def start(self) -> None:
         """Start the thread; returns once its loop takes calls."""
-        self._courier.loop = asyncio.get_running_loop()
+        self._app = asyncio.get_running_loop()
         self._collector.spare()
         self._stopping = asyncio.Event()
         started = threading.Event()
@@ -141,41 +130,47 @@ class LineHost:
 
     def progress(self) -> dict[str, int]:
         """Return each line's count of steps; one that stands still for long is stuck."""
-        return {name: hosted.scheduler.progress for name, hosted in self._lines.items()}
+        return {name: hosted.line.progress for name, hosted in self._lines.items()}
 
     def capture(self, on_frame: OnFrame | None) -> None:
         """Hand on every frame of every line from now on, on the app's loop; None: no more."""
-        self._on_frame = None if on_frame is None else partial(self._carry_frame, on_frame)
+        self._on_frame = on_frame
+        is_on = on_frame is not None
         for hosted in self._lines.values():
-            self.to_line(partial(hosted.scheduler.capture, self._on_frame))
+            self.to_line(lambda events: events.capture(is_on=is_on), hosted.line.events)
 
-    def is_running(self) -> bool:
-        """Return whether the lines' loop takes calls."""
-        return self._thread is not None
-
-    def to_line(self, call: Callable[[], object]) -> None:
+    def to_line(self, call: Callable[..., object], *args: object) -> None:
         """Have something done on the lines' loop, in order; at once while there is none."""
         if self._loop is None:
-            call()
+            call(*args)
             return
-        self._handed += 1
         with contextlib.suppress(RuntimeError):  # the loop has just been closed: nothing is left to do
-            self._loop.call_soon_threadsafe(self._take, call)
+            self._loop.call_soon_threadsafe(call, *args)
 
-    def to_app(self, call: Callable[[], object]) -> None:
-        """Have something done on the app's loop, in order."""
-        self._courier.post(call)
+    def _post(self, call: Callable[..., object], *args: object) -> bool:
+        """Do as `to_line`, unless the lines end or have ended: what comes then might not be done any more."""
+        if self._thread is None and self._app is not None:
+            return False
+        self.to_line(call, *args)
+        return True
 
-    def _take(self, call: Callable[[], object]) -> None:
-        self._taken += 1
-        call()
+    def _hand_over(self, batch: Sequence[tuple[LineEvents, LineEvent]]) -> None:
+        self._to_app(deliver, batch, self._take)
 
-    def _has_arrived(self) -> bool:
-        """Return whether something is on its way to the lines: not read yet, or handed over but not taken."""
-        return self._handed != self._taken or self._is_unread()
+    def _to_app(self, call: Callable[..., object], *args: object) -> None:
+        if self._app is None:
+            call(*args)
+            return
+        with contextlib.suppress(RuntimeError):  # the app's loop is closed: there is nothing left to inform
+            self._app.call_soon_threadsafe(call, *args)
 
-    def _carry_frame(self, on_frame: OnFrame, line: str, at_s: float, direction: str, frame: bytes) -> None:
-        self._courier.post_soon(lambda: on_frame(line, at_s, direction, frame))
+    def _take(self, event: LineEvent) -> None:
+        """Handle an event on the app's loop."""
+        if isinstance(event, FrameSeen):
+            if self._on_frame is not None:
+                self._on_frame(event.line, event.at_s, event.direction, event.frame)
+        else:
+            self._handle(event)
 
     def _run_thread(self, started: threading.Event) -> None:
         sys.setswitchinterval(SWITCH_INTERVAL_S)
@@ -195,12 +190,12 @@ class LineHost:
         for task in tasks:
             task.cancel()
         await asyncio.wait(tasks)
-        self._courier.flush()
+        self._events.hand_over()
 
     def _begin(self, hosted: _Hosted) -> None:
         """Run a line, once its port cannot be in the hands of one that was removed."""
         work = self._supervise(hosted, tuple(self._ending))
-        hosted.task = asyncio.get_running_loop().create_task(work, name=f"supervise {hosted.scheduler.name}")
+        hosted.task = asyncio.get_running_loop().create_task(work, name=f"supervise {hosted.line.name}")
 
     def _end(self, hosted: _Hosted, ended: asyncio.Event) -> None:
         """End a line that was removed; `ended` belongs to the app's loop."""
@@ -210,21 +205,21 @@ class LineHost:
             return
         self._ending.add(task)
         task.add_done_callback(self._ending.discard)
-        task.add_done_callback(lambda _: self.to_app(ended.set))
+        task.add_done_callback(lambda _: self._to_app(ended.set))
         task.cancel()
 
     async def _supervise(self, hosted: _Hosted, earlier: Sequence[asyncio.Task[None]]) -> None:
         """Run one line; whatever ends it is a bug that the other lines must not feel."""
-        scheduler = hosted.scheduler
+        line = hosted.line
         if earlier:
             await asyncio.wait(earlier)
         try:
             while True:
                 try:
-                    await scheduler.run()
+                    await line.run()
                 except Exception:  # the one guard at this task's top
                     hosted.crashes += 1
-                    logger.exception("line=%s crashed, starts again", scheduler.name)
+                    logger.exception("line=%s crashed, starts again", line.name)
                 await asyncio.sleep(RESTART_PAUSE_S)
         finally:
             if isinstance(hosted.opener, ClosesLate):
@@ -238,30 +233,3 @@ class LineHost:
     def _note_figures(self) -> None:
         for hosted in tuple(self._lines.values()):
             hosted.note_figures()
-
-
-class _HostedLineClient(LocalLineClient):
-    """A LineClient of a scheduler in the lines' thread."""
-
-    def __init__(self, hosted: _Hosted, host: LineHost) -> None:
-        super().__init__(hosted.scheduler)
-        self._hosted = hosted
-        self._host = host
-
-    def transact(
-        self, unit: int, request: Request, *, response_time_s: float, lane: Priority, until_s: float = inf
-    ) -> asyncio.Future[Outcome]:
-        """Hand a request to the line; without a running line nothing is sent."""
-        if not self._host.is_running():
-            return settled(Silent("port closed", is_sent=False))
-        return super().transact(unit, request, response_time_s=response_time_s, lane=lane, until_s=until_s)
-
-    def figures(self) -> dict[str, Any]:
-        """Return the line's counters and times, and its crashes, at most about a second old."""
-        return self._hosted.figures
-
-    def _to_line(self, call: Callable[[], object]) -> None:
-        self._host.to_line(call)
-
-    def _to_app(self, call: Callable[[], object]) -> None:
-        self._host.to_app(call)

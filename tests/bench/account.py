@@ -110,29 +110,29 @@ class Stop:
     """One stop: how long it waited, and how much of that the line did not ask for."""
 
     latency_s: float  # from its submission to its first byte on the wire
-    excess_s: float  # beyond the end of the transaction under way and its silence
+    excess_s: float  # beyond the end of the transaction that it waited for, and its silence
     under_way_s: float  # the length of that transaction, silence included
-    is_crossed: bool  # another one began while the stop was on its way to the line
+    is_crossed: bool  # that transaction began while the stop was on its way to the line
 
 
 def stops(seen: Sequence[SeenRequest], submitted: Iterable[Submitted], law: Law) -> list[Stop]:
     """Match the stops of one line, each with the first write to its unit after it was sent.
 
-    Under way is what is on the line when the stop is submitted.
+    It waits for what is on the line when it is submitted, or begins within CROSSING_S after that.
     """
     found: list[Stop] = []
     for stop in submitted:
         after = (each for each in seen if each.start_s > stop.sent_s)
         first = next((each for each in after if each.unit == stop.unit and each.is_write), None)
-        before = [each for each in seen if each.start_s <= stop.at_s and each is not first]
+        before = [each for each in seen if each.start_s <= stop.at_s + CROSSING_S and each is not first]
         if not before or first is None:
             continue
         free_s = before[-1].end_s + law.timing.silence_s
         under_way_s = free_s - before[-1].start_s
         excess_s = first.start_s - max(stop.at_s, free_s)
-        crossing = (each for each in seen if stop.at_s < each.start_s <= stop.at_s + CROSSING_S)
-        is_crossed = any(each is not first for each in crossing)
-        found.append(Stop(first.start_s - stop.at_s, excess_s, under_way_s, is_crossed))
+        found.append(
+            Stop(first.start_s - stop.at_s, excess_s, under_way_s, is_crossed=before[-1].start_s > stop.at_s)
+        )
     return found
 
 

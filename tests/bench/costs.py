@@ -73,8 +73,8 @@ def stop() -> BenchRow:
     head = ["master", "stops", "crossed", "p50 ms", "most", "transaction", "p50 / it", "beyond p50", "most"]
     note = (
         "Milliseconds from submission (gateway: the message's arrival at another subscriber) to the"
-        "\nfirst byte on the wire. Transaction: the one under way, its silence too, p50. Beyond: after that."
-        "\nCrossed: a request began in the millisecond that a stop needs to the line, and went first."
+        "\nfirst byte on the wire. Transaction: the one it waits for, its silence too, p50. Beyond: after."
+        "\nCrossed: that one began in the millisecond that a stop needs to the line."
     )
     return BenchRow(table("Stop, 19200, saturated", head, rows, note=note), goals)
 

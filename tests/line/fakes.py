@@ -10,7 +10,8 @@ from math import inf
 from operator import itemgetter
 
 from gateway.errors import PortError, PortLostError
-from gateway.line.client import LocalLineClient
+from gateway.line.client import LineClient, post_here
+from gateway.line.events import FrameSeen, LineEvent, LineFault, PollResult, PortChanged, UnitChanged
 from gateway.line.line import Line
 from gateway.line.rtu.forms import Alternate
 from gateway.line.rtu.outcome import Outcome
@@ -23,6 +24,7 @@ from gateway.modbus.pdu import Request, encode_exception
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.server import decode_request
 from gateway.modbus.timing import Framing, LineTiming
+from tests.local_host import local_events
 
 TIMING = LineTiming(19200, Framing.parse("8E1"))
 RESPONSE_TIME_S = 0.010
@@ -226,18 +228,21 @@ class Listener:
         self.units: list[tuple[float, int, bool, str, tuple[str, ...]]] = []
         self.ports: list[tuple[float, bool, str]] = []
         self.troubles: list[tuple[str, int, str, tuple[str, ...]]] = []
+        self.frames: list[FrameSeen] = []
 
-    def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
-        self.polls.append((asyncio.get_running_loop().time(), key, unit, outcome))
-
-    def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:
-        self.units.append((asyncio.get_running_loop().time(), unit, is_answering, reason, frames))
-
-    def on_trouble(self, line: str, code: str, unit: int, text: str, frames: tuple[str, ...]) -> None:
-        self.troubles.append((code, unit, text, frames))
-
-    def on_port(self, line: str, is_open: bool, reason: str) -> None:
-        self.ports.append((asyncio.get_running_loop().time(), is_open, reason))
+    def handle(self, event: LineEvent) -> None:
+        now_s = asyncio.get_running_loop().time()
+        match event:
+            case PollResult():
+                self.polls.append((now_s, event.key, event.unit, event.outcome))
+            case UnitChanged():
+                self.units.append((now_s, event.unit, event.is_answering, event.reason, event.frames))
+            case LineFault():
+                self.troubles.append((event.code, event.unit, event.text, event.frames))
+            case FrameSeen():
+                self.frames.append(event)
+            case PortChanged():
+                self.ports.append((now_s, event.is_open, event.reason))
 
     def outcomes(self, key: str) -> list[Outcome]:
         return [outcome for _, told_key, _, outcome in self.polls if told_key == key]
@@ -253,7 +258,6 @@ class LineRig:
         timing: LineTiming = TIMING,
         *,
         deaf_after_s: float | None = None,
-        has_arrived: Callable[[], bool] = lambda: False,
     ) -> None:
         self.listener = Listener()
         self.opener = FakeOpener(lambda: FakePort(answer, timing))
@@ -262,11 +266,10 @@ class LineRig:
             opener=self.opener,
             timing=timing,
             polls=tuple(polls),
-            listener=self.listener,
+            events=local_events(self.listener.handle),
             deaf_after_s=deaf_after_s,
-            has_arrived=has_arrived,
         )
-        self.client = LocalLineClient(self.scheduler)
+        self.client = LineClient(self.scheduler, post_here)
 
     @property
     def port(self) -> FakePort:

@@ -6,6 +6,7 @@ import asyncio
 import threading
 
 from gateway.line.client import LineClient
+from gateway.line.events import LineEvent, PollResult, PortChanged, UnitChanged
 from gateway.line.rtu.outcome import Outcome, Silent
 from gateway.line.scheduler.requests import Priority
 from gateway.line.thread import LineHost
@@ -30,14 +31,14 @@ class WaitingListener(Listener):
         self.order.append(text)
         self.news.put_nowait(text)
 
-    def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
-        self._note(f"{line} poll {key}")
-
-    def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:
-        self._note(f"{line} unit {unit}")
-
-    def on_port(self, line: str, is_open: bool, reason: str) -> None:
-        self._note(f"{line} port {is_open}")
+    def handle(self, event: LineEvent) -> None:
+        match event:
+            case PollResult():
+                self._note(f"{event.line} poll {event.key}")
+            case UnitChanged():
+                self._note(f"{event.line} unit {event.unit}")
+            case PortChanged():
+                self._note(f"{event.line} port {event.is_open}")
 
     async def hear(self, text: str) -> None:
         async with asyncio.timeout(LONG_S):

@@ -77,8 +77,7 @@ def test_what_was_learnt_and_counted_of_a_unit_is_dropped_with_it() -> None:
     told = figures.to_dict([read], worst_stop_latency_s=0.1, now_s=0.2)
     assert (told["units"], told["answered"], told["sweep_s"]) == ({}, 1, 0.02)
 
-    figures.forget_poll("a")
-    figures.forget_poll("never asked")
+    assert figures.to_dict([], worst_stop_latency_s=0.1, now_s=0.2)["sweep_s"] == 0.0
     assert figures.to_dict([read], worst_stop_latency_s=0.1, now_s=0.2)["sweep_s"] == 0.0
 
 

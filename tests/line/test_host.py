@@ -7,14 +7,12 @@ import itertools
 import logging
 import sys
 import threading
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Iterator
 
 import pytest
 
 from gateway.line import thread as host_module
-from gateway.line.line import Line
-from gateway.line.loop_bridge import LoopBridge
+from gateway.line.events import LineEvent, PollResult, PortChanged, UnitChanged
 from gateway.line.rtu.outcome import Answered, Silent
 from gateway.line.thread import SWITCH_INTERVAL_S, LineHost
 from tests.line.fakes import TIMING, FakeOpener, FakePort, Units, poll, until
@@ -43,7 +41,7 @@ class BrokenOpener(FakeOpener):
 
 async def test_the_app_transacts_on_lines_that_run_in_a_thread_of_their_own() -> None:
     listener = WaitingListener()
-    host = LineHost(listener)
+    host = LineHost(listener.handle)
     line = add(host, opener := fake_opener())
     assert await ask(line) == NO_PORT
 
@@ -67,7 +65,7 @@ async def test_a_line_with_a_bug_is_started_again_and_the_others_go_on(
     monkeypatch.setattr(host_module, "RESTART_PAUSE_S", 0.01)
     monkeypatch.setattr(host_module, "FIGURES_EVERY_S", 0.01)
     listener = WaitingListener()
-    host = LineHost(listener)
+    host = LineHost(listener.handle)
     broken = add(host, opener := BrokenOpener(), "broken")
     sound = add(host, fake_opener(), "sound", every_s=0.0)
 
@@ -94,7 +92,7 @@ async def test_a_line_with_a_bug_is_started_again_and_the_others_go_on(
 
 async def test_stopping_lets_the_transaction_under_way_end_and_ends_the_waiting_ones() -> None:
     listener = WaitingListener()
-    host = LineHost(listener)
+    host = LineHost(listener.handle)
     line = host.add_line(name="pumps", opener=(opener := fake_opener()), timing=TIMING, polls=[])
     await host.start()
     await listener.hear("pumps port True")
@@ -112,7 +110,7 @@ async def test_stopping_lets_the_transaction_under_way_end_and_ends_the_waiting_
 
 async def test_a_transaction_given_up_by_the_app_is_withdrawn() -> None:
     listener = WaitingListener()
-    host = LineHost(listener)
+    host = LineHost(listener.handle)
     opener = FakeOpener(lambda: FakePort(Units(set())))
     line = host.add_line(name="pumps", opener=opener, timing=TIMING, polls=[])
     await host.start()
@@ -132,7 +130,7 @@ async def test_a_transaction_given_up_by_the_app_is_withdrawn() -> None:
 
 async def test_polls_are_changed_from_the_app() -> None:
     listener = WaitingListener()
-    host = LineHost(listener)
+    host = LineHost(listener.handle)
     line = add(host, fake_opener(), every_s=3600.0)
     line.expect_silence(1, 0.0)
     await host.start()
@@ -140,7 +138,7 @@ async def test_polls_are_changed_from_the_app() -> None:
 
     line.add_poll(poll("b", every_s=3600.0))
     await listener.hear("pumps poll b")
-    line.hasten("b")
+    line.expedite("b")
     await listener.hear("pumps poll b")
     line.remove_poll("a")
     line.set_every("b", 0.01)
@@ -151,35 +149,43 @@ async def test_polls_are_changed_from_the_app() -> None:
     assert line.timing is TIMING
 
 
-async def test_a_call_that_fails_in_the_app_does_not_hold_up_the_calls_behind_it() -> None:
-    loop = asyncio.get_running_loop()
-    courier = LoopBridge()
-    heard: list[int] = []
-    failures: list[str] = []
-    loop.set_exception_handler(lambda _, context: failures.append(str(context["exception"])))
-    courier.post(lambda: heard.append(0))  # before there is a loop
-    courier.loop = loop
+async def test_an_event_that_is_a_bug_for_the_app_does_not_hold_up_the_events_behind_it(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    handled: list[LineEvent] = []
 
-    courier.post(lambda: heard.append(1))
-    courier.post(lambda: 1 // 0)
-    courier.post(lambda: heard.append(2))
-    await until(lambda: len(heard) == 3)
+    def handle(event: LineEvent) -> None:
+        handled.append(event)
+        if len(handled) == 1:
+            raise ValueError("bug")
 
-    assert heard == [0, 1, 2]
-    assert failures == ["integer division or modulo by zero"]
+    host = LineHost(handle)
+    add(host, fake_opener())
+    await host.start()
+    await until(lambda: len(handled) == 3)
+    await host.stop()
+
+    assert [type(event) for event in handled] == [PortChanged, UnitChanged, PollResult]
+    assert "event=PortChanged failed" in caplog.text
 
 
-def test_calls_to_a_closed_app_are_dropped() -> None:
-    courier = LoopBridge()
-    courier.loop = asyncio.new_event_loop()
-    courier.loop.close()
+def test_events_for_a_closed_app_are_dropped() -> None:
+    async def start() -> LineHost:
+        add(host := LineHost(lambda _: None), fake_opener())
+        await host.start()
+        return host
 
-    courier.post(lambda: None)
+    host = asyncio.run(start())
+    ended = threading.Event()
+    host.to_line(host.remove_line("pumps").close)
+    host.to_line(ended.set)
+    assert ended.wait(LONG_S)
+    asyncio.run(host.stop())
 
 
 async def test_frames_are_handed_on_to_the_app_while_it_captures() -> None:
     listener = WaitingListener()
-    host = LineHost(listener)
+    host = LineHost(listener.handle)
     add(host, fake_opener(), "pumps", every_s=0.0)
     add(host, fake_opener(), "fans", every_s=0.0)
     frames: asyncio.Queue[tuple[str, float, str, bytes]] = asyncio.Queue()
@@ -199,30 +205,3 @@ async def test_frames_are_handed_on_to_the_app_while_it_captures() -> None:
     directions = [direction for line, _, direction, _ in heard if line == "pumps"]
     assert {">>", "<<"} >= set(directions)
     assert all(first != second for first, second in itertools.pairwise(directions))
-
-
-async def test_what_was_handed_over_has_arrived_until_the_lines_thread_takes_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    asked: list[Callable[[], bool]] = []
-
-    class Spied(Line):
-        def __init__(self, *, has_arrived: Callable[[], bool], **given: Any) -> None:
-            asked.append(has_arrived)
-            super().__init__(has_arrived=has_arrived, **given)
-
-    monkeypatch.setattr(host_module, "Line", Spied)
-    host = LineHost(WaitingListener())
-    add(host, fake_opener())
-    await host.start()
-    (has_arrived,) = asked
-    gate = threading.Event()
-    try:
-        assert not has_arrived()
-        host.to_line(lambda: gate.wait(10.0))  # keeps the thread busy
-        host.to_line(lambda: None)
-        assert has_arrived()
-    finally:
-        gate.set()
-    await until(lambda: not has_arrived())
-    await host.stop()

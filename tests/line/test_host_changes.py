@@ -43,7 +43,7 @@ class LateOpener(FakeOpener):
 
 async def test_a_line_that_is_added_later_is_served_and_one_that_is_removed_no_more() -> None:
     listener = WaitingListener()
-    host = LineHost(listener)
+    host = LineHost(listener.handle)
     stays = add(host, fake_opener(), "stays", every_s=0.0)
     goes = add(host, opener := fake_opener(), "goes", every_s=0.0)
     await host.start()
@@ -67,7 +67,7 @@ async def test_a_line_that_is_added_later_is_served_and_one_that_is_removed_no_m
 
 async def test_a_line_of_the_same_name_begins_when_the_ports_of_those_before_are_closed() -> None:
     listener = WaitingListener()
-    host = LineHost(listener)
+    host = LineHost(listener.handle)
     add(host, LateOpener(), every_s=0.0)
     await host.start()
     await listener.hear("pumps poll a")
@@ -83,7 +83,7 @@ async def test_a_line_of_the_same_name_begins_when_the_ports_of_those_before_are
 
 async def test_a_line_that_comes_is_captured_when_the_others_are() -> None:
     listener = WaitingListener()
-    host = LineHost(listener)
+    host = LineHost(listener.handle)
     await host.start()
     lines: list[str] = []
     host.capture(lambda line, at_s, direction, frame: lines.append(line))
@@ -96,7 +96,7 @@ async def test_a_line_that_comes_is_captured_when_the_others_are() -> None:
 
 
 async def test_a_line_can_be_removed_before_the_start_and_after_the_end() -> None:
-    host = LineHost(WaitingListener())
+    host = LineHost(WaitingListener().handle)
     add(host, never := fake_opener(), "never")
     add(host, fake_opener(), "last")
 
@@ -111,7 +111,7 @@ async def test_a_line_can_be_removed_before_the_start_and_after_the_end() -> Non
 
 async def test_a_host_stops_while_a_removed_line_still_ends() -> None:
     listener = WaitingListener()
-    host = LineHost(listener)
+    host = LineHost(listener.handle)
     add(host, LateOpener(), every_s=0.0)
     await host.start()
     await listener.hear("pumps poll a")

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 import pytest
 
-from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused
+from gateway.line.rtu.outcome import Answered, Garbled, Refused
 from gateway.modbus import adu
 from gateway.modbus.timing import Framing, LineTiming
 from tests.line.fakes import ALTERNATES, RESPONSE_TIME_S, TIMING, LineRig, Said, Units, poll
@@ -97,16 +97,15 @@ def test_a_garbled_poll_is_told_only_when_its_repetition_is_no_better() -> None:
     assert rig.scheduler.figures()["garbled"] == 3
 
 
-def test_a_bug_of_the_listener_ends_the_loop_with_the_port_closed_and_it_can_be_started_again() -> None:
-    rig = LineRig(Units({1}), [poll("a")])
-    told: list[str] = []
-
-    def on_poll(line: str, key: str, unit: int, outcome: Outcome) -> None:
-        told.append(key)
-        if len(told) == 1:
+def test_a_bug_on_the_line_ends_its_loop_with_the_port_closed_and_it_can_be_started_again() -> None:
+    def answer(frame: bytes) -> Iterable[Said]:
+        if not has_failed:
+            has_failed.append(True)
             raise RuntimeError("bug")
+        return Units({1})(frame)
 
-    rig.listener.on_poll = on_poll  # type: ignore[method-assign] # the bug
+    has_failed: list[bool] = []
+    rig = LineRig(answer, [poll("a")])
 
     async def scenario() -> None:
         async with rig:
@@ -118,7 +117,7 @@ def test_a_bug_of_the_listener_ends_the_loop_with_the_port_closed_and_it_can_be_
 
     run_virtually(scenario())
 
-    assert len(told) == 4
+    assert len(rig.listener.outcomes("a")) == 4
 
 
 def test_polls_can_be_added_removed_hastened_and_changed_while_the_line_idles() -> None:
@@ -129,7 +128,7 @@ def test_polls_can_be_added_removed_hastened_and_changed_while_the_line_idles() 
             await asyncio.sleep(1.25)
             rig.client.add_poll(poll("a", every_s=100.0))
             await asyncio.sleep(1.0)
-            rig.client.hasten("a")
+            rig.client.expedite("a")
             await asyncio.sleep(1.0)
             rig.client.set_every("a", 0.5)
             await asyncio.sleep(0.9)

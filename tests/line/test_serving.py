@@ -7,7 +7,6 @@ import asyncio
 import pytest
 
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Outcome, Silent
-from gateway.line.rtu.request import RequestCache
 from gateway.line.rtu.response_time import ENOUGH
 from gateway.line.scheduler.requests import Job, Poll, Priority
 from gateway.line.scheduler.scheduler import JOBS_IN_ROW
@@ -208,35 +207,21 @@ def test_response_times_are_told_by_function() -> None:
 
 def test_every_frame_is_handed_on_while_somebody_captures() -> None:
     rig = LineRig(Units({1}), [poll("a", every_s=0.1)])
-    frames: list[tuple[str, float, str, bytes]] = []
 
     async def scenario() -> None:
         async with rig:
             await asyncio.sleep(0.25)
-            rig.scheduler.capture(lambda *frame: frames.append(frame))
+            rig.scheduler.events.capture(is_on=True)
             await asyncio.sleep(0.2)
-            rig.scheduler.capture(None)
+            rig.scheduler.events.capture(is_on=False)
             await asyncio.sleep(0.2)
 
     run_virtually(scenario())
 
-    assert [(line, direction) for line, _, direction, _ in frames] == [("pumps", ">>"), ("pumps", "<<")] * 2
-    assert frames[1][3] == REPLY
-    assert frames[1][1] - frames[0][1] == pytest.approx(ONE_S - TIMING.silence_s)
-
-
-def test_a_poll_is_reckoned_once_and_again_when_its_key_means_something_else() -> None:
-    preparations = RequestCache()
-    other = ReadHoldingRegisters(5, 1)
-
-    first = preparations.of("a", 1, READ)
-
-    assert preparations.of("a", 1, READ) is first
-    assert preparations.of("a", 2, READ).unit == 2
-    assert preparations.of("a", 2, other).request is other
-    preparations.forget("a")
-    assert preparations.of("a", 1, READ) is not first
-    assert preparations.of(None, 1, READ) == first
+    frames = rig.listener.frames
+    assert [(each.line, each.direction) for each in frames] == [("pumps", ">>"), ("pumps", "<<")] * 2
+    assert frames[1].frame == REPLY
+    assert frames[1].at_s - frames[0].at_s == pytest.approx(ONE_S - TIMING.silence_s)
 
 
 def test_a_job_whose_time_is_over_when_its_turn_comes_is_never_sent() -> None:

@@ -10,6 +10,7 @@ from math import inf
 from typing import Any, TypeVar
 
 from gateway.families.profile.load import load_profile
+from gateway.line.client import LineClient
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Outcome, Refused, Silent
 from gateway.line.scheduler.requests import Poll, Priority
 from gateway.modbus.device_id import DeviceIdentification, ReadDeviceIdentification
@@ -107,7 +108,7 @@ class FakeUnit:
         return None
 
 
-class FakeLineClient:
+class FakeLineClient(LineClient):
     """A LineClient whose requests take 20 ms each, one after the other.
 
     `rules` decide on outcomes before the unit does: the first that returns one wins.
@@ -123,7 +124,7 @@ class FakeLineClient:
         self.rules: list[Callable[[Request], Outcome | None]] = []
         self.polls: dict[str, Poll] = {}
         self.every_s: dict[str, float] = {}
-        self.hastened: list[str] = []
+        self.expedited: list[str] = []
         self.expected_silence: list[tuple[int, float]] = []
         self._turn = asyncio.Lock()
 
@@ -185,9 +186,9 @@ class FakeLineClient:
         assert key in self.polls
         self.every_s[key] = every_s
 
-    def hasten(self, key: str) -> None:
+    def expedite(self, key: str) -> None:
         assert key in self.polls
-        self.hastened.append(key)
+        self.expedited.append(key)
 
     def set_deadline(self, unit: int, seconds: float | None) -> None:
         self.deadlines_s[unit] = seconds

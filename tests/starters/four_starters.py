@@ -11,9 +11,8 @@ from typing import Any
 
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Variant
-from gateway.line.client import LocalLineClient
+from gateway.line.client import LineClient, post_here
 from gateway.line.line import Line
-from gateway.line.rtu.outcome import Outcome
 from gateway.modbus.adu import decode
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.records import Phase, SequenceNumbers
@@ -27,7 +26,9 @@ from gateway.starters.policy.rights import Operator, Rights
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.polling import polls_of
 from gateway.starters.telemetry.telemetry import StarterTelemetry
+from tests.local_host import local_events
 from tests.starters.fakes import RecordingSink
+from tests.starters.router import Router
 from tests.virtual_time import VirtualClock
 
 TIMING = LineTiming(19200, Framing.parse("8N2"))
@@ -41,6 +42,7 @@ class Site:
     commander: Dispatcher
     telemetries: dict[str, StarterTelemetry]
     sink: RecordingSink = field(default_factory=RecordingSink)
+    faults: list[str] = field(default_factory=list)  # codes of what is wrong on the line
 
     def unit(self, family: str) -> SimulatedUnit:
         return self.bus.unit(1 + FAMILIES.index(family))
@@ -49,23 +51,6 @@ class Site:
         self.commander.submit(
             CommandRequest(starter, "alice", verb, id_, args, received_s=asyncio.get_running_loop().time())
         )
-
-
-class Router:
-    """A LineListener of one line."""
-
-    def __init__(self) -> None:
-        self.starters: dict[int, StarterTelemetry] = {}
-
-    def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
-        self.starters[unit].on_poll(key, outcome)
-
-    def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:
-        self.starters[unit].on_unit(is_answering=is_answering, reason=reason, frames=frames)
-
-    def on_port(self, line: str, is_open: bool, reason: str) -> None:
-        for starter in () if is_open else self.starters.values():
-            starter.on_unit(is_answering=False, reason=reason)
 
 
 @asynccontextmanager
@@ -78,10 +63,13 @@ async def site() -> AsyncIterator[Site]:
         StarterSetup(family, "pumps", address, load_profile(family), Variant())
         for address, family in enumerate(FAMILIES, 1)
     ]
-    router = Router()
+    faults: list[str] = []
+    router = Router(faults.append)
     polls = [poll for setup in setups for poll in polls_of(setup)]
-    scheduler = Line(name="pumps", opener=bus.opener(), timing=TIMING, polls=polls, listener=router)
-    line = LocalLineClient(scheduler)
+    scheduler = Line(
+        name="pumps", opener=bus.opener(), timing=TIMING, polls=polls, events=local_events(router.handle)
+    )
+    line = LineClient(scheduler, post_here)
     telemetries = {
         setup.name: StarterTelemetry(setup, line=line, sink=sink, clock=clock, sequence=sequence)
         for setup in setups
@@ -89,12 +77,12 @@ async def site() -> AsyncIterator[Site]:
     rights = Rights([Operator("alice", ("*",), ("*",))])
     commander = Dispatcher(telemetries, rights=rights, sink=sink, clock=clock, sequence=sequence)
     for telemetry in telemetries.values():
-        router.starters[telemetry.setup.address] = telemetry
+        router.add(telemetry)
         telemetry.start()
     task = asyncio.create_task(scheduler.run())
     await asyncio.sleep(3.0)
     sink.clear()
-    yield Site(bus, commander, telemetries, sink)
+    yield Site(bus, commander, telemetries, sink, faults)
     await commander.close()
     for telemetry in telemetries.values():
         await telemetry.close()

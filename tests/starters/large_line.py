@@ -12,7 +12,7 @@ from typing import Any
 
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
-from gateway.line.client import LocalLineClient
+from gateway.line.client import LineClient, post_here
 from gateway.line.line import Line
 from gateway.line.scheduler.stop_latency import worst_stop_latency_s
 from gateway.modbus.timing import Framing, LineTiming
@@ -29,8 +29,9 @@ from gateway.starters.policy.start_rules import PolicySettings
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.polling import polls_of
 from gateway.starters.telemetry.telemetry import StarterTelemetry
+from tests.local_host import local_events
 from tests.starters.fakes import RUN_COIL
-from tests.starters.four_starters import Router
+from tests.starters.router import Router
 from tests.virtual_time import VirtualClock
 
 START_PDU, STOP_PDU = WriteCoil(RUN_COIL, True).encode(), WriteCoil(RUN_COIL, False).encode()
@@ -134,8 +135,10 @@ async def large_line(
     ]
     polls = [poll for setup in setups for poll in polls_of(setup)]
     router = Router()
-    scheduler = Line(name="pumps", opener=bus.opener(), timing=timing, polls=polls, listener=router)
-    line = LocalLineClient(scheduler)
+    scheduler = Line(
+        name="pumps", opener=bus.opener(), timing=timing, polls=polls, events=local_events(router.handle)
+    )
+    line = LineClient(scheduler, post_here)
     rights = Rights([Operator("alice", ("*",), ("*",))])
     names = [setup.name for setup in setups]
     precautions = Policy(
@@ -162,7 +165,7 @@ async def large_line(
     )
     for unit, telemetry in zip(units, telemetries, strict=True):
         unit.here = here
-        router.starters[telemetry.setup.address] = telemetry
+        router.add(telemetry)
         telemetry.start()
     task = asyncio.create_task(scheduler.run())
     yield here

@@ -12,9 +12,8 @@ from gateway.app.record_bus import RecordBus
 from gateway.errors import DamagedError, StoreError
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
-from gateway.line.client import LocalLineClient
+from gateway.line.client import LineClient, post_here
 from gateway.line.line import Line
-from gateway.line.rtu.outcome import Outcome
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.records import AuditRecord, EventRecord, SequenceNumbers
 from gateway.sim.bus.port import SimulatedLine
@@ -28,7 +27,9 @@ from gateway.starters.services.services import StarterServices
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.polling import polls_of
 from gateway.starters.telemetry.telemetry import StarterTelemetry
+from tests.local_host import local_events
 from tests.starters.fakes import RecordingSink
+from tests.starters.router import Router
 from tests.virtual_time import VirtualClock
 
 TIMING = LineTiming(19200, Framing.parse("8N2"))
@@ -58,24 +59,6 @@ class TestMemory:
         if self.is_full:
             raise StoreError("no space left")
         self.document = document
-
-
-class StarterRouter:
-    """A LineListener that tells everything to one starter."""
-
-    starter: StarterTelemetry
-
-    def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
-        self.starter.on_poll(key, outcome)
-
-    def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:
-        self.starter.on_unit(is_answering=is_answering, reason=reason, frames=frames)
-
-    def on_trouble(self, line: str, code: str, unit: int, text: str, frames: tuple[str, ...]) -> None:
-        pass
-
-    def on_port(self, line: str, is_open: bool, reason: str) -> None:
-        pass
 
 
 @dataclass
@@ -136,15 +119,21 @@ async def one_starter(
     variant = Variant(model=model)
     profile = load_profile(family or unit.family)  # as configured
     setup = StarterSetup("pump", "pumps", 1, profile, variant, every_s=every_s, has_fast_words=has_fast_words)
-    router = StarterRouter()
-    scheduler = Line(name="pumps", opener=bus.opener(), timing=TIMING, polls=polls_of(setup), listener=router)
+    router = Router()
+    scheduler = Line(
+        name="pumps",
+        opener=bus.opener(),
+        timing=TIMING,
+        polls=polls_of(setup),
+        events=local_events(router.handle),
+    )
     rights = Rights([Operator("alice", ("*",), ("*",))])
     bus_of_records = RecordBus()
     made: dict[str, Any] = {"sink": bus_of_records, "clock": clock, "sequence": sequence}
     precautions = Policy(PolicySettings(), ["pump"], rights=rights, identities_memory=memory, **made)
     telemetry = StarterTelemetry(
         setup,
-        line=LocalLineClient(scheduler),
+        line=LineClient(scheduler, post_here),
         identities=precautions.identities,
         lock_of=precautions.logbook.lock_of,
         **made,
@@ -153,7 +142,7 @@ async def one_starter(
     companions.add(telemetry)
     commander = Dispatcher({"pump": telemetry}, rights=rights, precautions=precautions, **made)
     bus_of_records.connect(precautions, companions, sink)
-    router.starter = telemetry
+    router.add(telemetry)
     telemetry.start()
     companions.start()
     task = asyncio.create_task(scheduler.run())

@@ -13,9 +13,8 @@ import pytest
 from gateway.app.record_bus import RecordBus
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Variant
-from gateway.line.client import LocalLineClient
+from gateway.line.client import LineClient, post_here
 from gateway.line.line import Line
-from gateway.line.rtu.outcome import Outcome
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.records import AvailabilityRecord, EventRecord, SequenceNumbers
 from gateway.sim.bus.faults import Reply
@@ -31,8 +30,10 @@ from gateway.starters.services.services import StarterServices
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.polling import polls_of
 from gateway.starters.telemetry.telemetry import StarterTelemetry
+from tests.local_host import local_events
 from tests.starters.fakes import RecordingSink
 from tests.starters.rig import virtually
+from tests.starters.router import Router
 from tests.virtual_time import VirtualClock
 
 TIMING = LineTiming(19200, Framing.parse("8N2"))
@@ -55,21 +56,6 @@ class Site:
         return [event for event in self.sink.of(EventRecord) if event.code == code]
 
 
-class Router:
-    """A LineListener that tells everything to one starter."""
-
-    starter: StarterTelemetry
-
-    def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
-        self.starter.on_poll(key, outcome)
-
-    def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:
-        self.starter.on_unit(is_answering=is_answering, reason=reason, frames=frames)
-
-    def on_port(self, line: str, is_open: bool, reason: str) -> None:
-        pass
-
-
 @asynccontextmanager
 async def site(unit: SimulatedUnit) -> AsyncIterator[Site]:
     clock, sink, sequence = VirtualClock(asyncio.get_running_loop()), RecordingSink(), SequenceNumbers()
@@ -77,16 +63,22 @@ async def site(unit: SimulatedUnit) -> AsyncIterator[Site]:
     bus = SimulatedLine(TIMING, [unit])
     setup = StarterSetup("pump", "pumps", 1, load_profile(unit.family), Variant())
     router = Router()
-    scheduler = Line(name="pumps", opener=bus.opener(), timing=TIMING, polls=polls_of(setup), listener=router)
+    scheduler = Line(
+        name="pumps",
+        opener=bus.opener(),
+        timing=TIMING,
+        polls=polls_of(setup),
+        events=local_events(router.handle),
+    )
     telemetry = StarterTelemetry(
-        setup, line=LocalLineClient(scheduler), sink=records, clock=clock, sequence=sequence
+        setup, line=LineClient(scheduler, post_here), sink=records, clock=clock, sequence=sequence
     )
     rights = Rights([Operator("alice", ("*",), ("*",))])
     made: dict[str, Any] = {"sink": records, "clock": clock, "sequence": sequence}
     precautions = Policy(PolicySettings(), ["pump"], rights=rights, **made)
     companions = StarterServices(precautions, may_write=True, patrol_every_s=LAP_S, **made)
     companions.add(telemetry)
-    router.starter = telemetry
+    router.add(telemetry)
     commander = Dispatcher({"pump": telemetry}, rights=rights, precautions=precautions, **made)
     records.connect(precautions, companions, sink)
     telemetry.start()

@@ -11,7 +11,7 @@ from gateway.families.profile.load import FAMILIES
 from gateway.line.rtu.bus_faults import ADDRESS_CONFLICT, LINE_NOISE
 from gateway.records import AvailabilityRecord, EventRecord, StateRecord
 from gateway.sim.bus.faults import Noisy, NoReply
-from tests.starters.four_starters import Router, site
+from tests.starters.four_starters import site
 from tests.starters.rig import virtually
 
 
@@ -30,19 +30,11 @@ async def test_a_twentieth_of_the_replies_lost_for_200_s_takes_no_starter_offlin
 
 
 @virtually
-async def test_a_fifth_of_the_replies_noisy_accuses_no_address_of_conflict(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    troubles: list[str] = []
-
-    def note(self: object, line: str, code: str, unit: int, text: str, frames: tuple[str, ...]) -> None:
-        troubles.append(code)
-
-    monkeypatch.setattr(Router, "on_trouble", note, raising=False)
+async def test_a_fifth_of_the_replies_noisy_accuses_no_address_of_conflict() -> None:
     async with site() as here:
         for family in FAMILIES:
             here.bus.impair(here.unit(family).address, Noisy(0.02), chance=0.2)
         await asyncio.sleep(120.0)
 
-    assert LINE_NOISE in troubles
-    assert ADDRESS_CONFLICT not in troubles
+    assert LINE_NOISE in here.faults
+    assert ADDRESS_CONFLICT not in here.faults

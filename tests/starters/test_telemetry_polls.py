@@ -205,7 +205,7 @@ async def test_one_exception_to_the_status_word_changes_nothing(code: int) -> No
     rig.poll(STATUS)
     rig.line.rules.clear()
 
-    assert STATUS in rig.line.hastened
+    assert STATUS in rig.line.expedited
     rig.unit.holding[VB01] = READY | FAULT
     rig.poll(STATUS)
     rig.poll(STATUS)

@@ -96,7 +96,7 @@ async def test_a_fault_is_told_with_the_values_before_it() -> None:
     assert event.code == "fault"
     assert event.data["from"] == "running"
     assert event.data["before"][-1]["values"]["current"] == 81.5
-    assert VALUES in rig.line.hastened
+    assert VALUES in rig.line.expedited
 
 
 @virtually
@@ -223,11 +223,11 @@ async def test_what_one_reading_says_alone_is_no_event() -> None:
 async def test_a_change_has_the_status_read_again_at_once_and_bears_the_time_of_the_first_reading() -> None:
     rig = await Rig().online()
     rig.unit.holding[VB01] = AT_SPEED
-    rig.line.hastened.clear()
+    rig.line.expedited.clear()
 
     rig.poll(STATUS)
     first_s = rig.clock.utc_s()
-    assert rig.line.hastened == [STATUS]
+    assert rig.line.expedited == [STATUS]
     await asyncio.sleep(0.3)
     rig.poll(STATUS)
 

@@ -17,7 +17,7 @@ from gateway.app.record_bus import RecordBus
 from gateway.errors import StartError
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
-from gateway.line.client import LocalLineClient
+from gateway.line.client import LineClient, post_here
 from gateway.line.line import Line
 from gateway.modbus.adu import decode
 from gateway.modbus.timing import Framing, LineTiming
@@ -44,9 +44,11 @@ from gateway.system.clock import ClockWatch
 from gateway.system.clock_steps import ClockReading
 from gateway.system.instance_lock import instance_lock
 from gateway.system.suspend_watch import SuspendWatch
+from tests.local_host import local_events
 from tests.starters.fakes import RUN_COIL
-from tests.starters.four_starters import LostWrites, Router
+from tests.starters.four_starters import LostWrites
 from tests.starters.plant import FakeMemory
+from tests.starters.router import Router
 from tests.virtual_time import VirtualClock
 
 TIMING = LineTiming(19200, Framing.parse("8N2"))
@@ -168,11 +170,13 @@ class GatewayWorld:
         profile = load_profile("ssw07")
         setups = [StarterSetup(name, "x", number, profile, Variant()) for number, name in enumerate(NAMES, 1)]
         polls = [poll for setup in setups for poll in polls_of(setup)]
-        scheduler = Line(name="x", opener=self.bus.opener(), timing=TIMING, polls=polls, listener=router)
+        scheduler = Line(
+            name="x", opener=self.bus.opener(), timing=TIMING, polls=polls, events=local_events(router.handle)
+        )
         self.telemetries = {
             setup.name: StarterTelemetry(
                 setup,
-                line=LocalLineClient(scheduler),
+                line=LineClient(scheduler, post_here),
                 sink=bus,
                 clock=self.clock,
                 sequence=sequence,
@@ -191,7 +195,7 @@ class GatewayWorld:
         )
         self.commander.recall(list(self.journal.kept.values()))
         for telemetry in self.telemetries.values():
-            router.starters[telemetry.setup.address] = telemetry
+            router.add(telemetry)
             telemetry.start()
         self._serving = asyncio.create_task(scheduler.run())
         self.reception = IncomingCommands(

@@ -16,10 +16,9 @@ from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Variant
 from gateway.line.capacity.forecast import forecast, longest_gap_s
 from gateway.line.capacity.outage import WIDE_FACTOR, first_request_s, gaps_of, start_order
-from gateway.line.client import LocalLineClient
+from gateway.line.client import LineClient, post_here
 from gateway.line.line import Line
 from gateway.line.port_recovery import DEAF_AFTER_S
-from gateway.line.rtu.outcome import Outcome
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.mqtt.contract.topics import to_level
 from gateway.records import Quality, Record, ResultRecord, SequenceNumbers, StateRecord, ValueRecord
@@ -31,6 +30,8 @@ from gateway.starters.policy.rights import Operator, Rights
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.polling import polls_of
 from gateway.starters.telemetry.telemetry import StarterTelemetry
+from tests.local_host import local_events
+from tests.starters.router import Router
 from tests.torture.scenario import Row
 from tests.torture.starters import SILENCE_TRIPS, watching_unit
 from tests.torture.truth import Truth
@@ -66,27 +67,6 @@ class JudgingSink:
                 self.finals.setdefault(record.id or "", []).append(record)
             case _:
                 self.codes[getattr(record, "code", "")] += 1
-
-
-class LineWatch:
-    """A LineListener of one line."""
-
-    def __init__(self, judge: JudgingSink) -> None:
-        self.starters: dict[int, StarterTelemetry] = {}
-        self.judge = judge
-
-    def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
-        self.starters[unit].on_poll(key, outcome)
-
-    def on_unit(self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]) -> None:
-        self.starters[unit].on_unit(is_answering=is_answering, reason=reason, frames=frames)
-
-    def on_trouble(self, line: str, code: str, unit: int, text: str, frames: tuple[str, ...]) -> None:
-        self.judge.codes[code] += 1
-
-    def on_port(self, line: str, is_open: bool, reason: str) -> None:
-        for starter in () if is_open else self.starters.values():
-            starter.on_unit(is_answering=False, reason=reason)
 
 
 @dataclass
@@ -138,17 +118,17 @@ async def virtual_line(seed: int, *, every_s: float = 1.0) -> AsyncIterator[Virt
     for setup, unit in zip(setups, units, strict=True):
         judge.truths[setup.name] = [Truth(unit, setup.name, setup.name, _twin(setup))]
     bus = SimulatedLine(TIMING, units, seed=seed)
-    ear = LineWatch(judge)
+    ear = Router(lambda code: judge.codes.update((code,)))
     scheduler = Line(
         name="hall",
         opener=bus.opener(),
         timing=TIMING,
         polls=polls,
-        listener=ear,
+        events=local_events(ear.handle),
         seed=seed,
         deaf_after_s=DEAF_AFTER_S,
     )
-    line = LocalLineClient(scheduler)
+    line = LineClient(scheduler, post_here)
     telemetries = {
         setup.name: StarterTelemetry(setup, line=line, sink=judge, clock=clock, sequence=sequence)
         for setup in setups
@@ -156,7 +136,7 @@ async def virtual_line(seed: int, *, every_s: float = 1.0) -> AsyncIterator[Virt
     rights = Rights([Operator("alice", ("*",), ("*",))])
     commander = Dispatcher(telemetries, rights=rights, sink=judge, clock=clock, sequence=sequence)
     for telemetry in telemetries.values():
-        ear.starters[telemetry.setup.address] = telemetry
+        ear.add(telemetry)
         telemetry.start()
     task = asyncio.create_task(scheduler.run())
     await asyncio.sleep(SETTLED_S)

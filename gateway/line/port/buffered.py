@@ -1,18 +1,14 @@
 """Ports that are open: bytes that wait for their reader, waits that end on time.
 
 How early a wait must be woken on this machine, so that it ends on time.
-
-A future whose task goes on the moment it is woken, not in the loop's next turn.
 """
 
 from __future__ import annotations
 
 import abc
 import asyncio
-from collections.abc import Callable, Generator
-from contextvars import Context
 from math import inf
-from typing import Any, cast
+from typing import cast
 
 from gateway.errors import PortLostError
 
@@ -35,67 +31,6 @@ class EarlyWakeUp:
             self.seconds = max(self.seconds - _LATER_S, LEAST_S)
 
 
-class ImmediateFuture:
-    """What one task waits for, once; speaks asyncio's protocol for things that a task may await.
-
-    An `asyncio.Future` tells its task through the loop: one more turn, one more handle, some 50 us of
-    processor time that a line has to spend several times for each request.
-    """
-
-    _asyncio_future_blocking = False
-
-    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
-        self._loop = loop
-        self._is_done = self._is_cancelled = False
-        self._call: Callable[[Any], object] | None = None
-        self._context: Context | None = None
-
-    def __await__(self) -> Generator[ImmediateFuture]:
-        """Wait until woken."""
-        if not self._is_done:
-            self._asyncio_future_blocking = True
-            yield self
-        self.result()
-
-    def wake(self) -> None:
-        """Let the task go on, at once unless another one is running; only the first call does anything."""
-        if self._is_done:
-            return
-        self._is_done = True
-        if self._call is None or self._context is None:
-            return
-        if asyncio.current_task(self._loop) is None:
-            self._context.run(self._call, self)
-        else:
-            self._loop.call_soon(self._call, self, context=self._context)
-
-    def done(self) -> bool:
-        """Return whether it was woken or cancelled."""
-        return self._is_done
-
-    def result(self) -> None:
-        """Return nothing; raise CancelledError when it was cancelled."""
-        if self._is_cancelled:
-            raise asyncio.CancelledError
-
-    def cancel(self, msg: Any = None) -> bool:  # noqa: ARG002 - a future's shape
-        """Wake the task with a cancellation; asyncio calls this."""
-        if self._is_done:
-            return False
-        self._is_done = self._is_cancelled = True
-        if self._call is not None:
-            self._loop.call_soon(self._call, self, context=self._context)
-        return True
-
-    def add_done_callback(self, call: Callable[[Any], object], *, context: Context) -> None:
-        """Take what lets the task go on; asyncio calls this."""
-        self._call, self._context = call, context
-
-    def get_loop(self) -> asyncio.AbstractEventLoop:
-        """Return the loop; asyncio compares it with the task's."""
-        return self._loop
-
-
 KEPT_BYTES = 4096  # unread; more than the longest frame many times over
 CLOSED_BY_OTHER = "lost: closed by the other side"
 
@@ -112,18 +47,13 @@ class OpenPort(asyncio.Protocol, abc.ABC):
         self._transport: asyncio.Transport | None = None
         self._received = bytearray()
         self._wanted = 1  # bytes for which whoever reads is woken
-        self._last_byte_s = -inf
-        self._waiter: ImmediateFuture | None = None
+        self.last_byte_s = -inf  # when the latest were handed over: never before they arrived
+        self._waiter: asyncio.Future[None] | None = None
         self._lead = EarlyWakeUp()  # a read ends so long before its time: waking up and writing take as long
         self._was_woken = False  # the latest read, by the time
         self._hold_s = -inf  # until then nothing is written
         self._lost: str | None = None  # the reason
         self._closed = asyncio.Event()
-
-    @property
-    def last_byte_s(self) -> float:
-        """When the latest bytes were handed over by the driver, which is never before they arrived."""
-        return self._last_byte_s
 
     @abc.abstractmethod
     def write(self, frame: bytes) -> None:
@@ -144,7 +74,17 @@ class OpenPort(asyncio.Protocol, abc.ABC):
                 self._look_once()
                 self._hold_s = until_s
                 break
-            self._was_woken = await self._wait(until_s - self._lead.seconds, count)
+            self._wanted = count
+            self._waiter = asyncio.Future(loop=self._loop)
+            self._await_rest()
+            timer = self._loop.call_at(until_s - self._lead.seconds, self._wake)
+            try:
+                await self._waiter
+            finally:
+                timer.cancel()
+                self._waiter = None
+                self._wanted = 1
+            self._was_woken = len(self._received) < count and self._lost is None
         chunk = bytes(self._received)
         self._received.clear()
         return chunk
@@ -179,7 +119,7 @@ class OpenPort(asyncio.Protocol, abc.ABC):
         """Keep bytes that have just been handed over, the driver being asked for them at `asked_s`."""
         now_s = self._time()
         # What is here was here when we asked, unless that took us so long that more can have come meanwhile.
-        self._last_byte_s = asked_s if now_s - asked_s < _AT_ONCE_S else now_s
+        self.last_byte_s = asked_s if now_s - asked_s < _AT_ONCE_S else now_s
         self._received += data
         del self._received[:-KEPT_BYTES]
 
@@ -196,23 +136,9 @@ class OpenPort(asyncio.Protocol, abc.ABC):
     def _look_once(self) -> None:
         """Take what has arrived, without waiting."""
 
-    async def _wait(self, until_s: float, count: int) -> bool:
-        """Wait until then, or for so many bytes; return whether it was the time that ended it."""
-        self._wanted = count
-        self._waiter = ImmediateFuture(self._loop)
-        self._await_rest()
-        timer = self._loop.call_at(until_s, self._wake)
-        try:
-            await self._waiter
-        finally:
-            timer.cancel()
-            self._waiter = None
-            self._wanted = 1
-        return len(self._received) < count and self._lost is None
-
     def _await_rest(self) -> None:
         """Prepare for bytes that are awaited from now on, some of which may be under way."""
 
     def _wake(self) -> None:
-        if self._waiter is not None:
-            self._waiter.wake()
+        if self._waiter is not None and not self._waiter.done():
+            self._waiter.set_result(None)

@@ -1,26 +1,18 @@
-"""A selector for the lines' loop: exact waits, few system calls, and it knows how late the loop is.
+"""A selector for the lines' loop: exact waits, and it knows how late the loop is.
 
-select() takes its timeout in microseconds where epoll takes whole milliseconds; the kernel lets it run over
-by the thread's timer slack, 50 us unless it is told otherwise [prctl(2), PR_SET_TIMERSLACK].
+select() takes its timeout in microseconds where epoll takes whole milliseconds.
 """
 
 from __future__ import annotations
 
 import asyncio
-import contextlib
-import ctypes
 import math
-import select
 import selectors
 import time
 from collections.abc import Callable
 from typing import Any
 
-LOOK_EVERY_S = 0.0005  # at files, while there is something else to do
 DESCRIPTOR_LIMIT = 1024  # FD_SETSIZE
-
-_PR_SET_TIMERSLACK = 29
-_SHORTEST_SLACK_NS = 1
 
 NoteDelay = Callable[[float, float], None]  # so many seconds too late, and when that was
 
@@ -31,10 +23,7 @@ class PreciseSelector(selectors.SelectSelector):
     def __init__(self, note_delay: NoteDelay | None = None) -> None:
         super().__init__()
         self._note_delay = note_delay
-        self._read_only: dict[int, selectors.SelectorKey] = {}
-        self._others = 0  # files of which more than their reading is watched
-        self._first: dict[int, Callable[[], None]] = {}  # by descriptor: what is done before all else
-        self._looked_s = -math.inf  # when files were looked at last
+        self._quick: dict[int, Callable[[], None]] = {}  # by descriptor: called here, not by the loop
         self._returned_s = math.inf
 
     def register(self, fileobj: Any, events: int, data: Any = None) -> selectors.SelectorKey:
@@ -42,66 +31,54 @@ class PreciseSelector(selectors.SelectSelector):
         number = fileobj if isinstance(fileobj, int) else fileobj.fileno()
         if number >= DESCRIPTOR_LIMIT:
             raise ValueError(f"descriptor {number} is not below {DESCRIPTOR_LIMIT}: too many open files")
-        key = super().register(fileobj, events, data)
-        if events == selectors.EVENT_READ:
-            self._read_only[key.fd] = key
-        else:
-            self._others += 1
-        return key
+        return super().register(fileobj, events, data)
 
-    def do_first(self, number: int, call: Callable[[], None]) -> None:
-        """Have something done the moment a watched descriptor can be read, before the loop hears of it."""
-        self._first[number] = call
+    def add_quick_reader(self, number: int, call: Callable[[], None]) -> None:
+        """Have something called the moment a descriptor can be read, before the loop's next callbacks."""
+        self.register(number, selectors.EVENT_READ)
+        self._quick[number] = call
 
     def unregister(self, fileobj: Any) -> selectors.SelectorKey:
         """Watch a file no more."""
         key = super().unregister(fileobj)
-        self._first.pop(key.fd, None)
-        if self._read_only.pop(key.fd, None) is None:
-            self._others -= 1
+        self._quick.pop(key.fd, None)
         return key
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        """Return what is ready, as every selector does.
-
-        A loop that has callbacks to run asks without waiting between them; files then are looked at only
-        every so often, since the next true wait will tell of them anyway.
-        """
+        """Return what is ready, as every selector does, but for the quick readers, which are called."""
         asked_s = time.monotonic()
-        if timeout is not None and timeout <= 0 and asked_s - self._looked_s < LOOK_EVERY_S:
-            return []
-        ready = self._look(timeout)
-        self._looked_s = time.monotonic()
+        found = super().select(timeout)
+        now_s = time.monotonic()
         if self._note_delay is not None:
-            late_s = 0.0 if timeout is None or ready else self._looked_s - asked_s - max(timeout, 0.0)
-            self._note_delay(max(asked_s - self._returned_s, late_s, 0.0), self._looked_s)
-        self._returned_s = self._looked_s
-        return ready
-
-    def _look(self, timeout: float | None) -> list[tuple[selectors.SelectorKey, int]]:
-        """Do as the class above, for the usual case in less time: nobody waits to write."""
-        if self._others:
-            return super().select(timeout)
-        waits_s = None if timeout is None else max(timeout, 0.0)
-        readable, _, _ = select.select(self._read_only, (), (), waits_s)
-        ready = [(self._read_only[number], selectors.EVENT_READ) for number in readable]
-        for number in readable:
-            if number in self._first:
-                self._first[number]()
+            late_s = 0.0 if timeout is None or found else now_s - asked_s - max(timeout, 0.0)
+            self._note_delay(max(asked_s - self._returned_s, late_s, 0.0), now_s)
+        ready = []
+        for key, events in found:
+            call = self._quick.get(key.fd)
+            if call is None:
+                ready.append((key, events))
+            else:
+                call()
+        self._returned_s = now_s
         return ready
 
 
 class PreciseLoop(asyncio.SelectorEventLoop):
     """A loop on a PreciseSelector."""
 
+    time = staticmethod(time.monotonic)  # what asyncio's method returns, some twenty times a transaction
+
     def __init__(self, note_delay: NoteDelay | None = None) -> None:
         self._precise = PreciseSelector(note_delay)
         super().__init__(self._precise)
 
-    def add_quick_reader(self, number: int, take: Callable[[], None], tell: Callable[[], None]) -> None:
-        """Call `take` the moment a descriptor can be read, and `tell` in the loop's turn after that."""
-        self.add_reader(number, tell)
-        self._precise.do_first(number, take)
+    def add_quick_reader(self, number: int, call: Callable[[], None]) -> None:
+        """Call `call` the moment a descriptor can be read; what it wakes goes on in the same round."""
+        self._precise.add_quick_reader(number, call)
+
+    def remove_quick_reader(self, number: int) -> None:
+        """Watch a descriptor no more."""
+        self._precise.unregister(number)
 
 
 def new_precise_loop(note_delay: NoteDelay | None = None) -> PreciseLoop:
@@ -109,7 +86,4 @@ def new_precise_loop(note_delay: NoteDelay | None = None) -> PreciseLoop:
 
     `note_delay` is told after each wait how long what ran before it took, or how late it ended.
     """
-    # Without this, waits end 50 us later, and ports learn to allow for that.
-    with contextlib.suppress(AttributeError, OSError):
-        ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, _SHORTEST_SLACK_NS, 0, 0, 0)
     return PreciseLoop(note_delay)

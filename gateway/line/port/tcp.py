@@ -1,4 +1,4 @@
-"""TODO"""
+"""An open serial server over TCP."""
 
 from __future__ import annotations
 

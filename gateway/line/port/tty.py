@@ -62,9 +62,7 @@ class TtyPort(OpenPort):
         self._fd = device.fileno()
         self._character_s = character_s
         self._is_watched = False  # the loop tells each arrival
-        self._is_fetched = False  # what the loop is about to tell
         self._look_timer: asyncio.TimerHandle | None = None
-        self._count = bytearray(4)  # for the driver's answer: bytes that wait
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Take the transport; asyncio calls this, and gives it the descriptor right afterwards."""
@@ -115,9 +113,8 @@ class TtyPort(OpenPort):
             self._watch()
 
     def _on_readable(self) -> None:
-        if not self._is_fetched:
-            self._fetch()
-        self._is_fetched = False
+        """Take what has arrived at the moment when that is known: what comes after it is the silence."""
+        self._look_once()
         if len(self._received) >= self._wanted or self._lost is not None:
             self._wake()
         elif self._waiter is not None:
@@ -128,21 +125,13 @@ class TtyPort(OpenPort):
         lacking = self._wanted - len(self._received)
         if lacking < DOZE_FROM:
             return
-        awake_s = self._last_byte_s + (lacking - 1) * self._character_s - _AWAKE_S
+        awake_s = self.last_byte_s + (lacking - 1) * self._character_s - _AWAKE_S
         if awake_s > self._time():
             self._look_away()
             self._look_timer = self._loop.call_at(awake_s, self._look)
 
     def _look_once(self) -> None:
-        """Take what has arrived, without waiting; a read that finds nothing raises, which costs more."""
-        if self._lost is None:
-            with contextlib.suppress(OSError):  # the read, or else the write, will tell
-                fcntl.ioctl(self._fd, termios.FIONREAD, self._count)
-                if not any(self._count):
-                    return
-        self._fetch()
-
-    def _fetch(self) -> None:
+        """Take what has arrived, without waiting."""
         if self._lost is not None or self._transport is None:
             return  # gone, or not quite open: until then an empty read means nothing
         asked_s = self._time()
@@ -158,11 +147,6 @@ class TtyPort(OpenPort):
         else:
             self._give_up(CLOSED_BY_OTHER)
 
-    def _fetch_first(self) -> None:
-        """Take what has arrived at the moment when that is known: what comes after it is the silence."""
-        self._fetch()
-        self._is_fetched = True
-
     def _give_up(self, reason: str) -> None:
         self._lost = reason
         self._look_away()
@@ -176,16 +160,18 @@ class TtyPort(OpenPort):
     def _watch(self) -> None:
         self._look_timer = None
         if isinstance(self._loop, PreciseLoop):
-            self._loop.add_quick_reader(self._fd, self._fetch_first, self._on_readable)
+            self._loop.add_quick_reader(self._fd, self._on_readable)
         else:
             self._loop.add_reader(self._fd, self._on_readable)
         self._is_watched = True
-        self._is_fetched = False
 
     def _look_away(self) -> None:
         if self._look_timer is not None:
             self._look_timer.cancel()
             self._look_timer = None
         if self._is_watched:
-            self._loop.remove_reader(self._fd)
             self._is_watched = False
+            if isinstance(self._loop, PreciseLoop):
+                self._loop.remove_quick_reader(self._fd)
+            else:
+                self._loop.remove_reader(self._fd)

@@ -1,4 +1,4 @@
-"""A request in the bytes that go on the wire, reckoned once and sent as often as it is asked."""
+"""A request in the bytes that go on the wire."""
 
 from __future__ import annotations
 
@@ -52,23 +52,3 @@ class EncodedRequest:
             asked or request,
             cut,
         )
-
-
-class RequestCache:
-    """The latest preparation of each poll."""
-
-    def __init__(self) -> None:
-        self._known: dict[str, EncodedRequest] = {}
-
-    def of(self, key: str | None, unit: int, request: Request) -> EncodedRequest:
-        """Return a request prepared, from memory when it is that of the poll `key` asked before."""
-        if key is None:
-            return EncodedRequest.of(unit, request)
-        known = self._known.get(key)
-        if known is None or known.request is not request or known.unit != unit:
-            known = self._known[key] = EncodedRequest.of(unit, request)
-        return known
-
-    def forget(self, key: str) -> None:
-        """Drop what is kept of a poll that is gone."""
-        self._known.pop(key, None)

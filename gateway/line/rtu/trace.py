@@ -19,6 +19,7 @@ class Trace:
     def __init__(self, line: str, *, size: int = 16) -> None:
         self._line = line
         self._ring: deque[tuple[float, str, bytes]] = deque(maxlen=size)
+        self._is_logged = logger.isEnabledFor(logging.DEBUG)
         self.tap: Tap | None = None  # is given every frame too
 
     def sent(self, at_s: float, frame: bytes) -> None:
@@ -41,5 +42,5 @@ class Trace:
         self._ring.append((at_s, direction, frame[:LONGEST_SHOWN]))
         if self.tap is not None:
             self.tap(at_s, direction, frame)
-        if logger.isEnabledFor(logging.DEBUG):
+        if self._is_logged:
             logger.debug("line=%s %.6f %s %s", self._line, at_s, direction, frame.hex(" "))

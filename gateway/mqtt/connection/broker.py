@@ -11,7 +11,6 @@ from gateway.errors import BrokerError
 from gateway.mqtt.connection.reconnect import Notice, Version, VersionChoice, perhaps_taken_over
 from gateway.mqtt.connection.session import CONNECTION_LOST, Session
 from gateway.mqtt.connection.settings import BrokerSettings
-from gateway.mqtt.connection.unread import Unread
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.freshness import EVERY_S
 from gateway.mqtt.contract.payloads import Message
@@ -71,12 +70,10 @@ class BrokerConnection:
         on_incoming: Callable[[Incoming], None],
         on_link: Callable[[bool, str], None],
         on_notice: Callable[[Notice], None] = lambda _: None,
-        unread: Unread | None = None,
         pulse: Callable[[], Message] | None = None,
         on_version: Callable[[Version], None] = lambda _: None,
     ) -> None:
         self._settings = settings
-        self._unread = unread or Unread()
         self._source = source
         self._command_filter = command_filter
         self._will = will
@@ -154,7 +151,6 @@ class BrokerConnection:
             will=self._will(),
             on_incoming=self._on_incoming,
             on_ack=self._acked,
-            unread=self._unread,
         )
         try:
             await session.connect()

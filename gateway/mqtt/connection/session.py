@@ -33,7 +33,6 @@ from gateway.mqtt.connection.reconnect import (
     unreachable,
 )
 from gateway.mqtt.connection.settings import BrokerSettings
-from gateway.mqtt.connection.unread import Unread
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.payloads import Message
 
@@ -74,7 +73,6 @@ class Session:
         will: Message | None,
         on_incoming: Callable[[Incoming], None],
         on_ack: Callable[[int, int], None],
-        unread: Unread | None = None,
     ) -> None:
         self._loop = asyncio.get_running_loop()
         self._settings = settings
@@ -82,7 +80,6 @@ class Session:
         self._will = will
         self._on_incoming = on_incoming
         self._on_ack = on_ack
-        self._unread = unread or Unread()
         self._connack: asyncio.Future[None] = self._loop.create_future()
         self._suback: asyncio.Future[int] = self._loop.create_future()
         self._tickets: dict[int, tuple[int, float]] = {}  # by packet id: ticket, time sent
@@ -226,8 +223,7 @@ class Session:
         self._sock = self._client.socket()
         self._is_served = True
         self._loop.add_reader(self._sock, self._read)
-        self._unread.watch(self._sock.fileno())
-        self._readable.register(self._sock, select.POLLIN)  # not that of `unread`, which another thread asks
+        self._readable.register(self._sock, select.POLLIN)
         self._loop.add_writer(self._sock, self._client.loop_write)  # CONNECT is waiting already
         self._tick()
 
@@ -235,17 +231,11 @@ class Session:
         if self._misc is not None:
             self._misc.cancel()
         if self._sock is not None:
-            self._unread.forget()
             self._loop.remove_reader(self._sock)
             self._loop.remove_writer(self._sock)
             self._sock = None
 
     def _read(self) -> None:
-        self._unread.begin()
-        self._read_on()
-        self._loop.call_soon(self._unread.end)  # after what was received has been handed over
-
-    def _read_on(self) -> None:
         until_s = self._loop.time() + READ_FOR_S
         for _ in range(READS_AT_ONCE):
             try:

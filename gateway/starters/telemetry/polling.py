@@ -109,7 +109,7 @@ class Polling:
         polled = self._polled[key]
         polled.refusals.note(at_s)
         if not polled.is_refused:
-            self._line.hasten(key)
+            self._line.expedite(key)
             return ()
         if len(polled.block.codes) > 1:
             if not isinstance(polled.block, MappedBlock):  # which has to be given up as a whole
@@ -226,13 +226,13 @@ class Polling:
     def hasten(self) -> None:
         """Have everything read now."""
         for key in self._polled:
-            self._line.hasten(key)
+            self._line.expedite(key)
 
     def hasten_status(self) -> None:
         """Have the status read now."""
         for key, polled in self._polled.items():
             if polled.block.group == "status":
-                self._line.hasten(key)
+                self._line.expedite(key)
 
     def take_overdue(self, now_s: float) -> tuple[str, ...]:
         """Return the codes that have become overdue, once."""

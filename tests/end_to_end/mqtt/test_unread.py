@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import asyncio
 
-from gateway.mqtt.connection.broker import BrokerConnection
 from gateway.mqtt.connection.unread import Unread
+
+from gateway.mqtt.connection.broker import BrokerConnection
 from gateway.mqtt.contract.commands import Incoming
 from tests.mosquitto import StartMosquitto
 from tests.mqtt.rig import MqttRig, settings
