@@ -227,11 +227,12 @@ async def test_what_is_no_fingerprint_in_the_file_is_passed_over() -> None:
 
 
 class WithoutVersion:
-    """An impairment: the reply with S3.2.1 is lost, so that only FC43 says a version."""
+    """An impairment: replies with S3.2.1 (121) are lost in whatever form, so that only FC43 says a version."""
 
     def apply(self, reply: Reply, dice: random.Random) -> tuple[Reply, ...]:
         pdu = decode(reply.adu).pdu
-        return () if len(pdu) == 4 and pdu[0] == 3 else (reply,)
+        words = [pdu[at : at + 2] for at in range(2, len(pdu), 2)]
+        return () if pdu[0] == 3 and (121).to_bytes(2, "big") in words else (reply,)
 
 
 @virtually
