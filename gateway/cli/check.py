@@ -233,7 +233,10 @@ def _site_warnings(config: Config, folder: Path) -> Iterator[str]:
 
 
 def _problems(error: ConfigError) -> list[dict[str, Any]]:
-    return [{"line": p.line, "key": p.key, "what": p.what, "hint": p.hint} for p in error.problems]
+    keys = ("hint", "mend")  # the second is its name of before 0.2: keys are only added
+    return [
+        {"line": p.line, "key": p.key, "what": p.what, **dict.fromkeys(keys, p.hint)} for p in error.problems
+    ]
 
 
 def _as_json(line: LineCapacity) -> dict[str, Any]:

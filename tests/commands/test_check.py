@@ -79,6 +79,7 @@ def test_json_has_the_problems_of_a_wrong_configuration(
             "key": "line[0].starter[1].address",
             "what": "1 is also line[0].starter[0].address",
             "hint": "each starter on a line needs its own address",
+            "mend": "each starter on a line needs its own address",
         }
     ]
     assert captured.err.startswith("starter-gateway: ")
