@@ -64,7 +64,7 @@ async def test_a_status_word_refused_for_a_while_is_known_soon_after(
         events = [r.code for r in ours if isinstance(r, EventRecord)]
         assert states[-1:] != ["unknown"]
         assert here.telemetries[family].snapshot.good_values()["running"] is False
-        # A word answered in another form meanwhile (its bits as coils) is known; the block is tried again.
+        # A word answered in another form (its bits as coils) is known; then its block is tried again.
         assert available == ["degraded", "online"] * (len(available) // 2)
         assert events == ["degraded", "recovered"] * (len(events) // 2)
         assert len(events) <= 4
