@@ -227,7 +227,7 @@ async def test_what_is_no_fingerprint_in_the_file_is_passed_over() -> None:
 
 
 class WithoutVersion:
-    """An impairment: replies with S3.2.1 (121) are lost in whatever form, so that only FC43 says a version."""
+    """An impairment: replies with S3.2.1 (121) are lost in any form, so that only FC43 says a version."""
 
     def apply(self, reply: Reply, dice: random.Random) -> tuple[Reply, ...]:
         pdu = decode(reply.adu).pdu
