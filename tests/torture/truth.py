@@ -60,6 +60,7 @@ class Truth:
             for row in self._profile.rows_at.get((table, request.address + at), ())
             if at + row.words <= request.count
         }
+        rows |= _words_of_bits(rows)
         self._known.update(rows)
         for variant in self._variants:
             told, _ = self._sources.tell(variant, rows, known=self._known)
@@ -77,3 +78,17 @@ class Truth:
                 answers[question.tag] = None
         setup = StarterSetup(self.name, "line", 1, self._profile, Variant())
         return merged(setup.variant, identify(self._profile, answers))
+
+
+def _words_of_bits(rows: dict[str, tuple[int, ...]]) -> dict[str, tuple[int, ...]]:
+    """Return the words whose 16 bits were read as coils: a status may be read in that form."""
+    bits: dict[str, dict[int, int]] = {}
+    for code, (value, *_) in rows.items():
+        word, _, place = code.rpartition(".")
+        if word and place.isdecimal():
+            bits.setdefault(word, {})[int(place)] = value
+    return {
+        word: (sum(value << place for place, value in each.items()),)
+        for word, each in bits.items()
+        if each.keys() == set(range(16))
+    }
