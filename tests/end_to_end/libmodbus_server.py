@@ -51,7 +51,7 @@ def serve(port: str, baud: int, unit: int, words: dict[int, int]) -> None:
     modbus.modbus_set_slave(context, ctypes.c_int(unit))
     if modbus.modbus_connect(context) != 0:
         raise OSError(ctypes.get_errno(), "modbus_connect")
-    mapping = modbus.modbus_mapping_new(256, 256, 6000, 6000)
+    mapping = modbus.modbus_mapping_new(0, 0, 6000, 6000)  # no coils: they would contradict the words
     for address, word in words.items():
         mapping.contents.tab_registers[address] = word
     print("serving", flush=True)

@@ -119,6 +119,7 @@ class Status:
             name: (values[name], all_readings[name].at_s or 0.0) for name in deciding if name in values
         }
         if self._state != UNKNOWN:
+            self._watch.begin(self._state)
             # Of one reading as a whole: flags that settle one by one may never have stood together.
             readings[STATE] = (self._state, min([readings[n][1] for n in self._flags if n in readings]))
         self._settled.note(readings)

@@ -53,7 +53,7 @@ class Settled:
             if name in self._values and self._values[name] == value:
                 continue
             before = self._waiting.get(name)
-            if before is None or before[0] != value:
+            if before is None or not _agree(before[0], value):
                 waiting[name] = (value, at_s)
             elif at_s > before[1]:
                 self._values[name] = value
@@ -76,6 +76,11 @@ class Settled:
         return self._values
 
 
+def _agree(one: Any, other: Any) -> bool:
+    """Return whether two readings say the same of what makes events: starting and running are both started."""
+    return bool(one == other) or {str(one), str(other)} <= STARTED
+
+
 class Watch:
     """Compares each settled status with the last one; a fault that stands at the first look is told too.
 
@@ -84,8 +89,13 @@ class Watch:
 
     def __init__(self) -> None:
         self._state: str | None = None
+        self._first: str | None = None
         self._remote: bool | None = None
         self._started_s: float | None = None
+
+    def begin(self, state: str) -> None:
+        """Record the first state of all, read once: a motor that is then found on was started since."""
+        self._first = self._first or state
 
     def note(
         self, state: str, *, remote: bool | None, time_s: float, is_known: bool = False
@@ -103,6 +113,8 @@ class Watch:
 
     def _of_state(self, state: str, time_s: float, *, is_known: bool) -> list[Change]:
         before = self._state
+        if before is None and state in STARTED and self._first in AT_REST:
+            before = self._first
         if before is None and state == "fault" and not is_known:
             at_first: dict[str, Any] = {"from": None, "to": state}
             return [Change("fault", Severity.ERROR, "fault, found at the first reading", at_first)]
