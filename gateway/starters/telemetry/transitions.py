@@ -77,7 +77,7 @@ class Settled:
 
 
 def _agree(one: Any, other: Any) -> bool:
-    """Return whether two readings say the same of what makes events: starting and running are both started."""
+    """Return whether two readings say the same of what makes events: starting and running are both on."""
     return bool(one == other) or {str(one), str(other)} <= STARTED
 
 
