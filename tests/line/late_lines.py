@@ -1,6 +1,7 @@
 """Asks the starters of lines that are late to different degrees, and counts what is taken for what.
 
-`python -m tests.line.late_lines 10000000` asks as often as that, in as many processes as there are cores.
+`python -m tests.line.late_lines 10000000` asks as often as that, in as many processes as there are cores;
+a second number says in how many processes.
 """
 
 from __future__ import annotations
@@ -45,6 +46,7 @@ LIMITS_S = (0.010, 0.020, 0.100)
 FULL, LIGHT_S = 0.0, (0.3, 1.0)
 SLOW_CHANGES = (0.003, 0.05)  # shares of the requests before which what the starters say changes
 LOST = (0.05, 0.8)  # shares of the missing or faulty replies that never come, where some do not
+PARTS = 20  # of all requests, each with a seed of its own
 MOST_LOOKS = 40  # at what is due, before it is waited for something to become due
 
 
@@ -296,12 +298,12 @@ _BLOCKS = {family: _blocks(family) for family in FAMILIES}
 def main() -> None:
     """Print what so many requests brought."""
     transactions = int(sys.argv[1])
-    cores = os.cpu_count() or 1
-    parts = cores * 10
+    processes = int(sys.argv[2]) if len(sys.argv) > 2 else os.cpu_count() or 1
     tally = Tally()
-    with ProcessPoolExecutor(cores) as pool:
-        for part in pool.map(partial(_ask_part, transactions // parts), range(parts)):
+    with ProcessPoolExecutor(processes) as pool:
+        for part in pool.map(partial(_ask_part, transactions // PARTS), range(PARTS)):
             tally.add(part)
+            sys.stderr.write(f"{tally.asked} requests, {tally.wrong} wrong\n")
     lines = [
         f"requests {tally.asked}, answered {tally.answered}, replies {dict(tally.counts)}",
         f"alternates {tally.alternates}, series {tally.series}",

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import asyncio
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
+from gateway.line.events import LineEvent, PollResult
 from gateway.line.line import Line
-from gateway.line.rtu.outcome import Answered, Outcome
+from gateway.line.rtu.outcome import Answered
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.sim.bus.faults import NoReply
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.factory import make_unit
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.polling import polls_of
+from tests.local_host import local_events
 from tests.virtual_time import run_virtually
 
 TIMING = LineTiming(19200, Framing.parse("8E1"))
@@ -24,27 +26,8 @@ EIGHT = ("ssw07", "ssw06", "ssw900", "sst") * 2
 COLD_S = 100.0  # until a line knows that it loses replies
 
 
-@dataclass
-class Router:
-    """Notes when which poll was answered."""
-
-    answered_s: dict[str, list[float]] = field(default_factory=dict)
-
-    def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
-        if isinstance(outcome, Answered):
-            self.answered_s.setdefault(key, []).append(asyncio.get_running_loop().time())
-
-    def on_unit(
-        self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]
-    ) -> None: ...
-
-    def on_trouble(self, line: str, code: str, unit: int, text: str, frames: tuple[str, ...]) -> None: ...
-
-    def on_port(self, line: str, is_open: bool, reason: str) -> None: ...
-
-
 @dataclass(frozen=True, slots=True)
-class Seen:
+class LossFigures:
     """What came of some minutes."""
 
     answers: int
@@ -56,14 +39,18 @@ class Seen:
 
 def ask(
     families: tuple[str, ...], lost: float, *, every_s: float = 0.25, for_s: float = 600.0, seed: int = 1
-) -> Seen:
+) -> LossFigures:
     """Poll starters of these families, this share of all replies being lost."""
     setups = [
         StarterSetup(f"x{at}", "x", at, load_profile(family), Variant(), every_s=every_s, timing=TIMING)
         for at, family in enumerate(families, 1)
     ]
     polls = [poll for setup in setups for poll in polls_of(setup)]
-    router = Router()
+    answered_s: dict[str, list[float]] = {poll.key: [] for poll in polls}
+
+    def note(event: LineEvent) -> None:
+        if isinstance(event, PollResult) and isinstance(event.outcome, Answered):
+            answered_s[event.key].append(asyncio.get_running_loop().time())
 
     async def scenario() -> None:
         units = [make_unit(family, at) for at, family in enumerate(families, 1)]
@@ -71,7 +58,7 @@ def ask(
         if lost:
             for setup in setups:
                 bus.impair(setup.address, NoReply(), chance=lost)
-        line = Line(name="x", opener=bus.opener(), timing=TIMING, polls=polls, listener=router)
+        line = Line(name="x", opener=bus.opener(), timing=TIMING, polls=polls, events=local_events(note))
         serving = asyncio.create_task(line.run())
         await asyncio.sleep(for_s)
         serving.cancel()
@@ -79,10 +66,10 @@ def ask(
 
     run_virtually(scenario())
 
-    statuses = [router.answered_s.get(poll.key, []) for poll in polls if poll.group == "status"]
+    statuses = [answered_s[poll.key] for poll in polls if poll.group == "status"]
     gaps = [(later - before, later) for times in statuses for before, later in pairwise([0.0, *times, for_s])]
-    every = [at_s for times in router.answered_s.values() for at_s in times]
-    return Seen(
+    every = [at_s for times in answered_s.values() for at_s in times]
+    return LossFigures(
         answers=len(every),
         statuses=sum(map(len, statuses)),
         longest_s=max(gap for gap, later in gaps if later > COLD_S),
