@@ -1,9 +1,10 @@
-"""Asks simulated starters some of whose replies are lost for good, through a whole line in virtual time."""
+"""Asks simulated starters some of whose replies are lost or late, through a whole line in virtual time."""
 
 from __future__ import annotations
 
 import asyncio
-from dataclasses import dataclass
+import random
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from gateway.families.profile.load import load_profile
@@ -12,7 +13,7 @@ from gateway.line.events import LineEvent, PollResult
 from gateway.line.line import Line
 from gateway.line.rtu.outcome import Answered
 from gateway.modbus.timing import Framing, LineTiming
-from gateway.sim.bus.faults import NoReply
+from gateway.sim.bus.faults import Impairment, NoReply, Reply
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.factory import make_unit
 from gateway.starters.setup import StarterSetup
@@ -23,7 +24,19 @@ from tests.virtual_time import run_virtually
 TIMING = LineTiming(19200, Framing.parse("8E1"))
 ONE = ("ssw07",)
 EIGHT = ("ssw07", "ssw06", "ssw900", "sst") * 2
+LOST = NoReply()
 COLD_S = 100.0  # until a line knows that it loses replies
+
+
+@dataclass(frozen=True, slots=True)
+class LateWithin:
+    """Answers at any time up to then."""
+
+    longest_s: float = 10.0
+
+    def apply(self, reply: Reply, dice: random.Random) -> tuple[Reply, ...]:
+        """Return the reply after some time."""
+        return (replace(reply, after_s=dice.uniform(reply.after_s, self.longest_s)),)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,9 +51,15 @@ class LossFigures:
 
 
 def ask(
-    families: tuple[str, ...], lost: float, *, every_s: float = 0.25, for_s: float = 600.0, seed: int = 1
+    families: tuple[str, ...],
+    share: float,
+    *,
+    fault: Impairment = LOST,
+    every_s: float = 0.25,
+    for_s: float = 600.0,
+    seed: int = 1,
 ) -> LossFigures:
-    """Poll starters of these families, this share of all replies being lost."""
+    """Poll starters of these families, this share of all replies being faulty."""
     setups = [
         StarterSetup(f"x{at}", "x", at, load_profile(family), Variant(), every_s=every_s, timing=TIMING)
         for at, family in enumerate(families, 1)
@@ -55,9 +74,9 @@ def ask(
     async def scenario() -> None:
         units = [make_unit(family, at) for at, family in enumerate(families, 1)]
         bus = SimulatedLine(TIMING, units, seed=seed)
-        if lost:
+        if share:
             for setup in setups:
-                bus.impair(setup.address, NoReply(), chance=lost)
+                bus.impair(setup.address, fault, chance=share)
         line = Line(name="x", opener=bus.opener(), timing=TIMING, polls=polls, events=local_events(note))
         serving = asyncio.create_task(line.run())
         await asyncio.sleep(for_s)
@@ -79,19 +98,30 @@ def ask(
 
 
 def table(*, for_s: float = 600.0) -> list[str]:
-    """Return a row for each kind of line: what it gives of the answers without loss."""
+    """Return a row for each kind of line: what it gives of the answers without faults."""
     lines = []
-    for name, families in (("1 SSW-07", ONE), ("8 mixed", EIGHT)):
-        whole = ask(families, 0.0, for_s=for_s)
+    for name, families, every_s in (
+        ("1 SSW-07", ONE, 0.25),
+        ("8 mixed", EIGHT, 0.25),
+        ("1 SSW-07", ONE, 1.0),
+    ):
+        whole = ask(families, 0.0, every_s=every_s, for_s=for_s)
+        lines.append(_row(f"{name} every {every_s} s, no faults", whole, whole))
         for lost in (0.01, 0.05, 0.10):
-            seen = ask(families, lost, for_s=for_s)
-            lines.append(
-                f"{name}, {lost:.0%} lost: {seen.answers / whole.answers:.3f} of the answers, "
-                f"{seen.statuses / whole.statuses:.3f} of the statuses, longest {seen.longest_s:.2f} s; "
-                f"after {COLD_S:.0f} s {seen.late_answers / whole.late_answers:.3f}, "
-                f"before: longest {seen.longest_cold_s:.2f} s"
-            )
+            seen = ask(families, lost, every_s=every_s, for_s=for_s)
+            lines.append(_row(f"{name} every {every_s} s, {lost:.0%} lost", seen, whole))
+        seen = ask(families, 0.05, fault=LateWithin(), every_s=every_s, for_s=for_s)
+        lines.append(_row(f"{name} every {every_s} s, 5% late", seen, whole))
     return lines
+
+
+def _row(name: str, seen: LossFigures, whole: LossFigures) -> str:
+    return (
+        f"{name}: {seen.answers / whole.answers:.3f} of the answers, "
+        f"{seen.statuses / whole.statuses:.3f} of the statuses, longest {seen.longest_s:.2f} s; "
+        f"after {COLD_S:.0f} s {seen.late_answers / whole.late_answers:.3f}, "
+        f"before: longest {seen.longest_cold_s:.2f} s"
+    )
 
 
 if __name__ == "__main__":
