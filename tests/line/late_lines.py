@@ -60,6 +60,7 @@ class Tally:
     alternates: int = 0  # sent in place of the request itself
     series: int = 0  # answers that counted since enough before them were equal
     wrong: int = 0  # answers that were another request's
+    mixed: int = 0  # of two replies within one another, whose CRC was right by chance
     older: int = 0  # answers to the same request, asked less than `OLDER_S` before
     elapsed_s: float = 0.0
     ideal_s: float = 0.0  # what the same answers, and the deadlines of those too late, take at the least
@@ -74,6 +75,7 @@ class Tally:
             "alternates",
             "series",
             "wrong",
+            "mixed",
             "older",
             "examples",
         ):
@@ -230,7 +232,9 @@ class Line:
                 is_wrong = not is_older
         else:
             return
-        if is_wrong:
+        if is_wrong and self.wire.mixed == self.wire.asked:
+            self.tally.mixed += 1
+        elif is_wrong:
             self._note_wrong(f"{self.wire.asked}: {read.unit} {form.request} {outcome}")
 
     async def _write(self, unit: int) -> None:
@@ -307,7 +311,8 @@ def main() -> None:
     lines = [
         f"requests {tally.asked}, answered {tally.answered}, replies {dict(tally.counts)}",
         f"alternates {tally.alternates}, series {tally.series}",
-        f"wrong {tally.wrong}, the same read of a moment before {tally.older}",
+        f"wrong {tally.wrong}, the same read of a moment before {tally.older}, "
+        f"of two replies within one another, the CRC being right by chance {tally.mixed}",
         *tally.examples[:5],
         "the line's time that was needed, of full lines without faults and with 5 % of the replies late:",
     ]

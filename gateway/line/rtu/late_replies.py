@@ -250,20 +250,18 @@ class LateReplies:
         self._refused.add((unit, asked))
 
     def note_stray(
-        self, unit: int, pdu: bytes, *, at_s: float, wire_s: float, awaited: Shape | None = None
+        self, unit: int, pdu: bytes, *, began_s: float, at_s: float, awaited: Shape | None = None
     ) -> None:
-        """Record a whole frame that is no answer and took `wire_s`; `awaited` is what its unit is asked for.
+        """Record a whole frame that is no answer; `awaited` is what its unit is asked for.
 
-        A refusal may be the answer after all: it says nothing about the line.
+        It began at `began_s` or later. A refusal may be the answer after all: it says nothing about the line.
         """
         shape = shape_of(pdu)
         if awaited is not None and pdu[0] == awaited[0] | EXCEPTION_BIT:
             self._add_copy(unit, _Copy(at_s + COPY_S, pdu, None))
             return
         self._disturbed_until_s = at_s + DISTURBED_S
-        may_be_copy = any(
-            each.pdu == pdu and each.until_s >= at_s - wire_s for each in self._copies.get(unit, ())
-        )
+        may_be_copy = any(each.pdu == pdu and each.until_s >= began_s for each in self._copies.get(unit, ()))
         self._add_copy(unit, _Copy(at_s + COPY_S, pdu, None))
         if may_be_copy:
             return
