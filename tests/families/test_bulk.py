@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import pytest
 
 from gateway.families.profile.load import FAMILIES, load_profile
@@ -46,7 +48,16 @@ def test_a_limit_on_the_length_is_kept_and_longer_rows_stay_whole() -> None:
 def test_a_row_of_which_the_manual_is_not_sure_is_read_alone_where_unknown_registers_read_0() -> None:
     reads = bulk_reads(load_profile("ssw900"), ["S3.1.1", "S3.1.2"])
 
-    assert [each.codes for each in reads] == [("S3.1.2",), ("S3.1.1",)]
+    assert {each.codes for each in reads} == {("S3.1.1",), ("S3.1.2",)}
+
+
+def test_neighbouring_reads_have_replies_of_different_lengths() -> None:
+    profile = load_profile("ssw900")
+
+    reads = bulk_reads(profile, readable_codes(profile))
+
+    assert sum(count(each) == 1 for each in reads) > 5
+    assert all(count(read) != count(following) for read, following in pairwise(reads))
 
 
 def test_the_parameters_that_no_manual_names_are_read_one_by_one_as_raw_words() -> None:

@@ -1,6 +1,7 @@
 """Asks the starters of lines that are late to different degrees, and counts what is taken for what.
 
-`python -m tests.line.late_lines 10000000` asks as often as that, in as many processes as there are cores.
+`python -m tests.line.late_lines 10000000` asks as often as that, in as many processes as there are cores;
+a second number says in how many processes.
 """
 
 from __future__ import annotations
@@ -45,6 +46,7 @@ LIMITS_S = (0.010, 0.020, 0.100)
 FULL, LIGHT_S = 0.0, (0.3, 1.0)
 SLOW_CHANGES = (0.003, 0.05)  # shares of the requests before which what the starters say changes
 LOST = (0.05, 0.8)  # shares of the missing or faulty replies that never come, where some do not
+PARTS = 20  # of all requests, each with a seed of its own
 MOST_LOOKS = 40  # at what is due, before it is waited for something to become due
 
 
@@ -58,6 +60,7 @@ class Tally:
     alternates: int = 0  # sent in place of the request itself
     series: int = 0  # answers that counted since enough before them were equal
     wrong: int = 0  # answers that were another request's
+    mixed: int = 0  # of two replies within one another, whose CRC was right by chance
     older: int = 0  # answers to the same request, asked less than `OLDER_S` before
     elapsed_s: float = 0.0
     ideal_s: float = 0.0  # what the same answers, and the deadlines of those too late, take at the least
@@ -72,6 +75,7 @@ class Tally:
             "alternates",
             "series",
             "wrong",
+            "mixed",
             "older",
             "examples",
         ):
@@ -228,7 +232,9 @@ class Line:
                 is_wrong = not is_older
         else:
             return
-        if is_wrong:
+        if is_wrong and self.wire.mixed == self.wire.asked:
+            self.tally.mixed += 1
+        elif is_wrong:
             self._note_wrong(f"{self.wire.asked}: {read.unit} {form.request} {outcome}")
 
     async def _write(self, unit: int) -> None:
@@ -296,16 +302,17 @@ _BLOCKS = {family: _blocks(family) for family in FAMILIES}
 def main() -> None:
     """Print what so many requests brought."""
     transactions = int(sys.argv[1])
-    cores = os.cpu_count() or 1
-    parts = cores * 10
+    processes = int(sys.argv[2]) if len(sys.argv) > 2 else os.cpu_count() or 1
     tally = Tally()
-    with ProcessPoolExecutor(cores) as pool:
-        for part in pool.map(partial(_ask_part, transactions // parts), range(parts)):
+    with ProcessPoolExecutor(processes) as pool:
+        for part in pool.map(partial(_ask_part, transactions // PARTS), range(PARTS)):
             tally.add(part)
+            sys.stderr.write(f"{tally.asked} requests, {tally.wrong} wrong\n")
     lines = [
         f"requests {tally.asked}, answered {tally.answered}, replies {dict(tally.counts)}",
         f"alternates {tally.alternates}, series {tally.series}",
-        f"wrong {tally.wrong}, the same read of a moment before {tally.older}",
+        f"wrong {tally.wrong}, the same read of a moment before {tally.older}, "
+        f"of two replies within one another, the CRC being right by chance {tally.mixed}",
         *tally.examples[:5],
         "the line's time that was needed, of full lines without faults and with 5 % of the replies late:",
     ]

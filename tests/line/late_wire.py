@@ -2,7 +2,8 @@
 
 Every reply carries the number of the latest change of what the starters say, so that one taken for another's
 cannot hide; where that changes before each request, it is the number of the request. Late bytes arrive whole
-and clean, whatever else is under way: a true line would corrupt most of them.
+and clean, whatever else is under way: a true line would corrupt most of them. A frame with another's bytes
+within passes its CRC once in 65,536 times: `mixed` says when there was one.
 """
 
 from __future__ import annotations
@@ -56,7 +57,9 @@ class LateWire:
         self._faults = faults
         self._limit_s = limit_s
         self._own_end_s = -inf
-        self._arrivals: list[tuple[float, int, bytes, int]] = []
+        self._arrivals: list[tuple[float, int, bytes, int, int]] = []  # with bytes of the frame still to come
+        self.mixed = 0  # the number of the latest request while which frames came within others
+        self._rest = 0  # bytes of the frame under way still to come
         self.heard = 0  # the number of the request that the latest bytes answer: those of a write do not tell
         self._serial = 0
         self._held: tuple[bytes, int] | None = None  # the reply that is swapped with the next, its number
@@ -84,7 +87,10 @@ class LateWire:
     async def read(self, *, until_s: float, count: int = 1) -> bytes:
         heard = b""
         while self._arrivals and self._arrivals[0][0] <= max(until_s, self.now_s):
-            at_s, _, chunk, self.heard = heapq.heappop(self._arrivals)
+            at_s, _, chunk, self.heard, rest = heapq.heappop(self._arrivals)
+            if self._rest not in (0, rest + len(chunk)):
+                self.mixed = self.asked
+            self._rest = rest
             self.now_s = max(self.now_s, at_s)
             self.last_byte_s = at_s
             heard += chunk
@@ -136,7 +142,7 @@ class LateWire:
         for at in range(0, len(reply), size):
             chunk = reply[at : at + size]
             start_s += self._timing.wire_s(len(chunk))
-            self._arrive(start_s, chunk, number)
+            self._arrive(start_s, chunk, number, rest=len(reply) - at - len(chunk))
 
     def _delivered_s(self, at_s: float) -> float:
         """Return when a way that stalls hands over what it was given then: all at once, in order."""
@@ -146,9 +152,9 @@ class LateWire:
             self.counts["stalls"] += 1
         return max(at_s, self._stall_end_s)
 
-    def _arrive(self, at_s: float, chunk: bytes, number: int) -> None:
+    def _arrive(self, at_s: float, chunk: bytes, number: int, *, rest: int = 0) -> None:
         self._serial += 1
-        heapq.heappush(self._arrivals, (at_s, self._serial, chunk, number))
+        heapq.heappush(self._arrivals, (at_s, self._serial, chunk, number, rest))
 
 
 def words(unit: int, number: int, address: int, count: int) -> tuple[int, ...]:

@@ -1,50 +1,46 @@
-"""Asks simulated starters some of whose replies are lost for good, through a whole line in virtual time."""
+"""Asks simulated starters some of whose replies are lost or late, through a whole line in virtual time."""
 
 from __future__ import annotations
 
 import asyncio
-from dataclasses import dataclass, field
+import random
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
+from gateway.line.events import LineEvent, PollResult
 from gateway.line.line import Line
-from gateway.line.rtu.outcome import Answered, Outcome
+from gateway.line.rtu.outcome import Answered
 from gateway.modbus.timing import Framing, LineTiming
-from gateway.sim.bus.faults import NoReply
+from gateway.sim.bus.faults import Impairment, NoReply, Reply
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.factory import make_unit
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.polling import polls_of
+from tests.local_host import local_events
 from tests.virtual_time import run_virtually
 
 TIMING = LineTiming(19200, Framing.parse("8E1"))
 ONE = ("ssw07",)
 EIGHT = ("ssw07", "ssw06", "ssw900", "sst") * 2
+LOST = NoReply()
 COLD_S = 100.0  # until a line knows that it loses replies
 
 
-@dataclass
-class Router:
-    """Notes when which poll was answered."""
+@dataclass(frozen=True, slots=True)
+class LateWithin:
+    """Answers at any time up to then."""
 
-    answered_s: dict[str, list[float]] = field(default_factory=dict)
+    longest_s: float = 10.0
 
-    def on_poll(self, line: str, key: str, unit: int, outcome: Outcome) -> None:
-        if isinstance(outcome, Answered):
-            self.answered_s.setdefault(key, []).append(asyncio.get_running_loop().time())
-
-    def on_unit(
-        self, line: str, unit: int, is_answering: bool, reason: str, frames: tuple[str, ...]
-    ) -> None: ...
-
-    def on_trouble(self, line: str, code: str, unit: int, text: str, frames: tuple[str, ...]) -> None: ...
-
-    def on_port(self, line: str, is_open: bool, reason: str) -> None: ...
+    def apply(self, reply: Reply, dice: random.Random) -> tuple[Reply, ...]:
+        """Return the reply after some time."""
+        return (replace(reply, after_s=dice.uniform(reply.after_s, self.longest_s)),)
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class LossFigures:
     """What came of some minutes."""
 
     answers: int
@@ -55,23 +51,33 @@ class Seen:
 
 
 def ask(
-    families: tuple[str, ...], lost: float, *, every_s: float = 0.25, for_s: float = 600.0, seed: int = 1
-) -> Seen:
-    """Poll starters of these families, this share of all replies being lost."""
+    families: tuple[str, ...],
+    share: float,
+    *,
+    fault: Impairment = LOST,
+    every_s: float = 0.25,
+    for_s: float = 600.0,
+    seed: int = 1,
+) -> LossFigures:
+    """Poll starters of these families, this share of all replies being faulty."""
     setups = [
         StarterSetup(f"x{at}", "x", at, load_profile(family), Variant(), every_s=every_s, timing=TIMING)
         for at, family in enumerate(families, 1)
     ]
     polls = [poll for setup in setups for poll in polls_of(setup)]
-    router = Router()
+    answered_s: dict[str, list[float]] = {poll.key: [] for poll in polls}
+
+    def note(event: LineEvent) -> None:
+        if isinstance(event, PollResult) and isinstance(event.outcome, Answered):
+            answered_s[event.key].append(asyncio.get_running_loop().time())
 
     async def scenario() -> None:
         units = [make_unit(family, at) for at, family in enumerate(families, 1)]
         bus = SimulatedLine(TIMING, units, seed=seed)
-        if lost:
+        if share:
             for setup in setups:
-                bus.impair(setup.address, NoReply(), chance=lost)
-        line = Line(name="x", opener=bus.opener(), timing=TIMING, polls=polls, listener=router)
+                bus.impair(setup.address, fault, chance=share)
+        line = Line(name="x", opener=bus.opener(), timing=TIMING, polls=polls, events=local_events(note))
         serving = asyncio.create_task(line.run())
         await asyncio.sleep(for_s)
         serving.cancel()
@@ -79,10 +85,10 @@ def ask(
 
     run_virtually(scenario())
 
-    statuses = [router.answered_s.get(poll.key, []) for poll in polls if poll.group == "status"]
+    statuses = [answered_s[poll.key] for poll in polls if poll.group == "status"]
     gaps = [(later - before, later) for times in statuses for before, later in pairwise([0.0, *times, for_s])]
-    every = [at_s for times in router.answered_s.values() for at_s in times]
-    return Seen(
+    every = [at_s for times in answered_s.values() for at_s in times]
+    return LossFigures(
         answers=len(every),
         statuses=sum(map(len, statuses)),
         longest_s=max(gap for gap, later in gaps if later > COLD_S),
@@ -92,19 +98,30 @@ def ask(
 
 
 def table(*, for_s: float = 600.0) -> list[str]:
-    """Return a row for each kind of line: what it gives of the answers without loss."""
+    """Return a row for each kind of line: what it gives of the answers without faults."""
     lines = []
-    for name, families in (("1 SSW-07", ONE), ("8 mixed", EIGHT)):
-        whole = ask(families, 0.0, for_s=for_s)
+    for name, families, every_s in (
+        ("1 SSW-07", ONE, 0.25),
+        ("8 mixed", EIGHT, 0.25),
+        ("1 SSW-07", ONE, 1.0),
+    ):
+        whole = ask(families, 0.0, every_s=every_s, for_s=for_s)
+        lines.append(_row(f"{name} every {every_s} s, no faults", whole, whole))
         for lost in (0.01, 0.05, 0.10):
-            seen = ask(families, lost, for_s=for_s)
-            lines.append(
-                f"{name}, {lost:.0%} lost: {seen.answers / whole.answers:.3f} of the answers, "
-                f"{seen.statuses / whole.statuses:.3f} of the statuses, longest {seen.longest_s:.2f} s; "
-                f"after {COLD_S:.0f} s {seen.late_answers / whole.late_answers:.3f}, "
-                f"before: longest {seen.longest_cold_s:.2f} s"
-            )
+            seen = ask(families, lost, every_s=every_s, for_s=for_s)
+            lines.append(_row(f"{name} every {every_s} s, {lost:.0%} lost", seen, whole))
+        seen = ask(families, 0.05, fault=LateWithin(), every_s=every_s, for_s=for_s)
+        lines.append(_row(f"{name} every {every_s} s, 5% late", seen, whole))
     return lines
+
+
+def _row(name: str, seen: LossFigures, whole: LossFigures) -> str:
+    return (
+        f"{name}: {seen.answers / whole.answers:.3f} of the answers, "
+        f"{seen.statuses / whole.statuses:.3f} of the statuses, longest {seen.longest_s:.2f} s; "
+        f"after {COLD_S:.0f} s {seen.late_answers / whole.late_answers:.3f}, "
+        f"before: longest {seen.longest_cold_s:.2f} s"
+    )
 
 
 if __name__ == "__main__":

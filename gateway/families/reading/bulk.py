@@ -5,7 +5,7 @@ Which rows there are to read, whether one holds a value, and how it is read back
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from gateway.families.profile.parameters import find, raw_row, read_request, read_run, runs_of
@@ -133,7 +133,7 @@ def bulk_reads(profile: Profile, codes: Iterable[str], *, longest: int | None = 
     """Return few requests for these rows, of at most `longest` registers each.
 
     A row that the manual does not vouch for has a request of its own where unknown registers read 0 in a
-    longer one (ssw900 7.3): a 0 would say nothing.
+    longer one (ssw900 7.3): a 0 would say nothing. Neighbours differ in length, as far as possible.
     """
     rows = {code: profile.parameters.get(code) for code in codes}
     limits = profile.limits
@@ -148,10 +148,21 @@ def bulk_reads(profile: Profile, codes: Iterable[str], *, longest: int | None = 
         }
     )
     bulk = profile.model_copy(update={"limits": wide})
-    found = [*reads_for(bulk, sure)]
+    found: list[Read] = []
     for group in [[code] for code in unsure] if reads_zero else [unsure]:
         found += reads_for(bulk, group)
-    return (*found, *(read_of(profile, code) for code in unnamed))
+    found += reads_for(bulk, sure)
+    return (*_alternating(found), *(read_of(profile, code) for code in unnamed))
+
+
+def _alternating(reads: list[Read]) -> Iterator[Read]:
+    """Return these so that a reply sent twice shows by its length (`line/rtu/late_replies.py`)."""
+    waiting, size = list(reads), None
+    while waiting:
+        read = next((read for read in waiting if read.request.reply_size() != size), waiting[0])
+        waiting.remove(read)
+        size = read.request.reply_size()
+        yield read
 
 
 def halves(profile: Profile, read: Read) -> tuple[Read, ...]:

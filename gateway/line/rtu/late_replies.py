@@ -197,20 +197,20 @@ class LateReplies:
         latest = self._latest.get((unit, asked)) if is_varied else None
         is_last = not is_decisive and owed and not self.is_orderly(now_s)  # others need its own shape
         order = (*range(1, len(shapes)), 0) if is_last else range(len(shapes))
-        usable = [at for at in order if shapes[at] != latest]
-        calm = [at for at in usable if not self._is_near(unit, shapes[at], None if at else asked, now_s)]
+        calm = [at for at in order if not self._is_near(unit, shapes[at], None if at else asked, now_s)]
         since_s = now_s - LOST_AFTER_S if self.is_orderly(now_s) else -inf
         newest_s = {debt.shape: debt.asked_s for debt in owed if debt.asked_s > since_s or not debt.is_passed}
-        free = [at for at in usable if shapes[at] not in newest_s]
+        free = [at for at in order if shapes[at] not in newest_s]
         if free:
-            return next((Choice(at) for at in free if at in calm), None)
+            others = [at for at in free if shapes[at] != latest] or free
+            return next((Choice(at) for at in others if at in calm), None)
         counts = dict.fromkeys(newest_s, 0)
         likely = set()
         for debt in self._believed(unit, now_s):
             counts[debt.shape] += 1
             if debt.likely_until_s > now_s:
                 likely.add(debt.shape)
-        places = {at: counts[shapes[at]] for at in calm if shapes[at] not in likely}
+        places = {at: counts[shapes[at]] for at in calm if shapes[at] not in likely and shapes[at] != latest}
         lost = [at for at, count in places.items() if count == 0]
         if lost:
             return Choice(min(lost, key=lambda at: newest_s[shapes[at]]))
@@ -237,10 +237,7 @@ class LateReplies:
         if is_sure:
             for debt in self._debts.get(unit, ()):
                 debt.is_passed = True
-        if at_s < self._disturbed_until_s:
-            self._latest[unit, asked] = shape_of(pdu)
-        elif self._latest:
-            self._latest.clear()
+            self._note_latest(unit, asked, shape_of(pdu), at_s)
 
     def note_unanswered(self, unit: int, shape: Shape, asked_s: float, now_s: float) -> None:
         """Record that the reply to a request was not in time."""
@@ -253,20 +250,18 @@ class LateReplies:
         self._refused.add((unit, asked))
 
     def note_stray(
-        self, unit: int, pdu: bytes, *, at_s: float, wire_s: float, awaited: Shape | None = None
+        self, unit: int, pdu: bytes, *, began_s: float, at_s: float, awaited: Shape | None = None
     ) -> None:
-        """Record a whole frame that is no answer and took `wire_s`; `awaited` is what its unit is asked for.
+        """Record a whole frame that is no answer; `awaited` is what its unit is asked for.
 
-        A refusal may be the answer after all: it says nothing about the line.
+        It began at `began_s` or later. A refusal may be the answer after all: it says nothing about the line.
         """
         shape = shape_of(pdu)
         if awaited is not None and pdu[0] == awaited[0] | EXCEPTION_BIT:
             self._add_copy(unit, _Copy(at_s + COPY_S, pdu, None))
             return
         self._disturbed_until_s = at_s + DISTURBED_S
-        may_be_copy = any(
-            each.pdu == pdu and each.until_s >= at_s - wire_s for each in self._copies.get(unit, ())
-        )
+        may_be_copy = any(each.pdu == pdu and each.until_s >= began_s for each in self._copies.get(unit, ()))
         self._add_copy(unit, _Copy(at_s + COPY_S, pdu, None))
         if may_be_copy:
             return
@@ -296,11 +291,21 @@ class LateReplies:
             return Agreed.NOT_YET
         del self._series[key]
         self._rests[key] = now_s + REST_S * ((series.needed - 1) ** 2 - 1)
-        return Agreed.YES if is_equal else Agreed.NO
+        if not is_equal:
+            return Agreed.NO
+        self._note_latest(unit, asked, shape, now_s)
+        return Agreed.YES
 
     def forget(self, unit: int) -> None:
         """Drop what was noted of a unit's refusals: it is another one now. What it owes may still come."""
         self._refused = {each for each in self._refused if each[0] != unit}
+
+    def _note_latest(self, unit: int, asked: Request, shape: Shape, at_s: float) -> None:
+        """Record the shape of a reading that counts: a series under way keeps its own."""
+        if at_s < self._disturbed_until_s:
+            self._latest[unit, asked] = shape
+        elif self._latest:
+            self._latest.clear()
 
     def _end_series(self, unit: int, shape: Shape, *, but: Request | None = None) -> None:
         for key, series in list(self._series.items()):

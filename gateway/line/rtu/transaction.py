@@ -29,7 +29,6 @@ STOP_PATIENCE_S = 0.25  # nor, for a stop, one that is busy for longer than this
 
 _FRAME_GAP = 1.5  # characters
 _HEAD = 2  # unit and function
-_AROUND_PDU = 3  # unit and CRC
 _KEPT_STRAY = 4096  # bytes; what a port keeps, so that all late replies in it are seen
 _FIRST_CHUNK_SIZE = 64  # bytes of a reply of unknown length that an adapter may hold back at first
 
@@ -344,13 +343,12 @@ class RtuMaster:
         """Take note of a whole frame that is not the answer, while that is still awaited."""
         self.stray_bytes += len(received)
         awaited = prepared.shape if frame.unit == prepared.unit else None
-        self._note_stray(frame, awaited=awaited)
-
-    def _note_stray(self, frame: adu.Adu, *, awaited: Shape | None = None) -> None:
-        """Take note of a whole frame that has just been received and is no answer."""
-        wire_s = (len(frame.pdu) + _AROUND_PDU) * self._character_s
         self.late.note_stray(
-            frame.unit, frame.pdu, at_s=self._port.last_byte_s, wire_s=wire_s, awaited=awaited
+            frame.unit,
+            frame.pdu,
+            began_s=self.written_s,  # how long before the latest byte it began is not known
+            at_s=self._port.last_byte_s,
+            awaited=awaited,
         )
 
     def _note_answer(self, prepared: EncodedRequest, frame: bytes, at_s: float) -> None:
@@ -406,7 +404,9 @@ class RtuMaster:
                 self._pace.note_stray(frame.unit)
             self.suspicions.note_stray(piece, asked=self._asked, owes=self.late.owes, now_s=self._time())
             if frame is not None:
-                self._note_stray(frame)
+                at_s = self._port.last_byte_s
+                began_s = at_s - len(stray) * self._character_s
+                self.late.note_stray(frame.unit, frame.pdu, began_s=began_s, at_s=at_s)
                 if frame.unit == self._line_unit:
                     self._line_until_s = -inf
 
