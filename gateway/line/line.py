@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import random
 from collections.abc import Callable, Sequence
 from math import inf
 from typing import Any
 
 from gateway.errors import PortError, PortLostError, PortResetError
+from gateway.line.capacity.forecast import worst_stop_latency_s
 from gateway.line.events import LineListener, Notifications, OnFrame
 from gateway.line.port.base import Port, PortOpener
 from gateway.line.port.tty import CountsErrors
@@ -20,7 +22,6 @@ from gateway.line.rtu.trace import Trace
 from gateway.line.rtu.transaction import RtuMaster
 from gateway.line.scheduler.requests import Job, Poll
 from gateway.line.scheduler.scheduler import Scheduler
-from gateway.line.scheduler.stop_latency import worst_stop_latency_s
 from gateway.line.service import IDLE_WAKE_S, LineService
 from gateway.line.statistics import Statistics
 from gateway.line.stop_hold import StopHold
@@ -54,7 +55,7 @@ class Line:
         self.progress = 0  # grows with each transaction, idle wake-up and attempt to open
         self._opener = opener
         self._allowance_s = allowance_s
-        self._plan = Scheduler(polls, seed=seed)
+        self._plan = Scheduler(polls, chance=random.Random(seed))
         self._trace = Trace(name)
         self._voice = Notifications(name, listener, self._trace, hurry=hurry)
         self._figures = Statistics()
@@ -85,7 +86,7 @@ class Line:
     def submit(self, job: Job) -> None:
         """Queue a job; without a port it ends at once."""
         if self._is_reopening:
-            self._plan.submit(job, self._time())
+            self._plan.jobs.submit(job, self._time())
         elif self._serving is None:
             job.finish(Silent("port closed", is_sent=False))
         else:
@@ -94,42 +95,42 @@ class Line:
     def withdraw(self, job: Job) -> bool:
         """Take a waiting job back, so that it is never sent; False when it is too late for that."""
         if self._is_reopening:
-            return self._plan.withdraw(job)
+            return self._plan.jobs.withdraw(job)
         return self._serving is not None and self._serving.withdraw(job)
 
     def add_poll(self, poll: Poll) -> None:
         """Repeat a request from now on; ValueError when its key is taken."""
-        self._plan.add_poll(poll, self._time())
+        self._plan.polls.add(poll, self._time())
         self._wake()
 
     def remove_poll(self, key: str) -> None:
         """Ask no more; KeyError when there is no such poll."""
-        self._plan.remove_poll(key)
+        self._plan.polls.remove(key)
         self._preparations.forget(key)
         self._figures.forget_poll(key)
 
     def set_every(self, key: str, every_s: float) -> None:
         """Change a poll's period; KeyError when there is no such poll."""
-        self._plan.set_every(key, every_s, self._time())
+        self._plan.polls.set_every(key, every_s, self._time())
         self._wake()
 
     def hasten(self, key: str) -> None:
         """Make a poll due now; KeyError when there is no such poll."""
-        self._plan.hasten(key, self._time())
+        self._plan.polls.hasten(key, self._time())
         self._wake()
 
     def set_deadline(self, unit: int, seconds: float | None) -> None:
         """See to it that a unit is reached within its watchdog's time; None or 0: it has none."""
-        self._plan.set_deadline(unit, seconds)
+        self._plan.polls.set_deadline(unit, seconds)
         self._wake()
 
     def expect_silence(self, unit: int, seconds: float) -> None:
         """Count no misses of this unit for so long."""
-        self._plan.expect_silence(unit, self._time() + seconds)
+        self._plan.polls.expect_silence(unit, self._time() + seconds)
 
     def forget(self, unit: int) -> None:
         """Know nothing of a unit any more, whose polls are removed."""
-        self._plan.forget(unit)
+        self._plan.polls.forget(unit)
         self._figures.forget(unit)
 
     def capture(self, on_frame: OnFrame | None) -> None:
@@ -138,15 +139,15 @@ class Line:
 
     def figures(self) -> dict[str, Any]:
         """Return the counters and times of this line."""
-        polls = self._plan.polls()
+        polls = self._plan.polls.asked()
         latency_s = worst_stop_latency_s(polls, self.timing, allowance_s=self._allowance_s)
         figures = self._figures.to_dict(polls, worst_stop_latency_s=latency_s, now_s=self._time())
         for unit, counts in figures["units"].items():
-            counts["state"] = self._plan.state_of(unit).value
+            counts["state"] = self._plan.polls.state_of(unit).value
         state = {
             "is_open": self._serving is not None,
-            "stretch": round(self._plan.stretch, 3),
-            "watchdogs": self._plan.watchdog_figures(self._time()),
+            "stretch": round(self._plan.polls.stretch, 3),
+            "watchdogs": self._plan.polls.watchdog_statistics(self._time()),
         }
         stray_bytes = self._earlier_stray_bytes + (self._serving.line.stray_bytes if self._serving else 0)
         errors = self._opener.uart_errors() if isinstance(self._opener, CountsErrors) else None
@@ -221,7 +222,7 @@ class Line:
 
     def _end_jobs(self) -> None:
         self._is_reopening = False
-        for job in self._plan.take_jobs():
+        for job in self._plan.jobs.clear():
             job.finish(Silent("port closed", is_sent=False))
 
     def _serving_of(self, line: RtuMaster) -> LineService:

@@ -62,13 +62,13 @@ class LineService:
             await self._run()
         finally:
             if self._turn is not None:
-                self._plan.put_back(self._turn, self._turn.since_s)
+                self._plan.put_back(self._turn)
                 self._turn = None
             self._voice.flush()
 
     def submit(self, job: Job) -> None:
         """Queue a job: a stop goes before whatever has been chosen, others before a poll, not for ever."""
-        self._plan.submit(job, self._time())
+        self._plan.jobs.submit(job, self._time())
         if job.lane <= Priority.FOLLOW_UP:
             self._is_overtaken = True
             self._has_stop = self._has_stop or job.lane is Priority.STOP or job.request.is_write
@@ -81,7 +81,7 @@ class LineService:
         if self._turn is not None and any(each is job for each in self._turn.jobs):
             self._turn = self._turn.without(job)
             return True
-        return self._plan.withdraw(job)
+        return self._plan.jobs.withdraw(job)
 
     def wake(self) -> None:
         """Look at the plan again."""
@@ -90,7 +90,7 @@ class LineService:
 
     def ask_all_anew(self) -> None:
         """Ask those at once who are only silent because nobody could be heard."""
-        self._plan.hasten_all(self._time())
+        self._plan.polls.hasten_all(self._time())
 
     async def _run(self) -> None:
         line = self.line
@@ -109,7 +109,7 @@ class LineService:
                 continue
             free_from_s = line.free_from_s(turn.unit, turn.request)
             if noise is None and free_from_s > self._time():
-                await self._put_back(turn, free_from_s)
+                self._plan.put_back(turn, free_from_s)
                 continue
             outcome = await self._take(turn, noise)
             self._step()
@@ -129,7 +129,7 @@ class LineService:
     def _chosen(self) -> Slot | None:
         """Return what is to be sent now: what was chosen, unless a stop came since or there was nothing."""
         if self._turn is not None and self._is_overtaken:
-            self._plan.put_back(self._turn, self._turn.since_s)
+            self._plan.put_back(self._turn)
             self._turn = None
         if self._turn is None:
             self._choose(self._time())
@@ -206,12 +206,6 @@ class LineService:
             self._voice.finish(job, outcome)
         if turn.poll is not None:
             self._voice.tell_poll(turn.poll, outcome)
-
-    async def _put_back(self, turn: Slot, until_s: float) -> None:
-        """Let the unit's late reply come first; nothing but a new job is worth ending that wait for."""
-        self._plan.put_back(turn, until_s)
-        if turn.job is not None and turn.lane is not Priority.FOLLOW_UP:
-            await self._wait_for_work(until_s)
 
     async def _wait_for_work(self, until_s: float) -> None:
         """Sleep until then, or until a job comes or it is time to look at the port."""
