@@ -26,7 +26,7 @@ def test_jobs_come_before_polls_and_lanes_in_their_order() -> None:
     assert [turn.job for turn in turns if turn] == [jobs[lane] for lane in sorted(Priority)] + [None]
 
 
-def test_every_units_first_poll_goes_before_all_jobs_but_stops() -> None:
+def test_every_units_first_poll_goes_before_all_jobs_but_those_of_stops() -> None:
     plan = begun(poll("a"), poll("b", unit=2), poll("c"))
     jobs = {lane: job(lane, unit=99) for lane in Priority}
     for waiting in jobs.values():
@@ -35,8 +35,8 @@ def test_every_units_first_poll_goes_before_all_jobs_but_stops() -> None:
     turns = [take(plan, 0.0) for _ in range(8)]
 
     assert [key_of(turn) or (turn and turn.job) for turn in turns] == [
-        *(jobs[Priority.STOP], "a", "b"),
-        *(jobs[lane] for lane in (Priority.FOLLOW_UP, Priority.COMMAND, Priority.READ_BACK, Priority.PARAMETERS)),
+        *(jobs[Priority.STOP], jobs[Priority.FOLLOW_UP], "a", "b"),
+        *(jobs[Priority.COMMAND], jobs[Priority.READ_BACK], jobs[Priority.PARAMETERS]),
         "c",
     ]
 

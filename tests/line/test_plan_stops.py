@@ -6,7 +6,7 @@ from math import inf
 
 from gateway.line.scheduler.job_queue import SHARED_AFTER_S
 from gateway.line.scheduler.requests import Priority
-from gateway.line.scheduler.scheduler import WATCHDOGS_IN_ROW
+from gateway.line.scheduler.scheduler import IN_ROW
 from tests.line.fakes import poll
 from tests.line.planned import ANSWERED, READ, begun, job, key_of, take
 
@@ -82,22 +82,22 @@ def test_a_held_follow_up_can_be_withdrawn_and_taken_out() -> None:
     assert plan.jobs.clear() == (second,)
 
 
-def test_watchdogs_that_are_due_let_a_follow_up_pass_after_every_eighth() -> None:
+def test_follow_ups_and_watchdogs_that_are_due_take_turns_and_let_a_poll_pass() -> None:
     units = range(1, 31)
     plan = begun(*(poll(str(unit), unit=unit, every_s=0.0) for unit in units))
     for unit in units:
         plan.polls.set_deadline(unit, 10.0)
+    for _ in range(31):
         take(plan, 0.0)
-    for _ in range(3):
+    for _ in range(40):
         plan.jobs.submit(job(Priority.FOLLOW_UP, unit=99, request=READ), 8.0)
 
     now_s, kinds = 8.0, ""
-    for _ in range(30):
+    for _ in range(40):
         turn = plan.pick(now_s)
         assert turn is not None
-        kinds += "w" if turn.job is None else "f"
+        kinds += "p" if turn.job is None else "f"
         now_s += 0.05
         plan.record(turn, ANSWERED, now_s)
 
-    assert [len(row) for row in kinds.split("f")][1:3] == [WATCHDOGS_IN_ROW] * 2
-    assert kinds.count("f") == 3
+    assert kinds == ("f" * IN_ROW + "p" * (IN_ROW + 1)) * 2 + "f" * 6

@@ -9,7 +9,7 @@ import pytest
 
 from gateway.line.rtu.outcome import Silent
 from gateway.line.scheduler.requests import Priority, Slot
-from gateway.line.scheduler.scheduler import WATCHDOGS_IN_ROW
+from gateway.line.scheduler.scheduler import IN_ROW
 from gateway.line.scheduler.units import UnitState
 from tests.line.fakes import poll
 from tests.line.ideal_line import IdealLine
@@ -138,7 +138,7 @@ def test_when_the_watchdogs_alone_would_fill_the_line_others_have_a_turn_now_and
 
     keys = [key_of(turn) for _, turn in line.turns]
     assert max(line.gaps_s["other"]) < 2.0
-    assert len(keys) - keys.count("other") > 0.9 * WATCHDOGS_IN_ROW / (WATCHDOGS_IN_ROW + 1) * len(keys)
+    assert len(keys) - keys.count("other") > 0.9 * IN_ROW / (IN_ROW + 1) * len(keys)
 
 
 def test_the_worst_kept_watchdog_of_late_is_told_and_what_all_of_them_need() -> None:

@@ -29,7 +29,7 @@ TIMING = LineTiming(19200, Framing.parse("8E1"))
 STOP = WriteRegister(1, 0)
 OTHER = 99  # a unit without polls
 ENDLESS_S = 1e6  # a watchdog that no request is needed for: the polls alone are promised to come
-FLOODS = (Priority.FOLLOW_UP, Priority.COMMAND, Priority.READ_BACK, Priority.PARAMETERS)
+FLOODS = (Priority.COMMAND, Priority.READ_BACK, Priority.PARAMETERS)
 
 
 @dataclass(frozen=True)

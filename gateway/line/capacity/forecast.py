@@ -18,7 +18,7 @@ from gateway.line.rtu.timeouts import ALLOWANCE_S, longest_s, reply_within_s, re
 from gateway.line.scheduler.job_queue import JOBS_BURST_S, JOBS_SHARE
 from gateway.line.scheduler.load import FREE_PERIOD_S, overload_factor, period_of
 from gateway.line.scheduler.requests import Poll
-from gateway.line.scheduler.scheduler import WATCHDOGS_IN_ROW
+from gateway.line.scheduler.scheduler import IN_ROW
 from gateway.line.scheduler.watchdogs import ASKED_AFTER
 from gateway.modbus.timing import LineTiming
 
@@ -68,7 +68,7 @@ def forecast(
     )
     periods_s = _periods_s(polls, costs_s)
     dogs = _watchdogs(polls, late_s)
-    demand = Demand((cost_s + longest / WATCHDOGS_IN_ROW, asked_s) for cost_s, asked_s in dogs.values())
+    demand = Demand((cost_s + longest / IN_ROW, asked_s) for cost_s, asked_s in dogs.values())
     in_flood_s = _in_flood_s(polls, late_s, dogs.values(), longest)
     return Forecast(
         load=sum(cost_s / poll.every_s for cost_s, poll in zip(costs_s, polls, strict=True) if poll.every_s),

@@ -10,7 +10,7 @@ from math import inf
 from gateway.line.scheduler.budget import LineTimeBudget
 from gateway.line.scheduler.requests import Job, Priority, Slot
 
-JOBS_SHARE = 0.5  # of the line's time while polls are due, for all jobs but the first frames of stops
+JOBS_SHARE = 0.5  # of the line's time while polls are due, for all jobs but stops
 JOBS_BURST_S = 0.25  # of line time may be saved up: about what a start with its read-backs needs
 BACKGROUND_WEIGHT = 2  # background jobs are charged so many times their line time: they get a quarter
 OLDEST_EVERY = 4  # of so many jobs one is the oldest, whatever its priority
@@ -24,7 +24,7 @@ class JobQueue:
         self._budget = LineTimeBudget(JOBS_SHARE, JOBS_BURST_S)
         self._waiting: dict[Priority, deque[Slot]] = {lane: deque() for lane in Priority}
         self._held: deque[tuple[float, Slot]] = deque()  # whose unit may not be asked before then
-        self._taken = 0
+        self._popped = 0
 
     def submit(self, job: Job, now_s: float) -> None:
         """Queue a job behind the others of its priority.
@@ -59,7 +59,7 @@ class JobQueue:
 
     def clear(self) -> tuple[Job, ...]:
         """Return all waiting jobs and forget them."""
-        self._release(inf)
+        self.release(inf)
         jobs = tuple(job for slot in chain(*self._waiting.values()) for job in slot.jobs)
         for waiting in self._waiting.values():
             waiting.clear()
@@ -78,23 +78,29 @@ class JobQueue:
             return -inf
         return min((until_s for until_s, _ in self._held), default=inf)
 
-    def take_stop(self, now_s: float) -> Slot | None:
-        """Take out the next stop's frame."""
-        self._release(now_s)
-        stops = self._waiting[Priority.STOP]
-        return stops.popleft() if stops else None
+    def release(self, now_s: float) -> None:
+        """Queue what was held until now."""
+        while self._held:
+            due = min(self._held, key=lambda each: each[0])
+            if due[0] > now_s:
+                return
+            self._held.remove(due)
+            self.put_back(due[1])
 
-    def take(self) -> Slot | None:
-        """Take out the next job: by priority, now and then the oldest instead."""
-        waiting = [slots for slots in self._waiting.values() if slots]
+    def pop(self, lane: Priority) -> Slot | None:
+        """Take out the next job of a priority."""
+        waiting = self._waiting[lane]
+        return waiting.popleft() if waiting else None
+
+    def pop_command(self) -> Slot | None:
+        """Take out the next job that is not of a stop: by priority, now and then the oldest instead."""
+        waiting = [slots for lane, slots in self._waiting.items() if slots and lane > Priority.FOLLOW_UP]
         if not waiting:
             return None
-        chosen = waiting[0]
-        if chosen is not self._waiting[Priority.FOLLOW_UP]:
-            self._taken += 1
-            if self._taken % OLDEST_EVERY == 0:
-                chosen = min(waiting, key=lambda slots: slots[0].since_s)
-        return chosen.popleft()
+        self._popped += 1
+        if self._popped % OLDEST_EVERY == 0:
+            return min(waiting, key=lambda slots: slots[0].since_s).popleft()
+        return waiting[0].popleft()
 
     def may_pass_polls(self, now_s: float) -> bool:
         """Return whether jobs may take time from polls that are due."""
@@ -102,14 +108,6 @@ class JobQueue:
 
     def charge(self, slot: Slot, took_s: float, now_s: float) -> None:
         """Charge what a slot has used of the line to the jobs' share; stops are free."""
-        if slot.lane is not Priority.STOP:
+        if slot.lane is not None and slot.lane > Priority.FOLLOW_UP:
             weight = BACKGROUND_WEIGHT if slot.lane is Priority.PARAMETERS else 1
             self._budget.spend(weight * took_s, now_s)
-
-    def _release(self, now_s: float) -> None:
-        while self._held:
-            due = min(self._held, key=lambda each: each[0])
-            if due[0] > now_s:
-                return
-            self._held.remove(due)
-            self._waiting[due[1].jobs[0].lane].appendleft(due[1])

@@ -12,7 +12,8 @@ Invariants.
   without a period has one of 5 s in this, and may always go.
 - While polls are due, jobs get half of the line's time, background jobs a quarter, and what was saved up.
 - A watchdog's unit is asked when half of its time has passed; what can go before it is the request on the
-  wire, stops, units with an earlier deadline, and one other request for each eight of those.
+  wire, units with an earlier deadline, and one other request for each eight of those. Stops come on top: their
+  first frames go at once, their repeats and read-backs take as many requests as watchdogs, at most.
 - Silent units get 3.5 % of the line's time, and never two requests in a row while another unit is due.
 - A slot that was picked is a reservation: `put_back` undoes it, `record` makes it count.
 
@@ -29,10 +30,10 @@ from math import inf
 from gateway.line.rtu.outcome import Garbled, Outcome
 from gateway.line.scheduler.job_queue import JobQueue
 from gateway.line.scheduler.polls import PollTable
-from gateway.line.scheduler.requests import Poll, Slot
+from gateway.line.scheduler.requests import Poll, Priority, Slot
 from gateway.line.scheduler.requests import Verdict as Verdict
 
-WATCHDOGS_IN_ROW = 8  # units asked for their watchdog's sake, before something else that is due goes
+IN_ROW = 8  # requests for stops, and for watchdogs, before something else that is due goes
 
 _LONGEST_SLOT_S = 5.0  # what takes longer is a machine that was suspended, not a line that was busy
 
@@ -45,7 +46,7 @@ class Scheduler:
         self.jobs = JobQueue()
         self._retry: Slot | None = None  # a poll whose reply was corrupted: it is asked again at once
         self._is_for_watchdog = False  # the slot under way
-        self._watchdogs_in_row = 0
+        self._follow_ups_in_row = self._watchdogs_in_row = 0
         self._picked_s = self._freed_s = -inf
         for poll in polls:
             self.polls.add(poll, -inf)
@@ -71,31 +72,39 @@ class Scheduler:
         """Return the first that there is.
 
         1. A stop's frame.
-        2. A poll whose reply was corrupted, once more.
-        3. The unit with the earliest watchdog deadline of those that are due, or were not asked since the port
-           was opened; after eight of them in a row one request of 4 or 5.
-        4. A job, when no poll is due or the jobs' share of line time is not used up: repeats and read-backs of
-           stops first, then by priority, every fourth the oldest.
-        5. A poll by due time. After a miss those of units that answer, otherwise those of units that do not.
+        2. A repeat or read-back of a stop; after eight in a row 3 to 6 once.
+        3. A poll whose reply was corrupted, once more.
+        4. The unit with the earliest watchdog deadline of those that are due, or were not asked since the port
+           was opened; after eight in a row 5 or 6 once.
+        5. A job, when no poll is due or the jobs' share of line time is not used up: by priority, every fourth
+           the oldest.
+        6. A poll by due time. After a miss those of units that answer, otherwise those of units that do not.
         """
-        stop = self.jobs.take_stop(now_s)
-        if stop is not None:
-            return stop
-        retry, self._retry = self._retry, None
-        if retry is not None and self.polls.entry_of(retry.poll) is not None:
-            return retry
+        self.jobs.release(now_s)
+        slot = self.jobs.pop(Priority.STOP)
+        if slot is None and self._follow_ups_in_row < IN_ROW:
+            slot = self.jobs.pop(Priority.FOLLOW_UP)
+            self._follow_ups_in_row = 0 if slot is None else self._follow_ups_in_row
+        slot = slot or self._take_retry()
+        if slot is not None:
+            return slot
         unit = self.polls.watchdogs.first(now_s)
-        if unit is None or self._watchdogs_in_row >= WATCHDOGS_IN_ROW:
-            entry = self.polls.first(now_s)
-            job = self.jobs.take() if entry is None or self.jobs.may_pass_polls(now_s) else None
-            if job is not None:
-                return job
-            if entry is not None:
-                return self.polls.take(entry, now_s)
-        if unit is None:
-            return None
-        self._is_for_watchdog = True
-        return self.polls.take(unit.polls[0], now_s)
+        if unit is None or self._watchdogs_in_row >= IN_ROW:
+            slot = self._choose_in_turn(now_s)
+        if slot is None and unit is not None:
+            self._is_for_watchdog = True
+            slot = self.polls.take(unit.polls[0], now_s)
+        return slot or self.jobs.pop(Priority.FOLLOW_UP)
+
+    def _choose_in_turn(self, now_s: float) -> Slot | None:
+        """Return a job or a poll."""
+        entry = self.polls.first(now_s)
+        slot = self.jobs.pop_command() if entry is None or self.jobs.may_pass_polls(now_s) else None
+        return self.polls.take(entry, now_s) if slot is None and entry is not None else slot
+
+    def _take_retry(self) -> Slot | None:
+        retry, self._retry = self._retry, None
+        return retry if retry is not None and self.polls.entry_of(retry.poll) is not None else None
 
     def put_back(self, slot: Slot, until_s: float = -inf) -> None:
         """Take back a slot that was not sent; its unit may not be asked before `until_s`."""
@@ -110,7 +119,12 @@ class Scheduler:
         """Learn what became of a slot that was picked, and plan on."""
         took_s = min(now_s - max(self._freed_s, min(slot.since_s, self._picked_s)), _LONGEST_SLOT_S)
         self._freed_s = now_s
-        self._watchdogs_in_row = self._watchdogs_in_row + 1 if self._is_for_watchdog else 0
+        if slot.lane is Priority.FOLLOW_UP:
+            self._follow_ups_in_row += 1
+        elif self._is_for_watchdog:
+            self._watchdogs_in_row += 1
+        elif slot.lane is not Priority.STOP:
+            self._follow_ups_in_row = self._watchdogs_in_row = 0
         is_known = not slot.poll or self.polls.entry_of(slot.poll) is not None
         is_repeated = is_known and self._retry_once(slot, outcome)
         if slot.jobs:
