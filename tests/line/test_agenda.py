@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Silent
 from gateway.line.scheduler import polls, watchdogs
-from gateway.line.scheduler.edf_queue import NOWHERE, EdfQueue, Queued
+from gateway.line.scheduler.edf_queue import EdfQueue, Queued
 from gateway.line.scheduler.requests import Job, Poll, Priority, Slot
 from gateway.line.scheduler.scheduler import Scheduler
 from gateway.modbus.reads import ReadHoldingRegisters
@@ -92,7 +92,7 @@ def test_it_does_what_a_plain_list_does(steps: list[tuple[object, ...]]) -> None
                     kept.put(thing)
             case "drop", int(at):
                 for thing in pairs[at]:
-                    thing.place = NOWHERE
+                    thing.leave()
             case _, float(at_s):
                 now_s = max(now_s, at_s)
                 found = [kept.first(now_s) for kept in (agenda, plain)]

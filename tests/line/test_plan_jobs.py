@@ -26,7 +26,7 @@ def test_jobs_come_before_polls_and_lanes_in_their_order() -> None:
     assert [turn.job for turn in turns if turn] == [jobs[lane] for lane in sorted(Priority)] + [None]
 
 
-def test_every_units_first_poll_goes_before_all_jobs_but_those_of_stops() -> None:
+def test_every_units_first_poll_waits_for_stops_and_commands_only() -> None:
     plan = begun(poll("a"), poll("b", unit=2), poll("c"))
     jobs = {lane: job(lane, unit=99) for lane in Priority}
     for waiting in jobs.values():
@@ -35,8 +35,8 @@ def test_every_units_first_poll_goes_before_all_jobs_but_those_of_stops() -> Non
     turns = [take(plan, 0.0) for _ in range(8)]
 
     assert [key_of(turn) or (turn and turn.job) for turn in turns] == [
-        *(jobs[Priority.STOP], jobs[Priority.FOLLOW_UP], "a", "b"),
-        *(jobs[Priority.COMMAND], jobs[Priority.READ_BACK], jobs[Priority.PARAMETERS]),
+        *(jobs[Priority.STOP], jobs[Priority.FOLLOW_UP], jobs[Priority.COMMAND], "a", "b"),
+        *(jobs[Priority.READ_BACK], jobs[Priority.PARAMETERS]),
         "c",
     ]
 
@@ -172,7 +172,7 @@ def test_what_was_not_sent_for_noise_is_not_repeated_at_once() -> None:
 
 def test_what_is_put_back_until_its_unit_may_be_asked_lets_others_pass() -> None:
     plan = begun(poll("a"), poll("b", unit=2))
-    first, second = job(), job(unit=2)
+    first, second = job(Priority.READ_BACK), job(Priority.READ_BACK, unit=2)
     turn = plan.pick(0.0)
     assert turn is not None
     plan.put_back(turn, 0.5)

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 from math import inf
 from typing import Generic, TypeVar
 
-NOWHERE = 0
-
 _SPARE_RECORDS = 64  # stale ones that are not worth a clean-up
 _places = itertools.count(1)
 
@@ -23,14 +21,18 @@ class Queued:
 
     release_s: float = inf  # not before
     deadline_s: float = inf
-    place: int = NOWHERE  # its valid record; among equals the lower is served first
+    place: int = 0  # its valid record, 0 for none; among equals the lower is served first
+
+    def leave(self) -> None:
+        """Leave the queue; nothing when it waits in none."""
+        self.place = 0
 
 
 T = TypeVar("T", bound=Queued)
 
 
 class EdfQueue(Generic[T]):
-    """Things by release and deadline; a thing leaves the queue when its place is set to NOWHERE."""
+    """Things by release and deadline; a thing leaves by `leave`, or when it is put into another."""
 
     def __init__(self) -> None:
         self._waiting: list[tuple[float, int, T]] = []

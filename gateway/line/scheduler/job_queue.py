@@ -23,7 +23,6 @@ class JobQueue:
     def __init__(self) -> None:
         self._budget = LineTimeBudget(JOBS_SHARE, JOBS_BURST_S)
         self._waiting: dict[Priority, deque[Slot]] = {lane: deque() for lane in Priority}
-        self._held: deque[tuple[float, Slot]] = deque()  # whose unit may not be asked before then
         self._popped = 0
 
     def submit(self, job: Job, now_s: float) -> None:
@@ -43,9 +42,6 @@ class JobQueue:
 
     def withdraw(self, job: Job) -> bool:
         """Take a job back; False when it is not waiting (any more)."""
-        for held in [each for each in self._held if job in each[1].jobs]:
-            self._held.remove(held)
-            return True
         waiting = self._waiting[job.lane]
         for place, slot in enumerate(waiting):
             if any(each is job for each in slot.jobs):
@@ -59,7 +55,6 @@ class JobQueue:
 
     def clear(self) -> tuple[Job, ...]:
         """Return all waiting jobs and forget them."""
-        self.release(inf)
         jobs = tuple(job for slot in chain(*self._waiting.values()) for job in slot.jobs)
         for waiting in self._waiting.values():
             waiting.clear()
@@ -67,40 +62,32 @@ class JobQueue:
 
     def put_back(self, slot: Slot, until_s: float = -inf) -> None:
         """Return a slot to the head of its queue, from `until_s` on; others pass it meanwhile."""
-        if until_s > -inf:
-            self._held.append((until_s, slot))
-        else:
-            self._waiting[slot.jobs[0].lane].appendleft(slot)
+        self._waiting[slot.jobs[0].lane].appendleft(replace(slot, not_before_s=until_s))
 
     def next_s(self) -> float:
         """Return from when on there is a job to send."""
-        if any(self._waiting.values()):
-            return -inf
-        return min((until_s for until_s, _ in self._held), default=inf)
+        return min((slot.not_before_s for slot in chain(*self._waiting.values())), default=inf)
 
-    def release(self, now_s: float) -> None:
-        """Queue what was held until now."""
-        while self._held:
-            due = min(self._held, key=lambda each: each[0])
-            if due[0] > now_s:
-                return
-            self._held.remove(due)
-            self.put_back(due[1])
-
-    def pop(self, lane: Priority) -> Slot | None:
+    def pop(self, lane: Priority, now_s: float) -> Slot | None:
         """Take out the next job of a priority."""
-        waiting = self._waiting[lane]
-        return waiting.popleft() if waiting else None
+        slot = self._first(lane, now_s)
+        if slot is not None:
+            self._waiting[lane].remove(slot)
+        return slot
 
-    def pop_command(self) -> Slot | None:
+    def pop_command(self, now_s: float) -> Slot | None:
         """Take out the next job that is not of a stop: by priority, now and then the oldest instead."""
-        waiting = [slots for lane, slots in self._waiting.items() if slots and lane > Priority.FOLLOW_UP]
-        if not waiting:
+        lanes = (Priority.COMMAND, Priority.READ_BACK, Priority.PARAMETERS)
+        firsts = [slot for lane in lanes if (slot := self._first(lane, now_s)) is not None]
+        if not firsts:
             return None
         self._popped += 1
-        if self._popped % OLDEST_EVERY == 0:
-            return min(waiting, key=lambda slots: slots[0].since_s).popleft()
-        return waiting[0].popleft()
+        chosen = firsts[0] if self._popped % OLDEST_EVERY else min(firsts, key=lambda slot: slot.since_s)
+        self._waiting[chosen.jobs[0].lane].remove(chosen)
+        return chosen
+
+    def _first(self, lane: Priority, now_s: float) -> Slot | None:
+        return next((slot for slot in self._waiting[lane] if slot.not_before_s <= now_s), None)
 
     def may_pass_polls(self, now_s: float) -> bool:
         """Return whether jobs may take time from polls that are due."""

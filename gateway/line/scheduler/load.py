@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from gateway.line.scheduler.job_queue import JOBS_SHARE
 from gateway.line.scheduler.units import ScheduledPoll
 
 FREE_PERIOD_S = 5.0  # the period of a poll with `every_s` 0; it comes earlier whenever the line is free
 
-_OTHERS_OVER_S = 10.0  # the share of jobs and offline units is that of about the last so many seconds
-_LEAST_ROOM = 0.05
-_SUMMED_EVERY_S = 1.0
+_AVERAGED_OVER_S = 10.0  # about so long back goes the share of jobs and offline units; costs are summed as often
 
 
 def period_of(every_s: float) -> float:
@@ -19,8 +18,8 @@ def period_of(every_s: float) -> float:
 
 
 def overload_factor(load: float, *, others: float = 0.0) -> float:
-    """Return the factor for a load, when others take their share first; both are shares of the line's time."""
-    return max(1.0, load / max(1.0 - others, _LEAST_ROOM))
+    """Return the factor for a load, when others take their share first, half of the line's time at most."""
+    return max(1.0, load / (1.0 - min(others, JOBS_SHARE)))
 
 
 class LoadControl:
@@ -41,10 +40,10 @@ class LoadControl:
         """Note that time has passed, of which jobs and offline units took `others_s`."""
         if self._at_s is not None and now_s > self._at_s:
             passed_s = now_s - self._at_s
-            weight = min(passed_s / _OTHERS_OVER_S, 1.0)
+            weight = min(passed_s / _AVERAGED_OVER_S, 1.0)
             self._others += weight * (min(others_s / passed_s, 1.0) - self._others)
         self._at_s = now_s
-        if self._summed_s is None or now_s - self._summed_s >= _SUMMED_EVERY_S:
+        if self._summed_s is None or now_s - self._summed_s >= _AVERAGED_OVER_S:
             self._summed_s = now_s
             self._load = sum(
                 each.cost_s / period_of(each.every_s) for each in polls if not each.unit.is_silent

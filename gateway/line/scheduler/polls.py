@@ -7,7 +7,7 @@ from math import inf
 
 from gateway.line.rtu.outcome import Outcome, Silent
 from gateway.line.scheduler.budget import LineTimeBudget
-from gateway.line.scheduler.edf_queue import NOWHERE, EdfQueue
+from gateway.line.scheduler.edf_queue import EdfQueue
 from gateway.line.scheduler.load import LoadControl, period_of
 from gateway.line.scheduler.requests import Poll, Slot
 from gateway.line.scheduler.units import ScheduledPoll, Unit, UnitState
@@ -18,8 +18,6 @@ from gateway.modbus.adu import BROADCAST
 # silence, and is not counted here, that makes a twentieth at most.
 OFFLINE_SHARE = 0.035
 OFFLINE_BURST_S = 0.7  # of line time may be saved up: some six probes
-
-_JITTER = 0.1  # of a silent unit's pause
 
 
 class PollTable:
@@ -60,7 +58,7 @@ class PollTable:
         entry = self._polls[poll.key] = ScheduledPoll(poll=poll, unit=unit, every_s=poll.every_s)
         unit.polls.append(entry)
         self._load.change()
-        if poll.deadline_s is not None or unit.place == NOWHERE:
+        if poll.deadline_s is not None or not unit.place:
             self.watchdogs.set(unit, unit.limit_s if poll.deadline_s is None else poll.deadline_s)
         if self._is_asked(entry):
             self._put(entry, now_s)
@@ -71,10 +69,10 @@ class PollTable:
         unit = entry.unit
         was_probe = unit.is_silent and unit.polls[0] is entry
         unit.polls.remove(entry)
-        entry.place = NOWHERE
+        entry.leave()
         self._load.change()
         if not unit.polls:
-            unit.place = NOWHERE
+            unit.leave()
         elif was_probe:
             self._put(unit.polls[0], entry.deadline_s)
 
@@ -83,7 +81,7 @@ class PollTable:
         entry = self._polls[key]
         entry.every_s = every_s
         self._load.change()
-        if entry.place != NOWHERE and not entry.unit.is_silent:
+        if entry.place and not entry.unit.is_silent:
             entry.release_s = min(entry.release_s, now_s + every_s)
             entry.deadline_s = min(entry.deadline_s, now_s + period_of(every_s) * self.stretch)
             self._queue(entry)
@@ -93,7 +91,7 @@ class PollTable:
         entry = self._polls[key]
         if entry.unit.is_silent:
             entry = entry.unit.polls[0]
-        if entry.place == NOWHERE:
+        if not entry.place:
             entry.deadline_s = now_s  # once more after the one under way
         elif entry.deadline_s > now_s:
             self._put(entry, now_s)
@@ -116,7 +114,7 @@ class PollTable:
         """Know nothing of a unit any more, whose polls are removed; one that has polls stays."""
         known = self._units.get(unit)
         if known is not None and not known.polls:
-            known.place = NOWHERE
+            known.leave()
             del self._units[unit]
 
     def asked(self) -> tuple[Poll, ...]:
@@ -163,7 +161,8 @@ class PollTable:
     def take(self, entry: ScheduledPoll, now_s: float) -> Slot:
         """Reserve the line for a poll; `put_back` or `record` must follow."""
         poll, since_s = entry.poll, min(max(entry.release_s, entry.deadline_s), now_s)
-        entry.place, entry.deadline_s = NOWHERE, inf
+        entry.leave()
+        entry.deadline_s = inf
         return Slot(poll.unit, poll.request, poll.response_time_s, since_s, poll=poll)
 
     def put_back(self, slot: Slot, until_s: float) -> None:
@@ -184,7 +183,7 @@ class PollTable:
             return None
         unit = self.unit(slot.unit)
         before, was_silent = unit.misses, unit.is_silent
-        is_answer = unit.note(outcome, sent_s=sent_s, now_s=now_s)
+        is_answer = None if is_repeated else unit.note(outcome, sent_s=sent_s, now_s=now_s)
         self._is_after_miss = is_answer is False
         if is_answer:
             self.watchdogs.reached(unit, sent_s)
@@ -202,7 +201,8 @@ class PollTable:
         """Queue a unit's polls as its state demands; when it is back, the other silent ones may be, too."""
         if unit.is_silent and not was_silent:
             for each in unit.polls:
-                each.place, each.deadline_s = NOWHERE, inf
+                each.leave()
+                each.deadline_s = inf
             if unit.polls:
                 self._put_probe(unit, now_s)
         elif was_silent and not unit.is_silent:
@@ -213,7 +213,7 @@ class PollTable:
                     self.hasten(other.polls[0].poll.key, now_s)
         elif not unit.is_silent:
             for each in unit.polls:
-                if each.place != NOWHERE:
+                if each.place:
                     self._queue(each)
 
     def _plan_next(self, entry: ScheduledPoll, slot: Slot, now_s: float, *, cost_s: float) -> None:
@@ -222,18 +222,19 @@ class PollTable:
             if entry is entry.unit.polls[0]:
                 self._put_probe(entry.unit, now_s)
             return
-        is_hastened = entry.deadline_s < inf and entry.place == NOWHERE
+        is_hastened = entry.deadline_s < inf and not entry.place
         period_s = period_of(entry.every_s) * self.stretch
         if cost_s:
-            period_s *= 1.0 if entry.cost_s else self._chance.random()
-            entry.measure(cost_s)
+            if not entry.cost_s:
+                period_s *= self._chance.random()
+                self._load.change()
+            entry.cost_s = cost_s
         entry.deadline_s = now_s if is_hastened else max(slot.since_s + period_s, now_s)
         entry.release_s = min(max(slot.since_s + entry.every_s, now_s), entry.deadline_s)
         self._queue(entry)
 
     def _put_probe(self, unit: Unit, now_s: float) -> None:
-        jitter = self._chance.uniform(1.0 - _JITTER, 1.0 + _JITTER)
-        self._put(unit.polls[0], now_s + unit.pause_s(now_s) * jitter)
+        self._put(unit.polls[0], now_s + unit.pause_s(now_s) * self._chance.uniform(0.9, 1.1))
 
     def _first_doubtful(self, now_s: float) -> ScheduledPoll | None:
         while (entry := self._doubtful.first(now_s)) is not None:

@@ -65,6 +65,7 @@ class Slot:
     poll: Poll | None = None
     jobs: tuple[Job, ...] = ()  # a stop's frame may be sent for several
     is_repetition: bool = False  # the reply to the first attempt was corrupted
+    not_before_s: float = -inf  # the jobs' unit may not be asked before then
 
     @property
     def job(self) -> Job | None:

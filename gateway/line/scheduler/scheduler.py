@@ -75,15 +75,14 @@ class Scheduler:
         2. A repeat or read-back of a stop; after eight in a row 3 to 6 once.
         3. A poll whose reply was corrupted, once more.
         4. The unit with the earliest watchdog deadline of those that are due, or were not asked since the port
-           was opened; after eight in a row 5 or 6 once.
+           was opened, after commands in their share; after eight in a row 5 or 6 once.
         5. A job, when no poll is due or the jobs' share of line time is not used up: by priority, every fourth
            the oldest.
         6. A poll by due time. After a miss those of units that answer, otherwise those of units that do not.
         """
-        self.jobs.release(now_s)
-        slot = self.jobs.pop(Priority.STOP)
+        slot = self.jobs.pop(Priority.STOP, now_s)
         if slot is None and self._follow_ups_in_row < IN_ROW:
-            slot = self.jobs.pop(Priority.FOLLOW_UP)
+            slot = self.jobs.pop(Priority.FOLLOW_UP, now_s)
             self._follow_ups_in_row = 0 if slot is None else self._follow_ups_in_row
         slot = slot or self._take_retry()
         if slot is not None:
@@ -91,15 +90,17 @@ class Scheduler:
         unit = self.polls.watchdogs.first(now_s)
         if unit is None or self._watchdogs_in_row >= IN_ROW:
             slot = self._choose_in_turn(now_s)
+        elif unit.reached_s == -inf and self.jobs.may_pass_polls(now_s):
+            slot = self.jobs.pop(Priority.COMMAND, now_s)
         if slot is None and unit is not None:
             self._is_for_watchdog = True
             slot = self.polls.take(unit.polls[0], now_s)
-        return slot or self.jobs.pop(Priority.FOLLOW_UP)
+        return slot or self.jobs.pop(Priority.FOLLOW_UP, now_s)
 
     def _choose_in_turn(self, now_s: float) -> Slot | None:
         """Return a job or a poll."""
         entry = self.polls.first(now_s)
-        slot = self.jobs.pop_command() if entry is None or self.jobs.may_pass_polls(now_s) else None
+        slot = self.jobs.pop_command(now_s) if entry is None or self.jobs.may_pass_polls(now_s) else None
         return self.polls.take(entry, now_s) if slot is None and entry is not None else slot
 
     def _take_retry(self) -> Slot | None:

@@ -14,7 +14,7 @@ import enum
 from dataclasses import dataclass, field
 from math import inf
 
-from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
+from gateway.line.rtu.outcome import Answered, Outcome, Refused, Silent
 from gateway.line.scheduler.edf_queue import Queued
 from gateway.line.scheduler.requests import Poll
 
@@ -24,8 +24,6 @@ PROBE_FLOOR_S = 1.0  # between two probes of a silent unit at least
 PROBE_CEILING_S = 16.0  # and at most
 FADING_S = 5.0  # after anything was received: its silence may be noise, and is not counted as offline
 
-_NEWEST_WEIGHT = 0.125  # in a poll's average cost
-_CORRUPTED_PER_MISS = 2  # a single corrupted reply is the line's fault more often than the unit's
 
 
 class UnitState(enum.Enum):
@@ -44,11 +42,7 @@ class ScheduledPoll(Queued):
     poll: Poll
     unit: Unit
     every_s: float
-    cost_s: float = 0.0  # of the line's time, on average; 0 before the first answer
-
-    def measure(self, took_s: float) -> None:
-        """Learn from one transaction."""
-        self.cost_s += (_NEWEST_WEIGHT if self.cost_s else 1.0) * (took_s - self.cost_s)
+    cost_s: float = 0.0  # of the line's time, the last time; 0 before the first answer
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
@@ -58,10 +52,9 @@ class Unit(Queued):
     number: int
     polls: list[ScheduledPoll] = field(default_factory=list)
     misses: int = 0  # in a row
-    corrupted: int = 0  # replies in a row
-    has_answered: bool = False
+    was_received: bool = False  # anything ever, corrupted or not
     is_online: bool | None = None  # as last reported
-    received_s: float = -inf  # when anything came from it the last time, corrupted or not
+    received_s: float = -inf  # when that was last; before it, when it was asked first
     forgiven_until_s: float = -inf  # it restarts: until then it is not taken for offline
     limit_s: float = 0.0  # its watchdog's time; 0: none is known
     reached_s: float = -inf  # before the latest answered request was sent; -inf: it is silent
@@ -76,26 +69,19 @@ class Unit(Queued):
         """Return the state that follows from the misses."""
         if self.misses:
             return UnitState.SILENT if self.is_silent else UnitState.SUSPECT
-        return UnitState.ANSWERING if self.has_answered else UnitState.NEW
+        return UnitState.ANSWERING if self.was_received else UnitState.NEW
 
     def note(self, outcome: Outcome, *, sent_s: float, now_s: float) -> bool | None:
         """Return True for an answer, False for a miss, None when an outcome says nothing of the unit."""
-        if self.received_s == -inf:
+        if isinstance(outcome, Silent) and not outcome.is_sent:
+            return None
+        if not isinstance(outcome, Silent):
+            self.was_received, self.received_s = True, now_s
+        elif self.received_s == -inf:
             self.received_s = sent_s
-        match outcome:
-            case Answered() | Refused():
-                self.misses = self.corrupted = 0
-                self.has_answered, self.received_s = True, now_s
-                return True
-            case Garbled():
-                self.received_s = now_s
-                self.corrupted += 1
-                if self.corrupted < _CORRUPTED_PER_MISS:
-                    return None
-            case Silent(is_sent=is_sent):
-                self.corrupted = 0
-                if not is_sent:
-                    return None
+        if isinstance(outcome, Answered | Refused):
+            self.misses = 0
+            return True
         self.misses += 1
         if now_s < self.forgiven_until_s:
             self.misses = min(self.misses, SILENT_AFTER)
@@ -104,7 +90,7 @@ class Unit(Queued):
     def news(self) -> bool | None:
         """Return whether the unit is online when that differs from the last report; None for nothing new."""
         is_online = self.is_online
-        if self.has_answered and not self.misses:
+        if self.was_received and not self.misses:
             is_online = True
         elif self.misses >= OFFLINE_AFTER:
             is_online = False
@@ -115,7 +101,7 @@ class Unit(Queued):
 
     def is_fading(self, now_s: float) -> bool:
         """Return whether something was received from a unit only just now, corrupted or not."""
-        return (self.has_answered or self.corrupted > 0) and now_s < self.received_s + FADING_S
+        return self.was_received and now_s < self.received_s + FADING_S
 
     def pause_s(self, now_s: float) -> float:
         """Return how long a silent unit is left: as long as it has been silent, within bounds.

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from math import inf
 
-from gateway.line.scheduler.edf_queue import NOWHERE, EdfQueue
+from gateway.line.scheduler.edf_queue import EdfQueue
 from gateway.line.scheduler.units import Unit
 
 ASKED_AFTER = 0.5  # of a watchdog's time
@@ -34,7 +34,7 @@ class Watchdogs:
     def set(self, unit: Unit, limit_s: float | None) -> None:
         """Record a unit's watchdog, None or 0 for none; it runs since the unit was reached last."""
         unit.limit_s = limit_s or 0.0
-        if unit.reached_s == -inf and unit.place != NOWHERE:
+        if unit.reached_s == -inf and unit.place:
             self.begin(unit, unit.release_s)
         else:
             self._put(unit)
@@ -54,14 +54,14 @@ class Watchdogs:
 
     def hold(self, unit: Unit, until_s: float) -> None:
         """Record that a unit may not be asked before then."""
-        if unit.place != NOWHERE:
+        if unit.place:
             unit.release_s = max(unit.release_s, until_s)
             self._queue.put(unit)
 
     def first(self, now_s: float) -> Unit | None:
         """Return the unit that has to be asked now."""
         while (unit := self._queue.first(now_s)) is not None and not unit.polls:
-            unit.place = NOWHERE
+            unit.leave()
         return unit
 
     def next_s(self) -> float:
@@ -76,7 +76,7 @@ class Watchdogs:
         return max(self._worst, self._worst_before)
 
     def _put(self, unit: Unit, not_before_s: float = -inf) -> None:
-        unit.place = NOWHERE
+        unit.leave()
         if unit.limit_s and unit.reached_s > -inf:
             unit.release_s = max(unit.reached_s + ASKED_AFTER * unit.limit_s, not_before_s)
             unit.deadline_s = unit.reached_s + unit.limit_s
