@@ -26,7 +26,9 @@ class StarterCapacity:
     table: StarterTable
     ages_s: dict[str, float]  # by group of values: an estimate of the oldest they get without commands
     gap_s: float  # an estimate of the longest time between two requests to it without commands
-    margin_s: float | None  # promised for its watchdog with commands under way; None when it is off or not known
+    margin_s: (
+        float | None
+    )  # promised for its watchdog with commands under way; None when it is off or not known
 
 
 @dataclass(frozen=True, slots=True)

@@ -189,7 +189,9 @@ def test_no_poll_starves(periods_s: list[float], jobs: list[tuple[int, Priority]
             last_s[key] = now_s
 
     for key, gap_s in longest_s.items():
-        bound_s = 2 * period_of(periods_s[int(key)]) * most_stretched + 0.03 * (len(jobs) + len(periods_s) + 1)
+        bound_s = 2 * period_of(periods_s[int(key)]) * most_stretched + 0.03 * (
+            len(jobs) + len(periods_s) + 1
+        )
         assert gap_s <= bound_s
         assert 600 * 0.03 - last_s[key] <= bound_s
 

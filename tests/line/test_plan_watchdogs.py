@@ -15,6 +15,7 @@ from tests.line.fakes import poll
 from tests.line.ideal_line import IdealLine
 from tests.line.planned import ANSWERED, begun, job, key_of, take
 
+
 def test_a_unit_is_asked_ahead_of_its_turn_when_half_of_its_watchdogs_time_has_passed() -> None:
     plan = begun(replace(poll("a", every_s=60.0), deadline_s=10.0))
     take(plan, 0.0)

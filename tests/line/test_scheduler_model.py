@@ -1,6 +1,6 @@
 """The promises of the scheduler on random sites in virtual time: floods, offline starters, watchdogs.
 
-Every reply comes as late as the line waits for it, every job takes as long as the longest request of the site.
+Every reply comes as late as the line waits for it, every job takes as long as the site's longest request.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Whether a line keeps its units from their watchdogs: the one rule for `check`, `set` and reload; pure.
 
-A watchdog is kept when the longest time between two requests to its unit with commands under way, as `forecast`
-promises it, is not longer than the watchdog's time.
+A watchdog is kept when the longest time between two requests to its unit with commands under way, as
+`forecast` promises it, is not longer than the watchdog's time.
 """
 
 from __future__ import annotations

@@ -1,10 +1,12 @@
 """What a line's polls add up to, from numbers alone.
 
-Promised, with any number of commands under way: the load, the sweep, the longest wait of a stop, and the longest time
-that a unit with a watchdog is left (`Forecast.watchdog_gaps_s`). The bounds follow from how `Scheduler` chooses. They
-hold while the units answer, with every reply as late as the line waits for it; each stop adds its own transaction.
+Promised, with any number of commands under way: the load, the sweep, the longest wait of a stop, and the
+longest time that a unit with a watchdog is left (`Forecast.watchdog_gaps_s`). The bounds follow from how
+`Scheduler` chooses. They hold while the units answer, with every reply as late as the line waits for it.
+Stops come on top: each adds its own transaction, and its repeats and read-backs as many as there are
+requests for watchdogs.
 
-The age of a value is an estimate: what it is on a line without commands, when everything else comes first once.
+The age of a value is an estimate: a line without commands, on which everything else goes first once.
 """
 
 from __future__ import annotations
@@ -87,7 +89,7 @@ def forecast(
 
 
 def longest_gap_s(whole: Forecast, unit: int) -> float:
-    """Return the longest time between two requests to a unit without commands, as an estimate; inf for never."""
+    """Return an estimate of the longest time between two requests to a unit without commands; inf: never."""
     asked_s = min((each.age_s for each in whole.polls if each.poll.unit == unit), default=inf)
     return min(asked_s, whole.watchdog_gaps_s.get(unit, inf))
 
@@ -109,7 +111,9 @@ def worst_stop_latency_s(
 def _periods_s(polls: Sequence[Poll], costs_s: Sequence[float]) -> list[float]:
     """Return the average period of every poll on a line without commands."""
     factor = overload_factor(_load(polls, costs_s))
-    left = 1.0 - sum(cost_s / poll.every_s for cost_s, poll in zip(costs_s, polls, strict=True) if poll.every_s)
+    left = 1.0 - sum(
+        cost_s / poll.every_s for cost_s, poll in zip(costs_s, polls, strict=True) if poll.every_s
+    )
     free_s = sum(cost_s for cost_s, poll in zip(costs_s, polls, strict=True) if not poll.every_s)
     round_s = FREE_PERIOD_S * factor if factor > 1.0 else min(free_s / left, FREE_PERIOD_S) if free_s else 0.0
     periods_s = [poll.every_s * factor if poll.every_s else round_s for poll in polls]

@@ -1,6 +1,6 @@
 """Earliest deadline first among the things whose release time has come.
 
-Two heaps with lazy deletion: putting a thing again leaves a stale record behind, so every call costs O(log n).
+Two heaps with lazy deletion: putting a thing again leaves a stale record behind; a call costs O(log n).
 """
 
 from __future__ import annotations

@@ -9,7 +9,9 @@ from gateway.line.scheduler.units import ScheduledPoll
 
 FREE_PERIOD_S = 5.0  # the period of a poll with `every_s` 0; it comes earlier whenever the line is free
 
-_AVERAGED_OVER_S = 10.0  # about so long back goes the share of jobs and offline units; costs are summed as often
+_AVERAGED_OVER_S = (
+    10.0  # about so long back goes the share of jobs and offline units; costs are summed as often
+)
 
 
 def period_of(every_s: float) -> float:

@@ -129,10 +129,9 @@ class PollTable:
         """Return what the units' watchdogs need of the line, and the worst lately: 1 and more is missed."""
         load = 0.0
         for unit in self._units.values():
-            asked_s = ASKED_AFTER * unit.limit_s
-            if asked_s and unit.reached_s > -inf and unit.polls:
-                if all(period_of(each.every_s) * self.stretch > asked_s for each in unit.polls):
-                    load += unit.polls[0].cost_s / asked_s
+            asked_s, periods_s = ASKED_AFTER * unit.limit_s, [period_of(each.every_s) for each in unit.polls]
+            if asked_s and unit.reached_s > -inf and periods_s and min(periods_s) * self.stretch > asked_s:
+                load += unit.polls[0].cost_s / asked_s
         share, worst = self.watchdogs.worst(now_s)
         return {"load": round(load, 4), "longest_share": round(share, 4), "unit": worst}
 

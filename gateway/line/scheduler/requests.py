@@ -32,7 +32,9 @@ class Poll:
     every_s: float  # 0 = as often as the line allows
     response_time_s: float  # the starter's longest time from the request's end to the reply's first byte
     response_floor_s: float | None = None  # what was learnt may shorten that down to this; None = not at all
-    deadline_s: float | None = None  # its unit's watchdog: the longest time without a request; None or 0: none
+    deadline_s: float | None = (
+        None  # its unit's watchdog: the longest time without a request; None or 0: none
+    )
     group: str = ""  # whose values it reads, for the statistics
     is_urgent: bool = False  # an answer that differs from the one before is published at once
 

@@ -1,19 +1,19 @@
 """Which request has the line next.
 
-The idea. Polls wait in a queue by due time, jobs in queues by priority; a bucket of line time settles which of
-the two goes first. A unit whose watchdog needs a request goes before both, a stop before everything. Nothing here has a
-clock: who calls says what time it is.
+The idea. Polls wait in a queue by due time, jobs in queues by priority; a bucket of line time settles which
+of the two goes first. A unit whose watchdog needs a request goes before both, a stop before everything.
+Nothing here has a clock: the caller says what time it is.
 
 Invariants.
 
-- A poll is due a period after the last time, stretched by one factor for all polls of the line when they ask
-  for more than jobs and offline units leave. While others are due it goes by due time, so each of the others
-  goes first once at most; on an idle line it may go a period after the last time, however stretched. A poll
-  without a period has one of 5 s in this, and may always go.
+- A poll is due a period after the last time, stretched by one factor for all polls of the line when they
+  ask for more than jobs and offline units leave. While others are due it goes by due time, so each of the
+  others goes first once at most; on an idle line it may go a period after the last time, however stretched.
+  A poll without a period has one of 5 s in this, and may always go.
 - While polls are due, jobs get half of the line's time, background jobs a quarter, and what was saved up.
 - A watchdog's unit is asked when half of its time has passed; what can go before it is the request on the
-  wire, units with an earlier deadline, and one other request for each eight of those. Stops come on top: their
-  first frames go at once, their repeats and read-backs take as many requests as watchdogs, at most.
+  wire, units with an earlier deadline, and one other request for each eight of those. Stops come on top:
+  their first frames go at once, their repeats and read-backs take as many requests as watchdogs, at most.
 - Silent units get 3.5 % of the line's time, and never two requests in a row while another unit is due.
 - A slot that was picked is a reservation: `put_back` undoes it, `record` makes it count.
 
@@ -74,10 +74,10 @@ class Scheduler:
         1. A stop's frame.
         2. A repeat or read-back of a stop; after eight in a row 3 to 6 once.
         3. A poll whose reply was corrupted, once more.
-        4. The unit with the earliest watchdog deadline of those that are due, or were not asked since the port
-           was opened, after commands in their share; after eight in a row 5 or 6 once.
-        5. A job, when no poll is due or the jobs' share of line time is not used up: by priority, every fourth
-           the oldest.
+        4. The unit with the earliest watchdog deadline of those that are due, or were not asked since the
+           port was opened, these after commands in their share; after eight in a row 5 or 6 once.
+        5. A job, when no poll is due or the jobs' share of line time is not used up: by priority, every
+           fourth the oldest.
         6. A poll by due time. After a miss those of units that answer, otherwise those of units that do not.
         """
         slot = self.jobs.pop(Priority.STOP, now_s)

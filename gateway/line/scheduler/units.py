@@ -25,7 +25,6 @@ PROBE_CEILING_S = 16.0  # and at most
 FADING_S = 5.0  # after anything was received: its silence may be noise, and is not counted as offline
 
 
-
 class UnitState(enum.Enum):
     """What is known of a unit."""
 
