@@ -17,7 +17,7 @@ from gateway.line.capacity.deadline_check import LONGEST_LIMIT_S, missed_deadlin
 from gateway.line.capacity.forecast import forecast
 from gateway.line.scheduler.requests import Poll
 from gateway.modbus.timing import LineTiming
-from gateway.starters.telemetry.polling import fast_polls_of, polls_of, questions_of
+from gateway.starters.telemetry.polling import fast_polls_of, polls_of
 
 LONGEST_EVERY_S = 3600.0
 
@@ -32,8 +32,7 @@ def mend_of(line: LineTable) -> str:
     """
     polls = _polls_of(line)
     timing = timing_of(line)
-    jobs = [each for setup in setups_of(line) for each in questions_of(setup)]
-    is_kept = partial(_keeps_watchdogs, allowance_s=line.adapter_allowance_s, jobs=jobs)
+    is_kept = partial(_keeps_watchdogs, allowance_s=line.adapter_allowance_s)
     found = _faster_or_fewer(line, polls, is_kept)
     shortest = _least(lambda limit_s: is_kept(_with_watchdogs(polls, limit_s), timing))
     if shortest is not None:
@@ -91,10 +90,8 @@ def _faster_or_fewer(line: LineTable, polls: Sequence[Poll], is_kept: IsKept) ->
     return found
 
 
-def _keeps_watchdogs(
-    polls: Sequence[Poll], timing: LineTiming, *, allowance_s: float, jobs: Sequence[Poll]
-) -> bool:
-    return not missed_deadlines(polls, timing, allowance_s=allowance_s, jobs=jobs)
+def _keeps_watchdogs(polls: Sequence[Poll], timing: LineTiming, *, allowance_s: float) -> bool:
+    return not missed_deadlines(polls, timing, allowance_s=allowance_s)
 
 
 def _keeps_periods(polls: Sequence[Poll], timing: LineTiming) -> bool:

@@ -11,10 +11,12 @@ from gateway.app.advice import mend_of
 from gateway.config.convert import setups_of, timing_of
 from gateway.config.mistakes import Mistake
 from gateway.config.schema import Config, LineTable, StarterTable
+from gateway.families.profile.identify import identify_requests
 from gateway.line.capacity.deadline_check import missed_in
 from gateway.line.capacity.forecast import Forecast, forecast, longest_gap_s
+from gateway.line.scheduler.requests import Poll
 from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.polling import polls_of, questions_of
+from gateway.starters.telemetry.polling import polls_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +93,7 @@ def _line(line: LineTable) -> LineCapacity:
     timing = timing_of(line)
     setups = setups_of(line)
     polls = [poll for setup in setups for poll in polls_of(setup)]
-    others = [poll for setup in setups for poll in questions_of(setup)]
+    others = [poll for setup in setups if setup.is_enabled for poll in _identification(setup)]
     whole = forecast(polls, timing, allowance_s=line.adapter_allowance_s, jobs=others)
     return LineCapacity(
         table=line,
@@ -112,3 +114,11 @@ def _starter(table: StarterTable, setup: StarterSetup, whole: Forecast) -> Start
     gap_s = longest_gap_s(whole, setup.address)
     promised_s = whole.watchdog_gaps_s.get(setup.address, gap_s)
     return StarterCapacity(table, ages_s, gap_s, table.watchdog_s - promised_s if table.watchdog_s else None)
+
+
+def _identification(setup: StarterSetup) -> list[Poll]:
+    """Return an identification's requests in the shape of polls: they keep a stop waiting as those do."""
+    return [
+        Poll(question.tag, setup.address, question.request, 0.0, setup.response_time_of(question.request))
+        for question in identify_requests(setup.profile)
+    ]

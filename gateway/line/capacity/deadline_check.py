@@ -40,19 +40,11 @@ def missed_in(whole: Forecast) -> tuple[Missed, ...]:
 
 
 def missed_deadlines(
-    polls: Sequence[Poll],
-    timing: LineTiming,
-    *,
-    allowance_s: float,
-    jobs: Sequence[Poll] = (),
-    limits_s: Limits | None = None,
+    polls: Sequence[Poll], timing: LineTiming, *, allowance_s: float, limits_s: Limits | None = None
 ) -> tuple[Missed, ...]:
-    """Return the watchdogs that these polls would miss; `limits_s` go before the polls' own deadlines.
-
-    `jobs` are requests that may come between the polls, in the shape of polls.
-    """
+    """Return the watchdogs that these polls would miss; `limits_s` go before the polls' own deadlines."""
     asked = polls if limits_s is None else with_deadlines(polls, limits_s)
-    return missed_in(forecast(asked, timing, allowance_s=allowance_s, jobs=jobs))
+    return missed_in(forecast(asked, timing, allowance_s=allowance_s))
 
 
 def with_deadlines(polls: Sequence[Poll], limits_s: Limits) -> list[Poll]:
@@ -64,13 +56,7 @@ def with_deadlines(polls: Sequence[Poll], limits_s: Limits) -> list[Poll]:
 
 
 def newly_missed(
-    polls: Sequence[Poll],
-    timing: LineTiming,
-    *,
-    allowance_s: float,
-    jobs: Sequence[Poll] = (),
-    before_s: Limits,
-    after_s: Limits,
+    polls: Sequence[Poll], timing: LineTiming, *, allowance_s: float, before_s: Limits, after_s: Limits
 ) -> tuple[Missed, ...]:
     """Return the watchdogs that a change of limits would have the line miss; none for limits that only grow.
 
@@ -81,30 +67,22 @@ def newly_missed(
     }
     if not shorter:
         return ()
-    missed = missed_deadlines(polls, timing, allowance_s=allowance_s, jobs=jobs, limits_s=after_s)
+    missed = missed_deadlines(polls, timing, allowance_s=allowance_s, limits_s=after_s)
     if not missed:
         return ()
-    earlier = missed_deadlines(polls, timing, allowance_s=allowance_s, jobs=jobs, limits_s=before_s)
+    earlier = missed_deadlines(polls, timing, allowance_s=allowance_s, limits_s=before_s)
     known = {each.unit for each in earlier} - shorter
     return tuple(each for each in missed if each.unit not in known)
 
 
 def shortest_limit_s(
-    polls: Sequence[Poll],
-    timing: LineTiming,
-    *,
-    allowance_s: float,
-    jobs: Sequence[Poll] = (),
-    before_s: Limits,
-    unit: int,
+    polls: Sequence[Poll], timing: LineTiming, *, allowance_s: float, before_s: Limits, unit: int
 ) -> float | None:
     """Return the shortest watchdog in whole seconds that a unit may be given; None when it is none at all."""
 
     def is_kept(limit_s: int) -> bool:
         after_s = {**before_s, unit: float(limit_s)}
-        return not newly_missed(
-            polls, timing, allowance_s=allowance_s, jobs=jobs, before_s=before_s, after_s=after_s
-        )
+        return not newly_missed(polls, timing, allowance_s=allowance_s, before_s=before_s, after_s=after_s)
 
     low, high = 0, LONGEST_LIMIT_S
     if not is_kept(high):

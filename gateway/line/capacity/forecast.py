@@ -2,7 +2,8 @@
 
 Promised, with any number of commands under way: the load, the sweep, the longest wait of a stop, and the
 longest time that a unit with a watchdog is left (`Forecast.watchdog_gaps_s`). The bounds follow from how
-`Scheduler` chooses. They hold while the units answer, with every reply as late as the line waits for it.
+`Scheduler` chooses. They hold from the second round after the port was opened on, while the units answer,
+with every reply as late as the line waits for it.
 Stops come on top: each adds its own transaction, and its repeats and read-backs as many as there are
 requests for watchdogs.
 
@@ -57,17 +58,14 @@ class Forecast:
 def forecast(
     polls: Sequence[Poll], timing: LineTiming, *, allowance_s: float = ALLOWANCE_S, jobs: Sequence[Poll] = ()
 ) -> Forecast:
-    """Return what these polls ask of a line; `jobs` are requests that may come between them at any time."""
+    """Return what these polls ask of a line.
+
+    No command's request takes longer than the longest poll. `jobs` may, and come once in a while: they count
+    for the stop's latency only.
+    """
     costs_s = [_cost_s(poll, timing, allowance_s=0.0) for poll in polls]
     late_s = [_cost_s(poll, timing, allowance_s=allowance_s) for poll in polls]
-    longest = max(
-        (
-            timing.silence_s
-            + longest_s(each.request, timing, response_time_s=each.response_time_s, allowance_s=allowance_s)
-            for each in (*polls, *jobs)
-        ),
-        default=0.0,
-    )
+    longest = worst_stop_latency_s(polls, timing, allowance_s=allowance_s)
     periods_s = _periods_s(polls, costs_s)
     dogs = _watchdogs(polls, late_s)
     demand = Demand((cost_s + longest / IN_ROW, asked_s) for cost_s, asked_s in dogs.values())

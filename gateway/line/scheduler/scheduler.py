@@ -75,7 +75,8 @@ class Scheduler:
         2. A repeat or read-back of a stop; after eight in a row 3 to 6 once.
         3. A poll whose reply was corrupted, once more.
         4. The unit with the earliest watchdog deadline of those that are due, or were not asked since the
-           port was opened, these after commands in their share; after eight in a row 5 or 6 once.
+           port was opened; one without a known watchdog after commands in their share; after eight in a
+           row 5 or 6 once.
         5. A job, when no poll is due or the jobs' share of line time is not used up: by priority, every
            fourth the oldest.
         6. A poll by due time. After a miss those of units that answer, otherwise those of units that do not.
@@ -90,7 +91,7 @@ class Scheduler:
         unit = self.polls.watchdogs.first(now_s)
         if unit is None or self._watchdogs_in_row >= IN_ROW:
             slot = self._choose_in_turn(now_s)
-        elif unit.reached_s == -inf and self.jobs.may_pass_polls(now_s):
+        elif unit.deadline_s == inf and self.jobs.may_pass_polls(now_s):
             slot = self.jobs.pop(Priority.COMMAND, now_s)
         if slot is None and unit is not None:
             self._is_for_watchdog = True

@@ -26,7 +26,7 @@ from gateway.line.capacity.deadline_check import (
 from gateway.line.client import LineClient
 from gateway.line.scheduler.requests import Poll
 from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.polling import polls_of, questions_of
+from gateway.starters.telemetry.polling import polls_of
 from gateway.storage.json_file import JsonStore, NoStore, Saver
 
 WATCHDOGS_FILE = "watchdogs.json"  # in state_dir
@@ -258,10 +258,7 @@ def _missed_on(setups: Sequence[StarterSetup], limits_s: Limits) -> dict[str, st
         return {}
     polls = [poll for setup in setups for poll in polls_of(setup)]
     names = {setup.address: setup.name for setup in setups}
-    jobs = [each for setup in setups for each in questions_of(setup)]
-    missed = missed_deadlines(
-        polls, setups[0].timing, allowance_s=setups[0].allowance_s, jobs=jobs, limits_s=limits_s
-    )
+    missed = missed_deadlines(polls, setups[0].timing, allowance_s=setups[0].allowance_s, limits_s=limits_s)
     return {names[each.unit]: _why(each) for each in missed}
 
 
@@ -273,15 +270,13 @@ def _refusal(
     polls = [poll for each in on_line for poll in polls_of(each)]
     if setup.timing is None:
         return ""
-    allowance_s, jobs = setup.allowance_s, [job for each in on_line for job in questions_of(each)]
-    missed = newly_missed(
-        polls, setup.timing, allowance_s=allowance_s, jobs=jobs, before_s=before_s, after_s=after_s
-    )
+    allowance_s = setup.allowance_s
+    missed = newly_missed(polls, setup.timing, allowance_s=allowance_s, before_s=before_s, after_s=after_s)
     if not missed:
         return ""
     first = min(missed, key=lambda each: each.unit != setup.address)  # its own goes before others'
     shortest_s = shortest_limit_s(
-        polls, setup.timing, allowance_s=allowance_s, jobs=jobs, before_s=before_s, unit=setup.address
+        polls, setup.timing, allowance_s=allowance_s, before_s=before_s, unit=setup.address
     )
     advice = "turn it off" if shortest_s is None else f"the shortest that can be kept is {shortest_s:g} s"
     return f"{names[first.unit]}: {_why(first)}; for {setup.name} {advice}"

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass, field, replace
 
 from gateway.families.mapped_registers import MappedBlock, fast_block, plan_with
-from gateway.families.profile.identify import identify_requests
 from gateway.families.profile.schema import Variant
 from gateway.families.reading.poll_blocks import Block, split
 from gateway.line.client import LineClient
@@ -21,16 +20,6 @@ SLOW_AT_LEAST_S = 10.0  # and never more often than this
 OVERDUE_PERIODS = 3  # a value that was not read for so many periods is stale,
 UNKNOWN_GAP_S = 3.0  # how long a round may take before one has been seen
 OVERDUE_GRACE_S = 1.0  # with this much patience for a loaded line
-
-
-def questions_of(setup: StarterSetup) -> tuple[Poll, ...]:
-    """Return an identification's requests in the shape of polls: they keep others waiting as those do."""
-    if not setup.is_enabled:
-        return ()
-    return tuple(
-        Poll(question.tag, setup.address, question.request, 0.0, setup.response_time_of(question.request))
-        for question in identify_requests(setup.profile)
-    )
 
 
 def polls_of(setup: StarterSetup) -> tuple[Poll, ...]:
