@@ -116,7 +116,7 @@ class Line:
 
     def hasten(self, key: str) -> None:
         """Make a poll due now; KeyError when there is no such poll."""
-        self._plan.polls.hasten(key, self._time())
+        self._plan.polls.expedite(key, self._time())
         self._wake()
 
     def set_deadline(self, unit: int, seconds: float | None) -> None:

@@ -90,7 +90,7 @@ class LineService:
 
     def ask_all_anew(self) -> None:
         """Ask those at once who are only silent because nobody could be heard."""
-        self._plan.polls.hasten_all(self._time())
+        self._plan.polls.expedite_all(self._time())
 
     async def _run(self) -> None:
         line = self.line

@@ -155,7 +155,7 @@ def follow(operations: list[tuple[object, ...]]) -> list[object]:
             case "set every", str(key), float(every_s) if key in keys:
                 plan.polls.set_every(key, every_s, now_s)
             case "hasten", str(key) if key in keys:
-                plan.polls.hasten(key, now_s)
+                plan.polls.expedite(key, now_s)
             case "deadline", int(unit), float() | None as limit_s:
                 plan.polls.set_deadline(unit, limit_s)
             case "job", Priority() as lane:

@@ -89,7 +89,7 @@ def test_a_hastened_poll_is_due_now() -> None:
     plan = begun(poll("a", every_s=10.0))
     take(plan, 0.0)
 
-    plan.polls.hasten("a", 3.0)
+    plan.polls.expedite("a", 3.0)
 
     assert plan.next_due_s() == 3.0
     take(plan, 3.0)
@@ -101,7 +101,7 @@ def test_a_poll_that_is_hastened_while_it_is_under_way_comes_once_more() -> None
     turn = plan.pick(0.0)
     assert turn is not None
 
-    plan.polls.hasten("a", 0.01)
+    plan.polls.expedite("a", 0.01)
     plan.record(turn, ANSWERED, 0.02)
 
     assert plan.next_due_s() == 0.02
@@ -156,7 +156,7 @@ def test_wrong_keys_are_refused() -> None:
     with pytest.raises(KeyError):
         plan.polls.remove("b")
     with pytest.raises(KeyError):
-        plan.polls.hasten("b", 0.0)
+        plan.polls.expedite("b", 0.0)
     with pytest.raises(KeyError):
         plan.polls.set_every("b", 1.0, 0.0)
 

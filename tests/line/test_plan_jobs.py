@@ -230,12 +230,12 @@ def test_what_was_hastened_keeps_its_hurry_when_it_is_put_back() -> None:
     plan = begun(poll("a", every_s=10.0), poll("b", every_s=10.0))
     take(plan, 0.0)
     take(plan, 0.0)
-    plan.polls.hasten("b", 3.0)
-    plan.polls.hasten("b", 3.0)  # does no more than once
+    plan.polls.expedite("b", 3.0)
+    plan.polls.expedite("b", 3.0)  # does no more than once
     turn = plan.pick(3.0)
     assert turn is not None
     plan.put_back(turn, 3.0)
-    plan.polls.hasten("a", 3.0)
+    plan.polls.expedite("a", 3.0)
 
     assert {key_of(take(plan, 3.0)), key_of(take(plan, 3.0))} == {"a", "b"}
     assert plan.pick(3.0) is None

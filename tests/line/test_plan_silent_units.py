@@ -183,7 +183,7 @@ def test_hastening_any_poll_of_a_silent_unit_hastens_its_probe() -> None:
     take(plan, 0.0, Silent())
     take(plan, 0.0, Silent())
 
-    plan.polls.hasten("current", 0.5)
+    plan.polls.expedite("current", 0.5)
 
     assert key_of(take(plan, 0.5)) == "status"
 
@@ -230,7 +230,7 @@ def test_when_nobody_could_be_heard_all_are_asked_at_once() -> None:
         if turn is not None:
             plan.record(turn, Silent(), now_s)
 
-    plan.polls.hasten_all(now_s)
+    plan.polls.expedite_all(now_s)
 
     answered = set()
     for _ in range(30):

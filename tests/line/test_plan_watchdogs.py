@@ -209,7 +209,7 @@ def test_a_watchdog_of_a_unit_that_went_silent_waits_until_it_is_reached_again()
     plan = begun(poll("a", every_s=60.0))
     take(plan, 0.0)
     for now_s in (60.0, 61.0, 62.0, 63.0, 64.0, 65.0):
-        plan.polls.hasten("a", now_s)
+        plan.polls.expedite("a", now_s)
         take(plan, now_s, Silent("no reply"))
     assert plan.polls.state_of(1) is UnitState.SILENT
 

@@ -86,7 +86,7 @@ class PollTable:
             entry.deadline_s = min(entry.deadline_s, now_s + period_of(every_s) * self.stretch)
             self._queue(entry)
 
-    def hasten(self, key: str, now_s: float) -> None:
+    def expedite(self, key: str, now_s: float) -> None:
         """Make a poll due now, or the probe of a unit that does not answer; KeyError when there is none."""
         entry = self._polls[key]
         if entry.unit.is_silent:
@@ -96,11 +96,11 @@ class PollTable:
         elif entry.deadline_s > now_s:
             self._put(entry, now_s)
 
-    def hasten_all(self, now_s: float) -> None:
+    def expedite_all(self, now_s: float) -> None:
         """Make all polls due now, and the probes of silent units: nothing could be received till now."""
         self._offline.fill()
         for poll in self.asked():
-            self.hasten(poll.key, now_s)
+            self.expedite(poll.key, now_s)
 
     def set_deadline(self, unit: int, limit_s: float | None) -> None:
         """Reach a unit within its watchdog's time from now on; None or 0 when it has none."""
@@ -209,7 +209,7 @@ class PollTable:
                 self._put(each, now_s)
             for other in self._units.values():
                 if other.is_silent and other.polls:
-                    self.hasten(other.polls[0].poll.key, now_s)
+                    self.expedite(other.polls[0].poll.key, now_s)
         elif not unit.is_silent:
             for each in unit.polls:
                 if each.place:
@@ -221,14 +221,14 @@ class PollTable:
             if entry is entry.unit.polls[0]:
                 self._put_probe(entry.unit, now_s)
             return
-        is_hastened = entry.deadline_s < inf and not entry.place
+        is_expedited = entry.deadline_s < inf and not entry.place
         period_s = period_of(entry.every_s) * self.stretch
         if cost_s:
             if not entry.cost_s:
                 period_s *= self._chance.random()
                 self._load.change()
             entry.cost_s = cost_s
-        entry.deadline_s = now_s if is_hastened else max(slot.since_s + period_s, now_s)
+        entry.deadline_s = now_s if is_expedited else max(slot.since_s + period_s, now_s)
         entry.release_s = min(max(slot.since_s + entry.every_s, now_s), entry.deadline_s)
         self._queue(entry)
 
