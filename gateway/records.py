@@ -86,6 +86,7 @@ class StateRecord:
     flags: Mapping[str, bool | None] = field(default_factory=dict)
     is_lock_told: bool = False  # only then does `lock` mean anything
     lock: LockRecord | None = None
+    reason: str = ""  # why it is unknown although the starter answers
 
 
 @dataclass(frozen=True, slots=True)

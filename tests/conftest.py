@@ -2,43 +2,24 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
-from tests.mosquitto import MosquittoBroker, missing_programs
 from tests.store_keeping import PATIENCE_S, Keeping
 
-# The same examples at each run; `make torture` has more, by a seed ("histories of commands", the fuzz rows).
+# The same examples at each run; `make torture` tries others ("random"), and by seeds more of the long ones
+# ("histories of commands", the fuzz rows).
 settings.register_profile("recorded", derandomize=True, database=None, deadline=None)
+settings.register_profile("random", derandomize=False, database=None, deadline=None, print_blob=True)
 settings.load_profile("recorded")
 
-StartMosquitto = Callable[..., MosquittoBroker]
 
-
-@pytest.fixture
-def start_mosquitto(tmp_path: Path) -> Iterator[StartMosquitto]:
-    """Give a function that starts a MosquittoBroker (same arguments); every broker ends with the test."""
-    missing = missing_programs()
-    if missing:
-        text = f"not installed: {', '.join(missing)} (apt-get install mosquitto mosquitto-clients)"
-        if os.environ.get("CI") == "true":
-            pytest.fail(text)
-        pytest.skip(text)
-    brokers: list[MosquittoBroker] = []
-
-    def start(**options: object) -> MosquittoBroker:
-        broker = MosquittoBroker(tmp_path / f"mosquitto-{len(brokers)}", **options)  # type: ignore[arg-type]
-        brokers.append(broker)
-        broker.start()
-        return broker
-
-    yield start
-    for broker in brokers:
-        broker.kill()
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the long ones, so that no process works at one alone at the end."""
+    items.sort(key=lambda item: item.get_closest_marker("long") is None)
 
 
 @pytest.fixture

@@ -303,3 +303,6 @@ def free_port() -> int:
 
 def _find(program: str) -> str | None:
     return shutil.which(program, path="/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin")
+
+
+StartMosquitto = Callable[..., MosquittoBroker]

@@ -50,7 +50,7 @@ def site(*changes: tuple[str, str]) -> Config:
 
 
 @dataclass
-class Here:
+class RunningPlant:
     """A running plant, its two buses, and what it tells the gateway."""
 
     sink: RecordingSink = field(default_factory=RecordingSink)
@@ -132,9 +132,9 @@ class Here:
 
 
 @asynccontextmanager
-async def running(settled_s: float = 30.0, *changes: tuple[str, str]) -> AsyncIterator[Here]:
+async def running(settled_s: float = 30.0, *changes: tuple[str, str]) -> AsyncIterator[RunningPlant]:
     """Run the plant; all four starters are online, identified and looked through."""
-    here = Here(config=site(*changes))
+    here = RunningPlant(config=site(*changes))
     clock, sequence = VirtualClock(asyncio.get_running_loop()), SequenceNumbers()
     for port, address, family in (
         *(("hall", 1, "ssw07"), ("hall", 2, "ssw06")),

@@ -27,7 +27,7 @@ from gateway.starters.policy.request import CommandRequest
 from gateway.starters.services.services import StarterServices
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from tests.local_host import LocalHost
-from tests.plant_rig import Here
+from tests.plant_rig import RunningPlant
 from tests.starters.fakes import RecordingSink
 from tests.starters.plant import FakeMemory
 from tests.starters.rig import virtually
@@ -161,7 +161,7 @@ async def running(
         return bus.opener(timing=timing_of(table))
 
     companions = StarterServices(sink, patrol_every_s=lap_s)
-    listener: Any = Here(config=config)
+    listener: Any = RunningPlant(config=config)
     plant = Plant(
         listener,
         precautions=precautions,
@@ -190,6 +190,7 @@ async def running(
     await watchdogs.close()
 
 
+@pytest.mark.long
 @virtually
 async def test_sixty_starters_whose_watchdogs_are_set_through_us_are_kept_now_and_after_a_restart() -> None:
     bus, config, memory = hall(60), config_of(60), FakeMemory()

@@ -39,12 +39,12 @@ def add_parser(subparsers: Subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print what the words mean; no port is opened."""
     profile = load_profile(args.family)
-    try:
-        table = Table(args.table)
-    except ValueError:
-        raise UsageError(f"no table {args.table!r} (holding, input or coil)") from None
+    tables = {table.value: table for table in (Table.HOLDING, Table.INPUT, Table.COIL)}  # that have rows
+    table = tables.get(args.table)
+    if table is None:
+        raise UsageError(f"no table {args.table!r} (holding, input or coil)")
     start = _start(profile, table, args.start)
-    highest = 1 if table is Table.COIL else 0xFFFF
+    highest = 1 if table.is_bits else 0xFFFF
     words = [whole_number(word, "WORD", low=0, high=highest) for word in args.words]
     if start + len(words) > 0x10000:
         raise UsageError(f"{len(words)} words do not fit behind START {start} (the last address is 65535)")

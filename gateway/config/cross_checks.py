@@ -16,7 +16,7 @@ from gateway.config.mistakes import Mistake, choose, short, spell
 from gateway.config.schema import NAME_PATTERN, SCHEMES, Baud, FramingText, is_loopback, split_url
 from gateway.config.toml_lines import Key
 from gateway.families.profile.load import FAMILIES, load_profile
-from gateway.families.profile.schema import Profile, Table
+from gateway.families.profile.schema import Profile
 
 Document = Mapping[str, Any]
 
@@ -217,7 +217,7 @@ def _simulated(document: Document) -> Iterator[Mistake]:
             table = _table(starter, "simulated")
             for code in _table(table, "parameters"):
                 row = profile.parameters.get(code)
-                if row is None or row.table is Table.COIL or row.words != 1:
+                if row is None or row.table.is_bits or row.words != 1:
                     mend = (
                         "name a parameter of one register by its code in the manual, such as P314 or C8.2.5.3"
                     )

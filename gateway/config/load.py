@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -13,10 +12,10 @@ from pydantic import ValidationError
 from gateway.config.cross_checks import broken_rules
 from gateway.config.mistakes import Mistake, explain, spell
 from gateway.config.schema import Config
+from gateway.config.toml_errors import syntax_problem
 from gateway.config.toml_lines import line_of, locate
 from gateway.errors import ConfigError, Problem
 
-_SYNTAX_PLACE = re.compile(r" \(at (?:line (\d+), column \d+|end of document)\)$")
 _MAX_BYTES = 1_000_000
 
 Check = Callable[[Config], list[Mistake]]
@@ -74,18 +73,7 @@ def _document(text: str, path: str) -> dict[str, Any]:
     except RecursionError as error:
         raise _unusable(path, Problem("syntax", "brackets are nested too deeply")) from error
     except ValueError as error:  # TOMLDecodeError, and numbers of absurd length
-        what = _SYNTAX_PLACE.sub("", str(error))
-        what = what[:1].lower() + what[1:]
-        raise _unusable(
-            path, Problem("syntax", what, "see https://toml.io", _syntax_line(error, text))
-        ) from error
-
-
-def _syntax_line(error: ValueError, text: str) -> int | None:
-    place = _SYNTAX_PLACE.search(str(error))
-    if place is None:
-        return None
-    return int(place[1]) if place[1] else text.rstrip("\n").count("\n") + 1
+        raise _unusable(path, syntax_problem(error, text)) from error
 
 
 def _unusable(path: str | Path, problem: Problem) -> ConfigError:

@@ -11,7 +11,17 @@ from pathlib import Path
 from tests.bench.costs import cpu, start, stop, sweep
 from tests.bench.pictures import efficiency_picture, line_time_picture
 from tests.bench.report import Goal, table
-from tests.bench.rows import MASTERS, Row, dead, efficiencies, efficiency, judge, measured, spec_of, strict
+from tests.bench.rows import (
+    MASTERS,
+    BenchRow,
+    dead,
+    efficiencies,
+    efficiency,
+    judge,
+    measured,
+    spec_of,
+    strict,
+)
 from tests.bench.stubborn import stubborn
 from tests.mosquitto import missing_programs
 
@@ -40,7 +50,7 @@ def main() -> int:
             row = ROWS[name]()
         except (RuntimeError, subprocess.SubprocessError) as error:  # the other rows are still worth having
             is_broken = True
-            row = Row(f"## {name}\n\n{error}\n", [Goal(f"{name}: ran to its end", 0, 1)])
+            row = BenchRow(f"## {name}\n\n{error}\n", [Goal(f"{name}: ran to its end", 0, 1)])
         goals += row.goals
         print(row.text, flush=True)
     if goals:

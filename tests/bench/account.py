@@ -14,7 +14,7 @@ TOO_SOON_S = 0.00005  # a request may start so much before the silence is over: 
 CROSSING_S = 0.001  # on its way to the line for so long at most: what begins meanwhile goes first
 
 
-class Seen(NamedTuple):
+class SeenRequest(NamedTuple):
     """One request on a line, and its reply if there was one; times on the clock that all processes share."""
 
     line: int
@@ -40,12 +40,12 @@ class Law:
     timing: LineTiming
     delay_s: float  # from the request's last byte to the reply's first
 
-    def ideal_s(self, seen: Seen) -> float:
+    def ideal_s(self, seen: SeenRequest) -> float:
         """Return request, delay, reply and one silence."""
         wire_s = self.timing.wire_s(seen.request_size + seen.reply_size)
         return wire_s + self.delay_s + self.timing.silence_s
 
-    def is_too_soon(self, seen: Seen) -> bool:
+    def is_too_soon(self, seen: SeenRequest) -> bool:
         """Return whether a request broke the silence."""
         return seen.gap_s < self.timing.silence_s - TOO_SOON_S
 
@@ -64,7 +64,7 @@ class Account:
     requests: int
 
 
-def account(seen: Sequence[Seen], law: Law) -> Account:
+def account(seen: Sequence[SeenRequest], law: Law) -> Account:
     """Reckon one run; requests of several lines may be mixed."""
     pairs = list(_neighbours(seen))
     answered = [(each, following) for each, following in pairs if each.reply_size]
@@ -84,12 +84,12 @@ def account(seen: Sequence[Seen], law: Law) -> Account:
     )
 
 
-def between(seen: Iterable[Seen], from_s: float, to_s: float) -> list[Seen]:
+def between(seen: Iterable[SeenRequest], from_s: float, to_s: float) -> list[SeenRequest]:
     """Return what started in a span of time."""
     return [each for each in seen if from_s <= each.start_s < to_s]
 
 
-def sweeps_s(seen: Iterable[Seen]) -> list[float]:
+def sweeps_s(seen: Iterable[SeenRequest]) -> list[float]:
     """Return the times between two requests to the same unit of the same line."""
     starts_s: dict[tuple[int, int], list[float]] = {}
     for each in seen:
@@ -115,7 +115,7 @@ class Stop:
     is_crossed: bool  # another one began while the stop was on its way to the line
 
 
-def stops(seen: Sequence[Seen], submitted: Iterable[Submitted], law: Law) -> list[Stop]:
+def stops(seen: Sequence[SeenRequest], submitted: Iterable[Submitted], law: Law) -> list[Stop]:
     """Match the stops of one line, each with the first write to its unit after it was sent.
 
     Under way is what is on the line when the stop is submitted.
@@ -142,10 +142,10 @@ def quantile(values: Iterable[float], share: float) -> float:
     return ordered[max(ceil(share * len(ordered)) - 1, 0)] if ordered else float("nan")
 
 
-def _neighbours(seen: Sequence[Seen]) -> Iterator[tuple[Seen, Seen]]:
+def _neighbours(seen: Sequence[SeenRequest]) -> Iterator[tuple[SeenRequest, SeenRequest]]:
     for _, one_line in groupby(sorted(seen), key=lambda each: each.line):
         yield from pairwise(one_line)
 
 
-def _period_s(each: Seen, following: Seen) -> float:
+def _period_s(each: SeenRequest, following: SeenRequest) -> float:
     return following.start_s - each.start_s

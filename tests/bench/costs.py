@@ -8,7 +8,7 @@ from tests.bench.account import Stop, quantile, stops, sweeps_s
 from tests.bench.judge import Spec
 from tests.bench.plant import run_gateway
 from tests.bench.report import Goal, table
-from tests.bench.rows import OURS, Row, measured
+from tests.bench.rows import OURS, BenchRow, measured
 from tests.bench.runs import Run, run_subject
 
 OTHERS = ("pymodbus", "minimalmodbus")
@@ -16,7 +16,7 @@ FLATNESS = 1.15 / 0.85  # all within 15 % of one figure
 MANY = 247
 
 
-def cpu() -> Row:
+def cpu() -> BenchRow:
     """Processor time and memory, whatever the number of starters and lines."""
     rows, goals = [], []
     for master in OURS:
@@ -41,10 +41,10 @@ def cpu() -> Row:
         "\nThe judge sleeps here: a neighbour in a busy loop slows down whoever shares its core."
     )
     head = ["master, lines x starters", "requests", "CPU ms", "MiB"]
-    return Row(table("Cost of a transaction, 19200", head, rows, note=note), goals)
+    return BenchRow(table("Cost of a transaction, 19200", head, rows, note=note), goals)
 
 
-def start() -> Row:
+def start() -> BenchRow:
     """From the gateway's start to its first request on the wire."""
     rows, goals = [], []
     for spec in _sizes("ssw07"):
@@ -53,10 +53,10 @@ def start() -> Row:
         first_s = _sized("gateway", spec).first_s
         rows.append([f"{spec.units} starters", f"{first_s:.2f}"])
         goals.append(Goal(f"cold start: {spec.units} starters", first_s, 1.0, is_most=True, unit=" s"))
-    return Row(table("Cold start to first poll", ["gateway", "s"], rows), goals)
+    return BenchRow(table("Cold start to first poll", ["gateway", "s"], rows), goals)
 
 
-def stop() -> Row:
+def stop() -> BenchRow:
     """From a stop to its first byte, while the line is saturated."""
     rows, goals = [], []
     for master, units in (("line", 32), ("line", MANY), ("gateway", 32)):
@@ -76,10 +76,10 @@ def stop() -> Row:
         "\nfirst byte on the wire. Transaction: the one under way, its silence too, p50. Beyond: after that."
         "\nCrossed: a request began in the millisecond that a stop needs to the line, and went first."
     )
-    return Row(table("Stop, 19200, saturated", head, rows, note=note), goals)
+    return BenchRow(table("Stop, 19200, saturated", head, rows, note=note), goals)
 
 
-def sweep() -> Row:
+def sweep() -> BenchRow:
     """All 247 starters in turn: nobody is left out, and the round takes what was computed."""
     run = run_subject("line", Spec(units=MANY), seconds=20.0)
     rounds_s = sweeps_s(run.seen)
@@ -92,7 +92,7 @@ def sweep() -> Row:
         Goal("sweep, starters asked", asked, MANY),
     ]
     head = ["", "computed s", "p50 s", "longest s", "starters asked"]
-    return Row(table("Sweep of 247 starters, 19200", head, [row]), goals)
+    return BenchRow(table("Sweep of 247 starters, 19200", head, [row]), goals)
 
 
 def _sizes(family: str) -> Iterator[Spec]:

@@ -30,7 +30,7 @@ from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
-from tests.bench.account import Law, Seen
+from tests.bench.account import Law, SeenRequest
 
 BUSY_S = 0.0002  # before something is due, sleeping is over
 BEFORE_S = 0.0001  # so long before a silence is over, and so long after it, no sleep hides a request
@@ -87,12 +87,12 @@ class Judge:
         self._timing = spec.timing
         self._law = Law(spec.timing, spec.delay_s)
         self._taps = {tap.ours: tap for tap in (self._open(number) for number in range(spec.lines))}
-        self._due: list[tuple[float, int, _Tap, bytes, Seen | None]] = []
+        self._due: list[tuple[float, int, _Tap, bytes, SeenRequest | None]] = []
         self._serial = 0
         self._poller = select.poll()
         for fd in (*self._taps, sys.stdin.fileno()):
             self._poller.register(fd, select.POLLIN)
-        self.seen: list[Seen] = []
+        self.seen: list[SeenRequest] = []
 
     @property
     def paths(self) -> list[str]:
@@ -158,7 +158,7 @@ class Judge:
         gap_s = tap.began_s - tap.quiet_s
         tap.quiet_s = max(tap.began_s, tap.quiet_s) + self._timing.wire_s(size)
         unit, pdu = adu.decode(request)
-        seen = Seen(tap.number, tap.began_s, unit, pdu[0], size, 0, tap.quiet_s, gap_s, 0.0)
+        seen = SeenRequest(tap.number, tap.began_s, unit, pdu[0], size, 0, tap.quiet_s, gap_s, 0.0)
         reply = b""
         if not (self._spec.is_strict and self._law.is_too_soon(seen)):
             reply = self._reply(tap, unit, pdu, now_s)
@@ -168,7 +168,7 @@ class Judge:
         tap.is_replying = True
         self._plan(tap, reply, seen._replace(reply_size=len(reply)))
 
-    def _plan(self, tap: _Tap, reply: bytes, seen: Seen) -> None:
+    def _plan(self, tap: _Tap, reply: bytes, seen: SeenRequest) -> None:
         first_s = tap.quiet_s + self._spec.delay_s
         step = 1 if self._spec.is_bytewise else len(reply)
         for end in range(step, len(reply) + 1, step):
@@ -177,7 +177,7 @@ class Judge:
             of_last = seen if end == len(reply) else None
             heapq.heappush(self._due, (due_s, self._serial, tap, reply[end - step : end], of_last))
 
-    def _hand_over(self, due: tuple[float, int, _Tap, bytes, Seen | None]) -> None:
+    def _hand_over(self, due: tuple[float, int, _Tap, bytes, SeenRequest | None]) -> None:
         due_s, _, tap, chunk, seen = due
         now_s = time.monotonic()
         os.write(tap.ours, chunk)

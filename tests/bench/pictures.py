@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from xml.sax.saxutils import escape
 
-from tests.bench.account import Account, Law, Seen
+from tests.bench.account import Account, Law, SeenRequest
 
 COLOURS = {"line": "#0b6e4f", "gateway": "#6bbf59", "pymodbus": "#c8553d", "minimalmodbus": "#8d99ae"}
 PARTS = {
@@ -67,7 +67,7 @@ def _height(value: float) -> float:
     return 292 - (value - _LOWEST) / (_HIGHEST - _LOWEST) * 220
 
 
-def line_time_picture(runs: Mapping[str, tuple[Sequence[Seen], Law]], *, seconds: float = 0.16) -> str:
+def line_time_picture(runs: Mapping[str, tuple[Sequence[SeenRequest], Law]], *, seconds: float = 0.16) -> str:
     """Draw what each master's line did in a span of time, as bars."""
     parts = [_text(16, 24, f"{seconds * 1e3:.0f} ms of the line's time", size=15)]
     for place, (name, colour) in enumerate(PARTS.items()):
@@ -80,7 +80,7 @@ def line_time_picture(runs: Mapping[str, tuple[Sequence[Seen], Law]], *, seconds
     return _drawing(770, 80 + 44 * len(runs), parts)
 
 
-def _time_bars(seen: Sequence[Seen], law: Law, top: float, seconds: float) -> list[str]:
+def _time_bars(seen: Sequence[SeenRequest], law: Law, top: float, seconds: float) -> list[str]:
     parts = []
     begun_s = seen[0].start_s if seen else 0.0
     for each, following in pairwise(seen):
@@ -94,7 +94,7 @@ def _time_bars(seen: Sequence[Seen], law: Law, top: float, seconds: float) -> li
     return parts
 
 
-def _pieces(each: Seen, following: Seen, law: Law) -> list[tuple[str, float]]:
+def _pieces(each: SeenRequest, following: SeenRequest, law: Law) -> list[tuple[str, float]]:
     """Return what the time of a request consists of, in order."""
     request_s = law.timing.wire_s(each.request_size)
     reply_s = law.timing.wire_s(each.reply_size)

@@ -23,7 +23,7 @@ Found = Mapping[tuple[str, int, bool], Account]  # by master, speed, whether rep
 
 
 @dataclass
-class Row:
+class BenchRow:
     """What one part of the bench found."""
 
     text: str
@@ -51,7 +51,7 @@ def cells(run: Run) -> list[str]:
     ]
 
 
-def judge() -> Row:
+def judge() -> BenchRow:
     """How exact the judge is: a master that never sleeps notes when it writes and when it can read."""
     rows = []
     for is_bytewise in (False, True):
@@ -64,10 +64,10 @@ def judge() -> Row:
         "Microseconds. Way in: from the master's write() to the time that counts as the request's start;"
         "\nway out: from the reply's handing over until it can be read. Both count against every master."
     )
-    return Row(table("The judge itself", head, rows, note=note))
+    return BenchRow(table("The judge itself", head, rows, note=note))
 
 
-def efficiency() -> Row:
+def efficiency() -> BenchRow:
     """A saturated line of eight, at three speeds."""
     rows, goals = [], []
     for baud in BAUDS:
@@ -86,7 +86,7 @@ def efficiency() -> Row:
         "\n2.005 ms of the starters' manuals."
     )
     head = ["master", *HEAD, "to minimalmodbus"]
-    return Row(table("Efficiency", head, rows, note=note), goals)
+    return BenchRow(table("Efficiency", head, rows, note=note), goals)
 
 
 def efficiencies() -> Found:
@@ -105,7 +105,7 @@ def _minimal(baud: int, is_bytewise: bool) -> float:
     return account(run.seen, run.law).efficiency
 
 
-def strict() -> Row:
+def strict() -> BenchRow:
     """Starters that insist on the silence: a request that breaks it is not understood."""
     found = {
         master: account(run.seen, run.law)
@@ -123,7 +123,7 @@ def strict() -> Row:
         for master, each in found.items()
     ]
     head = ["master", "of the line", "too soon", "answers a second", "to ours"]
-    return Row(table("Starters that insist on the silence, 19200", head, rows))
+    return BenchRow(table("Starters that insist on the silence, 19200", head, rows))
 
 
 def spec_of(master: str, *, baud: int = 19200, is_bytewise: bool = False) -> Spec:
@@ -132,7 +132,7 @@ def spec_of(master: str, *, baud: int = 19200, is_bytewise: bool = False) -> Spe
     return Spec(baud=baud, is_bytewise=is_bytewise, family=family)
 
 
-def dead() -> Row:
+def dead() -> BenchRow:
     """The same with starters that do not answer, once that is noticed."""
     rows, goals = [], []
     for master, numbers in (("line", (1, 2, 6)), ("pymodbus", (1,)), ("minimalmodbus", (1,))):
@@ -148,7 +148,7 @@ def dead() -> Row:
                 goals.append(Goal(f"line time of the dead: {what}", found.silent_share, 0.05, is_most=True))
     head = ["master", "of the living", "of the line", "line time of the dead", "too soon"]
     note = "Ours is told a response time of 20 ms at most, the others wait 100 ms."
-    return Row(table("Dead starters, 19200", head, rows, note=note), goals)
+    return BenchRow(table("Dead starters, 19200", head, rows, note=note), goals)
 
 
 def _goals(what: str, found: Account, limit: float) -> list[Goal]:

@@ -14,7 +14,7 @@ from pathlib import Path
 from types import TracebackType
 
 import gateway as package
-from tests.bench.account import Law, Seen, Submitted, between
+from tests.bench.account import Law, SeenRequest, Submitted, between
 from tests.bench.judge import Spec
 from tests.bench.subjects import Span, Task
 
@@ -26,7 +26,7 @@ class Run:
     """What one run gave."""
 
     law: Law
-    seen: list[Seen]  # in the measured time
+    seen: list[SeenRequest]  # in the measured time
     span: Span
     first_s: float  # of all requests, on the clock that all processes share; from the start, of the gateway
 
@@ -63,7 +63,7 @@ class Watched:
     def run(self, span: Span) -> Run:
         """End the judge and return what it saw in the master's measured time."""
         told, _ = self._process.communicate(timeout=END_S)
-        seen = [Seen(*each) for each in json.loads(told)]
+        seen = [SeenRequest(*each) for each in json.loads(told)]
         first_s = min((each.start_s for each in seen), default=float("nan"))
         seen.sort(key=lambda each: each.start_s)
         law = Law(self.spec.timing, self.spec.delay_s)

@@ -20,11 +20,11 @@ import paho.mqtt.client as paho
 from paho.mqtt.enums import CallbackAPIVersion
 
 from gateway.records import Phase
-from tests.bench.account import Seen
+from tests.bench.account import SeenRequest
 from tests.bench.judge import STANDS_S, Spec
 from tests.bench.plant import BASE, OPERATOR, bench_broker, name, site
 from tests.bench.report import Goal, table
-from tests.bench.rows import Row
+from tests.bench.rows import BenchRow
 from tests.bench.runs import Watched, gateway
 from tests.bench.subjects import Span
 
@@ -68,7 +68,7 @@ class Tried:
         return float("inf") if obeyed_s is None or at_s is None else at_s - obeyed_s
 
 
-def stubborn() -> Row:
+def stubborn() -> BenchRow:
     """A stop in the first second of a full line, of a motor that ignores it."""
     rows, goals = [], []
     for every_s in (0.0, 1.0):
@@ -94,7 +94,7 @@ def stubborn() -> Row:
         f"\nthe frame that the motor obeys; it stands {STANDS_S:g} s after that."
     )
     head = ["motor ignores stops", "sent s", "first frame", "frames", "longest", "end", "confirmed"]
-    return Row(
+    return BenchRow(
         table("Stop of a motor that ignores it, in the first second, 19200", head, rows, note=note), goals
     )
 
@@ -122,7 +122,7 @@ def _try(ignores_s: float, every_s: float) -> Tried:
     return Tried(sent_s - seen[0].start_s, frames_s, operator.bound_s, results)
 
 
-def _stop_frames(seen: Sequence[Seen]) -> list[Seen]:
+def _stop_frames(seen: Sequence[SeenRequest]) -> list[SeenRequest]:
     return [each for each in seen if each.unit == UNIT and each.function == WRITE_COIL]
 
 

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from gateway.modbus.timing import Framing, LineTiming
-from tests.bench.account import Law, Seen, Stop, Submitted, account, between, quantile, stops, sweeps_s
+from tests.bench.account import Law, SeenRequest, Stop, Submitted, account, between, quantile, stops, sweeps_s
 from tests.bench.pictures import efficiency_picture, line_time_picture
 from tests.bench.report import Goal, table
 
@@ -16,16 +16,18 @@ SILENCE_S = LAW.timing.silence_s
 WIRE_S = LAW.timing.wire_s(8 + 25)
 
 
-def line(*idles_s: float, unit: int = 1, is_answered: bool = True, begun_s: float = 100.0) -> list[Seen]:
+def line(
+    *idles_s: float, unit: int = 1, is_answered: bool = True, begun_s: float = 100.0
+) -> list[SeenRequest]:
     """Return requests, each so long after the silence that follows the one before."""
-    seen: list[Seen] = []
+    seen: list[SeenRequest] = []
     at_s, gap_s = begun_s, 1.0
     for idle_s in (0.0, *idles_s):
         if seen:
             gap_s = SILENCE_S + idle_s
             at_s = seen[-1].end_s + gap_s
         end_s = at_s + (0.005 + WIRE_S if is_answered else LAW.timing.wire_s(8))
-        seen.append(Seen(0, at_s, unit, 3, 8, 25 if is_answered else 0, end_s, gap_s, 0.0))
+        seen.append(SeenRequest(0, at_s, unit, 3, 8, 25 if is_answered else 0, end_s, gap_s, 0.0))
     return seen
 
 
@@ -77,7 +79,7 @@ def test_nothing_seen_gives_no_figures_rather_than_wrong_ones() -> None:
 
 def test_a_stop_is_charged_only_for_what_it_need_not_have_waited() -> None:
     seen = line(0.0)
-    write = Seen(0, seen[-1].end_s + SILENCE_S + 0.002, 7, 5, 8, 8, 0.0, SILENCE_S + 0.002, 0.0)
+    write = SeenRequest(0, seen[-1].end_s + SILENCE_S + 0.002, 7, 5, 8, 8, 0.0, SILENCE_S + 0.002, 0.0)
 
     (found,) = stops([*seen, write], [Submitted(0.0, seen[-1].start_s + 0.001, 7)], LAW)
 
@@ -87,7 +89,7 @@ def test_a_stop_is_charged_only_for_what_it_need_not_have_waited() -> None:
 
 def test_a_stop_that_a_request_crosses_is_charged_for_it_and_told_apart() -> None:
     seen = line(0.0)
-    write = Seen(0, seen[-1].end_s + SILENCE_S + 0.002, 7, 5, 8, 8, 0.0, SILENCE_S + 0.002, 0.0)
+    write = SeenRequest(0, seen[-1].end_s + SILENCE_S + 0.002, 7, 5, 8, 8, 0.0, SILENCE_S + 0.002, 0.0)
 
     def stop(before_s: float) -> Stop:
         (found,) = stops([*seen, write], [Submitted(0.0, seen[-1].start_s - before_s, 7)], LAW)

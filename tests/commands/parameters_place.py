@@ -26,7 +26,7 @@ SST_TIMING = LineTiming(19200, Framing.parse("8N2"))
 RUNNERS: list[asyncio.Runner] = []  # that of the present test, see conftest.py
 
 
-class Place:
+class ParametersPlace:
     """One simulated starter on a line of its own, and what is said of it."""
 
     def __init__(self, unit: SimulatedUnit, *, family: str = "", address: int = 1) -> None:

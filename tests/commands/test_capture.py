@@ -1,12 +1,12 @@
 from __future__ import annotations
 
 import builtins
+import contextlib
 import json
 import socket
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -66,26 +66,25 @@ def config(tmp_path: Path) -> Path:
     return path
 
 
-@contextmanager
+@contextlib.contextmanager
 def gateway(config: Path, messages: list[dict[str, Any]]) -> Iterator[None]:
     """Stand in for a gateway that tells this to whoever connects, and ends."""
-    listening = socket.socket(socket.AF_UNIX)
-    listening.bind(str(config.parent / "state" / "mcc1.capture"))
-    listening.listen(1)
 
     def serve() -> None:
-        connection, _ = listening.accept()
         data = b"".join(json.dumps(message).encode() + b"\n" for message in messages)
-        connection.sendall(data[:37])  # in pieces that end anywhere
-        connection.sendall(data[37:])
-        connection.recv(1)  # until the other side has enough
-        connection.close()
+        connection, _ = listening.accept()
+        with connection, contextlib.suppress(ConnectionError):  # the other side may have enough at any time
+            connection.sendall(data[:37])  # in pieces that end anywhere
+            connection.sendall(data[37:])
+            connection.recv(1)  # until the other side has enough
 
-    thread = threading.Thread(target=serve)
-    thread.start()
-    yield
-    thread.join()
-    listening.close()
+    with socket.socket(socket.AF_UNIX) as listening:
+        listening.bind(str(config.parent / "state" / "mcc1.capture"))
+        listening.listen(1)
+        thread = threading.Thread(target=serve)
+        thread.start()
+        yield
+        thread.join()
 
 
 def test_a_capture_is_what_wireshark_reads_as_modbus_rtu(

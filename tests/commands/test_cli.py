@@ -37,7 +37,7 @@ def test_every_command_has_its_own_help(command: str, capsys: pytest.CaptureFixt
     ("arguments", "words"),
     [
         ([], "COMMAND"),
-        (["chekc"], "'chekc'"),
+        (["chekc"], "'chekc'"),  # codespell:ignore
         (["check"], "CONFIG"),
         (["check", "a.toml", "--fast"], "--fast"),
         (["check", "a.toml", "b.toml"], "b.toml"),

@@ -3,46 +3,21 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from gateway.app.capacity import prospects_of
 from gateway.cli.doctor import doctor
 from gateway.cli.doctor.broker import BrokerAccess
 from gateway.cli.doctor.finding import DoctorFinding
-from gateway.cli.doctor.starters import LineCheckup
 from gateway.cli.main import main
-from gateway.config.convert import timing_of
-from gateway.config.load import parse
-from gateway.config.schema import Config
 from gateway.errors import BrokerError, PortError
 from gateway.families.diagnosis.findings import Weight
 from gateway.sim.bus.port import SimulatedLine
-from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
-from tests.commands.doctor_site import biting, site
-from tests.virtual_time import VirtualClock, run_virtually
-
-
-class NoBroker(BrokerAccess):
-    """A running gateway as far as `read` goes: it gives these rows, or raises; `trouble` is what it knows."""
-
-    trouble = ""
-
-    def __init__(self, config: Config, rows: dict[str, int] | Exception) -> None:
-        super().__init__(config, Path("/tmp"))
-        self._given = rows
-
-    async def known(self, starter: str) -> str:
-        return self.trouble
-
-    async def read(self, starter: str, codes: Iterable[str]) -> dict[str, tuple[int, ...]]:
-        if isinstance(self._given, Exception):
-            raise self._given
-        return {code: (self._given[code],) for code in codes if code in self._given}
+from tests.commands.doctor_site import NoBroker, biting, examine, site
 
 
 class Refusing:
@@ -55,31 +30,6 @@ class Refusing:
 
     async def __call__(self) -> Any:
         raise PortError(self.name, self._reason)
-
-
-def examine(
-    text: str,
-    *units: SimulatedUnit,
-    opener: Any = None,
-    rows: dict[str, int] | Exception | None = None,
-    spoil: Callable[[SimulatedLine], object] = lambda _: None,
-    state_dir: Path = Path("of no gateway"),
-) -> list[DoctorFinding]:
-    """Return what is said of the one line of a site."""
-    config = parse(text, "site.toml")
-    found: list[DoctorFinding] = []
-
-    async def run() -> None:
-        (prospect,) = prospects_of(config)
-        bus = SimulatedLine(timing_of(prospect.table), units)
-        spoil(bus)
-        broker = NoBroker(config, rows or {})
-        clock = VirtualClock(asyncio.get_running_loop())
-        line = opener or bus.opener()
-        await LineCheckup(prospect, line, broker=broker, clock=clock, state_dir=state_dir).run(found.append)
-
-    run_virtually(run())
-    return found
 
 
 def test_starters_that_are_set_up_well_do_not_bite_and_nothing_is_written() -> None:

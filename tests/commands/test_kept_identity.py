@@ -15,9 +15,8 @@ from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.sim.factory import make_unit
 from gateway.starters.setup import StarterSetup
-from tests.commands.doctor_site import site
-from tests.commands.parameters_place import Place
-from tests.commands.test_doctor import examine
+from tests.commands.doctor_site import examine, site
+from tests.commands.parameters_place import ParametersPlace
 
 SETUP = StarterSetup("pump", "pumps", 1, load_profile("ssw07"), Variant())
 SEEN = Identity(family_seen="ssw07", model="SSW-07 85.0A", firmware="1.40", rated_current_a=85.0)
@@ -50,7 +49,7 @@ def test_what_cannot_be_read_is_trouble(tmp_path: Path) -> None:
 def test_nothing_is_restored_to_another_starter_than_the_gateway_knows(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    place = Place(make_unit("ssw07", 1))
+    place = ParametersPlace(make_unit("ssw07", 1))
     place.state_dir = kept(tmp_path, firmware="1.30")
 
     with pytest.raises(CommandError, match="another starter than before") as refused:

@@ -13,7 +13,7 @@ from gateway.records import LockRecord
 from gateway.sim.factory import make_unit
 from gateway.starters.policy.motor_history import PRECAUTIONS_FILE, MotorHistory
 from gateway.system.clock import read_clocks
-from tests.commands.parameters_place import Place
+from tests.commands.parameters_place import ParametersPlace
 
 
 def kept(folder: Path, starter: str = "pump") -> Path:
@@ -45,7 +45,7 @@ def test_a_memory_of_locks_that_cannot_be_read_counts_as_a_lock(tmp_path: Path) 
 def test_nothing_is_restored_to_a_locked_starter(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], with_sources: bool
 ) -> None:
-    place = Place(make_unit("ssw07", 1))
+    place = ParametersPlace(make_unit("ssw07", 1))
     place.state_dir = kept(tmp_path)
 
     with pytest.raises(CommandError, match=r"alice \(Alice A\.\): belt is off") as refused:

@@ -22,7 +22,7 @@ from gateway.sim.factory import make_unit
 from gateway.starters.parameters.toml_file import from_toml, to_toml
 from gateway.starters.policy.write_budget import WEAR_FILE
 from gateway.starters.setup import StarterSetup
-from tests.commands.parameters_place import TIMING, Place
+from tests.commands.parameters_place import TIMING, ParametersPlace
 from tests.virtual_time import VirtualClock, run_virtually
 
 pytestmark = pytest.mark.usefixtures("one_loop")
@@ -30,7 +30,7 @@ pytestmark = pytest.mark.usefixtures("one_loop")
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_everything_that_a_starter_tells_is_saved_and_read_back_from_the_file(family: str) -> None:
-    place = Place(make_unit(family, 1))
+    place = ParametersPlace(make_unit(family, 1))
 
     saved = place.save()
 
@@ -46,7 +46,7 @@ def test_everything_that_a_starter_tells_is_saved_and_read_back_from_the_file(fa
 
 
 def test_a_full_save_of_an_ssw900_at_19200_takes_less_than_1_3_of_its_wire_time() -> None:
-    place = Place(make_unit("ssw900", 1))
+    place = ParametersPlace(make_unit("ssw900", 1))
 
     saved = place.save()
 
@@ -57,7 +57,7 @@ def test_a_full_save_of_an_ssw900_at_19200_takes_less_than_1_3_of_its_wire_time(
 
 
 def test_a_save_shows_progress_and_the_time_left() -> None:
-    place = Place(make_unit("ssw900", 1))
+    place = ParametersPlace(make_unit("ssw900", 1))
 
     place.save()
 
@@ -68,7 +68,7 @@ def test_a_save_shows_progress_and_the_time_left() -> None:
 
 
 def test_rows_that_the_starter_refuses_are_noted() -> None:
-    place = Place(make_unit("ssw07", 1))
+    place = ParametersPlace(make_unit("ssw07", 1))
     del place.unit.settings[277]
 
     saved = place.save()
@@ -78,7 +78,7 @@ def test_rows_that_the_starter_refuses_are_noted() -> None:
 
 
 def test_parameters_without_a_name_are_saved_as_raw_words_when_asked_for() -> None:
-    place = Place(make_unit("ssw07", 1))
+    place = ParametersPlace(make_unit("ssw07", 1))
     place.unit.fixed[500] = 77
     place.unit.settings[500] = 77
 
@@ -90,9 +90,9 @@ def test_parameters_without_a_name_are_saved_as_raw_words_when_asked_for() -> No
 
 def test_a_starter_that_does_not_answer_and_another_one_than_configured_are_told() -> None:
     with pytest.raises(CommandError, match="does not answer at address 9"):
-        Place(make_unit("ssw07", 1), address=9).save()
+        ParametersPlace(make_unit("ssw07", 1), address=9).save()
     with pytest.raises(CommandError, match="it is ssw07, not ssw06"):
-        Place(make_unit("ssw07", 1), family="ssw06").save()
+        ParametersPlace(make_unit("ssw07", 1), family="ssw06").save()
 
 
 def test_a_port_that_a_gateway_holds_is_refused_with_the_mend() -> None:
@@ -118,7 +118,7 @@ def test_a_port_that_a_gateway_holds_is_refused_with_the_mend() -> None:
 
 
 def test_only_what_differs_is_written_and_read_back(capsys: pytest.CaptureFixture[str]) -> None:
-    place = Place(make_unit("ssw07", 1))
+    place = ParametersPlace(make_unit("ssw07", 1))
 
     assert place.restore({"P314": 30, "P313": 1, "P003": 7}) == 0
 
@@ -131,7 +131,7 @@ def test_only_what_differs_is_written_and_read_back(capsys: pytest.CaptureFixtur
 def test_the_writes_of_a_restore_are_counted_beside_those_of_the_gateway(tmp_path: Path) -> None:
     wear = tmp_path / WEAR_FILE
     wear.write_text('{"writes": {"pump": 40, "fan": 7}}')
-    place = Place(make_unit("ssw07", 1))
+    place = ParametersPlace(make_unit("ssw07", 1))
     place.state_dir = tmp_path
 
     assert place.restore({"P314": 30, "P313": 1}) == 0
@@ -140,7 +140,7 @@ def test_the_writes_of_a_restore_are_counted_beside_those_of_the_gateway(tmp_pat
 
 
 def test_a_restore_without_a_gateway_keeps_no_count(tmp_path: Path) -> None:
-    place = Place(make_unit("ssw07", 1))
+    place = ParametersPlace(make_unit("ssw07", 1))
     place.state_dir = tmp_path / "none"
 
     assert place.restore({"P314": 30}) == 0
@@ -152,7 +152,7 @@ def test_a_restore_says_when_its_writes_cannot_be_counted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / WEAR_FILE).write_text("damaged")
-    place = Place(make_unit("ssw07", 1))
+    place = ParametersPlace(make_unit("ssw07", 1))
     place.state_dir = tmp_path
 
     assert place.restore({"P314": 30}) == 0
@@ -162,7 +162,7 @@ def test_a_restore_says_when_its_writes_cannot_be_counted(
 
 
 def test_a_restored_starter_differs_in_nothing_any_more() -> None:
-    place = Place(make_unit("ssw900", 1))
+    place = ParametersPlace(make_unit("ssw900", 1))
     wanted = {"C8.2.5.3": 1.5, "C8.2.5.1": "Alarm A128", "C8.2.5.2": "Ramp Stop"}
     place.restore(wanted)
     writes = len(place.written)
@@ -172,7 +172,7 @@ def test_a_restored_starter_differs_in_nothing_any_more() -> None:
 
 
 def test_an_sst_is_configured_once_for_all_its_registers() -> None:
-    place = Place(make_unit("sst", 1))
+    place = ParametersPlace(make_unit("sst", 1))
 
     assert place.restore({"R41": 9, "R42": 20, "R36": 40}) == 0
 
@@ -183,7 +183,7 @@ def test_an_sst_is_configured_once_for_all_its_registers() -> None:
 
 
 def test_a_dry_run_writes_nothing(capsys: pytest.CaptureFixture[str]) -> None:
-    place = Place(make_unit("ssw07", 1))
+    place = ParametersPlace(make_unit("ssw07", 1))
 
     assert place.restore({"P314": 30, "P308": 9}, is_dry=True) == 0
 
@@ -194,7 +194,7 @@ def test_a_dry_run_writes_nothing(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_nothing_is_written_where_nothing_differs(capsys: pytest.CaptureFixture[str]) -> None:
-    place = Place(make_unit("ssw07", 1))
+    place = ParametersPlace(make_unit("ssw07", 1))
 
     assert place.restore({"P314": 0}) == 0
 
@@ -208,7 +208,7 @@ def test_nothing_is_written_where_nothing_differs(capsys: pytest.CaptureFixture[
 def test_nothing_is_written_while_the_motor_turns(
     family: str, code: str, value: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    place = Place(make_unit(family, 1))
+    place = ParametersPlace(make_unit(family, 1))
     place.unit.motor.start()
 
     assert place.restore({code: value}) == 1
@@ -221,7 +221,7 @@ def test_nothing_is_written_while_the_motor_turns(
 
 
 def test_the_first_failure_ends_a_restore_with_an_account(capsys: pytest.CaptureFixture[str]) -> None:
-    place = Place(make_unit("ssw900", 1))
+    place = ParametersPlace(make_unit("ssw900", 1))
     owners = place.unit._map.owners
     stubborn = owners[741]
 
@@ -242,7 +242,7 @@ def test_the_first_failure_ends_a_restore_with_an_account(capsys: pytest.Capture
 def test_who_commands_the_motor_is_left_as_it_is_unless_asked_for(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    place = Place(make_unit("ssw07", 1))
+    place = ParametersPlace(make_unit("ssw07", 1))
 
     assert place.restore({"P230": "DI"}) == 0
     assert place.unit.settings[230] == 2
@@ -254,7 +254,7 @@ def test_who_commands_the_motor_is_left_as_it_is_unless_asked_for(
 
 
 def test_a_set_of_another_model_is_refused_unless_asked_for() -> None:
-    place = Place(make_unit("ssw07", 1))
+    place = ParametersPlace(make_unit("ssw07", 1))
 
     with pytest.raises(UsageError, match="--other-model"):
         place.restore({"P314": 3}, model="SSW-07 17.0A")
@@ -265,7 +265,7 @@ def test_a_set_of_another_model_is_refused_unless_asked_for() -> None:
 
 def test_no_motor_starts_by_a_restore() -> None:
     for family in FAMILIES:
-        place = Place(make_unit(family, 1))
+        place = ParametersPlace(make_unit(family, 1))
         everything = place.save()
         settings = {
             code: entry.value for code, entry in everything.parameters.items() if entry.value is not None
@@ -282,7 +282,7 @@ def test_no_motor_starts_by_a_restore() -> None:
 def test_a_restore_sets_no_watchdog_that_the_line_cannot_keep_and_leaves_others_to_the_next_run(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    place = Place(make_unit("ssw07", 1))
+    place = ParametersPlace(make_unit("ssw07", 1))
     place.state_dir = tmp_path
     place.setup = replace(place.setup, timing=place.timing)
     others = tuple(replace(place.setup, name=f"fan-{at}", address=at) for at in range(2, 61))

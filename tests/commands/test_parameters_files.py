@@ -13,7 +13,7 @@ from gateway.cli.parameters.live import LiveStarter
 from gateway.cli.progress import Progress
 from gateway.sim.factory import make_unit
 from gateway.starters.parameters.model import ParameterEntry, ParameterSet
-from tests.commands.parameters_place import Place
+from tests.commands.parameters_place import ParametersPlace
 
 SAVED = '[starter]\nname = "p"\nfamily = "{family}"\n[parameters]\nP314 = {seconds}\n'
 CONFIG = """
@@ -58,7 +58,7 @@ def test_a_file_is_compared_with_a_live_starter(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def save_live(live: LiveStarter, _progress: Progress, **_: Any) -> ParameterSet:
-        return Place(make_unit("ssw07", live.setup.address, settings={314: 3})).save()
+        return ParametersPlace(make_unit("ssw07", live.setup.address, settings={314: 3})).save()
 
     monkeypatch.setattr(parameters, "save_live", save_live)
 

@@ -63,7 +63,7 @@ MISTAKES = [
     ),
     (
         '["start", "stop"]',
-        '["start", "strat"]',
+        '["start", "strat"]',  # codespell:ignore
         "line 26: operator[0].may[1]: is 'strat' (did you mean start?)",
     ),
     ('["start", "stop"]', "[]", "line 26: operator[0].may: is empty (name at least one)"),

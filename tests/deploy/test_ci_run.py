@@ -39,7 +39,7 @@ def run(tmp_path: Path, *, user: int, fails: str = "") -> tuple[int, list[str]]:
 
 
 def test_an_ordinary_user_tests_once(tmp_path: Path) -> None:
-    assert run(tmp_path, user=1000) == (0, ["caller: make test"])
+    assert run(tmp_path, user=1000) == (0, ["caller: make test e2e"])
 
 
 def test_root_tests_again_as_an_ordinary_user_made_for_it_and_taken_away(tmp_path: Path) -> None:
@@ -47,8 +47,8 @@ def test_root_tests_again_as_an_ordinary_user_made_for_it_and_taken_away(tmp_pat
 
     (home,) = [note.split("--directory ")[1].split("/tree")[0] for note in notes if "ordinary: make" in note]
     assert code == 0
-    assert notes[0] == "caller: make test"
-    assert f"ordinary: make --directory {home}/tree test" in notes
+    assert notes[0] == "caller: make test e2e"
+    assert f"ordinary: make --directory {home}/tree test e2e" in notes
     done = [note.split()[1] for note in notes]
     assert done == ["make", "useradd", "chown", "runuser", "make", "userdel"]
     assert notes[-1].startswith("caller: userdel ")
@@ -60,4 +60,4 @@ def test_a_failure_of_either_is_the_runs(tmp_path: Path, fails: str, count: int)
     code, notes = run(tmp_path, user=0, fails=fails)
 
     assert code != 0
-    assert sum(": make" in note and note.endswith(" test") for note in notes) == count
+    assert sum(": make" in note and note.endswith(" test e2e") for note in notes) == count

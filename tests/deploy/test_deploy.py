@@ -9,9 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import StartMosquitto
-from tests.mosquitto import Certificate
-
 TOP = Path(__file__).parents[2]
 DEPLOY = TOP / "deploy"
 SERVICE = DEPLOY / "starter-gateway.service"
@@ -70,27 +67,6 @@ def test_the_watchdog_is_longer_than_the_gateways_own_pace() -> None:
     (limit_s,) = re.findall(r"^WatchdogSec=(\d+)s$", SERVICE.read_text("utf-8"), re.MULTILINE)
 
     assert int(limit_s) / 2 >= 5  # fed twice within it; a transaction of the slowest line takes less
-
-
-@pytest.mark.mosquitto
-def test_mosquitto_takes_our_options(start_mosquitto: StartMosquitto, tmp_path: Path) -> None:
-    certificate = Certificate.make(tmp_path)
-    lines = (DEPLOY / "mosquitto" / "mosquitto.conf").read_text("utf-8").splitlines()
-    of_the_place = (
-        "listener",
-        "cafile",
-        "certfile",
-        "keyfile",
-        "allow_anonymous",
-        "password_file",
-        "acl_file",
-    )
-    options = [line for line in lines if line and not line.startswith(("#", *of_the_place))]
-
-    broker = start_mosquitto(users={"mcc1": "x"}, tls=certificate, options=options)
-
-    assert len(options) == 5
-    assert broker.url.startswith("mqtts://")
 
 
 def test_the_install_note_names_only_files_that_exist() -> None:

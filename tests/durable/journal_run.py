@@ -31,7 +31,7 @@ def result(id_: str | None, phase: Phase = Phase.ACCEPTED, **more: Any) -> Resul
 
 
 @dataclass
-class Run:
+class JournalRun:
     """One run of a gateway as far as its journal goes."""
 
     path: Path
@@ -54,7 +54,7 @@ class Run:
             on_slow=self.slow.append,
         )
 
-    async def begin(self) -> Run:
+    async def begin(self) -> JournalRun:
         """Start, and wait until the ledger has been read."""
         self.store.start()
         await self.until(

@@ -10,16 +10,16 @@ import pytest
 from gateway.records import Phase, ResultRecord
 from gateway.storage.journal import Remembered
 from gateway.storage.ledger import FORGET_AT_ONCE, MOST_EXTRA
-from tests.durable.journal_run import Run, result
+from tests.durable.journal_run import JournalRun, result
 
 
 async def test_what_was_noted_is_recalled_in_order_with_all_that_counts(path: Path) -> None:
-    run = await Run(path).begin()
+    run = await JournalRun(path).begin()
     await run.note(result("1", Phase.CONFIRMED, code="unchanged", text="done", values={"value": 3.5}))
     await run.note(result("2"))
     await run.end()
 
-    again = await Run(path).begin()
+    again = await JournalRun(path).begin()
     first, second = again.recalled
     await again.end()
 
@@ -38,30 +38,30 @@ async def test_what_was_noted_is_recalled_in_order_with_all_that_counts(path: Pa
 async def test_what_may_have_been_written_is_remembered(
     path: Path, noted: ResultRecord, may_be_written: bool
 ) -> None:
-    run = await Run(path).begin()
+    run = await JournalRun(path).begin()
     await run.note(noted)
     await run.end()
 
-    again = await Run(path).begin()
+    again = await JournalRun(path).begin()
     await again.end()
 
     assert [remembered.may_be_written for remembered in again.recalled] == [may_be_written]
 
 
 async def test_an_intent_is_on_the_disk_when_it_is_told(path: Path) -> None:
-    run = await Run(path).begin()
+    run = await JournalRun(path).begin()
     run.journal.note(result("1"))
 
     await run.journal.intend(result("1"))
 
     await run.end()
-    again = await Run(path).begin()
+    again = await JournalRun(path).begin()
     await again.end()
     assert [remembered.may_be_written for remembered in again.recalled] == [True]
 
 
 async def test_a_command_without_an_id_is_not_kept_but_told(path: Path) -> None:
-    run = await Run(path).begin()
+    run = await JournalRun(path).begin()
     told: list[str] = []
 
     run.journal.note(result(None), then=lambda: told.append("told"))
@@ -69,25 +69,25 @@ async def test_a_command_without_an_id_is_not_kept_but_told(path: Path) -> None:
     await run.journal.intend(result(None))
     await run.end()
 
-    again = await Run(path).begin()
+    again = await JournalRun(path).begin()
     await again.end()
     assert told == ["told"]
     assert again.recalled == []
 
 
 async def test_what_a_result_carries_is_bounded(path: Path) -> None:
-    run = await Run(path).begin()
+    run = await JournalRun(path).begin()
     await run.note(result("1", Phase.CONFIRMED, values={"values": "x" * MOST_EXTRA}))
     await run.end()
 
-    again = await Run(path).begin()
+    again = await JournalRun(path).begin()
     await again.end()
 
     assert again.recalled[0].result.values == {}
 
 
 async def test_until_the_ledger_is_read_it_counts_as_away(path: Path) -> None:
-    run = Run(path)
+    run = JournalRun(path)
     before = run.journal.trouble
     gate = threading.Event()
     run.store.start()
@@ -103,18 +103,18 @@ async def test_until_the_ledger_is_read_it_counts_as_away(path: Path) -> None:
 
 
 async def recalled(path: Path) -> list[Remembered]:
-    run = await Run(path).begin()
+    run = await JournalRun(path).begin()
     await run.end()
     return run.recalled
 
 
 async def test_a_stop_without_an_id_is_kept_until_it_ends(path: Path) -> None:
-    run = await Run(path).begin()
+    run = await JournalRun(path).begin()
     await run.note(result(None, verb="stop"))
     await run.note(result(None, Phase.WRITTEN, verb="stop"))
     await run.end()  # as a crash leaves it
 
-    again = await Run(path).begin()
+    again = await JournalRun(path).begin()
     (cut_short,) = again.recalled
     await again.note(result(None, Phase.UNCONFIRMED, verb="stop"))
     await again.end()
@@ -126,7 +126,7 @@ async def test_a_stop_without_an_id_is_kept_until_it_ends(path: Path) -> None:
 async def test_a_stop_without_an_id_that_comes_before_the_ledger_is_read_is_none_of_an_earlier_run(
     path: Path,
 ) -> None:
-    run = Run(path)
+    run = JournalRun(path)
     run.store.start()
     run.journal.note(result(None, verb="stop"))
     await run.until(lambda: not run.journal.trouble)
@@ -137,7 +137,7 @@ async def test_a_stop_without_an_id_that_comes_before_the_ledger_is_read_is_none
 
 
 async def test_what_the_ledger_forgets_is_deleted_many_at_a_time(path: Path) -> None:
-    run = await Run(path).begin()
+    run = await JournalRun(path).begin()
     ids = [str(number) for number in range(FORGET_AT_ONCE + 1)]
     for id_ in ids:
         run.journal.note(result(id_, Phase.REJECTED))
@@ -149,7 +149,7 @@ async def test_what_the_ledger_forgets_is_deleted_many_at_a_time(path: Path) -> 
 
 
 async def test_an_id_that_is_used_again_after_it_was_forgotten_stays(path: Path) -> None:
-    run = await Run(path).begin()
+    run = await JournalRun(path).begin()
     await run.note(result("1", Phase.REJECTED))
     run.journal.forget([("alice", "1")])
     await run.note(result("1", Phase.WRITTEN))
@@ -162,7 +162,7 @@ async def test_an_id_that_is_used_again_after_it_was_forgotten_stays(path: Path)
 async def test_a_row_that_cannot_be_stored_for_an_error_of_our_own_is_not_tried_again_and_again(
     path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    run = await Run(path).begin()
+    run = await JournalRun(path).begin()
 
     await run.note(result("1", text="\ud800"))
     for number in range(2, 6):

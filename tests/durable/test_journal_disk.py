@@ -13,7 +13,7 @@ from gateway.records import Phase
 from gateway.storage.journal import UNAVAILABLE
 from gateway.storage.ledger import SAVE_AT_ONCE
 from gateway.storage.worker import News
-from tests.durable.journal_run import PATIENCE_S, Run, result
+from tests.durable.journal_run import PATIENCE_S, JournalRun, result
 
 
 def spoil(path: Path) -> None:
@@ -22,7 +22,7 @@ def spoil(path: Path) -> None:
 
 async def test_an_intent_that_the_disk_does_not_take_is_refused(path: Path) -> None:
     path.parent.joinpath("obstacle").touch()
-    run = Run(path.parent / "obstacle" / "x.sqlite")
+    run = JournalRun(path.parent / "obstacle" / "x.sqlite")
     run.store.start()
     await run.until(lambda: News.AWAY in run.news)
 
@@ -38,7 +38,7 @@ async def test_an_intent_that_takes_too_long_is_refused_and_that_is_told(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("gateway.storage.ledger.INTEND_WITHIN_S", 0.01)
-    run = await Run(path).begin()
+    run = await JournalRun(path).begin()
     gate = threading.Event()
     run.store.submit(lambda connection: gate.wait(PATIENCE_S))
 
@@ -55,7 +55,7 @@ async def test_a_result_is_told_without_the_disk_when_that_takes_too_long_and_on
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("gateway.storage.ledger.TELL_WITHIN_S", 0.01)
-    run = await Run(path).begin()
+    run = await JournalRun(path).begin()
     gate = threading.Event()
     run.store.submit(lambda connection: gate.wait(PATIENCE_S))
     told: list[str] = []
@@ -73,7 +73,7 @@ async def test_a_result_is_told_without_the_disk_when_that_takes_too_long_and_on
 async def test_what_the_disk_missed_while_it_was_away_it_learns_later(path: Path) -> None:
     obstacle = path.parent / "obstacle"
     obstacle.touch()
-    run = Run(obstacle / "x.sqlite")
+    run = JournalRun(obstacle / "x.sqlite")
     run.store.start()
     await run.until(lambda: News.AWAY in run.news)
     await run.note(result("1", Phase.ACCEPTED))
@@ -84,7 +84,7 @@ async def test_what_the_disk_missed_while_it_was_away_it_learns_later(path: Path
     await run.note(result("3", Phase.CONFIRMED))
     await run.end()
 
-    again = await Run(obstacle / "x.sqlite").begin()
+    again = await JournalRun(obstacle / "x.sqlite").begin()
     await again.end()
 
     assert [(r.result.id, r.result.phase) for r in again.recalled] == [
@@ -98,7 +98,7 @@ async def test_what_waits_for_an_absent_disk_is_bounded(path: Path, monkeypatch:
     monkeypatch.setattr("gateway.storage.ledger.MOST_UNSAVED", 2)
     obstacle = path.parent / "obstacle"
     obstacle.touch()
-    run = Run(obstacle / "x.sqlite")
+    run = JournalRun(obstacle / "x.sqlite")
     run.store.start()
     await run.until(lambda: News.AWAY in run.news)
     for number in range(4):
@@ -108,7 +108,7 @@ async def test_what_waits_for_an_absent_disk_is_bounded(path: Path, monkeypatch:
     await run.note(result("last", Phase.CONFIRMED))
     await run.end()
 
-    again = await Run(obstacle / "x.sqlite").begin()
+    again = await JournalRun(obstacle / "x.sqlite").begin()
     await again.end()
 
     assert again.ids() == ["2", "3", "last"]
@@ -116,15 +116,15 @@ async def test_what_waits_for_an_absent_disk_is_bounded(path: Path, monkeypatch:
 
 async def test_after_the_ledger_was_lost_commands_are_held_for_a_while(path: Path) -> None:
     spoil(path)
-    run = await Run(path, hold_s=60.0).begin()
+    run = await JournalRun(path, hold_s=60.0).begin()
     held = run.journal.trouble
     await run.end()
 
-    again = await Run(path, hold_s=60.0).begin()
+    again = await JournalRun(path, hold_s=60.0).begin()
     still_held = again.journal.trouble
     await again.end()
 
-    later = await Run(path, hold_s=0.0).begin()
+    later = await JournalRun(path, hold_s=0.0).begin()
     no_longer_held = later.journal.trouble
     await later.end()
     assert "it was lost" in held
@@ -134,12 +134,12 @@ async def test_after_the_ledger_was_lost_commands_are_held_for_a_while(path: Pat
 
 @pytest.mark.parametrize("sql", ["UPDATE ledger SET extra = '{'", "UPDATE ledger SET phase = 'dreaming'"])
 async def test_a_row_that_makes_no_sense_costs_the_ledger_but_not_the_start(path: Path, sql: str) -> None:
-    run = await Run(path).begin()
+    run = await JournalRun(path).begin()
     await run.note(result("1", Phase.CONFIRMED))
     await asyncio.wrap_future(run.store.submit(lambda connection: connection.execute(sql).fetchall()))
     await run.end()
 
-    again = await Run(path, hold_s=60.0).begin()
+    again = await JournalRun(path, hold_s=60.0).begin()
     await again.end()
 
     assert again.recalled == []
@@ -147,13 +147,13 @@ async def test_a_row_that_makes_no_sense_costs_the_ledger_but_not_the_start(path
 
 
 async def test_a_row_whose_values_are_no_object_is_read_without_them(path: Path) -> None:
-    run = await Run(path).begin()
+    run = await JournalRun(path).begin()
     await run.note(result("1", Phase.CONFIRMED))
     sql = "UPDATE ledger SET extra = '[]'"
     await asyncio.wrap_future(run.store.submit(lambda connection: connection.execute(sql).fetchall()))
     await run.end()
 
-    again = await Run(path).begin()
+    again = await JournalRun(path).begin()
     await again.end()
 
     assert again.recalled[0].result.values == {}
@@ -162,7 +162,7 @@ async def test_a_row_whose_values_are_no_object_is_read_without_them(path: Path)
 async def test_thousands_of_results_that_the_disk_missed_are_not_submitted_at_one_go(path: Path) -> None:
     obstacle = path.parent / "obstacle"
     obstacle.touch()
-    run = Run(obstacle / "x.sqlite")
+    run = JournalRun(obstacle / "x.sqlite")
     run.store.start()
     await run.until(lambda: News.AWAY in run.news)
     for number in range(1000):
@@ -182,6 +182,6 @@ async def test_thousands_of_results_that_the_disk_missed_are_not_submitted_at_on
     await run.end()
 
     assert at_once <= 2 * SAVE_AT_ONCE
-    again = await Run(obstacle / "x.sqlite").begin()
+    again = await JournalRun(obstacle / "x.sqlite").begin()
     await again.end()
     assert {each.result.id for each in again.recalled} == {*map(str, range(1000)), "last"}

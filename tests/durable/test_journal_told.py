@@ -14,7 +14,7 @@ from gateway.records import Phase, ResultRecord
 from gateway.storage.ledger import FORGET_AT_ONCE
 from gateway.storage.ledger_table import LedgerTable
 from gateway.storage.worker import News
-from tests.durable.journal_run import Run, result
+from tests.durable.journal_run import JournalRun, result
 
 
 def fail(*_: Any, **__: Any) -> Future[Any]:
@@ -23,10 +23,10 @@ def fail(*_: Any, **__: Any) -> Future[Any]:
     return failed
 
 
-async def begin(path: Path) -> tuple[Run, list[ResultRecord]]:
+async def begin(path: Path) -> tuple[JournalRun, list[ResultRecord]]:
     """Begin a run; return it with what it wants to have told again."""
     untold: list[ResultRecord] = []
-    run = Run(path)
+    run = JournalRun(path)
     run.journal._on_untold = untold.extend
     await run.begin()
     await run.journal.settle(5.0)
@@ -104,7 +104,7 @@ async def test_what_the_disk_never_learns_of_is_bounded(path: Path, monkeypatch:
 
 async def test_a_disk_that_is_away_keeps_nobody_waiting(path: Path) -> None:
     path.parent.joinpath("obstacle").touch()
-    run = Run(path.parent / "obstacle" / "x.sqlite")
+    run = JournalRun(path.parent / "obstacle" / "x.sqlite")
     run.store.start()
     await run.until(lambda: News.AWAY in run.news)
 
@@ -126,5 +126,5 @@ async def test_of_what_the_ledger_forgets_nothing_is_wanted_told(path: Path) -> 
     assert untold == {("alice", "last")}
 
 
-async def run_untold(run: Run) -> frozenset[tuple[str, str]]:
+async def run_untold(run: JournalRun) -> frozenset[tuple[str, str]]:
     return await asyncio.wrap_future(run.store.submit(LedgerTable().untold))

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.mqtt.spooling import InlineStore, Run, event, result, value
+from tests.mqtt.spooling import InlineStore, SpoolRun, event, result, value
 from tests.torture.of_disk import damage
 from tests.virtual_time import run_virtually
 
@@ -22,7 +22,7 @@ def inline_store(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 async def leave_something_behind(folder: Path) -> None:
-    run = await Run(folder, "old").begin()
+    run = await SpoolRun(folder, "old").begin()
     for number in range(300):
         run.put(event(number), result(number), value(number))
     await asyncio.sleep(1.0)
@@ -44,7 +44,7 @@ def test_a_damaged_file_never_prevents_the_start_and_no_nonsense_is_told(tmp_pat
         await leave_something_behind(tmp_path)
         damage_all(tmp_path, dice)
 
-        run = await Run(tmp_path, "new").begin()
+        run = await SpoolRun(tmp_path, "new").begin()
         run.put(event(1000), value(1001))
         run.connect()
         await asyncio.sleep(10.0)
@@ -61,7 +61,7 @@ def test_a_damaged_file_never_prevents_the_start_and_no_nonsense_is_told(tmp_pat
         await asyncio.sleep(1.0)
         run.kill()
 
-        again = await Run(tmp_path, "newer").begin()
+        again = await SpoolRun(tmp_path, "newer").begin()
         again.connect()
         await asyncio.sleep(2.0)
         assert again.texts("event") == ["2000"]

@@ -5,14 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from pathlib import Path
 
-import pytest
-
-from tests.conftest import StartMosquitto
+from tests.end_to_end.plant import plant
 from tests.end_to_end.site import Program
-from tests.end_to_end.test_plant import plant
+from tests.mosquitto import StartMosquitto
 from tests.tshark import dissect, need_tshark
-
-pytestmark = [pytest.mark.end_to_end, pytest.mark.mosquitto]
 
 
 async def test_a_running_gateway_is_captured_as_modbus_rtu(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import StartMosquitto
+from tests.mosquitto import StartMosquitto
 from tests.torture.of_commands import (
     FLOOD,
     KILLS,
@@ -19,8 +19,6 @@ from tests.torture.of_commands import (
     STOPS,
     Proof,
 )
-
-pytestmark = [pytest.mark.end_to_end, pytest.mark.mosquitto]
 
 SEED = 1
 
@@ -37,28 +35,33 @@ async def try_shortly(proof: Proof, folder: Path) -> None:
     assert row.failures == [], str(row)
 
 
+@pytest.mark.alone
 async def test_a_kill_around_a_start_never_makes_a_second_start_frame_nor_a_dishonest_result(
     tmp_path: Path,
 ) -> None:
     await try_shortly(KILLS, tmp_path)
 
 
+@pytest.mark.alone
 async def test_a_stop_just_after_start_up_goes_out_and_is_confirmed_at_once(tmp_path: Path) -> None:
     await try_shortly(STOPS, tmp_path)
 
 
+@pytest.mark.alone
 async def test_a_flood_of_commands_leaves_memory_polls_and_the_stop_within_their_bounds(
     tmp_path: Path,
 ) -> None:
     await try_shortly(FLOOD, tmp_path)
 
 
+@pytest.mark.long
 async def test_retained_expired_replayed_and_queued_commands_start_nothing_on_either_version_of_mqtt(
     tmp_path: Path,
 ) -> None:
     await try_shortly(STALE, tmp_path)
 
 
+@pytest.mark.long
 async def test_neither_do_they_on_a_gateway_whose_broker_knows_no_mqtt_5(tmp_path: Path) -> None:
     await try_shortly(STALE_OLD, tmp_path)
 
@@ -75,6 +78,7 @@ def test_thousands_of_malformed_payloads_are_each_refused_with_a_reason_and_none
     assert row.failures == [], str(row)
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize("proof", [STALLED, STALLED_OLD], ids=["mqtt 5", "mqtt 3.1.1"])
 async def test_a_start_that_a_standing_broker_held_for_too_long_makes_no_start_frame(
     proof: Proof, tmp_path: Path

@@ -17,11 +17,7 @@ import pytest
 from tests.end_to_end.site import Program, Scada
 from tests.mosquitto import MosquittoBroker, missing_programs
 
-pytestmark = [
-    pytest.mark.end_to_end,
-    pytest.mark.mosquitto,
-    pytest.mark.skipif(bool(missing_programs()), reason="mosquitto is not installed"),
-]
+pytestmark = pytest.mark.skipif(bool(missing_programs()), reason="mosquitto is not installed")
 
 # What each family's starter trips with, the alarm's topic, and how it is configured.
 STARTERS: dict[str, tuple[str, str, str, dict[str, Any]]] = {
@@ -63,6 +59,7 @@ async def by_hand(scada: Scada, starter: str, knob: str, setting: str) -> dict[s
     return await scada.until(f"simulator/{starter}/done", knob=knob)
 
 
+@pytest.mark.long
 async def test_every_family_is_started_stopped_tripped_reset_and_configured_by_topics_alone(
     tmp_path: Path,
 ) -> None:

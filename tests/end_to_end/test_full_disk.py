@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import StartMosquitto
 from tests.end_to_end.site import Program, Scada, site_config, write_config
+from tests.mosquitto import StartMosquitto
 
-pytestmark = [pytest.mark.end_to_end, pytest.mark.mosquitto]
+pytestmark = pytest.mark.alone
 
 STOPS = 5
 WITHIN_S = 0.3  # of the publishing program's start; on a quiet machine a tenth of that

@@ -14,8 +14,6 @@ import pytest
 from tests.end_to_end import independent_client
 from tests.end_to_end.independent_client import Client, ModbusExceptionError
 
-pytestmark = pytest.mark.end_to_end
-
 SSW06, SSW07, SSW900, SST = 1, 2, 3, 4
 SITE = """
 [gateway]

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
-from tests.conftest import StartMosquitto
+from tests.end_to_end.plant import plant
 from tests.end_to_end.site import Program
-from tests.end_to_end.test_plant import plant
-
-pytestmark = [pytest.mark.end_to_end, pytest.mark.mosquitto]
+from tests.mosquitto import StartMosquitto
 
 
 async def test_a_second_run_of_a_configuration_ends_at_once_and_leaves_the_first_alone(

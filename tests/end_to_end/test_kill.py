@@ -10,11 +10,9 @@ import pytest
 
 from gateway.storage.database import Database
 from gateway.storage.ledger_table import LedgerTable
-from tests.conftest import StartMosquitto
 from tests.end_to_end.killed_writer import write_until_killed
 from tests.end_to_end.site import Program, Scada, site_config, write_config
-
-pytestmark = [pytest.mark.end_to_end]
+from tests.mosquitto import StartMosquitto
 
 KILLS = 20
 LONGEST_S = 0.15
@@ -44,7 +42,7 @@ def test_no_acknowledged_row_is_lost_when_the_process_is_killed(tmp_path: Path) 
     assert len(acknowledged) > 20 * KILLS
 
 
-@pytest.mark.mosquitto
+@pytest.mark.long
 async def test_a_start_that_a_kill_cut_short_is_told_once_and_never_repeated(
     start_mosquitto: StartMosquitto, tmp_path: Path
 ) -> None:

@@ -5,12 +5,8 @@ from __future__ import annotations
 import signal
 from pathlib import Path
 
-import pytest
-
-from tests.conftest import StartMosquitto
-from tests.end_to_end.test_plant import STARTERS, plant
-
-pytestmark = [pytest.mark.end_to_end, pytest.mark.mosquitto]
+from tests.end_to_end.plant import STARTERS, plant
+from tests.mosquitto import StartMosquitto
 
 MUST_END_WITHIN_S = 10.0
 

@@ -7,12 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import StartMosquitto
 from tests.end_to_end.libmodbus_server import library
 from tests.end_to_end.pty_pair import PtyPair
 from tests.end_to_end.site import Program, Scada, site_config, write_config
-
-pytestmark = [pytest.mark.end_to_end, pytest.mark.mosquitto]
+from tests.mosquitto import StartMosquitto
 
 STARTER = """
 [[line.starter]]

@@ -9,17 +9,13 @@ import signal
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from gateway.storage.database import Database
 from gateway.storage.outbox import FILE
 from gateway.storage.outbox_table import HIGHEST, OutboxTable
 from gateway.storage.spool import Kind
-from tests.conftest import StartMosquitto
 from tests.end_to_end.killed_writer import write_until_killed
 from tests.end_to_end.site import Program, Scada, site_config, write_config
-
-pytestmark = [pytest.mark.end_to_end]
+from tests.mosquitto import StartMosquitto
 
 KILLS = 12
 LONGEST_S = 0.15
@@ -55,7 +51,6 @@ def test_no_row_that_was_kept_is_lost_when_the_process_is_killed(tmp_path: Path)
     assert len(kept) > 20 * KILLS
 
 
-@pytest.mark.mosquitto
 async def test_what_happened_without_a_broker_is_told_after_a_kill(
     start_mosquitto: StartMosquitto, tmp_path: Path
 ) -> None:

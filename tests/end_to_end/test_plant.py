@@ -4,37 +4,16 @@ from __future__ import annotations
 
 import json
 import signal
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
 
-from tests.conftest import StartMosquitto
+from tests.end_to_end.plant import STARTERS, plant
 from tests.end_to_end.site import Program, Scada, site_config, write_config
-from tests.mosquitto import MosquittoBroker
-
-pytestmark = [pytest.mark.end_to_end, pytest.mark.mosquitto]
-
-STARTERS = ("pump", "fan", "mill", "belt")
+from tests.mosquitto import StartMosquitto
 
 
-@asynccontextmanager
-async def plant(broker: MosquittoBroker, folder: Path) -> AsyncIterator[tuple[Scada, Program, Path]]:
-    """Run simulator and gateway, and wait until all four starters are ready."""
-    config = write_config(folder, site_config(broker_port=broker.port, port=str(folder / "ttyHALL")))
-    async with (
-        Program("gateway", "simulate", str(config)) as simulator,
-        broker.watch("starters/plant/#") as watcher,
-    ):
-        await simulator.says("line hall")
-        async with Program("gateway", "run", str(config)) as gateway:
-            scada = Scada(broker, watcher)
-            for starter in STARTERS:
-                await scada.ready(starter)
-            yield scada, gateway, config
-
-
+@pytest.mark.long
 async def test_every_family_starts_runs_and_stops_by_topics_alone(
     start_mosquitto: StartMosquitto, tmp_path: Path
 ) -> None:

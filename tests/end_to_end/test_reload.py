@@ -11,14 +11,13 @@ from typing import Any
 
 import pytest
 
-from tests.conftest import StartMosquitto
+from tests.end_to_end.plant import plant
+from tests.end_to_end.service_manager import NOBODY, ServiceManager
 from tests.end_to_end.site import Program, Scada, site_config, write_config
-from tests.end_to_end.test_plant import plant
-from tests.end_to_end.test_service_manager import NOBODY, ServiceManager
-from tests.mosquitto import MosquittoBroker
+from tests.mosquitto import MosquittoBroker, StartMosquitto
 from tests.torture.process import Starters
 
-pytestmark = [pytest.mark.end_to_end, pytest.mark.mosquitto]
+pytestmark = pytest.mark.alone
 
 RIGHTS = '\n[[operator]]\nclient = "bob"\nmay = ["read"]\nstarters = ["pump"]\n'
 WATCHDOG_S = 4  # in every starter; it only says that it would have acted

@@ -20,8 +20,6 @@ from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.bus.pty import PtyLine
 from gateway.sim.factory import make_unit
 
-pytestmark = pytest.mark.end_to_end
-
 ALL_SETTINGS = 24
 
 
@@ -86,6 +84,7 @@ async def serial_server() -> AsyncIterator[tuple[str, list[int]]]:
         server.close()
 
 
+@pytest.mark.alone
 async def test_every_setting_of_a_silent_port_is_tried() -> None:
     with silent_tty() as (port, ours):
         code, out, errors = await scanned(port, "--address", "1,200")

@@ -2,37 +2,15 @@
 
 from __future__ import annotations
 
-import asyncio
 import signal
-import socket
 from pathlib import Path
 
 import pytest
 
+from tests.end_to_end.service_manager import NOBODY, ServiceManager
 from tests.end_to_end.site import Program, site_config, write_config
 
-pytestmark = [pytest.mark.end_to_end]
-
-NOBODY = 9  # a TCP port that nobody listens on: no broker
-
-
-class ServiceManager:
-    """Listens on a notification socket [sd_notify(3)]."""
-
-    def __init__(self, path: Path) -> None:
-        self.address = str(path)
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-        self._socket.bind(self.address)
-        self._socket.setblocking(False)
-
-    async def hears(self, word: str, *, within_s: float = 20.0) -> None:
-        loop = asyncio.get_running_loop()
-        async with asyncio.timeout(within_s):
-            while word not in (await loop.sock_recv(self._socket, 4096)).decode().splitlines():
-                pass
-
-    def close(self) -> None:
-        self._socket.close()
+pytestmark = pytest.mark.alone
 
 
 async def test_ready_and_watchdog_come_from_the_lines_work_even_without_a_broker(tmp_path: Path) -> None:

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from gateway.system.suspend_watch import LIMIT_S
-from tests.conftest import StartMosquitto
 from tests.end_to_end.site import Program, Scada, site_config, write_config
+from tests.mosquitto import StartMosquitto
 
-pytestmark = [pytest.mark.end_to_end, pytest.mark.mosquitto]
+pytestmark = pytest.mark.alone
 
 STOPPED_AFTER_S = (0.0, 0.02, 0.04, 0.06, 0.08)  # within reading, deciding, writing and reading back
 ONE_STARTER = """

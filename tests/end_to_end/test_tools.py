@@ -7,13 +7,9 @@ import signal
 import sys
 from pathlib import Path
 
-import pytest
-
 from gateway.config.load import parse
-from tests.conftest import StartMosquitto
 from tests.end_to_end.site import Program, site_config, write_config
-
-pytestmark = [pytest.mark.end_to_end, pytest.mark.mosquitto]
+from tests.mosquitto import StartMosquitto
 
 
 async def told(*arguments: str) -> tuple[int, str]:

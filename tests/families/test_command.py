@@ -201,7 +201,7 @@ def test_a_switch_is_off_in_several_spellings(value: object) -> None:
         ("general_enable", {"value": "maybe"}, "value must be true or false"),
         ("read", {}, "parameter is missing"),
         ("read", {"parameter": 3}, "parameter must be a text"),
-        ("set", {"parameter": "P314", "valu": 1}, "value is missing, valu is unknown"),
+        ("set", {"parameter": "P314", "valu": 1}, "value is missing, valu is unknown"),  # codespell:ignore
     ],
 )
 def test_wrong_arguments_are_named(verb: str, args: dict[str, Any], told: str) -> None:

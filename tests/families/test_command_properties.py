@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.errors import CommandError
@@ -15,8 +15,6 @@ from gateway.families.profile.procedure import Preparation, Procedure
 from gateway.families.profile.refusals import REFUSALS
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.reading.bulk import rows_in
-
-SEEDED = settings(derandomize=True, deadline=None)
 
 RUN_COIL = {"ssw06": 100, "ssw07": 100, "sst": 0}
 WORDS = st.integers(0, 0xFFFF)
@@ -105,7 +103,6 @@ def sets_run(profile: Profile, write: tuple[int, int, int], seen: dict[str, tupl
     return False
 
 
-@SEEDED
 @given(situations())
 def test_no_verb_but_start_ever_sets_a_run_bit(situation: Any) -> None:
     profile, _, _, _, seen = situation
@@ -115,7 +112,6 @@ def test_no_verb_but_start_ever_sets_a_run_bit(situation: Any) -> None:
     assert procedure is None or not any(sets_run(profile, write, seen) for write in writes(procedure))
 
 
-@SEEDED
 @given(situations())
 def test_an_ssw900_never_gets_a_word_with_reserved_bits(situation: Any) -> None:
     procedure = attempt(*situation)
@@ -124,7 +120,6 @@ def test_an_ssw900_never_gets_a_word_with_reserved_bits(situation: Any) -> None:
         assert all(word & ~0x9F == 0 for _, address, word in writes(procedure) if address in (685, 686))
 
 
-@SEEDED
 @given(situations())
 def test_an_sst_register_is_written_only_between_entering_and_leaving_the_configuration_mode(
     situation: Any,
@@ -145,7 +140,6 @@ def test_an_sst_register_is_written_only_between_entering_and_leaving_the_config
     assert any(leaves) == any(step.request.encode()[:3] == b"\x05\x00\x01" for step in procedure.steps)
 
 
-@SEEDED
 @given(situations())
 def test_a_command_row_is_never_written_by_set(situation: Any) -> None:
     profile, variant, _, args, seen = situation
@@ -172,7 +166,6 @@ def test_a_command_row_is_never_written_by_set(situation: Any) -> None:
         assert not {address for _, address, _ in writes(procedure)} & forbidden
 
 
-@SEEDED
 @given(situations())
 def test_whatever_can_be_built_can_be_prepared_with_requests_within_the_limits(situation: Any) -> None:
     profile, variant, verb, args, _ = situation
@@ -188,7 +181,6 @@ def test_whatever_can_be_built_can_be_prepared_with_requests_within_the_limits(s
         assert set(rows_in(profile, read, (0,) * count)) == set(read.codes)
 
 
-@SEEDED
 @given(situations())
 def test_a_refusal_is_one_of_the_closed_list(situation: Any) -> None:
     profile, variant, verb, args, seen = situation
@@ -205,7 +197,6 @@ def test_a_refusal_is_one_of_the_closed_list(situation: Any) -> None:
     assert set(codes) <= set(REFUSALS)
 
 
-@SEEDED
 @given(PROFILES, SLOTS, st.dictionaries(st.text(max_size=8), VALUES), st.data())
 def test_a_stop_is_never_refused(profile: Profile, variant: Variant, args: dict[str, Any], data: Any) -> None:
     seen = data.draw(st.dictionaries(st.sampled_from(shown(profile)), WORDS.map(lambda word: (word,))))
@@ -214,7 +205,6 @@ def test_a_stop_is_never_refused(profile: Profile, variant: Variant, args: dict[
     assert build(profile, variant, "stop", args, seen=seen).steps
 
 
-@SEEDED
 @given(WORDS, st.sampled_from([1, 2, None]))
 def test_a_stop_never_leaves_the_run_bit_of_an_ssw900_set(last: int, slot: Any) -> None:
     seen = {"S5.2.5": (last,), "S5.2.6": (last,)}
@@ -224,7 +214,6 @@ def test_a_stop_never_leaves_the_run_bit_of_an_ssw900_set(last: int, slot: Any) 
     assert all(not word & 0x05 for _, _, word in writes(procedure))
 
 
-@SEEDED
 @given(WORDS, WORDS)
 def test_a_reset_of_an_ssw900_changes_nothing_that_is_in_force(status: int, last: int) -> None:
     seen = {"S5.1.1": (status,), "S5.2.5": (last,)}

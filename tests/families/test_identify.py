@@ -83,7 +83,7 @@ def test_an_ssw06_whose_fixed_register_is_not_15_is_not_believed() -> None:
 
     assert seen.family_seen is None
     assert why_not(load_profile("ssw06"), seen) == (
-        "not known to be ssw06: FC43 names 'SSW-06 85.0A'; VB00 is 7 and should be 15"
+        "it is not ssw06: FC43 names 'SSW-06 85.0A'; VB00 is 7 and should be 15"
     )
 
 

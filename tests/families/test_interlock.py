@@ -6,7 +6,7 @@ import pytest
 
 from gateway.families.command.interlock import RULES, check, points_needed
 from gateway.families.profile.load import FAMILIES, load_profile
-from tests.families.test_state import SST_AT_REST, WEG_AT_REST
+from tests.families.at_rest import SST_AT_REST, WEG_AT_REST
 
 
 def broken(family: str, rules: tuple[str, ...], points: dict[str, Any]) -> list[str]:

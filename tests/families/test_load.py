@@ -64,7 +64,7 @@ def test_every_mistake_is_told_at_once_with_its_place(ssw06: Path) -> None:
     replace(ssw06 / "enums.csv", "^P229,4,", "P229,four,")
     append(ssw06 / "bits.csv", "VB01,15,Error again")
     append(ssw06 / "alarms.csv", "e31,disaster,Something")
-    replace(ssw06 / "family.toml", "^title = .*", "tittle = 'x'")
+    replace(ssw06 / "family.toml", "^title = .*", "tittle = 'x'")  # codespell:ignore
 
     text = "\n".join(problems_of(ssw06))
 
@@ -73,7 +73,7 @@ def test_every_mistake_is_told_at_once_with_its_place(ssw06: Path) -> None:
     assert "bits.csv:82: VB01 has 15 twice" in text
     assert "alarms.csv:5: severity" in text
     assert "family.toml: title: is missing" in text
-    assert "family.toml: tittle: is no known key" in text
+    assert "family.toml: tittle: is no known key" in text  # codespell:ignore
 
 
 @pytest.mark.parametrize("damage", ["family = [", ""])

@@ -6,20 +6,8 @@ import pytest
 
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.state import STARTING, STATES, alarms_of, hindrance, state_of
+from tests.families.at_rest import SST_AT_REST, WEG_AT_REST
 
-WEG_AT_REST: dict[str, Any] = {
-    **dict.fromkeys(
-        ("running", "jog", "accelerating", "decelerating", "braking", "reversing", "fault"), False
-    ),
-    **dict.fromkeys(STARTING, False),
-    "general_enabled": True,
-    "power_present": True,
-}
-SST_AT_REST: dict[str, Any] = {
-    **dict.fromkeys(("fault", "running", "accelerating", "full_voltage", "decelerating"), False),
-    "configured": True,
-    "ready_to_start": True,
-}
 WEG = ("ssw06", "ssw07", "ssw900")
 
 

@@ -11,6 +11,7 @@ from gateway.families.profile.load import load_profile
 from gateway.families.profile.parameters import find
 from gateway.families.profile.schema import Table, Variant
 from gateway.families.reading.bulk import rows_in
+from gateway.modbus.reads import ReadDiscreteInputs
 from gateway.sim.factory import make_unit
 from tests.families.starters import SLOT_1
 from tests.sim.wire import Talk
@@ -22,6 +23,7 @@ from tests.sim.wire import Talk
         ("ssw900", "HR1600", Table.HOLDING, 1600),
         ("ssw900", "hr20000", Table.HOLDING, 20000),
         ("ssw900", "COIL100", Table.COIL, 100),
+        ("ssw900", "DI7", Table.DISCRETE, 7),
         ("ssw07", "HR5002", Table.HOLDING, 5002),
         ("sst", "IR60", Table.INPUT, 60),
         ("sst", "COIL27", Table.COIL, 26),
@@ -74,7 +76,36 @@ def test_what_cannot_be_asked_for_has_none(family: str, code: str) -> None:
     assert error.value.code == "unknown_parameter"
 
 
-@pytest.mark.parametrize("code", ["HR1600", "HR20000", "COIL9", "HR685"])
+def test_a_discrete_input_is_read_by_function_02_and_is_a_bit() -> None:
+    profile = load_profile("ssw900")
+    args = {"parameters": ["DI7", "DI9"]}
+    reads = prepare(profile, SLOT_1, "read", args).reads
+
+    assert [read.request for read in reads] == [ReadDiscreteInputs(7, 1), ReadDiscreteInputs(9, 1)]
+    assert rows_in(profile, reads[0], (True,)) == {"DI7": (1,)}
+    assert decode_row(profile, Variant(), find(profile, "DI7"), (1,)).value is True
+
+
+@pytest.mark.parametrize(
+    ("family", "code", "function"),
+    [
+        ("ssw06", "DI1", "02"),
+        ("ssw07", "di1", "02"),
+        ("sst", "DI1", "02"),
+        ("ssw900", "IR5", "04"),
+        ("sst", "HR5", "03"),
+    ],
+)
+def test_a_table_that_the_manual_does_not_give_is_named_by_its_function(
+    family: str, code: str, function: str
+) -> None:
+    with pytest.raises(CommandError, match=f"Modbus function {function}, which the manual of the") as error:
+        find(load_profile(family), code)
+
+    assert error.value.code == "unknown_parameter"
+
+
+@pytest.mark.parametrize("code", ["HR1600", "HR20000", "COIL9", "HR685", "DI7"])
 def test_they_are_never_written(code: str) -> None:
     with pytest.raises(CommandError) as error:
         prepare(load_profile("ssw900"), SLOT_1, "set", {"parameter": code, "value": 1})

@@ -241,8 +241,8 @@ class Listener:
         return [outcome for _, told_key, _, outcome in self.polls if told_key == key]
 
 
-class Rig:
-    """A running scheduler on a fake line: `async with Rig(units, polls) as rig`."""
+class LineRig:
+    """A running scheduler on a fake line: `async with LineRig(units, polls) as rig`."""
 
     def __init__(
         self,
@@ -270,7 +270,7 @@ class Rig:
     def port(self) -> FakePort:
         return self.opener.ports[-1]
 
-    async def __aenter__(self) -> Rig:
+    async def __aenter__(self) -> LineRig:
         self.task = asyncio.create_task(self.scheduler.run())
         await asyncio.sleep(0.0001)  # the port has been opened, or not; nothing is sent yet
         return self

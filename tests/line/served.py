@@ -10,7 +10,7 @@ from gateway.line.scheduler.requests import Poll
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import LineTiming
 from gateway.modbus.writes import WriteRegister
-from tests.line.fakes import TIMING, Answer, Rig
+from tests.line.fakes import TIMING, Answer, LineRig
 from tests.virtual_time import run_virtually
 
 READ = ReadHoldingRegisters(100, 2)
@@ -18,9 +18,9 @@ WRITE = WriteRegister(5003, 1)
 NO_PORT = Silent("port closed", is_sent=False)
 
 
-def run_for(seconds: float, answer: Answer, polls: Iterable[Poll], timing: LineTiming = TIMING) -> Rig:
+def run_for(seconds: float, answer: Answer, polls: Iterable[Poll], timing: LineTiming = TIMING) -> LineRig:
     """Serve a line for so long and return the rig with everything that was told."""
-    rig = Rig(answer, polls, timing)
+    rig = LineRig(answer, polls, timing)
 
     async def scenario() -> None:
         async with rig:

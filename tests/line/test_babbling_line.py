@@ -13,7 +13,7 @@ from gateway.line.scheduler.requests import Priority
 from gateway.line.service import GAP_WITHIN_S
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteRegister
-from tests.line.fakes import TIMING, FakePort, Rig, Said, Units, poll
+from tests.line.fakes import TIMING, FakePort, LineRig, Said, Units, poll
 from tests.virtual_time import run_virtually
 
 STOP = WriteRegister(5003, 0)
@@ -28,7 +28,7 @@ def babble(port: FakePort, seconds: float = 3.0) -> None:
     port.say(Said(b"\x55" * count, 0.0, in_chunks_of=1))
 
 
-async def stop(rig: Rig, lane: Priority = Priority.STOP) -> tuple[float, Outcome]:
+async def stop(rig: LineRig, lane: Priority = Priority.STOP) -> tuple[float, Outcome]:
     """Stop a motor; return after what time its frame went out, and what became of it."""
     asked_s = asyncio.get_running_loop().time()
     outcome = await rig.transact(1, STOP, lane)
@@ -42,7 +42,7 @@ def test_a_stop_goes_out_over_the_babble_after_a_bounded_wait_and_its_outcome_sa
     after_s: float, lane: Priority
 ) -> None:
     async def scenario() -> tuple[float, Outcome]:
-        async with Rig(Units({1}), [poll("a", every_s=0.0)]) as rig:
+        async with LineRig(Units({1}), [poll("a", every_s=0.0)]) as rig:
             await asyncio.sleep(1.0)
             babble(rig.port)
             await asyncio.sleep(0.05 + after_s)
@@ -58,7 +58,7 @@ def test_a_stop_goes_out_over_the_babble_after_a_bounded_wait_and_its_outcome_sa
 
 def test_every_repeat_of_a_stop_goes_out_over_the_babble() -> None:
     async def scenario() -> list[float]:
-        async with Rig(Units({1}), [poll("a", every_s=0.0)]) as rig:
+        async with LineRig(Units({1}), [poll("a", every_s=0.0)]) as rig:
             await asyncio.sleep(1.0)
             babble(rig.port, 7.0)
             await asyncio.sleep(0.05)
@@ -75,7 +75,7 @@ def test_a_stop_goes_out_between_two_frames_where_there_is_a_gap() -> None:
     gap_s = 2.5 * TIMING.character_s  # too short for a silence, too long for a pause inside a frame
 
     async def scenario() -> list[float]:
-        async with Rig(Units({1}), [poll("a", every_s=10.0)]) as rig:
+        async with LineRig(Units({1}), [poll("a", every_s=10.0)]) as rig:
             await asyncio.sleep(1.0)
             rig.port.may_be_disturbed = True
             for number in range(300):
@@ -95,7 +95,7 @@ def test_a_stop_goes_out_between_two_frames_where_there_is_a_gap() -> None:
 )
 def test_nothing_but_a_stop_is_sent_into_the_babble(request_: WriteRegister, lane: Priority) -> None:
     async def scenario() -> tuple[Outcome, int]:
-        async with Rig(Units({1}), [poll("a", every_s=0.0)]) as rig:
+        async with LineRig(Units({1}), [poll("a", every_s=0.0)]) as rig:
             await asyncio.sleep(1.0)
             babble(rig.port)
             await asyncio.sleep(0.05)
@@ -112,7 +112,7 @@ def test_nothing_but_a_stop_is_sent_into_the_babble(request_: WriteRegister, lan
 
 def test_a_stop_on_a_quiet_line_keeps_its_silences_and_says_nothing_of_babble() -> None:
     async def scenario() -> Outcome:
-        async with Rig(Units({1}), [poll("a", every_s=0.0)]) as rig:
+        async with LineRig(Units({1}), [poll("a", every_s=0.0)]) as rig:
             await asyncio.sleep(1.0)
             return (await stop(rig))[1]
 
@@ -124,7 +124,7 @@ def test_a_stop_on_a_quiet_line_keeps_its_silences_and_says_nothing_of_babble() 
 
 def test_a_stop_that_comes_while_a_poll_waits_for_silence_does_not_wait_as_long() -> None:
     async def scenario() -> float:
-        async with Rig(Units({1}), [poll("a", every_s=0.0)]) as rig:
+        async with LineRig(Units({1}), [poll("a", every_s=0.0)]) as rig:
             await asyncio.sleep(1.0)
             babble(rig.port)
             await asyncio.sleep(0.7 * BABBLE_LIMIT_S)
@@ -135,7 +135,7 @@ def test_a_stop_that_comes_while_a_poll_waits_for_silence_does_not_wait_as_long(
 
 def test_stops_are_as_many_over_the_babble_as_without_it() -> None:
     async def scenario() -> list[float]:
-        async with Rig(Units({1}), [poll("a", every_s=0.0)]) as rig:
+        async with LineRig(Units({1}), [poll("a", every_s=0.0)]) as rig:
             await asyncio.sleep(1.0)
             babble(rig.port, 11.0)
             for _ in range(20):
@@ -151,7 +151,7 @@ def test_stops_are_as_many_over_the_babble_as_without_it() -> None:
 
 def test_a_port_that_is_lost_while_a_stop_waits_for_a_gap_ends_the_stop_unsent() -> None:
     async def scenario() -> Outcome:
-        async with Rig(Units({1}), [poll("a", every_s=0.0)]) as rig:
+        async with LineRig(Units({1}), [poll("a", every_s=0.0)]) as rig:
             await asyncio.sleep(1.0)
             babble(rig.port)
             await asyncio.sleep(0.05)

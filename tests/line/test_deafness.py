@@ -10,7 +10,7 @@ import pytest
 
 from gateway.line.port_recovery import ASK_EVERY_S, DEAF, LONGEST_S, PortRecovery
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
-from tests.line.fakes import Rig, Said, Units, poll
+from tests.line.fakes import LineRig, Said, Units, poll
 from tests.virtual_time import run_virtually
 
 ANSWERED = Answered((1,), at_s=0.0, response_time_s=0.005)
@@ -64,7 +64,7 @@ class DeafAdapter:
 
     def __init__(self, needed: int) -> None:
         self.needed = needed
-        self.rig = Rig(self, [poll("a", every_s=1.0), poll("b", unit=2, every_s=1.0)], deaf_after_s=15.0)
+        self.rig = LineRig(self, [poll("a", every_s=1.0), poll("b", unit=2, every_s=1.0)], deaf_after_s=15.0)
 
     def __call__(self, frame: bytes) -> Iterable[Said]:
         is_deaf = len(self.rig.opener.ports) < self.needed
@@ -94,7 +94,7 @@ def test_a_deaf_port_is_closed_opened_and_told_once_and_all_are_asked_at_once() 
 
 
 def test_a_line_on_which_nobody_is_asked_is_not_deaf() -> None:
-    rig = Rig(Units(set()), [], deaf_after_s=15.0)
+    rig = LineRig(Units(set()), [], deaf_after_s=15.0)
 
     async def scenario() -> None:
         async with rig:
@@ -106,7 +106,7 @@ def test_a_line_on_which_nobody_is_asked_is_not_deaf() -> None:
 
 
 def test_after_a_flood_everybody_is_asked_at_once() -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=1.0)])
+    rig = LineRig(Units({1}), [poll("a", every_s=1.0)])
 
     async def scenario() -> float:
         async with rig:

@@ -9,7 +9,7 @@ import pytest
 from gateway.line.scheduler.requests import Priority
 from gateway.line.stop_hold import CREDIT_S, GRACE_S, LOOK_EVERY_S, SHARE, StopHold
 from gateway.modbus.writes import WriteRegister
-from tests.line.fakes import DELAY_S, TIMING, Rig, Units, poll
+from tests.line.fakes import DELAY_S, TIMING, LineRig, Units, poll
 from tests.virtual_time import run_virtually
 
 START = WriteRegister(5003, 1)
@@ -29,11 +29,11 @@ class Arrivals:
         return self.is_there
 
 
-def written(rig: Rig) -> list[int]:
+def written(rig: LineRig) -> list[int]:
     return [frame[1] for _, frame in rig.port.sent]
 
 
-async def let_arrive(arrivals: Arrivals, rig: Rig, taken_s: float) -> None:
+async def let_arrive(arrivals: Arrivals, rig: LineRig, taken_s: float) -> None:
     """Let something arrive right before the second request, and let so much time pass after that was due."""
     while not rig.port.sent:  # noqa: ASYNC110 - in virtual time
         await asyncio.sleep(0.0001)
@@ -42,7 +42,7 @@ async def let_arrive(arrivals: Arrivals, rig: Rig, taken_s: float) -> None:
     await asyncio.sleep(SOON_S + taken_s)
 
 
-def sent_s(rig: Rig) -> list[float]:
+def sent_s(rig: LineRig) -> list[float]:
     return [at_s for at_s, _ in rig.port.sent]
 
 
@@ -58,7 +58,7 @@ def test_a_stop_that_is_still_being_read_when_the_silence_ends_goes_before_the_p
     request_: WriteRegister, lane: Priority, taken_s: float
 ) -> None:
     arrivals = Arrivals()
-    rig = Rig(Units({1}), [poll("a", every_s=0.0)], has_arrived=arrivals)
+    rig = LineRig(Units({1}), [poll("a", every_s=0.0)], has_arrived=arrivals)
 
     async def scenario() -> None:
         async with rig:
@@ -75,7 +75,7 @@ def test_a_stop_that_is_still_being_read_when_the_silence_ends_goes_before_the_p
 
 def test_a_stop_goes_as_soon_as_it_is_there_although_more_keeps_arriving() -> None:
     arrivals = Arrivals()
-    rig = Rig(Units({1}), [poll("a", every_s=0.0)], has_arrived=arrivals)
+    rig = LineRig(Units({1}), [poll("a", every_s=0.0)], has_arrived=arrivals)
 
     async def scenario() -> float:
         async with rig:
@@ -92,7 +92,7 @@ def test_a_stop_goes_as_soon_as_it_is_there_although_more_keeps_arriving() -> No
 
 def test_what_turns_out_to_be_no_command_costs_the_poll_no_more_than_its_reading() -> None:
     arrivals = Arrivals()
-    rig = Rig(Units({1}), [poll("a", every_s=0.0)], has_arrived=arrivals)
+    rig = LineRig(Units({1}), [poll("a", every_s=0.0)], has_arrived=arrivals)
 
     async def scenario() -> None:
         async with rig:
@@ -110,7 +110,7 @@ def test_what_never_ends_to_arrive_takes_a_hundredth_of_the_line_at_most() -> No
     polls = [poll("a", every_s=0.0)]
 
     def rounds(*, is_there: bool) -> int:
-        rig = Rig(Units({1}), polls, has_arrived=lambda: is_there)
+        rig = LineRig(Units({1}), polls, has_arrived=lambda: is_there)
 
         async def scenario() -> None:
             async with rig:

@@ -12,7 +12,7 @@ from gateway.line.port.base import Port
 from gateway.line.rtu.outcome import Answered
 from gateway.line.thread import LineHost
 from tests.line.fakes import FakeOpener, FakePort, Units, until
-from tests.line.test_host import NO_PORT, WaitingListener, add, ask, fake_opener
+from tests.line.hosted import NO_PORT, WaitingListener, add, ask, fake_opener
 
 
 @pytest.fixture(autouse=True)

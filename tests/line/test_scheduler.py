@@ -11,12 +11,12 @@ import pytest
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused
 from gateway.modbus import adu
 from gateway.modbus.timing import Framing, LineTiming
-from tests.line.fakes import RESPONSE_TIME_S, TIMING, Rig, Said, Units, poll
+from tests.line.fakes import RESPONSE_TIME_S, TIMING, LineRig, Said, Units, poll
 from tests.line.served import READ, run_for
 from tests.virtual_time import run_virtually
 
 
-def asked(rig: Rig) -> Counter[int]:
+def asked(rig: LineRig) -> Counter[int]:
     return Counter(frame[0] for _, frame in rig.port.sent)
 
 
@@ -64,7 +64,7 @@ def test_one_dead_unit_of_eight_costs_the_others_less_than_a_tenth(baud: int) ->
 
 def test_a_dead_unit_is_lost_after_four_misses_and_is_back_with_its_first_answer() -> None:
     units = Units({1})
-    rig = Rig(units, [poll("one", 1), poll("status", 2), poll("current", 2)])
+    rig = LineRig(units, [poll("one", 1), poll("status", 2), poll("current", 2)])
 
     async def scenario() -> None:
         async with rig:
@@ -98,7 +98,7 @@ def test_a_garbled_poll_is_told_only_when_its_repetition_is_no_better() -> None:
 
 
 def test_a_bug_of_the_listener_ends_the_loop_with_the_port_closed_and_it_can_be_started_again() -> None:
-    rig = Rig(Units({1}), [poll("a")])
+    rig = LineRig(Units({1}), [poll("a")])
     told: list[str] = []
 
     def on_poll(line: str, key: str, unit: int, outcome: Outcome) -> None:
@@ -122,7 +122,7 @@ def test_a_bug_of_the_listener_ends_the_loop_with_the_port_closed_and_it_can_be_
 
 
 def test_polls_can_be_added_removed_hastened_and_changed_while_the_line_idles() -> None:
-    rig = Rig(Units({1}), [])
+    rig = LineRig(Units({1}), [])
 
     async def scenario() -> None:
         async with rig:
@@ -144,7 +144,7 @@ def test_polls_can_be_added_removed_hastened_and_changed_while_the_line_idles() 
 
 def test_an_expected_silence_is_not_told() -> None:
     units = Units({1})
-    rig = Rig(units, [poll("a", every_s=0.5)])
+    rig = LineRig(units, [poll("a", every_s=0.5)])
 
     async def scenario() -> None:
         async with rig:
@@ -161,7 +161,7 @@ def test_an_expected_silence_is_not_told() -> None:
 
 
 def test_progress_grows_while_the_line_idles_and_while_its_port_is_away() -> None:
-    rig = Rig(Units({1}), [])
+    rig = LineRig(Units({1}), [])
 
     async def scenario() -> list[int]:
         seen = []
@@ -182,7 +182,7 @@ def test_progress_grows_while_the_line_idles_and_while_its_port_is_away() -> Non
 
 
 def test_figures_count_outcomes_by_unit_and_tell_how_busy_the_line_is() -> None:
-    rig = Rig(Units({1, 2}, refused={2: 1}), [poll("a", 1, 0.1), poll("b", 2, 1.0), poll("c", 3, 1.0)])
+    rig = LineRig(Units({1, 2}, refused={2: 1}), [poll("a", 1, 0.1), poll("b", 2, 1.0), poll("c", 3, 1.0)])
 
     async def scenario() -> None:
         assert rig.client.figures()["utilisation"] == 0.0
@@ -214,7 +214,7 @@ def test_figures_count_outcomes_by_unit_and_tell_how_busy_the_line_is() -> None:
 
 
 def test_the_computed_stop_latency_is_the_longest_poll_unanswered() -> None:
-    rig = Rig(Units({1}), [poll("a", count=1), poll("b", count=100)])
+    rig = LineRig(Units({1}), [poll("a", count=1), poll("b", count=100)])
 
     latency_s = rig.client.figures()["stop_latency_s"]["computed"]
 

@@ -11,7 +11,7 @@ import pytest
 from gateway.line.rtu.outcome import Garbled, Outcome, Silent
 from gateway.line.scheduler.requests import Priority
 from gateway.modbus.writes import WriteRegister
-from tests.line.fakes import TIMING, Rig, Said, Units, nobody, poll
+from tests.line.fakes import TIMING, LineRig, Said, Units, nobody, poll
 from tests.line.served import NO_PORT, READ, WRITE, run_for
 from tests.virtual_time import run_virtually
 
@@ -20,7 +20,7 @@ def test_a_stop_waits_for_one_transaction_at_the_most_and_goes_before_every_othe
     chance = random.Random(3)
     units = Units({1, 2})
     polls = [poll(str(unit), unit, 0.0, count=30) for unit in (1, 2, 3, 4)]
-    rig = Rig(units, polls)
+    rig = LineRig(units, polls)
 
     async def scenario() -> list[float]:
         waits_s = []
@@ -56,7 +56,7 @@ def test_a_stop_does_not_wait_for_a_late_reply_of_another_unit_either() -> None:
     def answer(frame: bytes) -> Iterable[Said]:
         return Units({1, 2})(frame) if chance.random() < 0.7 else nobody(frame)
 
-    rig = Rig(answer, [poll("a", 1, 0.0), poll("b", 1, 0.0)])
+    rig = LineRig(answer, [poll("a", 1, 0.0), poll("b", 1, 0.0)])
 
     async def scenario() -> None:
         async with rig:
@@ -83,7 +83,7 @@ def test_other_units_are_asked_while_one_may_still_answer_late() -> None:
 
 
 def test_jobs_come_before_polls_but_polls_go_on_under_a_flood_of_jobs() -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+    rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
 
     async def scenario() -> None:
         async with rig:
@@ -97,7 +97,7 @@ def test_jobs_come_before_polls_but_polls_go_on_under_a_flood_of_jobs() -> None:
 
 
 def test_a_job_whose_port_is_lost_before_it_is_sent_says_so() -> None:
-    rig = Rig(nobody, [])
+    rig = LineRig(nobody, [])
 
     async def scenario() -> Outcome:
         async with rig:
@@ -118,9 +118,9 @@ def test_a_job_whose_port_is_lost_before_it_is_sent_says_so() -> None:
 def test_cancellation_lets_the_transaction_under_way_end_and_sends_no_more() -> None:
     chance = random.Random(5)
     for _ in range(200):
-        rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+        rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
 
-        async def scenario(rig: Rig = rig) -> tuple[float, float]:
+        async def scenario(rig: LineRig = rig) -> tuple[float, float]:
             async with rig:
                 await asyncio.sleep(chance.uniform(0.0, 0.1))
                 rig.task.cancel()
@@ -142,7 +142,7 @@ def test_cancellation_lets_the_transaction_under_way_end_and_sends_no_more() -> 
 
 
 def test_cancellation_ends_the_waiting_jobs() -> None:
-    rig = Rig(nobody, [])
+    rig = LineRig(nobody, [])
 
     async def scenario() -> list[Outcome]:
         async with rig:
@@ -155,7 +155,7 @@ def test_cancellation_ends_the_waiting_jobs() -> None:
 
 
 def test_a_transaction_that_its_caller_gave_up_is_never_sent_unless_it_is_on_the_wire() -> None:
-    rig = Rig(Units({1}), [])
+    rig = LineRig(Units({1}), [])
 
     async def scenario() -> None:
         async with rig:
@@ -172,7 +172,7 @@ def test_a_transaction_that_its_caller_gave_up_is_never_sent_unless_it_is_on_the
 
 
 def test_a_line_that_is_never_quiet_tells_what_was_not_sent() -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=10.0)])
+    rig = LineRig(Units({1}), [poll("a", every_s=10.0)])
 
     async def scenario() -> Outcome:
         async with rig:

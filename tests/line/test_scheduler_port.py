@@ -12,13 +12,13 @@ from gateway.line.line import REOPEN_CEILING_S, REOPEN_FLOOR_S
 from gateway.line.rtu.outcome import Answered, Outcome, Silent
 from gateway.line.scheduler.requests import Priority
 from gateway.modbus.writes import WriteRegister
-from tests.line.fakes import TIMING, Answer, FakeConnection, Rig, Said, Units, nobody, poll
+from tests.line.fakes import TIMING, Answer, FakeConnection, LineRig, Said, Units, nobody, poll
 from tests.line.served import NO_PORT, READ, WRITE
 from tests.virtual_time import run_virtually
 
 
 def test_a_port_that_cannot_be_opened_is_told_once_per_reason_and_tried_ever_less_often() -> None:
-    rig = Rig(Units({1}), [poll("a")])
+    rig = LineRig(Units({1}), [poll("a")])
     rig.opener.failure = "no such port"
 
     async def scenario() -> Outcome:
@@ -49,7 +49,7 @@ def test_a_lost_port_ends_all_jobs_and_is_opened_again() -> None:
     def answer(frame: bytes) -> Iterable[Said]:
         return nobody(frame) if frame[1] == 6 else Units({1})(frame)
 
-    rig = Rig(answer, [])
+    rig = LineRig(answer, [])
 
     async def scenario() -> list[Outcome]:
         async with rig:
@@ -77,7 +77,7 @@ def test_a_lost_port_ends_all_jobs_and_is_opened_again() -> None:
 
 
 def test_a_flapping_port_is_tried_ever_less_often_and_one_that_lasted_at_once() -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=0.1)])
+    rig = LineRig(Units({1}), [poll("a", every_s=0.1)])
 
     async def scenario() -> None:
         async with rig:
@@ -101,9 +101,9 @@ def silent_to_writes(frame: bytes) -> Iterable[Said]:
     return nobody(frame) if frame[1] == 6 else Units({1})(frame)
 
 
-def connection_rig(answer: Answer = silent_to_writes) -> Rig:
+def connection_rig(answer: Answer = silent_to_writes) -> LineRig:
     """Return a line behind a connection that may deliver late."""
-    rig = Rig(answer, [poll("a")])
+    rig = LineRig(answer, [poll("a")])
     rig.opener.make_port = lambda: FakeConnection(answer, TIMING)
     return rig
 

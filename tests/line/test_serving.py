@@ -13,7 +13,7 @@ from gateway.line.scheduler.requests import Job, Poll, Priority
 from gateway.modbus import adu
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteRegister
-from tests.line.fakes import DELAY_S, RESPONSE_TIME_S, TIMING, Rig, Units, poll
+from tests.line.fakes import DELAY_S, RESPONSE_TIME_S, TIMING, LineRig, Units, poll
 from tests.virtual_time import run_virtually
 
 WRITE = WriteRegister(5003, 1)
@@ -23,7 +23,7 @@ REPLY = adu.encode(1, READ.encode_reply(range(10)))
 ONE_S = TIMING.wire_s(8 + 25) + DELAY_S + TIMING.silence_s
 
 
-async def into_a_silence(rig: Rig) -> None:
+async def into_a_silence(rig: LineRig) -> None:
     """Sleep until a reply has just ended, so that the next request is chosen and not yet sent."""
     while not rig.port.sent:  # noqa: ASYNC110 - in virtual time
         await asyncio.sleep(0.0001)
@@ -32,7 +32,7 @@ async def into_a_silence(rig: Rig) -> None:
     await asyncio.sleep(end_s + TIMING.silence_s / 2 - asyncio.get_running_loop().time())
 
 
-def functions(rig: Rig) -> list[int]:
+def functions(rig: LineRig) -> list[int]:
     return [frame[1] for _, frame in rig.port.sent]
 
 
@@ -40,7 +40,7 @@ def functions(rig: Rig) -> list[int]:
 def test_what_comes_in_the_silence_goes_before_the_poll_that_was_chosen(
     request_: WriteRegister, lane: Priority
 ) -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+    rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
 
     async def scenario() -> None:
         async with rig:
@@ -53,7 +53,7 @@ def test_what_comes_in_the_silence_goes_before_the_poll_that_was_chosen(
 
 
 def test_a_stop_that_comes_in_the_silence_goes_before_the_command_that_was_chosen() -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+    rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
 
     async def scenario() -> list[Outcome]:
         async with rig:
@@ -70,7 +70,7 @@ def test_a_stop_that_comes_in_the_silence_goes_before_the_command_that_was_chose
 
 
 def test_commands_that_come_in_every_silence_do_not_keep_polls_from_the_line() -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+    rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
 
     async def scenario() -> None:
         async with rig:
@@ -86,7 +86,7 @@ def test_commands_that_come_in_every_silence_do_not_keep_polls_from_the_line() -
 
 
 def test_a_command_that_is_given_up_in_the_silence_is_never_sent() -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+    rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
 
     async def scenario() -> None:
         async with rig:
@@ -103,7 +103,7 @@ def test_a_command_that_is_given_up_in_the_silence_is_never_sent() -> None:
 
 
 def test_a_chosen_command_that_is_given_up_before_it_is_sent_is_never_sent() -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+    rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
 
     async def scenario() -> bool:
         job = Job(1, WRITE, RESPONSE_TIME_S, Priority.COMMAND, lambda outcome: None)
@@ -123,7 +123,7 @@ def test_a_chosen_command_that_is_given_up_before_it_is_sent_is_never_sent() -> 
 
 
 def test_a_port_that_is_lost_in_the_silence_ends_the_chosen_command_unsent() -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+    rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
 
     async def scenario() -> Outcome:
         async with rig:
@@ -137,7 +137,7 @@ def test_a_port_that_is_lost_in_the_silence_ends_the_chosen_command_unsent() -> 
 
 
 def test_an_answer_is_told_when_the_next_request_is_on_its_way() -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+    rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
 
     async def scenario() -> None:
         async with rig:
@@ -151,7 +151,7 @@ def test_an_answer_is_told_when_the_next_request_is_on_its_way() -> None:
 
 
 def test_the_answer_to_the_last_request_is_told_at_once() -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=10.0)])
+    rig = LineRig(Units({1}), [poll("a", every_s=10.0)])
 
     async def scenario() -> None:
         async with rig:
@@ -171,7 +171,7 @@ def test_a_silence_costs_what_was_learnt_where_that_is_allowed(
     floor_s: float | None, waited_s: float
 ) -> None:
     units = Units({1, 2})
-    rig = Rig(units, [quick(floor_s), poll("b", unit=2, every_s=0.0)])
+    rig = LineRig(units, [quick(floor_s), poll("b", unit=2, every_s=0.0)])
 
     async def scenario() -> list[float]:
         async with rig:
@@ -191,7 +191,7 @@ def test_a_silence_costs_what_was_learnt_where_that_is_allowed(
 
 
 def test_response_times_are_told_by_function() -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+    rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
 
     async def scenario() -> None:
         async with rig:
@@ -206,7 +206,7 @@ def test_response_times_are_told_by_function() -> None:
 
 
 def test_every_frame_is_handed_on_while_somebody_captures() -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=0.1)])
+    rig = LineRig(Units({1}), [poll("a", every_s=0.1)])
     frames: list[tuple[str, float, str, bytes]] = []
 
     async def scenario() -> None:
@@ -239,7 +239,7 @@ def test_a_poll_is_reckoned_once_and_again_when_its_key_means_something_else() -
 
 
 def test_a_job_whose_time_is_over_when_its_turn_comes_is_never_sent() -> None:
-    rig = Rig(Units({1}), [poll("a", every_s=0.0)])
+    rig = LineRig(Units({1}), [poll("a", every_s=0.0)])
 
     async def scenario() -> tuple[Outcome, Outcome]:
         async with rig:

@@ -11,7 +11,7 @@ import pytest
 from gateway.line.rtu.bus_faults import ADDRESS_CONFLICT, BABBLING
 from gateway.modbus import adu
 from gateway.modbus.reads import ReadHoldingRegisters
-from tests.line.fakes import DELAY_S, TIMING, Rig, Said, Units, poll, reply_pdu
+from tests.line.fakes import DELAY_S, TIMING, LineRig, Said, Units, poll, reply_pdu
 from tests.virtual_time import run_virtually
 
 READ = ReadHoldingRegisters(0, 10)
@@ -37,10 +37,14 @@ class Twins:
         return Said(first), Said(second, DELAY_S + TIMING.wire_s(len(first)) + self.gap_s)
 
 
-@pytest.mark.parametrize("twins", [Twins(0.0), Twins(0.0015), Twins(0.02), Twins(0.0, merged=True)], ids=str)
+@pytest.mark.parametrize(
+    "twins",
+    [Twins(0.0), Twins(0.0015), Twins(0.02), Twins(0.0, merged=True)],
+    ids=["at once", "1.5 ms after", "20 ms after", "merged"],
+)
 def test_two_starters_with_one_address_are_named_once_with_the_frames_that_show_it(twins: Twins) -> None:
     polls = [poll(str(unit), unit, 0.0) for unit in (1, 2, 3, 4)]
-    rig = Rig(twins, polls)
+    rig = LineRig(twins, polls)
 
     async def scenario() -> None:
         async with rig:
@@ -55,7 +59,7 @@ def test_two_starters_with_one_address_are_named_once_with_the_frames_that_show_
 
 
 def test_a_starter_that_talks_unasked_is_named() -> None:
-    rig = Rig(Units({1, 2}), [poll(str(unit), unit, 0.0) for unit in (1, 2)])
+    rig = LineRig(Units({1, 2}), [poll(str(unit), unit, 0.0) for unit in (1, 2)])
     chance = random.Random(1)
     spoken = adu.encode(9, READ.encode_reply((7,) * 10))
 

@@ -20,8 +20,7 @@ from gateway.modbus.writes import (
     WriteRegisters,
 )
 
-# The same examples in every run, and no time limit on a machine that others use too.
-PROPERTY = settings(derandomize=True, deadline=None, max_examples=150)
+PROPERTY = settings(max_examples=150)
 
 words = st.integers(0, 0xFFFF)
 units = st.integers(1, 247)

@@ -33,7 +33,7 @@ def settings(port: int, **changes: object) -> BrokerSettings:
     return BrokerSettings(**given)  # type: ignore[arg-type]  # checked by the tests that use it
 
 
-class Rig:
+class MqttRig:
     """A gateway that is nothing but its MQTT floor; its tokens die with a connection, as they should."""
 
     def __init__(self, how: BrokerSettings) -> None:
@@ -63,7 +63,7 @@ class Rig:
         self.publisher.wake_with(self.connection.wake)
         self.task: asyncio.Task[None] | None = None
 
-    async def __aenter__(self) -> Rig:
+    async def __aenter__(self) -> MqttRig:
         self.task = asyncio.create_task(self.connection.run())
         return self
 

@@ -82,7 +82,7 @@ def result(number: int, key: str = "") -> Message:
     return Message("b/result", str(number).encode(), qos=1, retain=False, is_kept=True, key=key)
 
 
-class Run:
+class SpoolRun:
     """One run of a gateway; `kill` ends it as SIGKILL does. Made and used within virtual time."""
 
     def __init__(self, folder: Path, boot: str, *, most_rows: int = 400_000, max_bytes: int = 2**26) -> None:
@@ -101,7 +101,7 @@ class Run:
         self.acknowledges = True
         self.tasks = [asyncio.create_task(work()) for work in (self.spooler.run, self.spooler.pace)]
 
-    async def begin(self) -> Run:
+    async def begin(self) -> SpoolRun:
         """Start, and wait until it is known what was left behind."""
         self.spooler.start()
         await asyncio.sleep(0.3)

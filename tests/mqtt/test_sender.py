@@ -1,4 +1,4 @@
-"""The sender against brokers that misbehave; tests/commands/test_send.py has a real one."""
+"""The sender against brokers that misbehave; tests/end_to_end/commands/test_send.py has a real one."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ import pytest
 
 from gateway.mqtt.contract.payloads import MAX_HISTORY_ITEMS
 from gateway.mqtt.outbox.disk_sync import BATCH_S
-from tests.mqtt.spooling import InlineStore, Run, event, on_disk, result, value
+from tests.mqtt.spooling import InlineStore, SpoolRun, event, on_disk, result, value
 from tests.virtual_time import run_virtually
 
 
@@ -21,7 +21,7 @@ def inline_store(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_what_is_acknowledged_at_once_never_goes_to_the_disk(tmp_path: Path) -> None:
     async def main() -> None:
-        run = await Run(tmp_path, "1").begin()
+        run = await SpoolRun(tmp_path, "1").begin()
         run.connect()
         written = run.store._file.transact
         transactions: list[object] = []
@@ -40,12 +40,12 @@ def test_what_is_acknowledged_at_once_never_goes_to_the_disk(tmp_path: Path) -> 
 
 def test_what_a_killed_run_could_not_send_the_next_one_sends_as_it_was_and_in_order(tmp_path: Path) -> None:
     async def main() -> None:
-        first = await Run(tmp_path, "1").begin()
+        first = await SpoolRun(tmp_path, "1").begin()
         first.put(event(1), result(2), event(3), *(value(number) for number in range(10, 15)))
         await asyncio.sleep(2 * BATCH_S)
         first.kill()
 
-        second = await Run(tmp_path, "2").begin()
+        second = await SpoolRun(tmp_path, "2").begin()
         second.put(event(4))
         second.connect()
         await asyncio.sleep(2.0)
@@ -62,7 +62,7 @@ def test_what_a_killed_run_could_not_send_the_next_one_sends_as_it_was_and_in_or
 
 def test_what_was_acknowledged_is_not_sent_again_after_a_kill(tmp_path: Path) -> None:
     async def main() -> None:
-        first = await Run(tmp_path, "1").begin()
+        first = await SpoolRun(tmp_path, "1").begin()
         first.put(event(1), event(2), value(3), value(4))
         await asyncio.sleep(2 * BATCH_S)
         first.connect()
@@ -71,7 +71,7 @@ def test_what_was_acknowledged_is_not_sent_again_after_a_kill(tmp_path: Path) ->
         first.disconnect()
         first.kill()
 
-        second = await Run(tmp_path, "2").begin()
+        second = await SpoolRun(tmp_path, "2").begin()
         second.connect()
         await asyncio.sleep(2.0)
 
@@ -85,7 +85,7 @@ def test_the_newest_values_of_an_outage_outlive_a_kill_too_and_are_told_once_wit
     tmp_path: Path,
 ) -> None:
     async def main() -> None:
-        first = await Run(tmp_path, "1").begin()
+        first = await SpoolRun(tmp_path, "1").begin()
         first.put(value(1), value(2), value(3, point="b"))
         await asyncio.sleep(2 * BATCH_S)
         first.connect()
@@ -96,7 +96,7 @@ def test_the_newest_values_of_an_outage_outlive_a_kill_too_and_are_told_once_wit
         await asyncio.sleep(2 * BATCH_S)
         first.kill()
 
-        second = await Run(tmp_path, "2").begin()
+        second = await SpoolRun(tmp_path, "2").begin()
         second.connect()
         await asyncio.sleep(2.0)
 
@@ -108,13 +108,13 @@ def test_the_newest_values_of_an_outage_outlive_a_kill_too_and_are_told_once_wit
 
 def test_an_orderly_end_leaves_what_could_not_be_sent_to_the_next_run(tmp_path: Path) -> None:
     async def main() -> None:
-        first = await Run(tmp_path, "1").begin()
+        first = await SpoolRun(tmp_path, "1").begin()
         first.acknowledges = False
         first.connect(window=2)
         first.put(event(1), value(2), result(3))
         await first.end()
 
-        second = await Run(tmp_path, "2").begin()
+        second = await SpoolRun(tmp_path, "2").begin()
         second.connect()
         await asyncio.sleep(2.0)
 
@@ -126,7 +126,7 @@ def test_an_orderly_end_leaves_what_could_not_be_sent_to_the_next_run(tmp_path: 
 
 def test_live_values_come_first_and_the_backlog_drains_at_its_pace(tmp_path: Path) -> None:
     async def main() -> None:
-        run = await Run(tmp_path, "1").begin()
+        run = await SpoolRun(tmp_path, "1").begin()
         for number in range(10_000):
             run.put(value(number))
         await asyncio.sleep(2.0)
@@ -153,7 +153,7 @@ def test_live_values_come_first_and_the_backlog_drains_at_its_pace(tmp_path: Pat
 
 def test_a_long_backlog_of_events_comes_in_order_page_by_page(tmp_path: Path) -> None:
     async def main() -> None:
-        run = await Run(tmp_path, "1").begin()
+        run = await SpoolRun(tmp_path, "1").begin()
         for number in range(6000):
             run.put(event(number), *([result(number)] if number % 3 == 0 else []))
         await asyncio.sleep(3.0)
@@ -174,7 +174,7 @@ def test_a_long_backlog_of_events_comes_in_order_page_by_page(tmp_path: Path) ->
 
 def test_a_connection_that_breaks_over_and_over_only_repeats(tmp_path: Path) -> None:
     async def main() -> None:
-        run = await Run(tmp_path, "1").begin()
+        run = await SpoolRun(tmp_path, "1").begin()
         for number in range(3000):
             run.put(event(number), value(number))
         await asyncio.sleep(2.0)
@@ -200,13 +200,13 @@ def test_a_final_result_that_the_ledger_wants_told_again_is_told_once(
     tmp_path: Path, is_told_before: bool
 ) -> None:
     async def main() -> None:
-        first = await Run(tmp_path, "1").begin()
+        first = await SpoolRun(tmp_path, "1").begin()
         if not is_told_before:
             first.put(result(7, key="alice/7"))
             await asyncio.sleep(1.0)
         first.kill()
 
-        second = Run(tmp_path, "2")
+        second = SpoolRun(tmp_path, "2")
         second.spooler.when_recalled(lambda: second.put(result(7, key="alice/7")))
         await second.begin()
         second.connect()
@@ -223,13 +223,13 @@ def test_a_final_result_that_the_ledger_wants_told_again_is_told_once(
 
 def test_times_of_earlier_runs_count_for_the_figures(tmp_path: Path) -> None:
     async def main() -> None:
-        first = await Run(tmp_path, "1").begin()
+        first = await SpoolRun(tmp_path, "1").begin()
         first.put(event(1), value(2), value(3))
         await asyncio.sleep(1.0)
         first.kill()
         await asyncio.sleep(100.0)
 
-        second = await Run(tmp_path, "2").begin()
+        second = await SpoolRun(tmp_path, "2").begin()
 
         figures = second.outbox.figures(second.clock.now_s())
         assert figures["depth"] == 3

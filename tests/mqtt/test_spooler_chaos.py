@@ -11,7 +11,7 @@ import pytest
 
 from gateway.mqtt.outbox.disk_sync import BATCH_S
 from gateway.storage.spool import Kind
-from tests.mqtt.spooling import InlineStore, Run, event, on_disk, result, value
+from tests.mqtt.spooling import InlineStore, SpoolRun, event, on_disk, result, value
 from tests.virtual_time import run_virtually
 
 LIVES = 25
@@ -33,18 +33,18 @@ class Life:
         self.folder = folder
         self.dice = dice
         self.fails = fails
-        self.runs: list[Run] = []
+        self.runs: list[SpoolRun] = []
         self.numbers = 0
         self.safe: set[int] = set()
         self.fresh: set[int] = set()  # what the disk need not know yet
         self.told: list[int] = []
 
     @property
-    def run(self) -> Run:
+    def run(self) -> SpoolRun:
         return self.runs[-1]
 
     async def begin(self) -> None:
-        self.runs.append(await Run(self.folder, str(len(self.runs))).begin())
+        self.runs.append(await SpoolRun(self.folder, str(len(self.runs))).begin())
 
     async def step(self) -> None:
         trouble = [self.fail, self.hang] if self.fails else []

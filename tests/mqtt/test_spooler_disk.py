@@ -10,7 +10,7 @@ import pytest
 
 from gateway.mqtt.outbox.backlog import WINDOWS
 from gateway.storage.spool import Kind
-from tests.mqtt.spooling import InlineStore, Run, event, value
+from tests.mqtt.spooling import InlineStore, SpoolRun, event, value
 from tests.virtual_time import run_virtually
 
 
@@ -23,7 +23,7 @@ def test_without_a_disk_memory_serves_and_the_disk_learns_everything_when_it_is_
     async def main() -> None:
         place = tmp_path / "state"
         place.write_text("in the way")
-        first = await Run(place, "1").begin()
+        first = await SpoolRun(place, "1").begin()
         first.put(event(1), value(1), value(2))
         await asyncio.sleep(10.0)
         first.connect()
@@ -37,7 +37,7 @@ def test_without_a_disk_memory_serves_and_the_disk_learns_everything_when_it_is_
         first.kill()
         assert first.codes() == ["outbox_unavailable", "outbox_available"]
 
-        second = await Run(place, "2").begin()
+        second = await SpoolRun(place, "2").begin()
         second.connect()
         await asyncio.sleep(1.0)
         assert second.texts() == ["event=2", 'p/history={"boot":"1","items":[3]}']
@@ -48,7 +48,7 @@ def test_without_a_disk_memory_serves_and_the_disk_learns_everything_when_it_is_
 
 def test_a_disk_that_fails_in_the_middle_loses_nothing(tmp_path: Path) -> None:
     async def main() -> None:
-        run = await Run(tmp_path, "1").begin()
+        run = await SpoolRun(tmp_path, "1").begin()
         run.put(event(1), value(1))
         await asyncio.sleep(1.0)
         run.path.unlink()
@@ -60,7 +60,7 @@ def test_a_disk_that_fails_in_the_middle_loses_nothing(tmp_path: Path) -> None:
         await asyncio.sleep(1.0)
         run.kill()
 
-        again = await Run(tmp_path, "2").begin()
+        again = await SpoolRun(tmp_path, "2").begin()
         again.connect()
         await asyncio.sleep(1.0)
         assert again.texts("event") == ["1", "2", "3"]
@@ -72,7 +72,7 @@ def test_a_disk_that_fails_in_the_middle_loses_nothing(tmp_path: Path) -> None:
 
 def test_what_was_only_in_a_file_that_is_lost_is_declared_and_the_rest_written_again(tmp_path: Path) -> None:
     async def main() -> None:
-        run = await Run(tmp_path, "1").begin()
+        run = await SpoolRun(tmp_path, "1").begin()
         for number in range(5000):
             run.put(value(number))
         await asyncio.sleep(3.0)
@@ -93,14 +93,14 @@ def test_what_was_only_in_a_file_that_is_lost_is_declared_and_the_rest_written_a
     run_virtually(main())
 
 
-def on_disk_while_open(run: Run) -> list[object]:
+def on_disk_while_open(run: SpoolRun) -> list[object]:
     assert run.store._file._connection is not None
     return run.store._file._connection.execute("SELECT number FROM spool").fetchall()
 
 
 def test_nothing_waits_for_a_disk_that_hangs(tmp_path: Path) -> None:
     async def main() -> None:
-        run = await Run(tmp_path, "1").begin()
+        run = await SpoolRun(tmp_path, "1").begin()
         for number in range(5000):
             run.put(event(number))
         await asyncio.sleep(3.0)
@@ -116,7 +116,7 @@ def test_nothing_waits_for_a_disk_that_hangs(tmp_path: Path) -> None:
         assert run.texts("p/value/a") == ["1"]
         await run.end()
 
-        again = await Run(tmp_path, "2").begin()
+        again = await SpoolRun(tmp_path, "2").begin()
         again.connect()
         await asyncio.sleep(30.0)
         assert again.texts("event") == [str(number) for number in range(5000)]
@@ -127,7 +127,7 @@ def test_nothing_waits_for_a_disk_that_hangs(tmp_path: Path) -> None:
 
 def test_who_waits_for_the_disk_is_told_to_go_on_without_it(tmp_path: Path) -> None:
     async def main() -> None:
-        run = Run(tmp_path, "1")
+        run = SpoolRun(tmp_path, "1")
         run.store.is_hanging = True
         called: list[float] = []
         run.spooler.when_recalled(lambda: called.append(run.loop.time()))
@@ -144,13 +144,13 @@ def test_an_end_without_a_disk_is_an_end(tmp_path: Path, caplog: pytest.LogCaptu
     async def main() -> None:
         place = tmp_path / "state"
         place.write_text("in the way")
-        run = await Run(place, "1").begin()
+        run = await SpoolRun(place, "1").begin()
         run.put(event(1))
         began_s = run.loop.time()
         await run.end()
         assert run.loop.time() == began_s
 
-        failing = await Run(tmp_path, "2").begin()
+        failing = await SpoolRun(tmp_path, "2").begin()
         failing.store.is_failing = True
         failing.put(event(1))
         await failing.end()

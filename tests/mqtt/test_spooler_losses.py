@@ -10,7 +10,7 @@ import pytest
 from gateway.mqtt.outbox.backlog import WINDOWS
 from gateway.mqtt.outbox.disk_sync import BATCH_S
 from gateway.mqtt.outbox.segment import Segment
-from tests.mqtt.spooling import InlineStore, Run, event, on_disk, result, value
+from tests.mqtt.spooling import InlineStore, SpoolRun, event, on_disk, result, value
 from tests.virtual_time import run_virtually
 
 
@@ -23,7 +23,7 @@ def test_a_day_without_a_broker_costs_no_memory_and_what_does_not_fit_is_declare
     most_rows, every_s, points = 10_000, 120, 48
 
     async def main() -> None:
-        run = await Run(tmp_path, "1", most_rows=most_rows).begin()
+        run = await SpoolRun(tmp_path, "1", most_rows=most_rows).begin()
         put = 0
         for second in range(0, 24 * 3600, every_s):
             run.put(*(value(put + number, point=f"p{number}") for number in range(points)))
@@ -55,7 +55,7 @@ def test_a_full_disk_gives_up_values_then_events_then_results_and_says_so_even_a
     tmp_path: Path,
 ) -> None:
     async def main() -> None:
-        first = await Run(tmp_path, "1", most_rows=1000).begin()
+        first = await SpoolRun(tmp_path, "1", most_rows=1000).begin()
         for number in range(0, 900, 3):
             first.put(result(number), event(number + 1), value(number + 2))
         await asyncio.sleep(2 * BATCH_S)
@@ -65,7 +65,7 @@ def test_a_full_disk_gives_up_values_then_events_then_results_and_says_so_even_a
         assert first.outbox.figures(0.0)["depth"] <= 1000
         first.kill()
 
-        second = await Run(tmp_path, "2").begin()
+        second = await SpoolRun(tmp_path, "2").begin()
         second.connect()
         await asyncio.sleep(5.0)
 
@@ -76,7 +76,7 @@ def test_a_full_disk_gives_up_values_then_events_then_results_and_says_so_even_a
         assert second.codes() == ["gap"]
         second.kill()
 
-        third = await Run(tmp_path, "3").begin()
+        third = await SpoolRun(tmp_path, "3").begin()
         third.connect()
         await asyncio.sleep(2.0)
         assert third.codes() == []  # it was told
@@ -87,7 +87,7 @@ def test_a_full_disk_gives_up_values_then_events_then_results_and_says_so_even_a
 
 def test_the_file_stays_below_its_bound_in_bytes_and_the_oldest_values_go(tmp_path: Path) -> None:
     async def main() -> None:
-        run = await Run(tmp_path, "1", max_bytes=128 * 1024).begin()
+        run = await SpoolRun(tmp_path, "1", max_bytes=128 * 1024).begin()
         for number in range(5000):
             run.put(value(number), *([event(number)] if number % 50 == 0 else []))
             if number % 100 == 0:
@@ -108,7 +108,7 @@ def test_the_file_stays_below_its_bound_in_bytes_and_the_oldest_values_go(tmp_pa
 
 def test_losses_that_go_on_are_summed_up(tmp_path: Path) -> None:
     async def main() -> None:
-        run = await Run(tmp_path, "1", most_rows=100).begin()
+        run = await SpoolRun(tmp_path, "1", most_rows=100).begin()
         run.connect(window=1)
         run.acknowledges = False
         run.put(event(0))
@@ -124,7 +124,7 @@ def test_losses_that_go_on_are_summed_up(tmp_path: Path) -> None:
 
 def test_what_the_broker_refuses_is_set_aside_and_told_once(tmp_path: Path) -> None:
     async def main() -> None:
-        run = await Run(tmp_path, "1").begin()
+        run = await SpoolRun(tmp_path, "1").begin()
         run.put(event(0))
         await asyncio.sleep(2 * BATCH_S)
         run.refuses = lambda message: message.topic == "b/event"
@@ -154,7 +154,7 @@ def test_what_the_broker_refuses_is_set_aside_and_told_once(tmp_path: Path) -> N
 
 def test_a_lane_gives_the_rows_up_that_its_disk_does_not_have(tmp_path: Path) -> None:
     async def main() -> None:
-        run = await Run(tmp_path, "1").begin()
+        run = await SpoolRun(tmp_path, "1").begin()
         for number in range(5000):
             run.put(value(number))
         await asyncio.sleep(3.0)

@@ -135,6 +135,18 @@ def test_s9_13_a_mapped_parameter_changes_with_its_last_word() -> None:
     assert talk.ask(ReadHoldingRegisters(USER_1, 2)) == (5, 0)
 
 
+def test_s9_13_nor_does_it_with_its_first_word_behind_another_parameter() -> None:
+    talk, _ = make()
+    talk.ask(WriteRegisters(1400, (680, USER_1, USER_1)))  # the first one leads nowhere
+
+    talk.ask(WriteRegister(1600, 7))
+    talk.ask(WriteRegister(1601, 0))
+    assert talk.ask(ReadHoldingRegisters(USER_1, 2)) == (0, 0)
+    talk.ask(WriteRegister(1601, 5))
+    talk.ask(WriteRegister(1602, 0))
+    assert talk.ask(ReadHoldingRegisters(USER_1, 2)) == (5, 0)
+
+
 def test_s9_14_a_mapped_word_that_leads_nowhere_reads_0_and_writes_nothing() -> None:
     talk, _ = make()
     talk.ask(WriteRegister(1300, 19))

@@ -19,7 +19,7 @@ from gateway.mqtt.contract.strict_json import rfc3339
 from gateway.records import Phase
 from gateway.system.suspend_watch import LIMIT_S
 from tests.starters.history import TTL_S, History
-from tests.starters.world import NAMES, PAUSE_S, World
+from tests.starters.world import NAMES, PAUSE_S, GatewayWorld
 from tests.virtual_time import VirtualTimeLoop
 
 ONLINE_S = 2.0
@@ -51,7 +51,7 @@ class CommandMachine(RuleBasedStateMachine):
     def __init__(self) -> None:
         super().__init__()
         self.loop = VirtualTimeLoop()
-        self.world: World = self.run(self.begin())
+        self.world: GatewayWorld = self.run(self.begin())
         self.ids = 0
         self.lawful: dict[
             tuple[str, str], float
@@ -63,8 +63,8 @@ class CommandMachine(RuleBasedStateMachine):
     def run(self, work: Coroutine[Any, Any, Any]) -> Any:
         return self.loop.run_until_complete(work)
 
-    async def begin(self) -> World:
-        world = World()
+    async def begin(self) -> GatewayWorld:
+        world = GatewayWorld()
         await asyncio.sleep(ONLINE_S + PAUSE_S)
         return world
 

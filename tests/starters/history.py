@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from gateway.records import Phase, StateRecord
 from gateway.starters.policy.motor_history import MOVING, STANDING
-from tests.starters.world import NAMES, PAUSE_S, STAGGER_S, START_PDU, STARTS_PER_HOUR, STOP_PDU, World
+from tests.starters.world import NAMES, PAUSE_S, STAGGER_S, START_PDU, STARTS_PER_HOUR, STOP_PDU, GatewayWorld
 
 STOP_BOUND_S = 1.0  # two starters at 19200 bit/s, one of which may be silent
 REOPENED_S = 10.0  # after it was plugged in, the port is open for sure
@@ -21,7 +21,7 @@ class History:
     """All that went over the wire and was told; `lawful` are the starts that may be, as starter and id,
     each with the time until which its frame may go out."""
 
-    def __init__(self, world: World, lawful: Mapping[tuple[str, str], float]) -> None:
+    def __init__(self, world: GatewayWorld, lawful: Mapping[tuple[str, str], float]) -> None:
         self._world = world
         self._lawful = lawful
 

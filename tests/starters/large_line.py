@@ -30,7 +30,7 @@ from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.polling import polls_of
 from gateway.starters.telemetry.telemetry import StarterTelemetry
 from tests.starters.fakes import RUN_COIL
-from tests.starters.test_on_a_line import Router
+from tests.starters.four_starters import Router
 from tests.virtual_time import VirtualClock
 
 START_PDU, STOP_PDU = WriteCoil(RUN_COIL, True).encode(), WriteCoil(RUN_COIL, False).encode()
@@ -39,7 +39,7 @@ ALL = "all"  # the group of all starters
 SLACK_S = 0.001
 
 
-class TimedSink:
+class TimedResults:
     """Keeps the results with the moment they were told."""
 
     def __init__(self) -> None:
@@ -57,7 +57,7 @@ class LargeLine:
     bus: SimulatedLine
     commander: Dispatcher
     clock: VirtualClock
-    sink: TimedSink
+    sink: TimedResults
     bound_s: float  # the longest that a stop waits for its frame
     asked: dict[int, list[tuple[float, bytes]]]  # what reached each starter, and when
     ignoring: set[int] = field(default_factory=set)  # starters that acknowledge stops and do nothing
@@ -122,7 +122,7 @@ async def large_line(
     policy: PolicySettings | None = None,
 ) -> AsyncIterator[LargeLine]:
     """Run them; nothing has been asked yet."""
-    clock, sink, sequence = VirtualClock(asyncio.get_running_loop()), TimedSink(), SequenceNumbers()
+    clock, sink, sequence = VirtualClock(asyncio.get_running_loop()), TimedResults(), SequenceNumbers()
     timing = LineTiming(baud, Framing.parse("8N2"))
     addresses = range(1, count + 1)
     units = [_Starter(address, seed=address, motor=MOTOR) for address in addresses]

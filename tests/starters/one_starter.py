@@ -59,7 +59,7 @@ class TestMemory:
         self.document = document
 
 
-class Router:
+class StarterRouter:
     """A LineListener that tells everything to one starter."""
 
     starter: StarterTelemetry
@@ -78,7 +78,7 @@ class Router:
 
 
 @dataclass
-class Here:
+class OneStarter:
     """What a test sees of it."""
 
     bus: SimulatedLine
@@ -128,14 +128,14 @@ async def one_starter(
     lap_s: float = 60.0,
     every_s: float = 1.0,
     family: str | None = None,
-) -> AsyncIterator[Here]:
+) -> AsyncIterator[OneStarter]:
     """Run it; nothing has been asked yet."""
     clock, sink, sequence = VirtualClock(asyncio.get_running_loop()), RecordingSink(), SequenceNumbers()
     bus = SimulatedLine(TIMING, [unit])
     variant = Variant(model=model)
     profile = load_profile(family or unit.family)  # as configured
     setup = StarterSetup("pump", "pumps", 1, profile, variant, every_s=every_s, has_fast_words=has_fast_words)
-    router = Router()
+    router = StarterRouter()
     scheduler = Line(name="pumps", opener=bus.opener(), timing=TIMING, polls=polls_of(setup), listener=router)
     rights = Rights([Operator("alice", ("*",), ("*",))])
     precautions = Policy(
@@ -176,7 +176,7 @@ async def one_starter(
     telemetry.start()
     companions.start()
     task = asyncio.create_task(scheduler.run())
-    yield Here(bus, telemetry, commander, precautions, sink)
+    yield OneStarter(bus, telemetry, commander, precautions, sink)
     await commander.close()
     await telemetry.close()
     await companions.close()

@@ -15,7 +15,7 @@ from gateway.sim.factory import make_unit
 from gateway.sim.weg.ssw07 import Ssw07
 from gateway.starters.commands.addressed import StopAddressee
 from gateway.starters.identity.query import IdentityStatus
-from tests.starters.one_starter import Here, one_starter
+from tests.starters.one_starter import OneStarter, one_starter
 from tests.starters.rig import virtually
 
 START = {
@@ -26,7 +26,7 @@ START = {
 PAIRS = [(mine, other) for mine in START for other in START if mine != other]
 
 
-async def run_at_full_speed(here: Here, family: str) -> None:
+async def run_at_full_speed(here: OneStarter, family: str) -> None:
     """Start the motor as the device itself understands it, and have everything asked of it."""
     await asyncio.sleep(30.0)
     line = here.telemetry.line

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 from tests.starters.command_machine import CommandMachine
+
+pytestmark = pytest.mark.long
 
 CommandMachine.TestCase.settings = settings(
     max_examples=25,

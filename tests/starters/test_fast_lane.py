@@ -14,11 +14,11 @@ from gateway.sim.bus.faults import Reply
 from gateway.sim.factory import make_unit
 from gateway.starters.services.mapped_registers import MOST_WRITINGS
 from tests.starters.mapped import FAST, MAP, STATUS, VALUES, asked, map_writes
-from tests.starters.one_starter import Here, one_starter
+from tests.starters.one_starter import OneStarter, one_starter
 from tests.starters.rig import virtually
 
 
-def map_of(here: Here) -> list[int]:
+def map_of(here: OneStarter) -> list[int]:
     return [here.unit.setting(register) for register in MAP]
 
 

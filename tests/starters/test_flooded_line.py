@@ -9,8 +9,8 @@ from itertools import pairwise
 from gateway.families.profile.load import FAMILIES
 from gateway.line.rtu.outcome import Outcome
 from gateway.records import ResultRecord
+from tests.starters.four_starters import Site, site
 from tests.starters.rig import virtually
-from tests.starters.test_on_a_line import Site, site
 
 CALM_S, FLOOD_S = 20.0, 40.0
 EVERY_S = 1.0  # of the status

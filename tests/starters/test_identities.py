@@ -22,7 +22,7 @@ from gateway.sim.bus.faults import Reply
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
 from gateway.starters.identity.query import IdentityStatus
-from tests.starters.one_starter import Here, TestMemory, one_starter
+from tests.starters.one_starter import OneStarter, TestMemory, one_starter
 from tests.starters.rig import virtually
 
 OURS: dict[str, dict[str, Any]] = {
@@ -46,7 +46,9 @@ def ours(family: str, **changes: Any) -> SimulatedUnit:
     return make_unit(family, 1, **{**OURS[family], **changes})
 
 
-async def ask(here: Here, verb: str, id_: str, within_s: float = 30.0, **args: Any) -> tuple[Phase, str]:
+async def ask(
+    here: OneStarter, verb: str, id_: str, within_s: float = 30.0, **args: Any
+) -> tuple[Phase, str]:
     here.submit(verb, id_, **args)
     await asyncio.sleep(within_s)
     final = here.sink.final(id_)

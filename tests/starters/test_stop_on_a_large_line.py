@@ -83,6 +83,7 @@ async def test_a_burst_of_stop_messages_has_as_many_frames() -> None:
         assert len(here.frames(1)) == 8
 
 
+@pytest.mark.long
 @virtually
 async def test_a_thousand_second_stops_amid_local_starts_are_never_confirmed_by_what_was_read_before() -> (
     None

@@ -18,11 +18,12 @@ STALE = Quality.STALE
 
 @pytest.mark.parametrize("family", FAMILIES)
 @virtually
-async def test_one_turn_of_all_polls_tells_the_state(family: str) -> None:
+async def test_one_turn_of_all_polls_tells_the_state_once_it_is_identified(family: str) -> None:
     rig = Rig(family)
     rig.telemetry.start()
 
     rig.poll()
+    await asyncio.sleep(0.5)
 
     assert rig.sink.states()[-1] == "ready"
     assert rig.telemetry.is_answering

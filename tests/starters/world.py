@@ -44,8 +44,8 @@ from gateway.system.clock_steps import ClockReading
 from gateway.system.instance_lock import instance_lock
 from gateway.system.suspend_watch import SuspendWatch
 from tests.starters.fakes import RUN_COIL
+from tests.starters.four_starters import LostWrites, Router
 from tests.starters.plant import FakeMemory
-from tests.starters.test_on_a_line import LostWrites, Router
 from tests.virtual_time import VirtualClock
 
 TIMING = LineTiming(19200, Framing.parse("8N2"))
@@ -70,7 +70,7 @@ class TimedSink:
         return [(at_s, record) for at_s, record in self.records if isinstance(record, kind)]
 
 
-class FakeJournal:
+class MemoryJournal:
     """Keeps commands as the ledger does, in memory; it outlives the gateway."""
 
     trouble = ""
@@ -119,7 +119,7 @@ def _note_requests(unit: SimulatedUnit, clock: VirtualClock) -> list[tuple[float
     return asked
 
 
-class World:
+class GatewayWorld:
     """The starters on their line, the gateway of the moment, and the broker's connection to it."""
 
     def __init__(self) -> None:
@@ -128,7 +128,7 @@ class World:
         self.bus = SimulatedLine(TIMING, units)
         self.units = dict(zip(NAMES, units, strict=True))
         self.clock = VirtualClock(asyncio.get_running_loop())
-        self.sink, self.memory, self.journal = TimedSink(), FakeMemory(), FakeJournal()
+        self.sink, self.memory, self.journal = TimedSink(), FakeMemory(), MemoryJournal()
         self._asked = {name: _note_requests(unit, self.clock) for name, unit in self.units.items()}
         self._folder = TemporaryDirectory(prefix="model-")
         self.is_plugged = True

@@ -32,7 +32,7 @@ PACE_S = 0.24  # between commands of one client to one starter, so that none is 
 QUICK = {"ramp_up_s": 0.6, "ramp_down_s": 0.4, "coast_s": 0.4}  # of the motors
 
 
-class Listener(Recorder):
+class ResultListener(Recorder):
     """Hears results and states, not the commands."""
 
     def _connected(self, client: Any, *_: Any) -> None:
@@ -60,7 +60,7 @@ class Listener(Recorder):
 
 
 @dataclass
-class Ear:
+class RequestTap:
     """Hears every request to a unit, before the unit itself."""
 
     unit: SimulatedUnit
@@ -84,8 +84,8 @@ class CommandSite:
 
     broker: MosquittoBroker
     gateway: Supervisor
-    listener: Listener
-    ears: dict[str, Ear]
+    listener: ResultListener
+    ears: dict[str, RequestTap]
     old_broker: OldBroker | None = None  # between gateway and broker
     failures: list[str] = field(default_factory=list)
     figures: dict[str, Any] = field(default_factory=dict)
@@ -178,7 +178,7 @@ async def command_site(
     text = site_config(broker_port=port, port=f"{folder}/ttyHALL", starters=FOUR_FAMILIES + others)
     text = text.replace("every_s = 0.2", f"every_s = {every_s}")
     config.write_text(text.replace("[gateway]", '[gateway]\nclock = "trusted"'), "utf-8")
-    listener, gateway = Listener(broker.port), Supervisor(config, AT_ONCE, folder)
+    listener, gateway = ResultListener(broker.port), Supervisor(config, AT_ONCE, folder)
     broker.start()
     try:
         async with AsyncExitStack() as stack:
@@ -189,7 +189,7 @@ async def command_site(
             bus.tolerance_s = TOLERANCE_S
             for unit in bus.units:
                 unit.motor.data = replace(unit.motor.data, **QUICK)
-            ears = {name: Ear(bus.unit(address)) for address, name in enumerate(STARTERS, 1)}
+            ears = {name: RequestTap(bus.unit(address)) for address, name in enumerate(STARTERS, 1)}
             here = CommandSite(broker, gateway, listener, ears, old_broker)
             listener.start()
             await here.begin()

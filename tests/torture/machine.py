@@ -30,7 +30,7 @@ PTY_WORK = "events_unbound"  # what such a worker's name ends in while it flushe
 WORKERS_EVERY_S = 2.0  # how often to look who they are
 
 
-class Machine:
+class DelayMeter:
     """Adds up in a thread of its own for how long the children of this process were held up."""
 
     def __init__(self) -> None:
@@ -140,4 +140,4 @@ def _stolen_s() -> float:
     return int(fields[STEAL]) / TICKS_PER_S
 
 
-MACHINE = Machine()  # there is but one
+MACHINE = DelayMeter()  # there is but one

@@ -39,7 +39,7 @@ class Scenario:
     whole: int
     short: int
     unit: str  # of the count: times, s
-    quick: int = 0  # in `make test`; 0: not there
+    quick: int = 0  # in `make e2e`; 0: not there
     may_trip: bool = False  # the way to the starters is cut, so their watchdogs must act
 
     def count(self, much: Much) -> int:

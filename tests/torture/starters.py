@@ -98,7 +98,7 @@ class TortureLine(PtyLine):
         await super().stop()
 
 
-class Plant:
+class StarterLine:
     """One line of starters and what they have lived through."""
 
     def __init__(self, table: LineTable, watchdog_s: int) -> None:
@@ -245,7 +245,7 @@ def _longest_gaps(times_s: Iterable[float]) -> list[tuple[float, float]]:
     return sorted(pairwise(times_s), key=lambda gap: gap[0] - gap[1])[:GAPS_TOLD]
 
 
-async def serve(config: str, watchdog_s: int, kind: type[Plant] = Plant) -> None:
+async def serve(config: str, watchdog_s: int, kind: type[StarterLine] = StarterLine) -> None:
     (table,) = load(config).lines
     plant = kind(table, watchdog_s)
     await plant.plug()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from tests.torture.books import Books, unfinished
-from tests.torture.machine import Machine
+from tests.torture.machine import DelayMeter
 
 
 def event(seq: int, *, boot: str = "a", code: str = "fault") -> dict[str, Any]:
@@ -80,6 +80,6 @@ def test_a_command_that_was_accepted_and_never_ended_is_unfinished() -> None:
 
 
 def test_a_machine_that_nobody_watches_has_held_nobody_up() -> None:
-    machine = Machine()
+    machine = DelayMeter()
 
     assert machine.held_s(0.0) == 0.0

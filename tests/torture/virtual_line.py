@@ -42,7 +42,7 @@ MOVING = ("starting", "running", "stopping")
 
 
 @dataclass
-class Judge:
+class JudgingSink:
     """A sink that keeps what is wrong, not what is said."""
 
     truths: dict[str, list[Truth]] = field(default_factory=dict)
@@ -68,10 +68,10 @@ class Judge:
                 self.codes[getattr(record, "code", "")] += 1
 
 
-class Ear:
+class LineWatch:
     """A LineListener of one line."""
 
-    def __init__(self, judge: Judge) -> None:
+    def __init__(self, judge: JudgingSink) -> None:
         self.starters: dict[int, StarterTelemetry] = {}
         self.judge = judge
 
@@ -95,7 +95,7 @@ class VirtualLine:
 
     bus: SimulatedLine
     commander: Dispatcher
-    judge: Judge
+    judge: JudgingSink
     clock: VirtualClock
     watchdog_s: int
     ids: int = 0
@@ -127,7 +127,7 @@ class VirtualLine:
 async def virtual_line(seed: int, *, every_s: float = 1.0) -> AsyncIterator[VirtualLine]:
     """Run four starters, all online and identified; each watches its line for 1.5 times a crash's gap."""
     loop = asyncio.get_running_loop()
-    clock, sequence, judge = VirtualClock(loop), SequenceNumbers(), Judge()
+    clock, sequence, judge = VirtualClock(loop), SequenceNumbers(), JudgingSink()
     setups = [
         StarterSetup(family, "hall", address, load_profile(family), Variant(), every_s)
         for address, family in enumerate(FAMILIES, 1)
@@ -138,7 +138,7 @@ async def virtual_line(seed: int, *, every_s: float = 1.0) -> AsyncIterator[Virt
     for setup, unit in zip(setups, units, strict=True):
         judge.truths[setup.name] = [Truth(unit, setup.name, setup.name, _twin(setup))]
     bus = SimulatedLine(TIMING, units, seed=seed)
-    ear = Ear(judge)
+    ear = LineWatch(judge)
     scheduler = Line(
         name="hall",
         opener=bus.opener(),

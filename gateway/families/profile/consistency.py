@@ -8,7 +8,7 @@ from itertools import pairwise
 from gateway.families.profile.schema import Access, Output, Parameter, Point, Profile, Table, Type, Write
 from gateway.families.profile.word_types import TYPE_LIMITS, TYPE_WORDS
 
-_READ_FUNCTIONS = {Table.COIL: 1, Table.HOLDING: 3, Table.INPUT: 4}
+_READ_FUNCTIONS = {Table.COIL: 1, Table.DISCRETE: 2, Table.HOLDING: 3, Table.INPUT: 4}
 _ENUM_TYPES = (Type.ENUM, Type.LOW_ENUM)
 _READ_OVERHEAD = 5  # bytes of a reply frame beside its words: unit, function, byte count, CRC
 _WRITE_OVERHEAD = 9  # bytes of an FC16 frame beside its words
@@ -34,7 +34,7 @@ def _row(profile: Profile, row: Parameter) -> Iterator[str]:
         yield f"{row.code}: codes are written in upper case"
     if row.words != TYPE_WORDS.get(row.type, row.words):
         yield f"{row.code}: {row.type} takes {TYPE_WORDS[row.type]} words, not {row.words}"
-    if (row.table is Table.COIL) != (row.type is Type.BIT):
+    if row.table.is_bits != (row.type is Type.BIT):
         yield f"{row.code}: a coil is a bit, and nothing else is"
     if row.alias_of and not _is_alias(profile, row):
         yield f"{row.code}: {row.alias_of} is not on the same register"

@@ -212,7 +212,7 @@ def _point_of(profile: Profile, row: Parameter) -> str | None:
 
 
 def _raw_json(table: Table, word: int) -> dict[str, Any]:
-    value = bool(word) if table is Table.COIL else word
+    value = bool(word) if table.is_bits else word
     return {"point": None, "value": value, "unit": "", "label": None, "raw": [word]}
 
 

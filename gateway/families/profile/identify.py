@@ -42,6 +42,7 @@ class Identity:
     accessories: tuple[str, ...] = ()  # SSW900: the kinds in slots 1 and 2
     hardware: str | None = None  # SST: its version
     reason: str = ""
+    lacks: str = ""  # what every device of the configured family has and this one has not; empty: nothing
 
 
 def identify_requests(profile: Profile) -> tuple[Question, ...]:
@@ -80,6 +81,8 @@ def matches(profile: Profile, identity: Identity) -> bool:
 
 def why_not(profile: Profile, identity: Identity) -> str | None:
     """Return in words why the unit must not be taken for this family, None when it has proved to be of it."""
+    if identity.lacks:
+        return f"it is not {profile.family}: {identity.lacks}"
     if identity.family_seen == profile.family:
         return None
     if identity.family_seen is None:
@@ -137,13 +140,13 @@ def _with_model_register(profile: Profile, seen: Identity, answer: tuple[int, ..
     code, expected = profile.identification.model_register, profile.identification.model_value
     reading = f"{seen.reason}; {code} is {answer[0]}"
     is_expected = answer[0] == expected
-    family = seen.family_seen
+    family, lacks = seen.family_seen, ""
     if is_expected and family is None and seen.model is None:
         family = profile.family
-    elif not is_expected and family == profile.family:
+    elif not is_expected and family in (None, profile.family):
         family = None
-        reading += f" and should be {expected}"
-    return replace(seen, family_seen=family, reason=reading)
+        lacks = reading = f"{reading} and should be {expected}"
+    return replace(seen, family_seen=family, reason=reading, lacks=lacks)
 
 
 def _with_slots(profile: Profile, seen: Identity, answers: Mapping[str, Any]) -> Identity:

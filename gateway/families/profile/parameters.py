@@ -20,17 +20,18 @@ from gateway.families.profile.schema import (
 from gateway.families.profile.word_types import SPELT, from_text, of_percent, to_number_words, to_percent
 from gateway.modbus.codes import Function
 from gateway.modbus.pdu import Request
-from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
+from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegister, WriteRegisters
 
 _UNNAMED = "not named in this manual"
 _RAW_CODE = re.compile(r"P([0-9]{1,5})")
-_REGISTER_CODE = re.compile(r"(HR|IR|COIL)([0-9]{1,5})")
-_PREFIXES = {Table.HOLDING: "HR", Table.INPUT: "IR", Table.COIL: "COIL"}
+_REGISTER_CODE = re.compile(r"(HR|IR|COIL|DI)([0-9]{1,5})")
+_PREFIXES = {Table.HOLDING: "HR", Table.INPUT: "IR", Table.COIL: "COIL", Table.DISCRETE: "DI"}
 _FUNCTIONS = {
     Table.HOLDING: Function.READ_HOLDING_REGISTERS,
     Table.INPUT: Function.READ_INPUT_REGISTERS,
     Table.COIL: Function.READ_COILS,
+    Table.DISCRETE: Function.READ_DISCRETE_INPUTS,
 }
 _LAST_ADDRESS = 0xFFFF
 _LARGEST = Decimal(10) ** 12  # no row carries more; keeps the arithmetic small whatever is asked for
@@ -40,8 +41,9 @@ def find(profile: Profile, code: str) -> Parameter:
     """Return the row with this code, in any case; CommandError("unknown_parameter") when there is none.
 
     On the SSW-06 and SSW-07 every other P0-P999 is a row too, read as a raw word: the serial manuals name
-    only some of them (ssw07 5.3.2). HR, IR or COIL and an address name any register or coil; those without a
-    row are read raw, such as the SoftPLC's markers (ssw900 7.2.2).
+    only some of them (ssw07 5.3.2). HR, IR, COIL or DI and an address name any register, coil or discrete
+    input; those without a row are read raw, such as the SoftPLC's markers (ssw900 7.1, 7.2.2). Only the
+    SSW900 has discrete inputs (function 02).
     """
     wanted = code.strip().upper()
     number = _RAW_CODE.fullmatch(wanted)
@@ -79,7 +81,11 @@ def _register(profile: Profile, prefix: str, number: int) -> Parameter | None:
     """Return the row of a register or coil, a raw one where none begins; None where there can be none."""
     table = next(each for each, its in _PREFIXES.items() if its == prefix)
     address = number - _first_number(profile, table)
-    if not 0 <= address <= _LAST_ADDRESS or _FUNCTIONS[table] not in profile.limits.functions:
+    function = _FUNCTIONS[table]
+    if function not in profile.limits.functions:
+        what = f"{prefix}{number} would be read by Modbus function {function:02d}"
+        raise refused("unknown_parameter", f"{what}, which the manual of the {profile.title} does not give")
+    if not 0 <= address <= _LAST_ADDRESS:
         return None
     rows = profile.rows_at.get((table, address))
     return rows[0] if rows else _raw(f"{prefix}{number}", table, address)
@@ -91,7 +97,7 @@ def _raw(code: str, table: Table, address: int) -> Parameter:
         name=_UNNAMED,
         table=table,
         address=address,
-        type=Type.BIT if table is Table.COIL else Type.U16,
+        type=Type.BIT if table.is_bits else Type.U16,
         decimals=None,
         access=Access.RO,
         confidence=Confidence.INFERRED,
@@ -102,6 +108,8 @@ def read_run(table: Table, address: int, count: int) -> Request:
     """Return the request that reads a run of neighbours in a table."""
     if table is Table.COIL:
         return ReadCoils(address, count)
+    if table is Table.DISCRETE:
+        return ReadDiscreteInputs(address, count)
     if table is Table.INPUT:
         return ReadInputRegisters(address, count)
     return ReadHoldingRegisters(address, count)

@@ -30,6 +30,12 @@ class Table(enum.StrEnum):
     HOLDING = "holding"
     INPUT = "input"
     COIL = "coil"
+    DISCRETE = "discrete"
+
+    @property
+    def is_bits(self) -> bool:
+        """Return whether its addresses hold a bit each, not a register."""
+        return self in (Table.COIL, Table.DISCRETE)
 
 
 class Type(enum.StrEnum):

@@ -37,7 +37,7 @@ def rows_of_points(profile: Profile, names: Iterable[str]) -> tuple[str, ...]:
 
 
 def rows_in(profile: Profile, read: Read, answer: Sequence[int]) -> dict[str, tuple[int, ...]]:
-    """Return the raw words by code that the answer to a read carries; a coil is 0 or 1."""
+    """Return the raw words by code that the answer to a read carries; a bit is 0 or 1."""
     rows = [find(profile, code) for code in read.codes]
     start = min(row.address for row in rows)
     return {
@@ -50,12 +50,12 @@ def _may_join(profile: Profile, run: list[Parameter], row: Parameter) -> bool:
     """Return whether one request may span this row too, with nothing in between that could refuse it."""
     limits = profile.limits
     first, end = run[0], max(one.address + one.words for one in run)
-    is_bit = row.table is Table.COIL
+    is_bit = row.table.is_bits
     longest = limits.read_bits if is_bit else limits.read_registers
     if row.table is not first.table or row.address + row.words - first.address > longest:
         return False
     if is_bit:
-        return all((Table.COIL, address) in profile.rows_at for address in range(end, row.address))
+        return all((row.table, address) in profile.rows_at for address in range(end, row.address))
     return row.address - end <= limits.max_gap
 
 

@@ -127,15 +127,15 @@ def _block(group: str, rows: Sequence[Parameter]) -> Block:
 
 
 def _runs(rows: Iterable[Parameter], limits: Limits, timing: LineTiming | None) -> list[list[Parameter]]:
-    def kind(row: Parameter) -> tuple[str, bool]:
+    def kind(row: Parameter) -> tuple[Table, bool]:
         return row.table, not row.is_sure
 
     runs: list[list[Parameter]] = []
     for (table, _), alike in groupby(sorted(rows, key=lambda row: (*kind(row), row.address)), key=kind):
-        if timing is not None and table is not Table.COIL and limits.max_gap:
+        if timing is not None and not table.is_bits and limits.max_gap:
             runs += cheapest_runs(list(alike), timing, longest=limits.read_registers)
             continue
-        longest = limits.read_bits if table is Table.COIL else limits.read_registers
+        longest = limits.read_bits if table.is_bits else limits.read_registers
         run: list[Parameter] = []
         for row in alike:
             if run and not _fits(run, row, longest=longest, max_gap=limits.max_gap):

@@ -225,6 +225,8 @@ class Payloads:
             "time": rfc3339(record.time_s),
             "seq": record.seq,
         }
+        if record.reason:
+            fields["reason"] = record.reason
         if record.is_lock_told:
             fields["locked"] = _lock(record.lock)
         return _latest(self.topics.state(record.starter), _extended(fields, record.flags))

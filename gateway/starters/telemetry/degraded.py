@@ -2,8 +2,8 @@
 
 What becomes of rows that a starter refuses to give: a single refusal proves nothing; pure.
 
-1. A block that is refused twice in a row is asked for row by row, and once every row was answered as a whole
-   again.
+1. A block that is refused three times in a row is asked for row by row, and once every row was answered as a
+   whole again.
 2. A row that decides state, fault or watchdog is never given up: it is asked again ever less often, at the
    latest every `LONGEST_PAUSE_S`.
 3. Any other row is given up after `ENOUGH` refusals at least `APART_S` apart, and tried again after
@@ -52,10 +52,10 @@ class PollLoss:
         self._lost, self._is_poor = 0, False
 
 
-IN_ROW = 2  # refusals of a block, before it is asked for row by row
+IN_ROW = 3  # refusals of a block, before it is asked for row by row; of a row, before it counts as refused
 ENOUGH = 3  # refusals of a row
 APART_S = 10.0
-FIRST_PAUSE_S, LONGEST_PAUSE_S = 1.0, 30.0
+FIRST_PAUSE_S, LONGEST_PAUSE_S = 1.0, 5.0
 AGAIN_AFTER_S = 3600.0
 REJOINED_AFTER_S = 15.0  # after the first split of a block; four times as long after each further one
 

@@ -57,7 +57,13 @@ class Emitter:
         )
 
     def state(
-        self, state: str, *, quality: Quality, time_s: float | None, flags: Mapping[str, Value]
+        self,
+        state: str,
+        *,
+        quality: Quality,
+        time_s: float | None,
+        flags: Mapping[str, Value],
+        reason: str = "",
     ) -> None:
         """Publish the state with its boolean points."""
         seq = self._sequence.take()
@@ -69,6 +75,7 @@ class Emitter:
                 time_s,
                 seq,
                 {name: as_flag(value) for name, value in flags.items()},
+                reason=reason,
             )
         )
 

@@ -51,7 +51,7 @@ class _Polled:
     @property
     def is_refused(self) -> bool:
         """Return whether it was refused so often in a row that it is not by chance."""
-        return self.refusals.in_row >= (IN_ROW if self.whole is None else 1)
+        return self.refusals.in_row >= IN_ROW
 
     def overdue_s(self) -> float:
         """Return when the values of this block are stale unless it is answered before."""

@@ -29,6 +29,7 @@ MOMENTS_BEFORE = 3  # sets of values that an event carries from before it
 NUMBERS = ("fault_code", *(f"d2_1_{place}" for place in range(1, 6)))  # of the faults and alarms
 NUMBER_WITHIN_S = 10.0  # of the first reading of a run, until a fault is published without its number
 FAULT, FAULT_CODE = "fault", "fault_code"
+STATE = "state"  # among what settles; no point has this name
 SUMMARY_FLAGS = (FAULT, "alarm")  # decide whether the alarms can be told at all
 
 
@@ -51,7 +52,7 @@ class Status:
         self._alarms = AlarmBook()
         self._before: deque[tuple[float, dict[str, Reading]]] = deque(maxlen=MOMENTS_BEFORE)
         self._fault_since_s: float | None = None  # steady clock, when the present fault was seen first
-        self._sent: tuple[str, Quality, dict[str, Value]] | None = None
+        self._sent: tuple[str, Quality, dict[str, Value], str] | None = None
         self._sent_s = -math.inf
         self._standing = -1  # of the snapshot that was told last
 
@@ -65,15 +66,19 @@ class Status:
         if snapshot.has_good():
             self._before.append((now_s, dict(snapshot.readings)))
 
-    def tell(self, snapshot: Snapshot, *, now_s: float, utc_s: float) -> str:
-        """Publish what a snapshot says and return the state; where nothing is new this costs nothing."""
+    def tell(self, snapshot: Snapshot, *, now_s: float, utc_s: float, reason: str = "") -> str:
+        """Publish what a snapshot says and return the state; where nothing is new this costs nothing.
+
+        `reason` says why nothing is said of a starter that answers.
+        """
         has_fault = self._fault_since_s is not None or self._settled.is_waiting  # then times matter too
-        if self._sent and snapshot.standing == self._standing and now_s < self.next_due_s and not has_fault:
+        is_same = self._sent and snapshot.standing == self._standing and reason == self._sent[-1]
+        if self._sent and is_same and now_s < self.next_due_s and not has_fault:
             return self._sent[0]
         self._standing = snapshot.standing
         values = snapshot.good_values()
         state = state_of(self._profile, values)
-        self._tell_state(state, values, snapshot, now_s=now_s)
+        self._tell_state(state, values, snapshot, now_s=now_s, reason=reason)
         shown = self._shown(snapshot, values)
         self._tell_alarms(values, shown, utc_s=utc_s)
         self._tell_events(snapshot, values, shown, now_s=now_s, utc_s=utc_s)
@@ -96,12 +101,20 @@ class Status:
         """Publish what two readings in a row say has happened, as of the first of them."""
         deciding = (*self._flags, *self._numbers)
         known = {name: snapshot.readings[name] for name in deciding if name in values}
-        self._settled.note({name: (each.value, each.at_s or 0.0) for name, each in known.items()})
+        readings: dict[str, tuple[Any, float]] = {
+            name: (each.value, each.at_s or 0.0) for name, each in known.items()
+        }
+        read = state_of(self._profile, values)
+        if (
+            read != UNKNOWN
+        ):  # of one reading as a whole: flags that settle one by one may never have stood together
+            readings[STATE] = (read, min(known[name].at_s or 0.0 for name in self._flags if name in known))
+        self._settled.note(readings)
         if self._settled.is_waiting and self._first_seen is None:
             self._first_seen = (utc_s, self._values_before(now_s))
         first_s, before = self._first_seen or (utc_s, self._values_before(now_s))
         settled = self._settled.values
-        state = state_of(self._profile, settled)
+        state = str(settled.get(STATE, UNKNOWN))
         codes = self._tell_alarm_events(settled, shown, utc_s=first_s)
         if state == "fault" and self._is_number_awaited(settled, now_s):
             return
@@ -155,16 +168,18 @@ class Status:
             self._told.note(self._publisher.starter, codes)
 
     def _tell_state(
-        self, state: str, values: Mapping[str, Value], snapshot: Snapshot, *, now_s: float
+        self, state: str, values: Mapping[str, Value], snapshot: Snapshot, *, now_s: float, reason: str
     ) -> None:
         flags = {name: values.get(name) for name in self._flags}
         quality = self._quality(state, snapshot)
-        said = (state, quality, flags)
+        said = (state, quality, flags, reason)
         if said == self._sent and now_s < self.next_due_s:
             return
         times = [snapshot.readings[name].time_s for name in self._flags]
         known = [time_s for time_s in times if time_s is not None]
-        self._publisher.state(state, quality=quality, time_s=max(known, default=None), flags=flags)
+        self._publisher.state(
+            state, quality=quality, time_s=max(known, default=None), flags=flags, reason=reason
+        )
         self._sent, self._sent_s = said, now_s
 
     def _quality(self, state: str, snapshot: Snapshot) -> Quality:

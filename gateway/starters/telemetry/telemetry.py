@@ -31,6 +31,7 @@ from gateway.starters.telemetry.reporting import SOONEST_S, Report, TickTimer
 from gateway.starters.telemetry.snapshot import Snapshot
 from gateway.starters.telemetry.status import SUMMARY_FLAGS, Status
 from gateway.starters.telemetry.transitions import UNKNOWN, PublishedFaults
+from gateway.starters.telemetry.withheld import Withheld
 from gateway.system.clock import Clock
 
 logger = logging.getLogger(__name__)
@@ -76,6 +77,7 @@ class StarterTelemetry:
         self._identities = identities or IdentityRegistry(sink=sink, clock=clock, sequence=sequence)
         self._identities.when_accepted(setup.name, self._judge_values)
         self._identity = Identity(reason="not yet asked")
+        self._withheld = Withheld()
         self._info: InfoRecord | None = None
         self._is_answering = False
         self._was_lost = False
@@ -270,6 +272,15 @@ class StarterTelemetry:
         if self._polling.is_withdrawn or self._has_ended:
             return  # only a stop asks such a starter, and needs its rows
         self._come_online()
+        if self._withheld.is_open:
+            self._withheld.put(rows, at_s=at_s)
+            self._publish(at_s)
+            return
+        self._tell_rows(rows, at_s=at_s, told=told)
+
+    def _tell_rows(
+        self, rows: Mapping[str, tuple[int, ...]], *, at_s: float, told: Told | None = None
+    ) -> None:
         if told is None:
             known = self.snapshot.rows_since(at_s - self._polling.patience_s)
             told = Told(*self._sources.tell(self.variant, rows, known=known))
@@ -343,6 +354,7 @@ class StarterTelemetry:
         self._first_contact.cancel()
         self._identity = Identity(reason="it has not been asked since it went silent")
         self._identities.forget(self.setup.name)
+        self._withheld.withhold()
         self._refused = ()
         self._loss.clear()
         self._troubles.clear()  # everything is asked again once it answers
@@ -369,6 +381,16 @@ class StarterTelemetry:
         elif self.identity_reason != why_not(self.profile, before):
             self._tell_held()
         self._judge_values()
+        if self._withheld.is_open and self._identification.is_answered:
+            for at_s, rows in self._withheld.release():
+                self._tell_rows(rows, at_s=at_s)
+            self._publish()
+
+    def _why_unknown(self) -> str:
+        """Return why nothing is said of a starter that answers; empty when something is."""
+        if not self._is_answering:
+            return ""
+        return "it is being identified" if self._withheld.is_open else self.contradiction
 
     def _judge_values(self) -> None:
         """Make values bad while the device contradicts the configuration, good again once it does not."""
@@ -411,7 +433,9 @@ class StarterTelemetry:
         if overdue:
             self.snapshot.mark_stale(self._sources.fed_by(overdue))
         was_waiting = self._status.is_waiting
-        state = self._status.tell(self.snapshot, now_s=now_s, utc_s=self._clock.utc_s(at_s))
+        state = self._status.tell(
+            self.snapshot, now_s=now_s, utc_s=self._clock.utc_s(at_s), reason=self._why_unknown()
+        )
         if self._status.is_waiting and not was_waiting:
             self._polling.hasten_status()  # what has changed is an event once it is read again
         self._polling.hurry(is_fast=state in BUSY_STATES, is_idle=state in IDLE_STATES)

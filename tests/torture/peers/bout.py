@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from tests.mosquitto import MosquittoBroker
-from tests.torture.peers.contenders import STARTERS, WATCHDOG_S, Contender, Site, nothing_good
-from tests.torture.peers.measure import CURRENT, Books, longest_old_s, longest_stall_s, lost, wrong
-from tests.torture.peers.recorder import Recorder
+from tests.torture.peers.contenders import STARTERS, WATCHDOG_S, Contender, PeerSite, nothing_good
+from tests.torture.peers.measure import CURRENT, StarterBook, longest_old_s, longest_stall_s, lost, wrong
+from tests.torture.peers.recorder import PeerRecorder
 from tests.torture.peers.service import Service
 from tests.torture.process import Starters
 from tests.torture.scratch import scratch
@@ -54,7 +54,7 @@ class Bout:
     broker: MosquittoBroker
     starters: Starters
     service: Service
-    recorder: Recorder
+    recorder: PeerRecorder
     away: dict[str, list[tuple[float, float]]] = field(default_factory=dict)  # the line was cut
     stops_s: list[float | None] = field(default_factory=list)
     kills: int = 0
@@ -84,7 +84,7 @@ class Bout:
         account, now_s = await self.starters.order("account"), time.monotonic()
         lived = account["starters"]
         books = {
-            name: Books(
+            name: StarterBook(
                 steps=[(at_s, amps) for at_s, amps in each["steps"]],
                 running=[(at_s, is_on) for at_s, is_on in each["running"]],
                 away=[*((begin_s, end_s) for begin_s, end_s in each["away"]), *self.away.get(name, ())],
@@ -131,9 +131,9 @@ async def bout(contender: Contender, *, every_s: float = EVERY_S) -> AsyncIterat
 @asynccontextmanager
 async def _bout(folder: Path, contender: Contender, every_s: float) -> AsyncIterator[Bout]:
     broker = MosquittoBroker(folder / "broker", is_persistent=True)
-    site = Site(folder, broker.port)
+    site = PeerSite(folder, broker.port)
     starters = Starters(site.configure(every_s), WATCHDOG_S, module="tests.torture.peers.plant")
-    recorder = Recorder(broker.port, contender)
+    recorder = PeerRecorder(broker.port, contender)
     service = Service(
         contender.command(site, every_s),
         folder / "contender.log",
@@ -158,7 +158,7 @@ async def _bout(folder: Path, contender: Contender, every_s: float) -> AsyncIter
         yield here
 
 
-def _are_all_told(recorder: Recorder) -> bool:
+def _are_all_told(recorder: PeerRecorder) -> bool:
     told: list[Any] = list(recorder.told)
     return {each.starter for each in told if each.point == CURRENT and each.value is not None} == set(
         STARTERS

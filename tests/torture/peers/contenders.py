@@ -30,7 +30,7 @@ RUN_COIL, STATUS, CURRENTS = 100, 5001, 2
 
 
 @dataclass(frozen=True)
-class Site:
+class PeerSite:
     """Where a contender works."""
 
     folder: Path
@@ -63,11 +63,11 @@ class Contender(ABC):
 
     name: str
 
-    def environ(self, site: Site) -> Mapping[str, str]:
+    def environ(self, site: PeerSite) -> Mapping[str, str]:
         return {}
 
     @abstractmethod
-    def command(self, site: Site, every_s: float) -> list[str]:
+    def command(self, site: PeerSite, every_s: float) -> list[str]:
         """Configure it and return how it is run; `every_s` = 0 is as fast as it can."""
 
     @abstractmethod
@@ -84,7 +84,7 @@ class Ours(Contender):
 
     name = "starter-gateway"
 
-    def command(self, site: Site, every_s: float) -> list[str]:
+    def command(self, site: PeerSite, every_s: float) -> list[str]:
         return [sys.executable, "-m", "gateway", "run", str(site.configure(every_s))]
 
     def order(self, starter: str, verb: str, token: str) -> tuple[str, str]:
@@ -115,7 +115,7 @@ class Script(Contender):
 
     name = "pymodbus + paho"
 
-    def command(self, site: Site, every_s: float) -> list[str]:
+    def command(self, site: PeerSite, every_s: float) -> list[str]:
         path = Path(__file__).with_name("script.py")
         return [sys.executable, "-u", str(path), str(site.port), str(site.broker_port), str(every_s)]
 
@@ -139,7 +139,7 @@ class Modpoll(Contender):
         self._home = home
         self.is_mended = is_mended
 
-    def environ(self, site: Site) -> Mapping[str, str]:
+    def environ(self, site: PeerSite) -> Mapping[str, str]:
         if not self.is_mended:
             return {}
         (source,) = self._home.glob("lib/python*/site-packages/modpoll")
@@ -150,7 +150,7 @@ class Modpoll(Contender):
             (copy / path.name).write_text(text, "utf-8")
         return {"PYTHONPATH": str(copy.parent)}
 
-    def command(self, site: Site, every_s: float) -> list[str]:
+    def command(self, site: PeerSite, every_s: float) -> list[str]:
         config = site.folder / "modpoll.csv"
         config.write_text(modpoll_table(), "utf-8")
         options = {

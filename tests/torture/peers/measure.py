@@ -30,7 +30,7 @@ class Told:
 
 
 @dataclass(frozen=True, slots=True)
-class Books:
+class StarterBook:
     """What one starter had: values with the time from which they held, and when it could not be asked."""
 
     steps: Sequence[tuple[float, float]]
@@ -57,7 +57,9 @@ class Books:
         return any(begin_s < to_s and end_s > from_s for begin_s, end_s in self.away)
 
 
-def lost(books: Mapping[str, Books], told: Sequence[Told], from_s: float, to_s: float) -> tuple[int, int]:
+def lost(
+    books: Mapping[str, StarterBook], told: Sequence[Told], from_s: float, to_s: float
+) -> tuple[int, int]:
     """Return how many steps were never told, and of how many that could have been."""
     known = {
         (each.starter, round(each.value, 1))
@@ -75,7 +77,7 @@ def lost(books: Mapping[str, Books], told: Sequence[Told], from_s: float, to_s: 
     return missing, possible
 
 
-def wrong(books: Mapping[str, Books], told: Sequence[Told], from_s: float) -> list[Told]:
+def wrong(books: Mapping[str, StarterBook], told: Sequence[Told], from_s: float) -> list[Told]:
     """Return what was told as good since then, but was never so about the time that it gives."""
     return [
         each
@@ -86,7 +88,7 @@ def wrong(books: Mapping[str, Books], told: Sequence[Told], from_s: float) -> li
     ]
 
 
-def longest_stall_s(books: Mapping[str, Books], from_s: float, to_s: float) -> float:
+def longest_stall_s(books: Mapping[str, StarterBook], from_s: float, to_s: float) -> float:
     """Return the longest time without a valid request to any starter that was never dead meanwhile.
 
     Where the line itself was cut nobody could ask; that is the same for everybody, and in this time.
@@ -101,13 +103,15 @@ def longest_stall_s(books: Mapping[str, Books], from_s: float, to_s: float) -> f
     )
 
 
-def longest_old_s(books: Mapping[str, Books], told: Sequence[Told], from_s: float, to_s: float) -> float:
+def longest_old_s(
+    books: Mapping[str, StarterBook], told: Sequence[Told], from_s: float, to_s: float
+) -> float:
     """Return the longest time for which a current that was no longer so stood as good, of any starter."""
     return max(_longest_old_s(book, _shown(told, name), from_s, to_s) for name, book in books.items())
 
 
 def _longest_old_s(
-    book: Books, shown: Sequence[tuple[float, float | None]], from_s: float, to_s: float
+    book: StarterBook, shown: Sequence[tuple[float, float | None]], from_s: float, to_s: float
 ) -> float:
     """Walk through every moment at which something changes."""
     moments = sorted(

@@ -16,7 +16,7 @@ from gateway.sim.bus.faults import Noisy, Reply
 from gateway.sim.core.meter import Meter
 from gateway.sim.weg.common import RUN
 from gateway.sim.weg.ssw07 import Ssw07
-from tests.torture.starters import SILENCE_TRIPS, Plant, serve
+from tests.torture.starters import SILENCE_TRIPS, StarterLine, serve
 
 STEP_S = 3.0
 STEP_A = 0.6  # more than a deadband of 0.5 A; between them lie the steps of the other starters
@@ -49,7 +49,7 @@ class Overdue:
         return (replace(reply, after_s=dice.uniform(*self.after_s)),)
 
 
-class SteppingPlant(Plant):
+class SteppingPlant(StarterLine):
     """One line, and the books of what its starters had."""
 
     def __init__(self, table: LineTable, watchdog_s: int) -> None:

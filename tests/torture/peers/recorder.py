@@ -13,7 +13,7 @@ from tests.torture.peers.contenders import Contender
 from tests.torture.peers.measure import Told
 
 
-class Recorder(recorder.Recorder):
+class PeerRecorder(recorder.Recorder):
     """The same session, that outlives its connections; but whoever publishes may have topics of his own."""
 
     def __init__(self, port: int, contender: Contender) -> None:

@@ -9,7 +9,7 @@ from tests.torture.peers.measure import (
     CURRENT,
     CURRENT_PCT,
     RUNNING,
-    Books,
+    StarterBook,
     Told,
     longest_old_s,
     longest_stall_s,
@@ -24,8 +24,8 @@ def told(at_s: float, value: float | None, *, point: str = CURRENT, is_live: boo
     return Told("pump", point, value, at_s, at_s, is_live)
 
 
-def books(**fields: object) -> dict[str, Books]:
-    return {"pump": Books(steps=STEPS, running=((0.0, 1.0),), **fields)}  # type: ignore[arg-type]
+def books(**fields: object) -> dict[str, StarterBook]:
+    return {"pump": StarterBook(steps=STEPS, running=((0.0, 1.0),), **fields)}  # type: ignore[arg-type]
 
 
 def test_a_step_that_was_never_told_is_lost() -> None:
@@ -87,8 +87,8 @@ def test_history_does_not_change_what_is_shown() -> None:
 
 def test_the_longest_stall_is_that_of_a_living_starter() -> None:
     both = {
-        "pump": Books(steps=STEPS, running=(), heard_s=(1.0, 2.0, 6.0)),
-        "fan": Books(steps=STEPS, running=(), heard_s=(1.0,), away=((2.0, inf),)),
+        "pump": StarterBook(steps=STEPS, running=(), heard_s=(1.0, 2.0, 6.0)),
+        "fan": StarterBook(steps=STEPS, running=(), heard_s=(1.0,), away=((2.0, inf),)),
     }
 
     assert longest_stall_s(both, 0.0, 8.0) == 4.0

@@ -19,7 +19,7 @@ IN_PROCESS = (*noise.SCENARIOS, *clocks.SCENARIOS, *fuzz.SCENARIOS, *soak.SCENAR
 AT_ONCE = ((Place.CRASH, Place.BROKER, Place.LOG), (Place.HANG, Place.PORT))  # each takes half a minute
 
 
-@pytest.mark.end_to_end
+@pytest.mark.long
 def test_what_is_promised_of_lines_and_input_holds_under_every_fault() -> None:
     command = [sys.executable, "-m", "tests.torture", "--short", *(each.name for each in IN_PROCESS)]
 
@@ -28,7 +28,7 @@ def test_what_is_promised_of_lines_and_input_holds_under_every_fault() -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-@pytest.mark.end_to_end
+@pytest.mark.alone
 @pytest.mark.skipif(bool(missing_programs()), reason="needs mosquitto (apt-get install mosquitto)")
 def test_what_is_promised_of_the_process_its_broker_and_its_port_holds_and_no_folder_is_left(
     tmp_path: Path,

@@ -20,8 +20,7 @@ from gateway.mqtt.contract.topics import Topics
 from gateway.records import Phase, ResultRecord
 from gateway.starters.policy.request import CommandRequest
 from tests.config.sites import changed
-from tests.conftest import StartMosquitto
-from tests.mosquitto import MosquittoBroker, Seen, free_port
+from tests.mosquitto import MosquittoBroker, Seen, StartMosquitto, free_port
 from tests.mqtt.commands import TOKEN, UNSYNCHRONISED, intake
 
 TOPICS = Topics("starters/mcc1")
@@ -71,7 +70,6 @@ def judged(seen: Seen) -> CommandRequest:
     return verdict
 
 
-@pytest.mark.mosquitto
 @pytest.mark.parametrize(
     ("end", "code", "last_line"),
     [
@@ -102,7 +100,6 @@ async def test_only_a_confirmed_command_is_done(
     assert (command.starter, command.client, command.verb) == ("pump-1", "alice", "start")
 
 
-@pytest.mark.mosquitto
 async def test_a_value_that_was_read_is_shown(start_mosquitto: StartMosquitto, send: Send) -> None:
     broker = start_mosquitto()
     be_online(broker)
@@ -118,7 +115,6 @@ async def test_a_value_that_was_read_is_shown(start_mosquitto: StartMosquitto, s
     assert (command.client, command.args) == ("bob", {"parameter": "P003"})
 
 
-@pytest.mark.mosquitto
 async def test_several_values_are_shown_each_on_a_line(start_mosquitto: StartMosquitto, send: Send) -> None:
     broker = start_mosquitto()
     be_online(broker)
@@ -137,7 +133,6 @@ async def test_several_values_are_shown_each_on_a_line(start_mosquitto: StartMos
     assert done == (0, "confirmed: read\n  P003 = 12.5 A\n  P220 = Always Local\n", "")
 
 
-@pytest.mark.mosquitto
 async def test_every_command_has_an_id_of_its_own_and_leaves_nothing_behind(
     start_mosquitto: StartMosquitto, send: Send
 ) -> None:
@@ -159,7 +154,6 @@ async def test_every_command_has_an_id_of_its_own_and_leaves_nothing_behind(
         assert (await later.next()).topic == TOPICS.gateway_status  # neither a retained command nor a will
 
 
-@pytest.mark.mosquitto
 def test_without_a_final_result_the_command_has_failed(start_mosquitto: StartMosquitto, send: Send) -> None:
     broker = start_mosquitto()
     be_online(broker)
@@ -170,7 +164,6 @@ def test_without_a_final_result_the_command_has_failed(start_mosquitto: StartMos
     assert error.startswith("starter-gateway: no final result within 0.1 s: look at the starter")
 
 
-@pytest.mark.mosquitto
 def test_nothing_is_sent_to_a_gateway_that_is_offline(start_mosquitto: StartMosquitto, send: Send) -> None:
     broker = start_mosquitto()
     be_online(broker, "offline", "ended by SIGTERM")
@@ -181,7 +174,6 @@ def test_nothing_is_sent_to_a_gateway_that_is_offline(start_mosquitto: StartMosq
     assert "command/pump-1" not in broker.log()
 
 
-@pytest.mark.mosquitto
 def test_a_gateway_that_was_never_there_is_told(
     start_mosquitto: StartMosquitto, send: Send, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -197,7 +189,6 @@ def test_a_gateway_that_was_never_there_is_told(
     )
 
 
-@pytest.mark.mosquitto
 def test_a_login_without_the_right_to_write_is_told(
     start_mosquitto: StartMosquitto, send: Send, tmp_path: Path
 ) -> None:
@@ -217,7 +208,6 @@ def test_a_login_without_the_right_to_write_is_told(
     assert f"does not let user alice write {TOPICS.command('pump-1', 'alice', 'start')}" in error
 
 
-@pytest.mark.mosquitto
 def test_the_configurations_own_login_is_taken_when_no_other_is_given(
     start_mosquitto: StartMosquitto, send: Send, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -305,7 +295,6 @@ def test_what_cannot_be_asked_is_told_before_anything_is_sent(
     assert told in error
 
 
-@pytest.mark.mosquitto
 async def test_a_selection_prints_its_token_for_the_command_that_follows(
     start_mosquitto: StartMosquitto, send: Send
 ) -> None:
@@ -332,7 +321,6 @@ async def test_a_selection_prints_its_token_for_the_command_that_follows(
     assert following.args == {}
 
 
-@pytest.mark.mosquitto
 async def test_a_group_is_stopped_by_its_name(start_mosquitto: StartMosquitto, send: Send) -> None:
     broker = start_mosquitto()
     be_online(broker)
@@ -352,7 +340,6 @@ async def test_a_group_is_stopped_by_its_name(start_mosquitto: StartMosquitto, s
     assert done == (0, "confirmed: all stand still\n", "")
 
 
-@pytest.mark.mosquitto
 @pytest.mark.parametrize("seconds", ["0", "-1", "nan"])
 async def test_without_time_for_a_result_nothing_is_sent(
     seconds: str, start_mosquitto: StartMosquitto, send: Send

@@ -8,9 +8,8 @@ import socket
 from pathlib import Path
 
 from gateway.mqtt.connection.settings import TlsSettings
-from tests.conftest import StartMosquitto
-from tests.mosquitto import Certificate, Seen
-from tests.mqtt.rig import Rig, event, settings
+from tests.mosquitto import Certificate, Seen, StartMosquitto
+from tests.mqtt.rig import MqttRig, event, settings
 
 ROUNDS = 4
 BATCH, EVENTS = 50, 1000  # more at once and the broker would drop what is for the watcher, too
@@ -34,7 +33,7 @@ async def test_another_client_with_our_name_makes_no_storm_and_loses_no_event(
     broker = start_mosquitto()
     how = settings(broker.port, first_retry_s=0.2, last_retry_s=0.4)
     loop = asyncio.get_running_loop()
-    async with broker.watch("b/starter/#") as watcher, Rig(how) as rig:
+    async with broker.watch("b/starter/#") as watcher, MqttRig(how) as rig:
         await rig.until_connected()
         begun_s = loop.time()
         for number in range(1, ROUNDS + 1):
@@ -64,7 +63,7 @@ async def test_an_expired_certificate_is_told_once_and_its_successor_is_taken_wi
     shutil.copy(expired.key, used.key)
     broker = start_mosquitto(tls=used)
     how = settings(broker.port, host="localhost", tls=TlsSettings(ca_file=str(used.cert)))
-    async with Rig(how) as rig:
+    async with MqttRig(how) as rig:
         is_connected, trouble = await rig.link()
         while broker.log().count("New connection") < 4:
             await rig.connection._pause(0.05)
@@ -88,7 +87,7 @@ async def test_a_subscriber_that_reads_nothing_holds_nobody_up(start_mosquitto: 
         deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, SMALL_BUFFER_BYTES)
         deaf.connect((broker.host, broker.port))
         deaf.sendall(connect_packet("deaf") + subscribe)
-        async with broker.watch("b/starter/#") as watcher, Rig(settings(broker.port)) as rig:
+        async with broker.watch("b/starter/#") as watcher, MqttRig(settings(broker.port)) as rig:
             await rig.until_connected()
             for last in range(BATCH, EVENTS + 1, BATCH):
                 for number in range(last - BATCH + 1, last + 1):

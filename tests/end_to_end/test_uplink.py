@@ -19,11 +19,8 @@ from gateway.mqtt.contract.freshness import Tokens
 from gateway.mqtt.contract.run_token import RunToken
 from gateway.records import AvailabilityRecord
 from gateway.system.clock import SystemClock
-from tests.conftest import StartMosquitto
-from tests.mosquitto import MosquittoBroker, Watcher
+from tests.mosquitto import MosquittoBroker, StartMosquitto, Watcher
 from tests.mqtt.fake_broker import ACCEPT_5, ACCEPT_311, LEVEL_5, LEVEL_311, REFUSE_VERSION, FakeBroker
-
-pytestmark = [pytest.mark.mosquitto]
 
 CONFIG = (
     '[gateway]\nname = "g"\nstate_dir = "state"\n[mqtt]\nurl = "mqtt://127.0.0.1:{port}"\n{more}\n'

@@ -13,12 +13,8 @@ from paho.mqtt import client as paho
 from gateway.mqtt.connection.reconnect import Version
 from gateway.mqtt.connection.session import Session
 from gateway.mqtt.connection.settings import TlsSettings
-from tests.conftest import StartMosquitto
-from tests.mosquitto import Certificate, Seen
-from tests.mqtt.rig import Rig, event, settings, value
-
-pytestmark = pytest.mark.mosquitto
-
+from tests.mosquitto import Certificate, Seen, StartMosquitto
+from tests.mqtt.rig import MqttRig, event, settings, value
 
 BOTH = pytest.mark.parametrize("version", list(Version))
 STATUS = "b/gateway/status"
@@ -37,7 +33,7 @@ async def test_every_retained_topic_is_published_before_the_status(
     start_mosquitto: StartMosquitto, version: Version
 ) -> None:
     broker = start_mosquitto()
-    rig = Rig(settings(broker.port, version=version))
+    rig = MqttRig(settings(broker.port, version=version))
     rig.publisher.set_status("online")
     rig.publisher.put(value(1, 12.0))
     rig.publisher.put(value(2, 400.0, point="line_voltage"))
@@ -63,7 +59,7 @@ async def test_what_is_retained_outlives_neither_side_alone_and_is_published_aga
     start_mosquitto: StartMosquitto, version: Version
 ) -> None:
     broker = start_mosquitto()
-    rig = Rig(settings(broker.port, version=version))
+    rig = MqttRig(settings(broker.port, version=version))
     async with rig:
         rig.publisher.set_status("online")
         rig.publisher.put(value(1, 12.0))
@@ -84,7 +80,7 @@ async def test_events_of_an_outage_arrive_in_order_and_none_is_missing(
     start_mosquitto: StartMosquitto, version: Version
 ) -> None:
     broker = start_mosquitto(is_persistent=True)
-    rig = Rig(settings(broker.port, version=version))
+    rig = MqttRig(settings(broker.port, version=version))
     options = ["-i", "historian", "-c"]  # its session outlives the broker
     async with broker.watch("b/starter/+/event", options=options) as watcher, rig:
         await rig.until_connected()
@@ -109,7 +105,7 @@ async def test_values_overtaken_during_an_outage_come_as_history_and_the_newest_
     start_mosquitto: StartMosquitto,
 ) -> None:
     broker = start_mosquitto()
-    rig = Rig(settings(broker.port))
+    rig = MqttRig(settings(broker.port))
     for seq in range(1, 451):
         rig.publisher.put(value(seq, float(seq)))
 
@@ -138,7 +134,7 @@ async def test_a_publication_that_the_access_list_forbids_is_counted_and_not_rep
         users={"mcc1": "one", "viewer": "two"},
         acl="user mcc1\ntopic write b/gateway/#\nuser viewer\ntopic readwrite #\n",
     )
-    rig = Rig(settings(broker.port, username="mcc1", password="one"))
+    rig = MqttRig(settings(broker.port, username="mcc1", password="one"))
     async with broker.watch("b/#", user=("viewer", "two")) as watcher, rig:
         await rig.until_connected()
         rig.publisher.put(event(1))
@@ -158,7 +154,7 @@ async def test_a_wrong_password_is_reported_once_with_its_mend(
     start_mosquitto: StartMosquitto, version: Version
 ) -> None:
     broker = start_mosquitto(users={"mcc1": "right"})
-    async with Rig(settings(broker.port, username="mcc1", password="wrong", version=version)) as rig:
+    async with MqttRig(settings(broker.port, username="mcc1", password="wrong", version=version)) as rig:
         is_connected, trouble = await rig.link()
         while broker.log().count("New connection") < 4:
             await rig.connection._pause(0.05)
@@ -174,7 +170,7 @@ async def test_a_tls_connection_is_checked_against_its_authority(
     certificate = Certificate.make(tmp_path)
     broker = start_mosquitto(tls=certificate)
     how = settings(broker.port, host="localhost", tls=TlsSettings(ca_file=str(certificate.cert)))
-    async with broker.watch("b/#") as watcher, Rig(how) as rig:
+    async with broker.watch("b/#") as watcher, MqttRig(how) as rig:
         await rig.until_connected()
         payload = "x" * 4000
         for _ in range(3):
@@ -192,7 +188,7 @@ async def test_a_broker_with_a_foreign_certificate_gets_no_password(
     broker = start_mosquitto(tls=Certificate.make(tmp_path))
     how = settings(broker.port, host="localhost", tls=TlsSettings(), username="mcc1", password="secret")
 
-    async with Rig(how) as rig:
+    async with MqttRig(how) as rig:
         is_connected, trouble = await rig.link()
 
     assert not is_connected
@@ -206,7 +202,7 @@ async def test_the_broker_says_offline_for_a_gateway_that_vanished(
     start_mosquitto: StartMosquitto, version: Version
 ) -> None:
     broker = start_mosquitto()
-    rig = Rig(settings(broker.port, version=version))
+    rig = MqttRig(settings(broker.port, version=version))
     async with broker.watch("b/#") as watcher, rig:
         rig.publisher.set_status("online")
         await watcher.until(is_status("online"))
@@ -228,7 +224,7 @@ async def test_an_orderly_end_sends_what_waits_and_then_its_own_offline(
     start_mosquitto: StartMosquitto, version: Version
 ) -> None:
     broker = start_mosquitto()
-    rig = Rig(settings(broker.port, version=version))
+    rig = MqttRig(settings(broker.port, version=version))
     async with broker.watch("b/#") as watcher, rig:
         rig.publisher.set_status("online")
         await watcher.until(is_status("online"))
@@ -250,7 +246,7 @@ async def test_a_broker_that_takes_one_message_at_a_time_gets_them_so(
     start_mosquitto: StartMosquitto,
 ) -> None:
     broker = start_mosquitto(options=["max_inflight_messages 1"])
-    rig = Rig(settings(broker.port))
+    rig = MqttRig(settings(broker.port))
     for seq in range(1, 31):
         rig.publisher.put(event(seq))
     async with broker.watch("b/starter/#") as watcher, rig:
@@ -264,7 +260,7 @@ async def test_a_broker_that_takes_one_message_at_a_time_gets_them_so(
 
 async def test_a_forgotten_starter_leaves_nothing_retained(start_mosquitto: StartMosquitto) -> None:
     broker = start_mosquitto()
-    rig = Rig(settings(broker.port))
+    rig = MqttRig(settings(broker.port))
     async with rig:
         rig.publisher.put(value(1, 12.0))
         await rig.until_connected()
@@ -286,7 +282,7 @@ async def test_connections_that_are_lost_or_fail_leave_nothing_to_the_garbage_co
     gc.collect()
     gc.disable()
     try:
-        async with Rig(settings(broker.port)) as rig:
+        async with MqttRig(settings(broker.port)) as rig:
             await rig.until_connected()
             for _ in range(3):
                 broker.kill()

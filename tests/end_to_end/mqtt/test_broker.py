@@ -20,7 +20,7 @@ from tests.mqtt.fake_broker import (
     REFUSE_VERSION,
     FakeBroker,
 )
-from tests.mqtt.rig import Rig, event, settings, value
+from tests.mqtt.rig import MqttRig, event, settings, value
 
 
 @pytest.mark.parametrize(
@@ -32,7 +32,7 @@ async def test_a_broker_that_does_not_take_mqtt_5_is_spoken_to_in_3_1_1(
 ) -> None:
     async with (
         FakeBroker(answers={LEVEL_5: answer, LEVEL_311: ACCEPT_311}) as broker,
-        Rig(settings(broker.port)) as rig,
+        MqttRig(settings(broker.port)) as rig,
     ):
         assert await rig.link() == (True, "")
         assert rig.connection.version is Version.V311
@@ -44,7 +44,7 @@ async def test_a_broker_that_does_not_take_mqtt_5_is_spoken_to_in_3_1_1(
 async def test_a_broker_that_stands_still_is_not_taken_for_an_older_one() -> None:
     async with (
         FakeBroker(answers={LEVEL_5: None, LEVEL_311: ACCEPT_311}) as broker,
-        Rig(settings(broker.port, answer_s=0.1)) as rig,
+        MqttRig(settings(broker.port, answer_s=0.1)) as rig,
     ):
         is_connected, trouble = await rig.link()
         while len(broker.levels) < 4:
@@ -61,7 +61,7 @@ async def test_a_broker_that_stands_still_is_not_taken_for_an_older_one() -> Non
 async def test_mqtt_5_is_tried_again_at_each_connect() -> None:
     async with (
         FakeBroker(answers={LEVEL_5: REFUSE_VERSION, LEVEL_311: ACCEPT_311}) as broker,
-        Rig(settings(broker.port)) as rig,
+        MqttRig(settings(broker.port)) as rig,
     ):
         await rig.until_connected()
         broker._writers[-1].close()
@@ -77,7 +77,7 @@ async def test_mqtt_5_is_tried_again_at_each_connect() -> None:
 async def test_the_first_word_of_a_connection_is_the_proof_of_freshness_and_it_is_renewed_each_second() -> (
     None
 ):
-    async with FakeBroker() as broker, Rig(settings(broker.port)) as rig:
+    async with FakeBroker() as broker, MqttRig(settings(broker.port)) as rig:
         begun_s = asyncio.get_running_loop().time()
         seen = [await broker.publication(qos=0)]
         while [each.topic for each in seen].count("b/gateway/fresh") < 3:
@@ -96,7 +96,7 @@ async def test_the_first_word_of_a_connection_is_the_proof_of_freshness_and_it_i
 async def test_a_configured_version_is_not_given_up() -> None:
     async with (
         FakeBroker(answers={LEVEL_5: REFUSE_VERSION}) as broker,
-        Rig(settings(broker.port, version=Version.V5)) as rig,
+        MqttRig(settings(broker.port, version=Version.V5)) as rig,
     ):
         is_connected, trouble = await rig.link()
 
@@ -110,7 +110,7 @@ async def test_a_configured_version_is_not_given_up() -> None:
 async def test_no_more_messages_are_unacknowledged_than_the_broker_receives() -> None:
     receive_maximum_1 = bytes.fromhex("20 06 00 00 03 21 00 01")
     async with FakeBroker(answers={LEVEL_5: receive_maximum_1}, acknowledges=False) as broker:
-        rig = Rig(settings(broker.port))
+        rig = MqttRig(settings(broker.port))
         for seq in range(1, 4):
             rig.publisher.put(event(seq))
         async with rig:
@@ -126,7 +126,7 @@ async def test_no_more_messages_are_unacknowledged_than_the_broker_receives() ->
 async def test_a_message_larger_than_the_broker_takes_is_set_aside_and_the_next_one_sent() -> None:
     packets_up_to_400 = bytes.fromhex("20 08 00 00 05 27 00 00 01 90")
     async with FakeBroker(answers={LEVEL_5: packets_up_to_400}) as broker:
-        rig = Rig(settings(broker.port))
+        rig = MqttRig(settings(broker.port))
         rig.publisher.put(value(1, 1.0))
         rig.publisher.put(event(1))
         rig.outbox.put(rig.payloads.history("b/starter/pump-1/history", ["0" * 500], "boot-1"), 0.0)
@@ -145,7 +145,7 @@ async def test_a_message_larger_than_the_broker_takes_is_set_aside_and_the_next_
 
 
 async def test_a_broker_that_acknowledges_nothing_is_left_and_hears_everything_again() -> None:
-    async with FakeBroker(acknowledges=False) as broker, Rig(settings(broker.port, ack_s=0.1)) as rig:
+    async with FakeBroker(acknowledges=False) as broker, MqttRig(settings(broker.port, ack_s=0.1)) as rig:
         rig.publisher.put(event(1))
         await rig.until_connected()
         is_connected, trouble = await rig.link()
@@ -171,7 +171,7 @@ async def test_what_no_client_can_live_with_ends_the_connection_and_the_next_one
 ) -> None:
     async with (
         FakeBroker(after_suback=bytes.fromhex(nonsense)) as broker,
-        Rig(settings(broker.port)) as rig,
+        MqttRig(settings(broker.port)) as rig,
     ):
         await rig.until_connected()
         is_connected, trouble = await rig.link()
@@ -185,7 +185,7 @@ async def test_what_no_client_can_live_with_ends_the_connection_and_the_next_one
 async def test_a_command_on_a_topic_that_is_not_utf_8_is_ignored() -> None:
     bad = bytes.fromhex("30 05 00 02 FF FE 00")
     good = bytes.fromhex("30 06 00 01 61 00 68 69")
-    async with FakeBroker(after_suback=bad + good) as broker, Rig(settings(broker.port)) as rig:
+    async with FakeBroker(after_suback=bad + good) as broker, MqttRig(settings(broker.port)) as rig:
         incoming = await rig.command()
 
     assert (incoming.topic, incoming.payload) == ("a", b"hi")
@@ -196,7 +196,7 @@ async def test_a_callback_that_fails_does_not_end_the_connection() -> None:
     asyncio.get_running_loop().set_exception_handler(lambda _, context: failures.put_nowait(context))
     two = bytes.fromhex("30 06 00 01 61 00 68 69") * 2
     async with FakeBroker(after_suback=two) as broker:
-        rig = Rig(settings(broker.port))
+        rig = MqttRig(settings(broker.port))
         rig.connection._on_incoming = lambda incoming: [][0]  # an IndexError
         async with rig:
             await rig.until_connected()
@@ -209,7 +209,7 @@ async def test_a_callback_that_fails_does_not_end_the_connection() -> None:
 
 async def test_a_bug_in_an_acknowledgement_ends_the_session_with_its_reason() -> None:
     async with FakeBroker() as broker:
-        rig = Rig(settings(broker.port))
+        rig = MqttRig(settings(broker.port))
         acked = rig.outbox.acked
 
         def fail_once(ticket: int, code: int) -> None:
@@ -228,7 +228,7 @@ async def test_a_bug_in_an_acknowledgement_ends_the_session_with_its_reason() ->
 
 
 async def test_a_refused_subscription_is_reported_and_telemetry_goes_out() -> None:
-    async with FakeBroker(suback_code=0x87) as broker, Rig(settings(broker.port)) as rig:
+    async with FakeBroker(suback_code=0x87) as broker, MqttRig(settings(broker.port)) as rig:
         is_connected, trouble = await rig.link()
         await broker.publication()
 
@@ -245,14 +245,14 @@ async def test_many_commands_in_one_tls_record_all_arrive(tmp_path: Path) -> Non
     how = {"host": "localhost", "tls": TlsSettings(ca_file=str(certificate.cert))}
     async with (
         FakeBroker(tls=certificate, after_suback=many) as broker,
-        Rig(settings(broker.port, **how)) as rig,
+        MqttRig(settings(broker.port, **how)) as rig,
     ):
         for _ in range(250):
             await rig.command()
 
 
 async def test_the_correlation_data_of_a_command_comes_back_with_its_result() -> None:
-    async with FakeBroker() as broker, Rig(settings(broker.port)) as rig:
+    async with FakeBroker() as broker, MqttRig(settings(broker.port)) as rig:
         rig.publisher.put(
             ResultRecord(
                 *("pump-1", "alice", "c1", "read", Phase.CONFIRMED, "ok", "", 0.0), correlation=b"42"
@@ -265,7 +265,7 @@ async def test_the_correlation_data_of_a_command_comes_back_with_its_result() ->
 
 
 async def test_figures_go_out_without_waiting_for_an_acknowledgement() -> None:
-    async with FakeBroker(acknowledges=False) as broker, Rig(settings(broker.port)) as rig:
+    async with FakeBroker(acknowledges=False) as broker, MqttRig(settings(broker.port)) as rig:
         rig.publisher.put(LineRecord("pumps", {"polls": 1}))
         while (await broker.publication(qos=0)).topic != "b/gateway/line/pumps":
             pass
@@ -276,7 +276,7 @@ async def test_figures_go_out_without_waiting_for_an_acknowledgement() -> None:
 
 
 async def test_acknowledgements_are_answered_by_the_half_window_not_one_by_one() -> None:
-    async with FakeBroker(acknowledges=False) as broker, Rig(settings(broker.port, window=4)) as rig:
+    async with FakeBroker(acknowledges=False) as broker, MqttRig(settings(broker.port, window=4)) as rig:
         await rig.until_connected()
         for seq in range(7):
             rig.publisher.put(event(seq))

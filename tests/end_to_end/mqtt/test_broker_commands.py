@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import pytest
-
 from gateway.mqtt.connection.reconnect import Version
-from tests.conftest import StartMosquitto
-from tests.mqtt.rig import Rig, settings
-
-pytestmark = pytest.mark.mosquitto
+from tests.mosquitto import StartMosquitto
+from tests.mqtt.rig import MqttRig, settings
 
 
 async def test_a_retained_command_that_is_there_already_is_not_delivered_and_a_live_one_is_seen_as_retained(
@@ -16,7 +12,7 @@ async def test_a_retained_command_that_is_there_already_is_not_delivered_and_a_l
 ) -> None:
     broker = start_mosquitto()
     broker.publish("b/command/pump-1/alice/start", "old", "-r")
-    async with Rig(settings(broker.port)) as rig:
+    async with MqttRig(settings(broker.port)) as rig:
         await rig.until_connected()
         broker.publish("b/command/pump-2/alice/start", "live", "-r")
         incoming = await rig.command()
@@ -30,7 +26,7 @@ async def test_on_mqtt_3_a_retained_command_that_is_there_already_is_seen_as_ret
 ) -> None:
     broker = start_mosquitto()
     broker.publish("b/command/pump-1/alice/start", "old", "-r")
-    async with Rig(settings(broker.port, version=Version.V311)) as rig:
+    async with MqttRig(settings(broker.port, version=Version.V311)) as rig:
         incoming = await rig.command()
 
     assert incoming.payload == b"old"
@@ -39,7 +35,7 @@ async def test_on_mqtt_3_a_retained_command_that_is_there_already_is_seen_as_ret
 
 async def test_the_mqtt_5_properties_of_a_command_arrive(start_mosquitto: StartMosquitto) -> None:
     broker = start_mosquitto()
-    async with Rig(settings(broker.port)) as rig:
+    async with MqttRig(settings(broker.port)) as rig:
         await rig.until_connected()
         broker.publish(
             "b/command/pump-1/alice/start",
@@ -60,11 +56,11 @@ async def test_a_command_that_was_sent_while_the_gateway_was_away_never_arrives(
     start_mosquitto: StartMosquitto,
 ) -> None:
     broker = start_mosquitto()
-    first = Rig(settings(broker.port))
+    first = MqttRig(settings(broker.port))
     async with first:
         await first.until_connected()
     broker.publish("b/command/pump-1/alice/start", "while away")
-    async with Rig(settings(broker.port)) as second:
+    async with MqttRig(settings(broker.port)) as second:
         await second.until_connected()
         broker.publish("b/command/pump-1/alice/start", "now")
         incoming = await second.command()

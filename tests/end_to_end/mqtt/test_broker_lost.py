@@ -20,13 +20,13 @@ from tests.mqtt.fake_broker import (
     PUBLISH,
     FakeBroker,
 )
-from tests.mqtt.rig import Rig, settings
+from tests.mqtt.rig import MqttRig, settings
 
 
 async def test_a_missing_broker_is_reported_once_and_found_when_it_comes() -> None:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
-        async with Rig(settings(probe.getsockname()[1])) as rig:
+        async with MqttRig(settings(probe.getsockname()[1])) as rig:
             is_connected, trouble = await rig.link()
 
     assert not is_connected
@@ -35,7 +35,7 @@ async def test_a_missing_broker_is_reported_once_and_found_when_it_comes() -> No
 
 async def test_an_unusable_certificate_file_is_reported_and_not_fatal(tmp_path: Path) -> None:
     how = settings(1, tls=TlsSettings(ca_file=str(tmp_path / "missing.pem")))
-    async with Rig(how) as rig:
+    async with MqttRig(how) as rig:
         is_connected, trouble = await rig.link()
         assert rig.task is not None
         assert not rig.task.done()
@@ -45,7 +45,7 @@ async def test_an_unusable_certificate_file_is_reported_and_not_fatal(tmp_path: 
 
 
 async def test_an_end_that_is_not_acknowledged_takes_no_longer_than_allowed_and_keeps_the_will() -> None:
-    async with FakeBroker(acknowledges=False) as broker, Rig(settings(broker.port)) as rig:
+    async with FakeBroker(acknowledges=False) as broker, MqttRig(settings(broker.port)) as rig:
         await rig.until_connected()
         async with asyncio.timeout(5.0):
             await rig.connection.close(rig.publisher.farewell("stopped"), within_s=0.2)
@@ -58,7 +58,7 @@ async def test_an_end_that_is_not_acknowledged_takes_no_longer_than_allowed_and_
 
 
 async def test_an_end_with_a_full_window_and_no_acknowledgement_leaves_the_last_word_to_the_will() -> None:
-    async with FakeBroker(acknowledges=False) as broker, Rig(settings(broker.port, window=1)) as rig:
+    async with FakeBroker(acknowledges=False) as broker, MqttRig(settings(broker.port, window=1)) as rig:
         await rig.until_connected()
         await broker.publication()
         async with asyncio.timeout(5.0):
@@ -70,7 +70,7 @@ async def test_an_end_with_a_full_window_and_no_acknowledgement_leaves_the_last_
 async def test_an_end_before_any_connection_is_at_once_and_stops_the_retries() -> None:
     async with (
         FakeBroker(answers={LEVEL_5: HANG_UP, LEVEL_311: HANG_UP}) as broker,
-        Rig(settings(broker.port, first_retry_s=30.0, last_retry_s=30.0)) as rig,
+        MqttRig(settings(broker.port, first_retry_s=30.0, last_retry_s=30.0)) as rig,
     ):
         await rig.link()
         async with asyncio.timeout(5.0):
@@ -81,7 +81,7 @@ async def test_an_end_before_any_connection_is_at_once_and_stops_the_retries() -
 
 async def test_a_connection_attempt_can_be_cancelled_while_it_blocks() -> None:
     async with FakeBroker() as broker:  # it speaks no TLS, so the handshake hangs
-        rig = Rig(settings(broker.port, tls=TlsSettings()))
+        rig = MqttRig(settings(broker.port, tls=TlsSettings()))
         async with rig:
             async with asyncio.timeout(5.0):
                 await broker.is_reached.wait()
@@ -92,7 +92,7 @@ async def test_a_connection_attempt_can_be_cancelled_while_it_blocks() -> None:
 async def test_a_broker_that_falls_silent_is_noticed_and_left() -> None:
     async with (
         FakeBroker(answers_pings=False) as broker,
-        Rig(settings(broker.port, keepalive_s=1)) as rig,
+        MqttRig(settings(broker.port, keepalive_s=1)) as rig,
     ):
         await rig.until_connected()
         is_connected, trouble = await rig.link()
@@ -104,7 +104,7 @@ async def test_a_broker_that_falls_silent_is_noticed_and_left() -> None:
 async def test_after_connections_that_held_the_next_one_comes_soon() -> None:
     async with (
         FakeBroker() as broker,
-        Rig(settings(broker.port, steady_s=0.0, last_retry_s=100.0)) as rig,
+        MqttRig(settings(broker.port, steady_s=0.0, last_retry_s=100.0)) as rig,
     ):
         for _ in range(12):
             await rig.until_connected()
@@ -112,7 +112,7 @@ async def test_after_connections_that_held_the_next_one_comes_soon() -> None:
 
 
 async def test_nothing_is_published_after_the_loss_of_the_connection() -> None:
-    async with FakeBroker() as broker, Rig(settings(broker.port)) as rig:
+    async with FakeBroker() as broker, MqttRig(settings(broker.port)) as rig:
         await rig.until_connected()
         session = rig.connection._session
         assert session is not None
@@ -132,7 +132,7 @@ async def test_a_packet_that_is_announced_too_large_ends_the_connection_before_i
     with caplog.at_level(logging.WARNING):
         async with (
             FakeBroker(after_suback=announced(size)) as broker,  # which sends nothing of the rest
-            Rig(settings(broker.port, version=version)) as rig,
+            MqttRig(settings(broker.port, version=version)) as rig,
         ):
             for _ in range(3):
                 await rig.until_connected()
@@ -149,14 +149,14 @@ async def test_a_packet_of_the_largest_size_is_read() -> None:
     packet = announced(MAX_INCOMING_BYTES)
     topic = b"\x00\x0eb/command/p1/a"
     body = topic + bytes(MAX_INCOMING_BYTES - len(topic))
-    async with FakeBroker(after_suback=packet + body) as broker, Rig(v311(broker.port)) as rig:
+    async with FakeBroker(after_suback=packet + body) as broker, MqttRig(v311(broker.port)) as rig:
         incoming = await rig.command()
 
     assert (incoming.topic, rig.notices) == ("b/command/p1/a", [])
 
 
 async def test_connections_that_end_at_once_without_a_reason_may_be_another_clients_doing() -> None:
-    async with FakeBroker(closes_after_suback=True) as broker, Rig(v311(broker.port)) as rig:
+    async with FakeBroker(closes_after_suback=True) as broker, MqttRig(v311(broker.port)) as rig:
         for _ in range(4):
             await rig.until_connected()
 

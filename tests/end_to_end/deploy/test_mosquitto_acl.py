@@ -7,10 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import StartMosquitto
-from tests.mosquitto import READY, MosquittoBroker
+from tests.mosquitto import READY, MosquittoBroker, StartMosquitto
 
-DEPLOY = Path(__file__).parents[2] / "deploy" / "mosquitto"
+DEPLOY = Path(__file__).parents[3] / "deploy" / "mosquitto"
 USERS = {name: f"{name}-password" for name in ("mcc1", "alice", "bob", "viewer", "auditor")}
 BASE = "starters/mcc1"
 
@@ -41,7 +40,6 @@ def may_write(broker: MosquittoBroker, user: str, topic: str) -> bool:
     return bool(verdicts[-1] == "Received")
 
 
-@pytest.mark.mosquitto
 def test_a_user_writes_commands_only_under_his_own_name(broker: MosquittoBroker) -> None:
     assert may_write(broker, "alice", f"{BASE}/command/pump-1/alice/start")
     assert may_write(broker, "bob", f"{BASE}/command/pump-1/bob/stop")
@@ -49,7 +47,6 @@ def test_a_user_writes_commands_only_under_his_own_name(broker: MosquittoBroker)
     assert not may_write(broker, "alice", f"{BASE}/command/alice/bob/alice")
 
 
-@pytest.mark.mosquitto
 @pytest.mark.parametrize("user", ["viewer", "auditor", "mcc1"])
 def test_who_is_no_operator_writes_no_command_not_even_under_his_own_name(
     broker: MosquittoBroker, user: str
@@ -58,14 +55,12 @@ def test_who_is_no_operator_writes_no_command_not_even_under_his_own_name(
         assert not may_write(broker, user, f"{BASE}/command/pump-1/{client}/start")
 
 
-@pytest.mark.mosquitto
 def test_only_the_gateway_writes_what_the_gateway_says(broker: MosquittoBroker) -> None:
     assert all(may_write(broker, "mcc1", topic) for topic in GATEWAYS_OWN)
     for user in ("alice", "bob", "viewer", "auditor"):
         assert not any(may_write(broker, user, topic) for topic in GATEWAYS_OWN)
 
 
-@pytest.mark.mosquitto
 @pytest.mark.parametrize(
     ("user", "read"),
     [
@@ -92,7 +87,6 @@ async def test_everybody_reads_what_is_meant_for_him(
         assert not watcher._early
 
 
-@pytest.mark.mosquitto
 async def test_the_gateway_reads_everybodys_commands(broker: MosquittoBroker) -> None:
     async with broker.watch(f"{BASE}/command/+/+/+", user=("mcc1", USERS["mcc1"])) as gateway:
         for user in ("alice", "bob"):

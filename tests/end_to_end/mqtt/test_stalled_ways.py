@@ -10,12 +10,9 @@ import pytest
 
 from gateway.mqtt.connection.reconnect import Version
 from tests.clients_page import example
-from tests.conftest import StartMosquitto
-from tests.mosquitto import MosquittoBroker, Watcher
-from tests.mqtt.rig import Rig, settings
+from tests.mosquitto import MosquittoBroker, StartMosquitto, Watcher
+from tests.mqtt.rig import MqttRig, settings
 from tests.mqtt.stalling_relay import StallingRelay
-
-pytestmark = [pytest.mark.mosquitto]
 
 START = "b/command/pump-1/alice/start"
 FRESH = "b/gateway/fresh"
@@ -41,7 +38,7 @@ def command(id_: str, **fields: Any) -> str:
     return json.dumps({"id": id_, **fields})
 
 
-async def verdicts(rig: Rig, count: int) -> list[str]:
+async def verdicts(rig: MqttRig, count: int) -> list[str]:
     return [await rig.verdict() for _ in range(count)]
 
 
@@ -53,7 +50,7 @@ async def test_a_start_that_stood_between_broker_and_gateway(
     broker = start_mosquitto()
     async with (
         StallingRelay(broker.port) as relay,
-        Rig(settings(relay.port, version=version)) as rig,
+        MqttRig(settings(relay.port, version=version)) as rig,
         broker.watch(FRESH) as watcher,
     ):
         await rig.until_connected()
@@ -75,7 +72,7 @@ async def test_a_start_by_what_reached_the_client_while_the_gateways_way_up_stoo
     broker = start_mosquitto()
     async with (
         StallingRelay(broker.port) as relay,
-        Rig(settings(relay.port, version=version)) as rig,
+        MqttRig(settings(relay.port, version=version)) as rig,
         broker.watch(FRESH) as watcher,
     ):
         await rig.until_connected()
@@ -100,7 +97,7 @@ async def test_a_start_that_stood_between_client_and_broker(
     broker = start_mosquitto()
     async with (
         StallingRelay(broker.port) as relay,
-        Rig(settings(broker.port)) as rig,
+        MqttRig(settings(broker.port)) as rig,
         broker.watch(FRESH) as watcher,
     ):
         await rig.until_connected()
@@ -122,7 +119,7 @@ async def test_a_broker_that_was_stopped_gives_an_old_start_to_the_gateway_when_
     start_mosquitto: StartMosquitto,
 ) -> None:
     broker = start_mosquitto()
-    async with Rig(settings(broker.port)) as rig, broker.watch(FRESH) as watcher:
+    async with MqttRig(settings(broker.port)) as rig, broker.watch(FRESH) as watcher:
         await rig.until_connected()
         proof = await Sight(watcher).proof()
         broker.stand_still()
@@ -150,7 +147,7 @@ def bridge(broker: MosquittoBroker, port: int) -> tuple[str, ...]:
 
 async def test_a_start_over_a_bridge_whose_link_was_cut(start_mosquitto: StartMosquitto) -> None:
     plant = start_mosquitto()
-    async with StallingRelay(plant.port) as relay, Rig(settings(plant.port)) as rig:
+    async with StallingRelay(plant.port) as relay, MqttRig(settings(plant.port)) as rig:
         await rig.until_connected()
         office = start_mosquitto(options=bridge(plant, relay.port))
         async with office.watch(FRESH) as watcher:
@@ -177,7 +174,7 @@ async def test_the_example_for_mosquitto_pub_sends_a_fresh_start_and_a_stop(
     script = "\n".join(lines).replace("B=starters/mcc1", "B=b")
     for program in ("mosquitto_sub", "mosquitto_pub"):
         script = script.replace(f"{program} ", f"{program} -p {broker.port} ")
-    async with Rig(settings(broker.port)) as rig:
+    async with MqttRig(settings(broker.port)) as rig:
         await rig.until_connected()
         shell = await asyncio.create_subprocess_exec("sh", "-c", script)
         judged = await verdicts(rig, 2)
@@ -188,7 +185,7 @@ async def test_the_example_for_mosquitto_pub_sends_a_fresh_start_and_a_stop(
 
 async def test_an_operators_last_will_starts_nothing(start_mosquitto: StartMosquitto) -> None:
     broker = start_mosquitto()
-    async with Rig(settings(broker.port)) as rig, broker.watch(FRESH) as watcher:
+    async with MqttRig(settings(broker.port)) as rig, broker.watch(FRESH) as watcher:
         await rig.until_connected()
         proof = await Sight(watcher).proof()
         wills = [command("1", boot="boot-1"), command("2", **proof, boot="boot-1")]

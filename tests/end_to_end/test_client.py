@@ -13,8 +13,7 @@ from gateway.errors import BrokerError, NoResultError, UsageError
 from gateway.mqtt.connection.session import Session
 from gateway.mqtt.contract.strict_json import to_json
 from gateway.mqtt.contract.topics import Topics
-from tests.conftest import StartMosquitto
-from tests.mosquitto import MosquittoBroker, Watcher, free_port
+from tests.mosquitto import MosquittoBroker, StartMosquitto, Watcher, free_port
 
 TOPICS = Topics("starters/mcc1")
 
@@ -48,7 +47,6 @@ def client(broker: MosquittoBroker, **options: Any) -> Client:
     return Client(broker.url, base="starters/mcc1", client="alice", operator="Alice A.", **options)
 
 
-@pytest.mark.mosquitto
 async def test_a_command_is_fresh_and_followed_to_its_end(start_mosquitto: StartMosquitto) -> None:
     broker = start_mosquitto()
     PlayedGateway.come_online(broker)
@@ -92,7 +90,6 @@ async def test_a_command_is_fresh_and_followed_to_its_end(start_mosquitto: Start
     assert result.what_to_do == "Nothing."
 
 
-@pytest.mark.mosquitto
 async def test_a_command_sent_again_by_its_id_gets_the_stored_result(start_mosquitto: StartMosquitto) -> None:
     broker = start_mosquitto()
     PlayedGateway.come_online(broker)
@@ -111,7 +108,6 @@ async def test_a_command_sent_again_by_its_id_gets_the_stored_result(start_mosqu
     assert "look at the starter" in str(unknown.value)
 
 
-@pytest.mark.mosquitto
 @pytest.mark.parametrize(
     ("verb", "words", "args"),
     [
@@ -139,7 +135,6 @@ async def test_the_usual_verbs_have_methods_of_their_own(
     assert result.what_to_do == "Find its cause, then reset."
 
 
-@pytest.mark.mosquitto
 @pytest.mark.parametrize("state", ["offline", None])
 async def test_a_stop_goes_out_even_when_no_gateway_seems_to_be_there(
     start_mosquitto: StartMosquitto, state: str | None, monkeypatch: pytest.MonkeyPatch
@@ -157,7 +152,6 @@ async def test_a_stop_goes_out_even_when_no_gateway_seems_to_be_there(
     assert "boot" not in body
 
 
-@pytest.mark.mosquitto
 async def test_a_gateway_that_publishes_no_token_is_sent_nothing_but_a_stop(
     start_mosquitto: StartMosquitto, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -178,7 +172,6 @@ async def test_a_gateway_that_publishes_no_token_is_sent_nothing_but_a_stop(
     assert topic.endswith("/stop")
 
 
-@pytest.mark.mosquitto
 async def test_a_stop_that_no_gateway_seemed_to_hear_may_still_be_answered(
     start_mosquitto: StartMosquitto,
 ) -> None:
@@ -192,7 +185,6 @@ async def test_a_stop_that_no_gateway_seemed_to_hear_may_still_be_answered(
         assert (await asking).is_confirmed
 
 
-@pytest.mark.mosquitto
 async def test_whoever_may_not_read_results_may_stop_all_the_same_but_nothing_else(
     start_mosquitto: StartMosquitto, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -216,7 +208,6 @@ async def test_whoever_may_not_read_results_may_stop_all_the_same_but_nothing_el
     assert topic.endswith("/stop")
 
 
-@pytest.mark.mosquitto
 async def test_a_connection_lost_after_the_command_leaves_its_end_unknown(
     start_mosquitto: StartMosquitto,
 ) -> None:

@@ -14,7 +14,7 @@ from gateway.config.load import parse
 from gateway.errors import BrokerError
 from gateway.mqtt.connection import command_client as sender
 from tests.commands.doctor_site import biting, site
-from tests.conftest import StartMosquitto
+from tests.mosquitto import StartMosquitto
 
 
 def remarks_of(text: str, folder: Path) -> list[DoctorFinding]:
@@ -38,7 +38,6 @@ def test_a_password_file_that_others_may_read_bites(tmp_path: Path) -> None:
     assert "secret" not in bite
 
 
-@pytest.mark.mosquitto
 def test_a_login_that_the_broker_takes_is_told_and_one_that_it_refuses_bites(
     tmp_path: Path, start_mosquitto: StartMosquitto
 ) -> None:
@@ -61,7 +60,6 @@ def test_nothing_is_asked_of_a_broker_that_cannot_be_used() -> None:
         asyncio.run(access.read("pump-1", ["P220"]))
 
 
-@pytest.mark.mosquitto
 def test_a_gateway_that_does_not_run_and_a_starter_that_nobody_may_read_cannot_be_asked(
     tmp_path: Path, start_mosquitto: StartMosquitto, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -80,7 +78,6 @@ def test_a_gateway_that_does_not_run_and_a_starter_that_nobody_may_read_cannot_b
         asyncio.run(asks_as_alice.read("fan", ["P220"]))
 
 
-@pytest.mark.mosquitto
 def test_the_doctor_logs_in_as_the_operator_that_is_named(
     tmp_path: Path, start_mosquitto: StartMosquitto
 ) -> None:
@@ -103,7 +100,6 @@ def test_the_doctor_logs_in_as_the_operator_that_is_named(
     assert "username and password" in bite
 
 
-@pytest.mark.mosquitto
 def test_what_the_gateway_last_said_of_a_starter_is_known(
     tmp_path: Path, start_mosquitto: StartMosquitto, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,0 +1,129 @@
+"""What is no TOML is said in our words, with its line, its column and the mend."""
+
+from __future__ import annotations
+
+import inspect
+import random
+import re
+import tomllib
+from tomllib import _parser  # type: ignore[attr-defined]  # its source lists its messages
+
+import pytest
+
+from gateway.config.toml_errors import _MEANINGS, syntax_problem
+from tests.config.sites import SITE
+
+BAD = [  # text, line, what it begins with, a part of the mend
+    ("[gateway]\nname = \n", 2, "there is no value after the =, at column 8", "name ="),
+    ("a = # none\n", 1, "there is no value after the =", "baud"),
+    ("name = mcc1\n", 1, "'mcc1' is no value, at column 8", '"mcc1"'),
+    ("enabled = True\n", 1, "True is no value, at column 11", "write true"),
+    ("enabled = off\n", 1, "off is no value", "write false"),
+    ("every_s = .5\n", 1, "'.5' is no value", "0.5"),
+    ("every_s = 0,5\n", 1, "',5' is left over after a number", "point"),
+    ("a = 1 b = 2\n", 1, "'b = 2' is left over", "one key a line"),
+    ("[gateway] x\n", 1, "'x' is left over", "one key a line"),
+    ("a = 1\na = 2\n", 2, "a key is given twice", "keep one"),
+    ("a = 1\n[a.b]\n", 2, "a key is given twice, or as a value and as a table", "keep one"),
+    ("a = {b = 1, b = 2}\n", 1, "b is given twice", "keep one"),
+    ("[mqtt]\n[mqtt]\n", 2, "the table [mqtt] is given twice", "[[mqtt]]"),
+    ("[a.b]\n[a.b]\n", 2, "the table [a.b] is given twice", "[[a.b]]"),
+    ("a.b = 1\n[x]\n[a]\n", 3, "the table [a] is given twice", "below the first"),
+    ("[a.b]\nc = 1\n[a]\nb.d = 1\n", 4, "a.b is complete", "add the key there"),
+    ("a = {b = 1}\na.c = 2\n", 2, "a is complete", "add the key there"),
+    ("a = {b = {c = 1}, b.d = 2}\n", 1, "b.d is complete", "add the key there"),
+    ("my name = 1\n", 1, "a key has no =, at column 4", "several words"),
+    ("name\n", 1, "a key has no =", "name ="),
+    ("[[line]\n", 1, "a header [[...]] is not closed, at column 7", "[[line]]"),
+    ("[gateway\n", 1, "a header [...] is not closed, at column 9", "[gateway]"),
+    ("a = 'b", 1, "a text in quotes is not closed, at the end of the file", "close it"),
+    ("a = 'b\nc = 'd'\n", 1, "a text in quotes does not end on its line", "close it"),
+    ('a = "b\nc = 1\n', 1, "a text in quotes does not end on its line, at column 7", "close it"),
+    ('x = 1\na = "b', 2, "a text in quotes is not closed, at the end of the file", "close it"),
+    ('a = """b\n\n', 1, "a text in quotes is not closed", "close it"),
+    ("= 1\n", 1, "neither a key nor a header begins like this, at column 1", "a line is"),
+    ("!name = 1\n", 1, "neither a key nor a header", "a line is"),
+    ("[]\n", 1, "a key is missing", "A-Z"),
+    ("a. = 1\n", 1, "a key is missing", "A-Z"),
+    ("d = 2026-02-31\n", 1, "there is no such date or time, at column 5", "2026-11-21"),
+    ('a = ["x" "y"]\n', 1, "a list is not closed, or a comma is missing", "may ="),
+    ("a = [1\nb = 2\n", 2, "a list is not closed", "may ="),
+    ("a = {b = 1 c = 2}\n", 1, "a table in braces is not closed", "{ a = 1, b = 2 }"),
+    ('a = "C:\\dev"\n', 1, "a \\ in a text in double quotes", "single quotes"),
+    ('a = "\\u12"\n', 1, "\\u needs four", "\\u00b0"),
+    ('a = "\\ud800"\n', 1, "there is no such character", "toml.io"),
+    ("a = 'x\x01y'\n", 1, "the character '\\x01' may not stand here, at column 7", "invisible"),
+    ("a = 1 # \x02\n", 1, "the character '\\x02' may not stand here", "invisible"),
+    ('a = "\x03"\n', 1, "the character '\\x03' may not stand here", "invisible"),
+    ("x = 2\na = " + "1" * 5000, 2, "a number has too many digits", "missing"),
+]
+ENGLISH = re.compile(
+    r"invalid|illegal|unterminated|immutable|namespace|unclosed|cannot|unescaped|declare", re.I
+)
+
+
+@pytest.mark.parametrize(("text", "line", "what", "mend"), BAD)
+def test_it_says_what_is_wrong_where_and_how_it_is_written(
+    text: str, line: int, what: str, mend: str
+) -> None:
+    problem = syntax_problem(error_of(text), text)
+
+    assert problem.line == line
+    assert problem.what.startswith(what)
+    assert mend in problem.mend
+    assert not ENGLISH.search(problem.what)
+
+
+def test_every_message_of_the_parser_is_known() -> None:
+    source = inspect.getsource(_parser)
+    told = [
+        message.replace("\\\\", "\\") for message in re.findall(r'_err\(\s*src, \w+, f?"([^"]+)"', source)
+    ]
+    known = (
+        *_MEANINGS,
+        "Invalid value",
+        "Expected newline",
+        "Illegal character",
+        "Found invalid",
+        "Expected {expect",
+    )
+
+    assert len(told) > 15
+    assert [message for message in told if not message.startswith(known)] == []
+
+
+@pytest.mark.parametrize(
+    "message", ["Something new (at line 2, column 3)", "Something new (at end of document)", "New"]
+)
+def test_a_message_that_is_not_known_is_a_plain_sentence(message: str) -> None:
+    problem = syntax_problem(tomllib.TOMLDecodeError(message), "a = 1\nb = 2\n")
+
+    assert problem.what.startswith("this is not written as TOML")
+    assert problem.mend == "see https://toml.io"
+
+
+def test_no_damage_to_a_file_is_told_in_the_parsers_words() -> None:
+    dice, seen = random.Random(13), 0
+    for _ in range(3000):
+        text = SITE
+        for _ in range(dice.randint(1, 3)):
+            at = dice.randrange(len(text))
+            text = (
+                text[:at]
+                + dice.choice(["", '"', "'", "[", "]", "=", "\n", ",", "\\", "{", "é", "\x00"])
+                + text[at + 1 :]
+            )
+        try:
+            tomllib.loads(text)
+        except ValueError as error:
+            seen += 1
+            problem = syntax_problem(error, text)
+            assert problem.line is not None
+            assert not ENGLISH.search(problem.what), problem
+    assert seen > 1000
+
+
+def error_of(text: str) -> ValueError:
+    with pytest.raises(ValueError) as caught:  # noqa: PT011 - which one is what is being tested
+        tomllib.loads(text)
+    return caught.value

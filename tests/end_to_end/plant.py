@@ -1,0 +1,28 @@
+"""A plant of simulated starters on a pty, a real Mosquitto, and the gateway as the service it will be."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+from tests.end_to_end.site import Program, Scada, site_config, write_config
+from tests.mosquitto import MosquittoBroker
+
+STARTERS = ("pump", "fan", "mill", "belt")
+
+
+@asynccontextmanager
+async def plant(broker: MosquittoBroker, folder: Path) -> AsyncIterator[tuple[Scada, Program, Path]]:
+    """Run simulator and gateway, and wait until all four starters are ready."""
+    config = write_config(folder, site_config(broker_port=broker.port, port=str(folder / "ttyHALL")))
+    async with (
+        Program("gateway", "simulate", str(config)) as simulator,
+        broker.watch("starters/plant/#") as watcher,
+    ):
+        await simulator.says("line hall")
+        async with Program("gateway", "run", str(config)) as gateway:
+            scada = Scada(broker, watcher)
+            for starter in STARTERS:
+                await scada.ready(starter)
+            yield scada, gateway, config
