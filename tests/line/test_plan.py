@@ -15,6 +15,7 @@ from gateway.line.scheduler.load import period_of
 from gateway.line.scheduler.requests import Priority
 from gateway.line.scheduler.scheduler import Verdict
 from tests.line.fakes import poll
+from tests.line.ideal_line import IdealLine
 from tests.line.planned import ANSWERED, GARBLED, ask_times, begun, gaps, job, key_of, take
 
 
@@ -146,6 +147,15 @@ def test_a_poll_may_get_and_lose_its_period() -> None:
     plan.polls.set_every("a", 0.0, 1.0)
 
     assert {key_of(take(plan, 1.0)), key_of(take(plan, 1.0))} == {"a", "b"}
+
+
+def test_a_full_line_asks_all_in_one_order_from_the_first_round_on() -> None:
+    line = IdealLine([poll(str(unit), unit, 0.0) for unit in range(1, 248)], lambda turn: 0.025)
+
+    line.run(25.0)
+
+    gaps_s = [gap_s for each in line.gaps_s.values() for gap_s in each]
+    assert max(gaps_s) <= 1.02 * 247 * 0.025
 
 
 def test_wrong_keys_are_refused() -> None:

@@ -225,7 +225,7 @@ class PollTable:
         period_s = period_of(entry.every_s) * self.stretch
         if cost_s:
             if not entry.cost_s:
-                period_s *= self._chance.random()
+                period_s *= self._chance.random() if entry.every_s and self.stretch == 1.0 else 1.0
                 self._load.change()
             entry.cost_s = cost_s
         entry.deadline_s = now_s if is_expedited else max(slot.since_s + period_s, now_s)
