@@ -123,8 +123,8 @@ class Run:
     def deadline_s(self, at: int) -> float | None:
         """Return the watchdog that the line keeps a starter from."""
         line: Any = self.plant.lines["hall"]
-        watchdog = line._line._scheduler._polled.watchdogs._watchdogs.get(at)
-        return None if watchdog is None else watchdog.limit_s
+        limit_s: float = line._line._scheduler.polls.unit(at).limit_s
+        return limit_s or None
 
     def set(self, at: int, parameter: str, value: object, id_: str = "") -> None:
         args = {"parameter": parameter, "value": value}

@@ -15,7 +15,6 @@ from gateway.families.diagnosis.identify import identify_requests
 from gateway.line.capacity.deadline_check import missed_in
 from gateway.line.capacity.forecast import Forecast, forecast, longest_gap_s
 from gateway.line.scheduler.requests import Poll
-from gateway.line.scheduler.stop_latency import worst_stop_latency_s
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.polling import polls_of
 
@@ -25,9 +24,11 @@ class StarterCapacity:
     """One starter's share of a line."""
 
     table: StarterTable
-    ages_s: dict[str, float]  # by group of values: the oldest they get before newer ones come
-    gap_s: float  # the longest time between two requests to it
-    margin_s: float | None  # what its watchdog has beyond that; None when it is off or not known
+    ages_s: dict[str, float]  # by group of values: an estimate of the oldest they get without commands
+    gap_s: float  # an estimate of the longest time between two requests to it without commands
+    margin_s: (
+        float | None
+    )  # promised for its watchdog with commands under way; None when it is off or not known
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +36,7 @@ class LineCapacity:
     """One line."""
 
     table: LineTable
-    forecast: Forecast
-    stop_latency_s: float  # at the worst, while starters are being identified too
+    forecast: Forecast  # while starters are being identified, too
     starters: tuple[StarterCapacity, ...]  # the enabled ones
 
 
@@ -55,7 +55,7 @@ def computed_of(line: LineCapacity) -> dict[str, Any]:
     return {
         "load": round(line.forecast.load, 4),
         "sweep_s": round(line.forecast.sweep_s, 4),
-        "stop_latency_s": round(line.stop_latency_s, 4),
+        "stop_latency_s": round(line.forecast.stop_latency_s, 4),
         "age_s": ages_s,
         "watchdog_margin_s": round(min(margins_s), 4) if margins_s else None,
         "is_paced": all(each.poll.every_s for each in line.forecast.polls),  # else it is to be always full
@@ -81,24 +81,23 @@ def missed_deadlines(prospects: Iterable[LineCapacity]) -> list[Mistake]:
 
 
 def _miss(line: LineCapacity, starter: StarterCapacity) -> str:
-    limit_s, gap_s = starter.table.watchdog_s, starter.gap_s
-    if limit_s is None or isinf(gap_s):
+    limit_s, margin_s = starter.table.watchdog_s, starter.margin_s
+    if limit_s is None or margin_s is None or isinf(margin_s):
         share = f"{line.forecast.watchdog_load:.0%} of the line's time"
         return f"{starter.table.name}: {limit_s:g} s cannot be kept: the watchdogs on this line need {share}"
-    missed = f"{limit_s:g} s is missed by {gap_s - limit_s:.2f} s"
-    return f"{starter.table.name}: {missed}: a gap may be {gap_s:.2f} s"
+    missed = f"{limit_s:g} s is missed by {-margin_s:.2f} s"
+    return f"{starter.table.name}: {missed}: a gap may be {limit_s - margin_s:.2f} s"
 
 
 def _line(line: LineTable) -> LineCapacity:
     timing = timing_of(line)
     setups = setups_of(line)
     polls = [poll for setup in setups for poll in polls_of(setup)]
-    whole = forecast(polls, timing, allowance_s=line.adapter_allowance_s)
-    asked = [*polls, *(poll for setup in setups if setup.is_enabled for poll in _identification(setup))]
+    others = [poll for setup in setups if setup.is_enabled for poll in _identification(setup)]
+    whole = forecast(polls, timing, allowance_s=line.adapter_allowance_s, jobs=others)
     return LineCapacity(
         table=line,
         forecast=whole,
-        stop_latency_s=worst_stop_latency_s(asked, timing, allowance_s=line.adapter_allowance_s),
         starters=tuple(
             _starter(table, setup, whole)
             for table, setup in zip(line.starters, setups, strict=True)
@@ -113,7 +112,8 @@ def _starter(table: StarterTable, setup: StarterSetup, whole: Forecast) -> Start
         if each.poll.unit == setup.address:
             ages_s[each.poll.group] = max(ages_s.get(each.poll.group, 0.0), each.age_s)
     gap_s = longest_gap_s(whole, setup.address)
-    return StarterCapacity(table, ages_s, gap_s, table.watchdog_s - gap_s if table.watchdog_s else None)
+    promised_s = whole.watchdog_gaps_s.get(setup.address, gap_s)
+    return StarterCapacity(table, ages_s, gap_s, table.watchdog_s - promised_s if table.watchdog_s else None)
 
 
 def _identification(setup: StarterSetup) -> list[Poll]:

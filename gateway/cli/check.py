@@ -161,12 +161,12 @@ def _count(number: int, what: str) -> str:
 def _print_line(line: LineCapacity) -> None:
     table, whole = line.table, line.forecast
     print(f"\nline {table.name}: {table.port}, {table.baud} {table.framing}")
-    stop = f"a stop waits at most {line.stop_latency_s:.3f} s"
+    stop = f"a stop waits at most {whole.stop_latency_s:.3f} s"
     print(f"  load {whole.load:.0%}, sweep {whole.sweep_s:.3f} s, {stop}")
     if not line.starters:
         return
     width = max(7, *(len(starter.table.name) for starter in line.starters))
-    print(f"  {'starter':{width}}  addr  family    oldest status   values     slow   watchdog")
+    print(f"  {'starter':{width}}  addr  family    about  status   values     slow   watchdog")
     for starter in line.starters:
         each = starter.table
         ages = "  ".join(_age(starter.ages_s.get(group)) for group in _GROUPS)
@@ -246,7 +246,7 @@ def _as_json(line: LineCapacity) -> dict[str, Any]:
         "is_overloaded": line.forecast.is_overloaded,
         "watchdog_load": round(line.forecast.watchdog_load, 4),
         "sweep_s": round(line.forecast.sweep_s, 4),
-        "stop_latency_s": round(line.stop_latency_s, 4),
+        "stop_latency_s": round(line.forecast.stop_latency_s, 4),
         "fast_words": [asdict(gain) for gain in fast_gains(line.table)],
         "starters": [
             {

@@ -51,27 +51,27 @@ class LineClient:
 
     def add_poll(self, poll: Poll) -> None:
         """Repeat a request from now on; its key must be new on this line."""
-        self._change(lambda scheduler, now_s: scheduler.add_poll(poll, now_s))
+        self._change(lambda scheduler, now_s: scheduler.polls.add(poll, now_s))
 
     def remove_poll(self, key: str) -> None:
         """Ask no more; an answer under way is not published any more."""
-        self._change(lambda scheduler, _: scheduler.remove_poll(key))
+        self._change(lambda scheduler, _: scheduler.polls.remove(key))
 
     def set_every(self, key: str, every_s: float) -> None:
         """Change a poll's period; a shorter one takes effect at once."""
-        self._change(lambda scheduler, now_s: scheduler.set_every(key, every_s, now_s))
+        self._change(lambda scheduler, now_s: scheduler.polls.set_every(key, every_s, now_s))
 
     def expedite(self, key: str) -> None:
         """Make a poll due now."""
-        self._change(lambda scheduler, now_s: scheduler.hasten(key, now_s))
+        self._change(lambda scheduler, now_s: scheduler.polls.expedite(key, now_s))
 
     def set_deadline(self, unit: int, seconds: float | None) -> None:
         """See to it that a unit is reached within its watchdog's time; None or 0: it has none."""
-        self._change(lambda scheduler, _: scheduler.set_deadline(unit, seconds))
+        self._change(lambda scheduler, _: scheduler.polls.set_deadline(unit, seconds))
 
     def expect_silence(self, unit: int, seconds: float) -> None:
         """Count no misses of this unit for so long: it restarts, and the gateway knows why."""
-        self._change(lambda scheduler, now_s: scheduler.expect_silence(unit, now_s + seconds))
+        self._change(lambda scheduler, now_s: scheduler.polls.expect_silence(unit, now_s + seconds))
 
     def forget(self, unit: int) -> None:
         """Know nothing of a unit any more, once its polls are removed: it is gone, or another one now."""

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import random
 from collections.abc import Callable, Sequence
 from math import inf
 from typing import Any
 
 from gateway.errors import PortError, PortLostError, PortResetError
+from gateway.line.capacity.forecast import worst_stop_latency_s
 from gateway.line.events import EventQueue, LineEvents
 from gateway.line.port.base import Port, PortOpener
 from gateway.line.port.tty import CountsErrors
@@ -21,7 +23,6 @@ from gateway.line.rtu.trace import Trace
 from gateway.line.rtu.transaction import RtuMaster
 from gateway.line.scheduler.requests import Job, Poll
 from gateway.line.scheduler.scheduler import Scheduler
-from gateway.line.scheduler.stop_latency import worst_stop_latency_s
 from gateway.line.service import IDLE_WAKE_S, LineService
 from gateway.line.statistics import Statistics
 from gateway.modbus.timing import LineTiming
@@ -55,7 +56,7 @@ class Line:
         self._allowance_s = allowance_s
         self._alternates_of = alternates_of
         self._forms = Forms(LateReplies())
-        self._scheduler = Scheduler(polls, seed=seed)
+        self._scheduler = Scheduler(polls, chance=random.Random(seed))
         self._trace = Trace(name)
         self.events = LineEvents(name, events, self._trace)
         self._figures = Statistics()
@@ -90,7 +91,7 @@ class Line:
     def submit(self, job: Job) -> None:
         """Queue a job; without a port it ends at once."""
         if self._is_reopening:
-            self._scheduler.submit(job, self._time())
+            self._scheduler.jobs.submit(job, self._time())
         elif self._serving is None:
             self.events.job_done(job, Silent("port closed", is_sent=False))
             self.events.flush()
@@ -100,7 +101,7 @@ class Line:
     def withdraw(self, job: Job) -> bool:
         """Take a waiting job back, so that it is never sent; False when it is too late for that."""
         if self._is_reopening:
-            return self._scheduler.withdraw(job)
+            return self._scheduler.jobs.withdraw(job)
         return self._serving is not None and self._serving.withdraw(job)
 
     def change(self, change: Callable[[Scheduler, float], object]) -> None:
@@ -110,21 +111,21 @@ class Line:
 
     def forget(self, unit: int) -> None:
         """Know nothing of a unit any more, whose polls are removed."""
-        self._scheduler.forget(unit)
+        self._scheduler.polls.forget(unit)
         self._forms.forget(unit)
         self._figures.forget(unit)
 
     def figures(self) -> dict[str, Any]:
         """Return the counters and times of this line."""
-        polls = self._scheduler.polls()
+        polls = self._scheduler.polls.asked()
         latency_s = worst_stop_latency_s(polls, self.timing, allowance_s=self._allowance_s)
         figures = self._figures.to_dict(polls, worst_stop_latency_s=latency_s, now_s=self._time())
         for unit, counts in figures["units"].items():
-            counts["state"] = self._scheduler.state_of(unit).value
+            counts["state"] = self._scheduler.polls.state_of(unit).value
         state = {
             "is_open": self._serving is not None,
-            "stretch": round(self._scheduler.stretch, 3),
-            "watchdogs": self._scheduler.watchdog_figures(self._time()),
+            "stretch": round(self._scheduler.polls.stretch, 3),
+            "watchdogs": self._scheduler.polls.watchdog_statistics(self._time()),
         }
         stray_bytes = self._earlier_stray_bytes + (self._serving.line.stray_bytes if self._serving else 0)
         errors = self._opener.uart_errors() if isinstance(self._opener, CountsErrors) else None
@@ -202,7 +203,7 @@ class Line:
 
     def _end_jobs(self) -> None:
         self._is_reopening = False
-        for job in self._scheduler.take_jobs():
+        for job in self._scheduler.jobs.clear():
             self.events.job_done(job, Silent("port closed", is_sent=False))
         self.events.flush()
 

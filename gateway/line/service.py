@@ -60,13 +60,13 @@ class LineService:
                 await self._serve()
         finally:
             if self._turn is not None:
-                self._scheduler.put_back(self._turn, self._turn.since_s)
+                self._scheduler.put_back(self._turn)
                 self._turn = None
             self._events.flush()
 
     def submit(self, job: Job) -> None:
         """Queue a job: a stop goes before whatever has been chosen, others before a poll, not for ever."""
-        self._scheduler.submit(job, self._time())
+        self._scheduler.jobs.submit(job, self._time())
         if job.lane <= Priority.FOLLOW_UP:
             self._is_overtaken = True
             self._has_stop = self._has_stop or job.lane is Priority.STOP or job.request.is_write
@@ -79,7 +79,7 @@ class LineService:
         if self._turn is not None and any(each is job for each in self._turn.jobs):
             self._turn = self._turn.without(job)
             return True
-        return self._scheduler.withdraw(job)
+        return self._scheduler.jobs.withdraw(job)
 
     def wake(self) -> None:
         """Look at the plan again."""
@@ -88,7 +88,7 @@ class LineService:
 
     def ask_all_anew(self) -> None:
         """Ask those at once who are only silent because nobody could be heard."""
-        self._scheduler.hasten_all(self._time())
+        self._scheduler.polls.expedite_all(self._time())
 
     async def _serve(self) -> None:
         """Do what is next: one transaction, or a wait for something to do."""
@@ -126,7 +126,7 @@ class LineService:
     def _chosen(self) -> Slot | None:
         """Return what is to be sent now: what was chosen, unless a stop came since or there was nothing."""
         if self._turn is not None and self._is_overtaken:
-            self._scheduler.put_back(self._turn, self._turn.since_s)
+            self._scheduler.put_back(self._turn)
             self._turn = None
         if self._turn is None:
             self._choose(self._time())
@@ -144,7 +144,7 @@ class LineService:
     def _form_of(self, turn: Slot, encoded: EncodedRequest) -> EncodedRequest | None:
         """Return the form in which a slot's request is sent; None while an earlier reply may pass."""
         poll = turn.poll
-        any_poll = poll or self._scheduler.probe_of(turn.unit)
+        any_poll = poll or self._scheduler.polls.probe_of(turn.unit)
         return self.line.forms.choose(
             encoded,
             self._alternates_of if any_poll is None else any_poll.alternates_of,

@@ -38,7 +38,7 @@ class IdealLine:
         seed: int = 0,
     ) -> None:
         self.polls = tuple(polls)
-        self.plan = Scheduler(self.polls, seed=seed)
+        self.plan = Scheduler(self.polls, chance=random.Random(seed))
         self.plan.begin(0.0)
         self.now_s = 0.0
         self.turns: list[tuple[float, Slot]] = []  # when each began

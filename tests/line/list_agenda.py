@@ -1,39 +1,44 @@
-"""An agenda as one would write it first: a plain list, looked through at every call."""
+"""A queue as one would write it first: a plain list, looked through at every call."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import itertools
+from math import inf
 from typing import Generic, TypeVar
 
-from gateway.line.scheduler.edf_queue import Listed
+from gateway.line.scheduler.edf_queue import Queued
 
-T = TypeVar("T", bound=Listed)
+T = TypeVar("T", bound=Queued)
+
+_places = itertools.count(1)
 
 
 class ListAgenda(Generic[T]):
-    """Does what `Agenda` does."""
+    """Does what `EdfQueue` does."""
 
-    def __init__(self, places: Iterator[int]) -> None:
-        self._places = places
-        self._things: list[tuple[int, T]] = []
-        self._ready: set[int] = set()  # places that a `first` has seen released
+    def __init__(self) -> None:
+        self._things: list[tuple[int, float, float, T]] = []
+        self._released: set[int] = set()  # places that a `first` has seen released
 
     def put(self, thing: T) -> None:
-        thing.place = next(self._places)
-        self._things.append((thing.place, thing))
+        thing.place = next(_places)
+        self._things.append((thing.place, thing.release_s, thing.deadline_s, thing))
 
     def first(self, now_s: float) -> T | None:
-        self._ready |= {place for place, thing in self._valid() if thing.release_s <= now_s}
-        return self.released()
+        self._released |= {place for place, release_s, _, _ in self._valid() if release_s <= now_s}
+        return self._head()
 
-    def released(self) -> T | None:
-        ready = [(each.deadline_s, place, each) for place, each in self._valid() if place in self._ready]
-        return min(ready)[2] if ready else None
+    def next_s(self) -> float:
+        thing = self._head()
+        if thing is None:
+            waiting = [each for each in self._valid() if each[0] not in self._released]
+            thing = min(waiting, key=lambda each: (each[1], each[0]))[3] if waiting else None
+        return inf if thing is None else thing.release_s
 
-    def upcoming(self) -> T | None:
-        later = [(each.release_s, place, each) for place, each in self._valid() if place not in self._ready]
-        return min(later)[2] if later else None
+    def _head(self) -> T | None:
+        released = [each for each in self._valid() if each[0] in self._released]
+        return min(released, key=lambda each: (each[2], each[0]))[3] if released else None
 
-    def _valid(self) -> list[tuple[int, T]]:
-        self._things = [(place, thing) for place, thing in self._things if thing.place == place]
+    def _valid(self) -> list[tuple[int, float, float, T]]:
+        self._things = [each for each in self._things if each[3].place == each[0]]
         return self._things

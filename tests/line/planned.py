@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import random
 
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome
 from gateway.line.scheduler.requests import Job, Poll, Priority, Slot
@@ -46,7 +47,17 @@ def gaps(times_s: list[float]) -> list[float]:
     return [later - earlier for earlier, later in itertools.pairwise(times_s)]
 
 
-def begun(*polls: Poll, jitter: float = 0.0, seed: int = 0) -> Scheduler:
-    plan = Scheduler(polls, jitter=jitter, seed=seed)
+class NoChance(random.Random):
+    """Leaves every phase at a whole period, every pause as it is."""
+
+    def random(self) -> float:
+        return 1.0
+
+    def uniform(self, a: float, b: float) -> float:
+        return (a + b) / 2
+
+
+def begun(*polls: Poll, chance: random.Random | None = None) -> Scheduler:
+    plan = Scheduler(polls, chance=chance or NoChance())
     plan.begin(0.0)
     return plan

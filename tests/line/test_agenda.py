@@ -1,15 +1,14 @@
 from __future__ import annotations
 
-import itertools
+import random
 from unittest import mock
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Silent
-from gateway.line.scheduler import poll_queue as rota
-from gateway.line.scheduler import watchdogs
-from gateway.line.scheduler.edf_queue import NOWHERE, EdfQueue, Listed
+from gateway.line.scheduler import polls, watchdogs
+from gateway.line.scheduler.edf_queue import EdfQueue, Queued
 from gateway.line.scheduler.requests import Job, Poll, Priority, Slot
 from gateway.line.scheduler.scheduler import Scheduler
 from gateway.modbus.reads import ReadHoldingRegisters
@@ -20,24 +19,24 @@ TIMES_S = st.sampled_from([0.0, 0.5, 1.0, 2.0, 3.0])
 
 
 def test_the_earliest_deadline_of_what_is_released_comes_first() -> None:
-    agenda: EdfQueue[Listed] = EdfQueue(itertools.count(1))
+    agenda: EdfQueue[Queued] = EdfQueue()
     late, soon, not_yet = (
-        Listed(release_s=0.0, deadline_s=9.0),
-        Listed(release_s=1.0, deadline_s=5.0),
-        Listed(release_s=2.0, deadline_s=3.0),
+        Queued(release_s=0.0, deadline_s=9.0),
+        Queued(release_s=1.0, deadline_s=5.0),
+        Queued(release_s=2.0, deadline_s=3.0),
     )
     for thing in (late, soon, not_yet):
         agenda.put(thing)
 
     assert agenda.first(0.0) is late
     assert agenda.first(1.0) is soon
-    assert agenda.upcoming() is not_yet
+    assert agenda.next_s() == 1.0
     assert agenda.first(2.0) is not_yet
 
 
 def test_of_equal_deadlines_what_was_put_first_comes_first() -> None:
-    agenda: EdfQueue[Listed] = EdfQueue(itertools.count(1))
-    things = [Listed(release_s=0.0, deadline_s=1.0) for _ in range(3)]
+    agenda: EdfQueue[Queued] = EdfQueue()
+    things = [Queued(release_s=0.0, deadline_s=1.0) for _ in range(3)]
     for thing in things:
         agenda.put(thing)
 
@@ -47,10 +46,9 @@ def test_of_equal_deadlines_what_was_put_first_comes_first() -> None:
 
 
 def test_what_is_put_on_another_agenda_leaves_the_first() -> None:
-    places = itertools.count(1)
-    one: EdfQueue[Listed] = EdfQueue(places)
-    other: EdfQueue[Listed] = EdfQueue(places)
-    thing = Listed(release_s=0.0, deadline_s=1.0)
+    one: EdfQueue[Queued] = EdfQueue()
+    other: EdfQueue[Queued] = EdfQueue()
+    thing = Queued(release_s=0.0, deadline_s=1.0)
     one.put(thing)
 
     other.put(thing)
@@ -60,8 +58,8 @@ def test_what_is_put_on_another_agenda_leaves_the_first() -> None:
 
 
 def test_changing_ones_mind_often_costs_no_memory() -> None:
-    agenda: EdfQueue[Listed] = EdfQueue(itertools.count(1))
-    thing = Listed(release_s=5.0, deadline_s=6.0)
+    agenda: EdfQueue[Queued] = EdfQueue()
+    thing = Queued(release_s=5.0, deadline_s=6.0)
 
     for _ in range(10_000):
         agenda.put(thing)
@@ -82,8 +80,8 @@ def test_changing_ones_mind_often_costs_no_memory() -> None:
     )
 )
 def test_it_does_what_a_plain_list_does(steps: list[tuple[object, ...]]) -> None:
-    agenda, plain = EdfQueue[Listed](itertools.count(1)), ListAgenda[Listed](itertools.count(1))
-    pairs = [(Listed(), Listed()) for _ in range(6)]
+    agenda, plain = EdfQueue[Queued](), ListAgenda[Queued]()
+    pairs = [(Queued(), Queued()) for _ in range(6)]
     one_of = {id(one): at for at, pair in enumerate(pairs) for one in pair}
     now_s = 0.0
     for step in steps:
@@ -94,15 +92,13 @@ def test_it_does_what_a_plain_list_does(steps: list[tuple[object, ...]]) -> None
                     kept.put(thing)
             case "drop", int(at):
                 for thing in pairs[at]:
-                    thing.place = NOWHERE
+                    thing.leave()
             case _, float(at_s):
                 now_s = max(now_s, at_s)
-                seen = [
-                    None if found is None else one_of[id(found)]
-                    for kept in (agenda, plain)
-                    for found in (kept.first(now_s), kept.released(), kept.upcoming())
-                ]
-                assert seen[:3] == seen[3:]
+                found = [kept.first(now_s) for kept in (agenda, plain)]
+                seen = [None if each is None else one_of[id(each)] for each in found]
+                assert seen[0] == seen[1]
+                assert agenda.next_s() == plain.next_s()
 
 
 OUTCOMES: tuple[Outcome, ...] = (
@@ -131,7 +127,7 @@ OPERATIONS = st.lists(
 
 def follow(operations: list[tuple[object, ...]]) -> list[object]:
     """Return everything that a plan says while these operations are done."""
-    plan = Scheduler((_poll(f"{unit}/0", 0.3 * unit) for unit in range(1, 4)), seed=1)
+    plan = Scheduler((_poll(f"{unit}/0", 0.3 * unit) for unit in range(1, 4)), chance=random.Random(1))
     plan.begin(0.0)
     keys = {f"{unit}/0" for unit in range(1, 4)}
     now_s, said = 0.0, list[object]()
@@ -151,22 +147,22 @@ def follow(operations: list[tuple[object, ...]]) -> list[object]:
                 if turn is not None:
                     plan.put_back(turn, now_s + for_s)
             case "add", str(key), float(every_s) if key not in keys:
-                plan.add_poll(_poll(key, every_s), now_s)
+                plan.polls.add(_poll(key, every_s), now_s)
                 keys.add(key)
             case "remove", str(key) if key in keys:
-                plan.remove_poll(key)
+                plan.polls.remove(key)
                 keys.discard(key)
             case "set every", str(key), float(every_s) if key in keys:
-                plan.set_every(key, every_s, now_s)
+                plan.polls.set_every(key, every_s, now_s)
             case "hasten", str(key) if key in keys:
-                plan.hasten(key, now_s)
+                plan.polls.expedite(key, now_s)
             case "deadline", int(unit), float() | None as limit_s:
-                plan.set_deadline(unit, limit_s)
+                plan.polls.set_deadline(unit, limit_s)
             case "job", Priority() as lane:
-                plan.submit(Job(1, WriteRegister(1, 2), 0.01, lane, lambda outcome: None), now_s)
+                plan.jobs.submit(Job(1, WriteRegister(1, 2), 0.01, lane, lambda outcome: None), now_s)
             case ("begin",):
                 plan.begin(now_s)
-        said.append((plan.next_due_s(), plan.stretch, plan.polls()))
+        said.append((plan.next_due_s(), plan.polls.stretch, plan.polls.asked()))
     return said
 
 
@@ -184,7 +180,7 @@ def _name(turn: Slot | None) -> object:
 @given(OPERATIONS)
 def test_a_plan_does_the_same_with_plain_lists(operations: list[tuple[object, ...]]) -> None:
     with (
-        mock.patch.object(rota, "EdfQueue", ListAgenda),
+        mock.patch.object(polls, "EdfQueue", ListAgenda),
         mock.patch.object(watchdogs, "EdfQueue", ListAgenda),
     ):
         expected = follow(operations)

@@ -17,7 +17,7 @@ LIMIT_S = 0.1
 def silenced(plan: Scheduler) -> None:
     """Let the unit of the only poll go silent."""
     now_s = 0.0
-    while plan.state_of(1) is not UnitState.SILENT:
+    while plan.polls.state_of(1) is not UnitState.SILENT:
         turn = plan.pick(now_s)
         if turn is not None:
             plan.record(turn, SILENT, now_s)
@@ -29,15 +29,15 @@ def test_who_takes_a_silent_units_place_is_asked_at_once_and_is_news() -> None:
     plan.begin(0.0)
     silenced(plan)
 
-    plan.remove_poll("a")
-    plan.forget(1)
-    plan.add_poll(poll("b"), 100.0)
+    plan.polls.remove("a")
+    plan.polls.forget(1)
+    plan.polls.add(poll("b"), 100.0)
     turn = plan.pick(100.0)
 
     assert turn is not None
     assert turn.poll is not None
     assert turn.poll.key == "b"
-    assert plan.state_of(1) is UnitState.NEW
+    assert plan.polls.state_of(1) is UnitState.NEW
     assert plan.record(turn, Answered((), at_s=100.1, response_time_s=0.01), 100.1).is_answering is True
 
 
@@ -46,22 +46,22 @@ def test_a_unit_that_still_has_polls_is_not_forgotten() -> None:
     plan.begin(0.0)
     silenced(plan)
 
-    plan.forget(1)
-    plan.forget(99)  # nor is one that nobody knows
+    plan.polls.forget(1)
+    plan.polls.forget(99)  # nor is one that nobody knows
 
-    assert plan.state_of(1) is UnitState.SILENT
+    assert plan.polls.state_of(1) is UnitState.SILENT
 
 
 def test_the_watchdog_of_a_forgotten_unit_has_nobody_asked() -> None:
     plan = Scheduler([poll("a")])
     plan.begin(0.0)
-    plan.set_deadline(1, 4.0)
+    plan.polls.set_deadline(1, 4.0)
     first = plan.pick(0.0)
     assert first is not None
     plan.record(first, Answered((), at_s=0.1, response_time_s=0.01), 0.1)
 
-    plan.remove_poll("a")
-    plan.forget(1)
+    plan.polls.remove("a")
+    plan.polls.forget(1)
 
     assert plan.pick(1000.0) is None
 

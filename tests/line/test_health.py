@@ -1,25 +1,19 @@
 from __future__ import annotations
 
-import itertools
-
 import pytest
 
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.scheduler.units import TRANSITIONS, Evidence, UnitHealth, UnitState
+from gateway.line.scheduler.units import Unit, UnitState
 
 ANSWERED = Answered((1,), at_s=0.0, response_time_s=0.005)
 GARBLED = Garbled("bad CRC", b"\x01")
 
 
 def state_after(*outcomes: Outcome) -> UnitState:
-    health = UnitHealth()
+    unit = Unit(number=1)
     for outcome in outcomes:
-        health.take(outcome, 0.0)
-    return health.state
-
-
-def test_the_table_lists_every_pair() -> None:
-    assert set(TRANSITIONS) == set(itertools.product(UnitState, Evidence))
+        unit.note(outcome, sent_s=0.0, now_s=0.0)
+    return unit.state
 
 
 @pytest.mark.parametrize(
@@ -33,11 +27,9 @@ def test_the_table_lists_every_pair() -> None:
         ([ANSWERED, Silent()], UnitState.SUSPECT),
         ([ANSWERED, Silent(), ANSWERED, Silent()], UnitState.SUSPECT),
         ([Silent(), Silent(), Silent(), ANSWERED], UnitState.ANSWERING),
-        ([GARBLED], UnitState.NEW),
-        ([GARBLED, ANSWERED, GARBLED], UnitState.ANSWERING),
-        ([GARBLED, Silent(), GARBLED], UnitState.SUSPECT),
-        ([GARBLED, GARBLED], UnitState.SUSPECT),
-        ([GARBLED, GARBLED, GARBLED], UnitState.SILENT),
+        ([GARBLED], UnitState.SUSPECT),  # the first of two in a row is not noted: it is repeated
+        ([GARBLED, ANSWERED], UnitState.ANSWERING),
+        ([GARBLED, Silent()], UnitState.SILENT),
         ([Silent("port closed", is_sent=False)] * 3, UnitState.NEW),
     ],
 )
@@ -47,14 +39,13 @@ def test_a_unit_is_silent_after_two_misses_and_answers_after_one_answer(
     assert state_after(*outcomes) is state
 
 
-def test_an_expected_silence_does_not_count() -> None:
-    health = UnitHealth()
-    health.expect_silence(5.0)
-    health.expect_silence(3.0)  # does not shorten it
+def test_a_unit_is_offline_after_four_misses_unless_its_silence_is_expected() -> None:
+    unit = Unit(number=1, forgiven_until_s=5.0)
+    news = []
+    for at_s in (1.0, 2.0, 3.0, 4.0, 4.9, 5.0, 6.0):
+        assert unit.note(Silent(), sent_s=at_s, now_s=at_s) is False
+        news.append(unit.news())
 
-    signs = [health.take(Silent(), at_s) for at_s in (1.0, 2.0, 4.9)]
-
-    assert signs == [Evidence.MISS] * 3
-    assert health.state is UnitState.NEW
-    health.take(Silent(), 5.0)
-    assert health.state is UnitState.SUSPECT
+    assert news == [None, None, None, None, None, None, False]
+    assert unit.note(ANSWERED, sent_s=7.0, now_s=7.0)
+    assert unit.news() is True

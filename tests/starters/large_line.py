@@ -12,9 +12,9 @@ from typing import Any
 
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
+from gateway.line.capacity.forecast import worst_stop_latency_s
 from gateway.line.client import LineClient, post_here
 from gateway.line.line import Line
-from gateway.line.scheduler.stop_latency import worst_stop_latency_s
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil
 from gateway.records import Phase, ResultRecord, SequenceNumbers

@@ -1,1 +1,4 @@
-"""What a line can keep: load, sweep, ages, watchdogs, gaps after an outage; pure. Start at `forecast`."""
+"""What a line can keep: load, sweep, watchdogs, estimated ages, gaps after an outage; pure.
+
+Start at `forecast`.
+"""

@@ -1,7 +1,7 @@
 """Whether a line keeps its units from their watchdogs: the one rule for `check`, `set` and reload; pure.
 
-A watchdog is kept when the longest time between two requests to its unit, as `forecast` computes it, is not
-longer than the watchdog's time.
+A watchdog is kept when the longest time between two requests to its unit with commands under way, as
+`forecast` promises it, is not longer than the watchdog's time.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from gateway.line.capacity.forecast import Forecast, forecast, longest_gap_s
+from gateway.line.capacity.forecast import Forecast, forecast
 from gateway.line.scheduler.requests import Poll
 from gateway.modbus.timing import LineTiming
 
@@ -31,7 +31,7 @@ class Missed:
 def missed_in(whole: Forecast) -> tuple[Missed, ...]:
     """Return the watchdogs that a line would miss."""
     limits_s = {each.poll.unit: each.poll.deadline_s for each in whole.polls if each.poll.deadline_s}
-    gaps_s = {unit: longest_gap_s(whole, unit) for unit in limits_s}
+    gaps_s = whole.watchdog_gaps_s
     return tuple(
         Missed(unit, limit_s, gaps_s[unit], whole.watchdog_load)
         for unit, limit_s in limits_s.items()

@@ -68,9 +68,9 @@ def start_order(polls: Iterable[Poll], watchdogs_s: Mapping[int, float] | None =
 def first_request_s(
     polls: Iterable[Poll], timing: LineTiming, unit: int, *, allowance_s: float = ALLOWANCE_S
 ) -> float:
-    """Return when at the latest a unit has heard its first request after the port is open; inf for never.
+    """Return when at the latest a unit has received its first request after the port is open; inf for never.
 
-    `polls` are in the order of the start. Nobody before it may answer; commands come on top.
+    `polls` are in the order of the start. None before it may answer; commands come on top.
     """
     passed_s = timing.silence_s
     for poll in polls:

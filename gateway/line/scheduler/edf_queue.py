@@ -1,46 +1,47 @@
-"""What is due next of many things: the earliest deadline among those whose time has come.
+"""Earliest deadline first among the things whose release time has come.
 
-Two heaps with lazy deletion: what is put anew only leaves a stale record behind, so every call costs
-O(log n), however many things there are.
+Two heaps with lazy deletion: putting a thing again leaves a stale record behind; a call costs O(log n).
 """
 
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator
+import itertools
 from dataclasses import dataclass
 from math import inf
 from typing import Generic, TypeVar
 
-NOWHERE = 0
-
 _SPARE_RECORDS = 64  # stale ones that are not worth a clean-up
+_places = itertools.count(1)
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
-class Listed:
-    """One thing that can stand on an agenda, on one at a time."""
+class Queued:
+    """A thing that can wait in one queue at a time."""
 
     release_s: float = inf  # not before
     deadline_s: float = inf
-    place: int = NOWHERE  # among equals the lower is served first
+    place: int = 0  # its valid record, 0 for none; among equals the lower is served first
+
+    def leave(self) -> None:
+        """Leave the queue; nothing when it waits in none."""
+        self.place = 0
 
 
-T = TypeVar("T", bound=Listed)
+T = TypeVar("T", bound=Queued)
 
 
 class EdfQueue(Generic[T]):
-    """Things by release and deadline; `places` numbers those of all agendas that share things."""
+    """Things by release and deadline; a thing leaves by `leave`, or when it is put into another."""
 
-    def __init__(self, places: Iterator[int]) -> None:
-        self._places = places
+    def __init__(self) -> None:
         self._waiting: list[tuple[float, int, T]] = []
         self._ready: list[tuple[float, int, T]] = []
         self._clean_at = _SPARE_RECORDS
 
     def put(self, thing: T) -> None:
-        """Take a thing with its release and deadline; it leaves the agenda that it was on."""
-        thing.place = next(self._places)
+        """Queue a thing by its release and deadline; it leaves the queue it was in."""
+        thing.place = next(_places)
         heapq.heappush(self._waiting, (thing.release_s, thing.place, thing))
         if len(self._waiting) + len(self._ready) > self._clean_at:
             self._clean()
@@ -54,16 +55,13 @@ class EdfQueue(Generic[T]):
                 heapq.heappush(ready, (thing.deadline_s, place, thing))
         return _head(ready)
 
-    def released(self) -> T | None:
-        """Return what the latest `first` would return if it were called again."""
-        return _head(self._ready)
-
-    def upcoming(self) -> T | None:
-        """Return what is released next of what the latest `first` did not see released."""
-        return _head(self._waiting)
+    def next_s(self) -> float:
+        """Return the release of what `first` returns next; never later than that."""
+        thing = _head(self._ready) or _head(self._waiting)
+        return inf if thing is None else thing.release_s
 
     def _clean(self) -> None:
-        """Drop the stale records, so that changing one's mind often costs no memory."""
+        """Drop the stale records, so that putting a thing often costs no memory."""
         for heap in (self._waiting, self._ready):
             heap[:] = [record for record in heap if record[2].place == record[1]]
             heapq.heapify(heap)

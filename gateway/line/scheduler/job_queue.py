@@ -1,153 +1,100 @@
-"""The jobs that wait, each in its lane.
-
-How much of a full line's time jobs may take from the polls that are due meanwhile.
-"""
+"""The jobs that wait, by priority, and the share of the line that they may take from polls that are due."""
 
 from __future__ import annotations
 
 from collections import deque
 from dataclasses import replace
+from itertools import chain
 from math import inf
 
+from gateway.line.scheduler.budget import LineTimeBudget
 from gateway.line.scheduler.requests import Job, Priority, Slot
 
-LET_PASS = 4  # jobs of earlier lanes that one which waits lets pass; those of stops do not count
+JOBS_SHARE = 0.5  # of the line's time while polls are due, for all jobs but stops
+JOBS_BURST_S = 0.25  # of line time may be saved up: about what a start with its read-backs needs
+BACKGROUND_WEIGHT = 2  # background jobs are charged so many times their line time: they get a quarter
+OLDEST_EVERY = 4  # of so many jobs one is the oldest, whatever its priority
 SHARED_AFTER_S = 0.1  # a stop's frame that has waited so long is sent for later stops of its unit too
 
 
 class JobQueue:
-    """One queue for each lane."""
+    """One queue for each priority."""
 
     def __init__(self) -> None:
+        self._budget = LineTimeBudget(JOBS_SHARE, JOBS_BURST_S)
         self._waiting: dict[Priority, deque[Slot]] = {lane: deque() for lane in Priority}
-        self._let_pass = dict.fromkeys(Priority, 0)
-        self._held: list[tuple[float, Job, Slot]] = []  # those whose unit may not be asked before then
-
-    def __bool__(self) -> bool:
-        return any(self._waiting.values())
+        self._popped = 0
 
     def submit(self, job: Job, now_s: float) -> None:
-        """Queue a job at the end of its lane."""
-        if job.lane is not Priority.STOP or not self._ride(job, now_s):
-            turn = Slot(job.unit, job.request, job.response_time_s, now_s, job=job)
-            self._waiting[job.lane].append(turn)
+        """Queue a job behind the others of its priority.
 
-    def put_first(self, job: Job, turn: Slot) -> None:
-        """Queue a job's turn before the others of its lane."""
-        self._waiting[job.lane].appendleft(turn)
-
-    def hold(self, job: Job, turn: Slot, until_s: float) -> None:
-        """Let a job's turn wait until its unit may be asked; others pass it meanwhile."""
-        self._held.append((until_s, job, turn))
-
-    def release(self, now_s: float) -> None:
-        """Let those wait in their lane again whose unit may be asked now."""
-        if not self._held:
-            return
-        for until_s, job, turn in reversed(self._held):
-            if until_s <= now_s:
-                self.put_first(job, turn)
-        self._held = [each for each in self._held if each[0] > now_s]
-
-    def next_s(self) -> float:
-        """Return when the first of those that are held may be asked."""
-        return min((until_s for until_s, _, _ in self._held), default=inf)
-
-    def take(self, last: Priority) -> Slot | None:
-        """Take out what is next in these lanes, from `STOP` to the last."""
-        waiting = [lane for lane, turns in self._waiting.items() if turns and lane <= last]
-        if not waiting:
-            return None
-        chosen = waiting[0]
-        if chosen > Priority.FOLLOW_UP:
-            chosen = next((lane for lane in waiting if self._let_pass[lane] >= LET_PASS), chosen)
-            for lane in waiting:
-                self._let_pass[lane] = 0 if lane is chosen else self._let_pass[lane] + 1
-        return self._waiting[chosen].popleft()
+        A stop joins a frame of its unit that has waited for long and leaves later than the stop came: a group
+        that is stopped again and again costs the line one frame each, not many.
+        """
+        waiting = self._waiting[job.lane]
+        if job.lane is Priority.STOP:
+            for place, slot in enumerate(waiting):
+                is_same = (slot.unit, slot.request) == (job.unit, job.request)
+                if is_same and now_s - slot.since_s > SHARED_AFTER_S:
+                    waiting[place] = replace(slot, jobs=(*slot.jobs, job))
+                    return
+        waiting.append(Slot(job.unit, job.request, job.response_time_s, now_s, jobs=(job,)))
 
     def withdraw(self, job: Job) -> bool:
         """Take a job back; False when it is not waiting (any more)."""
-        for place, (_, held, _) in enumerate(self._held):
-            if held is job:
-                del self._held[place]
-                return True
-        turns = self._waiting[job.lane]
-        for place, turn in enumerate(turns):
-            if any(each is job for each in turn.jobs):
-                left = turn.without(job)
+        waiting = self._waiting[job.lane]
+        for place, slot in enumerate(waiting):
+            if any(each is job for each in slot.jobs):
+                left = slot.without(job)
                 if left is None:
-                    del turns[place]
+                    del waiting[place]
                 else:
-                    turns[place] = left
+                    waiting[place] = left
                 return True
         return False
 
     def clear(self) -> tuple[Job, ...]:
         """Return all waiting jobs and forget them."""
-        self.release(inf)
-        jobs = tuple(job for turns in self._waiting.values() for turn in turns for job in turn.jobs)
-        for turns in self._waiting.values():
-            turns.clear()
+        jobs = tuple(job for slot in chain(*self._waiting.values()) for job in slot.jobs)
+        for waiting in self._waiting.values():
+            waiting.clear()
         return jobs
 
-    def _ride(self, job: Job, now_s: float) -> bool:
-        """Let a frame that has waited for long be sent for this stop as well; it leaves later than this came.
+    def put_back(self, slot: Slot, until_s: float = -inf) -> None:
+        """Return a slot to the head of its queue, from `until_s` on; others pass it meanwhile."""
+        self._waiting[slot.jobs[0].lane].appendleft(replace(slot, not_before_s=until_s))
 
-        So a group of many that is stopped again and again costs the line one lap, not many.
-        """
-        turns = self._waiting[job.lane]
-        for place, turn in enumerate(turns):
-            if (turn.unit, turn.request) == (job.unit, job.request) and now_s - turn.since_s > SHARED_AFTER_S:
-                turns[place] = replace(turn, riders=(*turn.riders, job))
-                return True
-        return False
+    def next_s(self) -> float:
+        """Return from when on there is a job to send."""
+        return min((slot.not_before_s for slot in chain(*self._waiting.values())), default=inf)
 
+    def pop(self, lane: Priority, now_s: float) -> Slot | None:
+        """Take out the next job of a priority."""
+        slot = self._first(lane, now_s)
+        if slot is not None:
+            self._waiting[lane].remove(slot)
+        return slot
 
-JOBS_SHARE = 0.5  # of the line's time, for all jobs but stops
-JOBS_SAVED_S = (
-    0.5  # of line time can be saved up: a start with its read-backs needs about a third of a second
-)
-PARAMETERS_SHARE = 0.25  # for reads and settings of parameters alone, of the same time
-PARAMETERS_SAVED_S = 0.1  # a few transactions
+    def pop_command(self, now_s: float) -> Slot | None:
+        """Take out the next job that is not of a stop: by priority, now and then the oldest instead."""
+        lanes = (Priority.COMMAND, Priority.READ_BACK, Priority.PARAMETERS)
+        firsts = [slot for lane in lanes if (slot := self._first(lane, now_s)) is not None]
+        if not firsts:
+            return None
+        self._popped += 1
+        chosen = firsts[0] if self._popped % OLDEST_EVERY else min(firsts, key=lambda slot: slot.since_s)
+        self._waiting[chosen.jobs[0].lane].remove(chosen)
+        return chosen
 
+    def _first(self, lane: Priority, now_s: float) -> Slot | None:
+        return next((slot for slot in self._waiting[lane] if slot.not_before_s <= now_s), None)
 
-class BandwidthShare:
-    """A bucket of line time that fills by a share; what is used while nobody else wants the line is owed too.
+    def may_pass_polls(self, now_s: float) -> bool:
+        """Return whether jobs may take time from polls that are due."""
+        return self._budget.has_room(now_s)
 
-    No more is owed than can be saved up, so that a quiet night on the line costs nobody the morning.
-    """
-
-    def __init__(self, share: float, saved_s: float) -> None:
-        self._share = share
-        self._ahead_s = saved_s / share  # so long before it is paid for, it may be used
-        self._paid_s = -inf  # when everything used so far is paid for
-
-    def has_room(self, now_s: float) -> bool:
-        """Return whether there is something left of what was saved up."""
-        return self._paid_s - now_s < self._ahead_s
-
-    def spend(self, took_s: float, now_s: float) -> None:
-        """Take over that so much of the line was used until now."""
-        paid_s = max(self._paid_s, now_s) + took_s / self._share
-        self._paid_s = min(paid_s, now_s + 2 * self._ahead_s)
-
-
-class BandwidthShares:
-    """Which jobs may go before a poll that is due; stops, their repeats and read-backs always may."""
-
-    def __init__(self) -> None:
-        self._jobs = BandwidthShare(JOBS_SHARE, JOBS_SAVED_S)
-        self._parameters = BandwidthShare(PARAMETERS_SHARE, PARAMETERS_SAVED_S)
-
-    def last_lane(self, now_s: float) -> Priority:
-        """Return the last of the lanes that may."""
-        if not self._jobs.has_room(now_s):
-            return Priority.FOLLOW_UP
-        return Priority.PARAMETERS if self._parameters.has_room(now_s) else Priority.READ_BACK
-
-    def spend(self, lane: Priority, took_s: float, now_s: float) -> None:
-        """Take over what a job has used of the line."""
-        if lane > Priority.FOLLOW_UP:
-            self._jobs.spend(took_s, now_s)
-        if lane is Priority.PARAMETERS:
-            self._parameters.spend(took_s, now_s)
+    def charge(self, slot: Slot, took_s: float, now_s: float) -> None:
+        """Charge what a slot has used of the line to the jobs' share; stops are free."""
+        if slot.lane is not None and slot.lane > Priority.FOLLOW_UP:
+            weight = BACKGROUND_WEIGHT if slot.lane is Priority.PARAMETERS else 1
+            self._budget.spend(weight * took_s, now_s)

@@ -1,96 +1,144 @@
-"""The polls of all units, and what their units' health does to them."""
+"""The table of polls: when each is due, by its period, its unit's state and the overload factor."""
 
 from __future__ import annotations
 
-import itertools
 import random
 from math import inf
 
-from gateway.line.rtu.outcome import Garbled, Outcome
-from gateway.line.scheduler.backoff import BACK_OFF_CEILING_S, back_off_s
-from gateway.line.scheduler.edf_queue import NOWHERE
-from gateway.line.scheduler.load import LoadControl
-from gateway.line.scheduler.poll_queue import PollQueue
-from gateway.line.scheduler.requests import Poll
-from gateway.line.scheduler.units import Evidence, ScheduledPoll, Unit, UnitState
-from gateway.line.scheduler.watchdogs import Watchdogs
+from gateway.line.rtu.outcome import Garbled, Outcome, Silent
+from gateway.line.scheduler.budget import LineTimeBudget
+from gateway.line.scheduler.edf_queue import EdfQueue
+from gateway.line.scheduler.load import LoadControl, period_of
+from gateway.line.scheduler.requests import Poll, Slot
+from gateway.line.scheduler.units import ScheduledPoll, Unit, UnitState
+from gateway.line.scheduler.watchdogs import ASKED_AFTER, Watchdogs
+from gateway.modbus.adu import BROADCAST
 
-GIVING = 0.05  # of its period a poll on a busy line gives way, so that rhythms fall into gaps of their own
-PATIENCE_S = 5.0  # after the last sign of life, before a unit is asked ever less often: it may be noise
-NEIGHBOUR_S = 5.0  # units that went silent within so long probably did for one reason
+# Of the line's time, for all silent units together: with the listening for a late reply that follows each
+# silence, and is not counted here, that makes a twentieth at most.
+OFFLINE_SHARE = 0.035
+OFFLINE_BURST_S = 0.7  # of line time may be saved up: some six probes
 
 
 class PollTable:
-    """Keeps each poll's due time; a unit that does not answer is asked by its first poll only, the probe."""
+    """Keeps each poll's due time; of a silent unit only the first poll, its probe, is queued."""
 
-    def __init__(self, *, seed: int, jitter: float) -> None:
-        places = itertools.count(1)
-        self.stretch = LoadControl()
-        self.rota = PollQueue(places, self.stretch)
-        self.watchdogs = Watchdogs(places)
-        self._chance = random.Random(seed)
-        self._jitter = jitter
-        self._entries: dict[str, ScheduledPoll] = {}
+    def __init__(self, chance: random.Random) -> None:
+        self.watchdogs = Watchdogs()
+        self._load = LoadControl()
+        self._offline = LineTimeBudget(OFFLINE_SHARE, OFFLINE_BURST_S)
+        self._answering: EdfQueue[ScheduledPoll] = EdfQueue()
+        self._doubtful: EdfQueue[ScheduledPoll] = EdfQueue()  # of suspect and silent units
+        self._polls: dict[str, ScheduledPoll] = {}
         self._units: dict[int, Unit] = {}
-        self._asked: tuple[Poll, ...] | None = None
-        self._was_busy = False
+        self._chance = chance
+        self._is_after_miss = False
+
+    @property
+    def stretch(self) -> float:
+        """Return the factor by which all periods are stretched at present; 1 while the line keeps them."""
+        return self._load.factor
 
     def begin(self, now_s: float) -> None:
-        """Begin on an opened port: overdue polls are due now, once, each unit's first before the others."""
-        self.rota.begin(now_s)
-        self.stretch.recount(self._entries.values())
+        """Begin on an opened port: overdue polls are due now, and each unit's state is news again."""
         for unit in self._units.values():
-            unit.told = None
-        for entry in self._entries.values():
-            entry.is_first = entry is entry.unit.entries[0]
-            if entry.unit.is_asked(entry):
-                self._put(entry, max(entry.release_s, now_s))
+            unit.is_online = None
+            if unit.polls and not unit.is_silent:
+                self.watchdogs.begin(unit, now_s)
+        for each in self._polls.values():
+            if self._is_asked(each) and not now_s < each.deadline_s < inf:
+                each.cost_s = 0.0
+                self._put(each, now_s)
 
     def add(self, poll: Poll, now_s: float) -> None:
-        """Take a poll; ValueError when its key is taken."""
-        if poll.key in self._entries:
+        """Repeat a request from now on; ValueError when its key is taken."""
+        if poll.key in self._polls:
             raise ValueError(f"there is a poll {poll.key!r} already")
         unit = self.unit(poll.unit)
-        entry = ScheduledPoll(poll=poll, unit=unit, every_s=poll.every_s)
-        unit.entries.append(entry)
-        self._entries[poll.key] = entry
-        self._asked = None
-        if poll.deadline_s is not None:
-            self.watchdogs.set(poll.unit, poll.deadline_s)
-        self._count(entry)
-        if unit.is_asked(entry):
+        entry = self._polls[poll.key] = ScheduledPoll(poll=poll, unit=unit, every_s=poll.every_s)
+        unit.polls.append(entry)
+        self._load.change()
+        if poll.deadline_s is not None or not unit.place:
+            self.watchdogs.set(unit, unit.limit_s if poll.deadline_s is None else poll.deadline_s)
+        if self._is_asked(entry):
             self._put(entry, now_s)
 
     def remove(self, key: str) -> None:
-        """Forget a poll; KeyError when there is no such poll."""
-        entry = self._entries.pop(key)
+        """Ask no more; KeyError when there is no such poll."""
+        entry = self._polls.pop(key)
         unit = entry.unit
-        was_probe = unit.entries[0] is entry
-        unit.entries.remove(entry)
-        self._asked = None
-        self.rota.drop(entry)
-        self.stretch.count(entry, is_counted=False)
-        if unit.is_held and was_probe and unit.entries:
-            unit.entries[0].release_s = entry.release_s
-            self.rota.put(unit.entries[0])
+        was_probe = unit.is_silent and unit.polls[0] is entry
+        unit.polls.remove(entry)
+        entry.leave()
+        self._load.change()
+        if not unit.polls:
+            unit.leave()
+        elif was_probe:
+            self._put(unit.polls[0], entry.deadline_s)
 
     def set_every(self, key: str, every_s: float, now_s: float) -> None:
         """Change a poll's period; a shorter one takes effect at once. KeyError when there is no such poll."""
-        entry = self._entries[key]
+        entry = self._polls[key]
         entry.every_s = every_s
-        self._count(entry)
-        if entry.is_out or entry.unit.is_held:
-            return
-        deadline_s = entry.deadline_s
-        self._put(entry, min(entry.release_s, now_s + every_s * self.stretch.factor))
-        if every_s and deadline_s < entry.deadline_s:
-            entry.deadline_s = deadline_s
-            self.rota.put(entry)
+        self._load.change()
+        if entry.place and not entry.unit.is_silent:
+            entry.release_s = min(entry.release_s, now_s + every_s)
+            entry.deadline_s = min(entry.deadline_s, now_s + period_of(every_s) * self.stretch)
+            self._queue(entry)
 
-    def hasten(self, key: str, now_s: float) -> None:
-        """Make a poll due now, or the probe of a unit that does not answer; KeyError as above."""
-        entry = self._entries[key]
-        self._hasten(entry.unit.entries[0] if entry.unit.is_held else entry, now_s)
+    def expedite(self, key: str, now_s: float) -> None:
+        """Make a poll due now, or the probe of a unit that does not answer; KeyError when there is none."""
+        entry = self._polls[key]
+        if entry.unit.is_silent:
+            entry = entry.unit.polls[0]
+        if not entry.place:
+            entry.deadline_s = now_s  # once more after the one under way
+        elif entry.deadline_s > now_s:
+            self._put(entry, now_s)
+
+    def expedite_all(self, now_s: float) -> None:
+        """Make all polls due now, and the probes of silent units: nothing could be received till now."""
+        self._offline.fill()
+        for poll in self.asked():
+            self.expedite(poll.key, now_s)
+
+    def set_deadline(self, unit: int, limit_s: float | None) -> None:
+        """Reach a unit within its watchdog's time from now on; None or 0 when it has none."""
+        self.watchdogs.set(self.unit(unit), limit_s)
+
+    def expect_silence(self, unit: int, until_s: float) -> None:
+        """Take a unit that does not answer until then for one that restarts, not for an offline one."""
+        self.unit(unit).forgiven_until_s = max(self.unit(unit).forgiven_until_s, until_s)
+
+    def forget(self, unit: int) -> None:
+        """Know nothing of a unit any more, whose polls are removed; one that has polls stays."""
+        known = self._units.get(unit)
+        if known is not None and not known.polls:
+            known.leave()
+            del self._units[unit]
+
+    def asked(self) -> tuple[Poll, ...]:
+        """Return the polls that are asked at present: of a silent unit only the probe."""
+        return tuple(each.poll for each in self._polls.values() if self._is_asked(each))
+
+    def probe_of(self, unit: int) -> Poll | None:
+        """Return a unit's first poll; None when it has none."""
+        known = self._units.get(unit)
+        return known.polls[0].poll if known is not None and known.polls else None
+
+    def state_of(self, unit: int) -> UnitState:
+        """Return what is known of a unit."""
+        return self._units[unit].state if unit in self._units else UnitState.NEW
+
+    def watchdog_statistics(self, now_s: float) -> dict[str, float | int]:
+        """Return what the units' watchdogs need of the line, and the worst lately: 1 and more is missed."""
+        load = 0.0
+        for unit in self._units.values():
+            asked_s, periods_s = ASKED_AFTER * unit.limit_s, [period_of(each.every_s) for each in unit.polls]
+            if asked_s and unit.reached_s > -inf and periods_s and min(periods_s) * self.stretch > asked_s:
+                load += unit.polls[0].cost_s / asked_s
+        share, worst = self.watchdogs.worst(now_s)
+        return {"load": round(load, 4), "longest_share": round(share, 4), "unit": worst}
 
     def unit(self, number: int) -> Unit:
         """Return a unit, a new one when nothing was known of it."""
@@ -99,192 +147,115 @@ class PollTable:
             unit = self._units[number] = Unit(number=number)
         return unit
 
-    def forget(self, number: int) -> None:
-        """Let a unit without polls be as if it had never been asked; one with polls stays."""
-        unit = self._units.get(number)
-        if unit is not None and not unit.entries:
-            del self._units[number]
-            self.watchdogs.set(number, None)
-            self.watchdogs.rest(number)
-
-    def probe_of(self, number: int) -> Poll | None:
-        """Return a unit's first poll; None when it has none."""
-        unit = self._units.get(number)
-        return unit.entries[0].poll if unit is not None and unit.entries else None
-
-    def state_of(self, number: int) -> UnitState:
-        """Return what is known of a unit."""
-        return self._units[number].health.state if number in self._units else UnitState.NEW
-
     def entry_of(self, poll: Poll | None) -> ScheduledPoll | None:
         """Return the entry of a poll; None when it was removed, or another has its key."""
-        entry = None if poll is None else self._entries.get(poll.key)
+        entry = None if poll is None else self._polls.get(poll.key)
         return entry if entry is not None and entry.poll is poll else None
 
-    def asked(self) -> tuple[Poll, ...]:
-        """Return the polls that are asked at present."""
-        if self._asked is None:
-            self._asked = tuple(each.poll for each in self._entries.values() if each.unit.is_asked(each))
-        return self._asked
+    def first(self, now_s: float) -> ScheduledPoll | None:
+        """Return the poll that is next; after a miss those of units that answer come first."""
+        if self._is_after_miss:
+            return self._answering.first(now_s) or self._first_doubtful(now_s)
+        return self._first_doubtful(now_s) or self._answering.first(now_s)
 
-    def watchdog_load(self) -> float:
-        """Return the share of the line's time for watchdogs which the polls' own rhythm does not keep."""
-        load = 0.0
-        for number, kept_s in self.watchdogs.kept_every_s().items():
-            entries = self.unit(number).entries
-            if entries and all(not e.every_s or e.every_s * self.stretch.factor > kept_s for e in entries):
-                load += entries[0].cost_s / kept_s
-        return load
+    def next_s(self) -> float:
+        """Return when `first` or a watchdog has a poll; a little early at times, never late."""
+        return min(self._answering.next_s(), self._doubtful.next_s(), self.watchdogs.next_s())
 
-    def barking(self, now_s: float) -> ScheduledPoll | None:
-        """Return the first poll of the unit that has to be asked for its watchdog, by deadline."""
-        while (number := self.watchdogs.first(now_s)) is not None:
-            unit = self.unit(number)
-            if unit.entries:
-                return unit.entries[0]
-            self.watchdogs.rest(number)
+    def take(self, entry: ScheduledPoll, now_s: float) -> Slot:
+        """Reserve the line for a poll; `put_back` or `record` must follow."""
+        poll, since_s = entry.poll, min(max(entry.release_s, entry.deadline_s), now_s)
+        entry.leave()
+        entry.deadline_s = inf
+        return Slot(poll.unit, poll.request, poll.response_time_s, since_s, poll=poll)
+
+    def put_back(self, slot: Slot, until_s: float) -> None:
+        """Give a reservation up; the unit may not be asked before `until_s`."""
+        entry = self.entry_of(slot.poll)
+        if entry is not None:
+            self.watchdogs.hold(entry.unit, until_s)
+            self._put(entry, max(min(slot.since_s, entry.deadline_s), until_s))
+
+    def record(
+        self, slot: Slot, outcome: Outcome, *, sent_s: float, took_s: float, now_s: float, is_repeated: bool
+    ) -> bool | None:
+        """Learn what became of a slot, and plan on; return whether its unit is online when that is new."""
+        entry = self.entry_of(slot.poll)
+        is_in_rhythm = entry is not None and not entry.unit.is_silent
+        self._load.update(self._polls.values(), others_s=0.0 if is_in_rhythm else took_s, now_s=now_s)
+        if slot.unit == BROADCAST:
+            return None
+        unit = self.unit(slot.unit)
+        before, was_silent = unit.misses, unit.is_silent
+        is_retried = is_repeated and isinstance(outcome, Garbled)
+        is_answer = None if is_retried else unit.note(outcome, sent_s=sent_s, now_s=now_s)
+        self._is_after_miss = is_answer is False
+        if is_answer:
+            self.watchdogs.reached(unit, sent_s)
+        elif is_answer is False or (entry is not None and not is_repeated):
+            self.watchdogs.missed(unit, now_s)
+        if was_silent and slot.poll is not None and not is_answer and not unit.is_fading(now_s):
+            self._offline.spend(took_s, now_s)
+        if unit.misses != before:
+            self._regroup(unit, now_s, was_silent=was_silent)
+        if entry is not None and not is_repeated:
+            self._plan_next(entry, slot, now_s, cost_s=0.0 if isinstance(outcome, Silent) else took_s)
+        return unit.news()
+
+    def _regroup(self, unit: Unit, now_s: float, *, was_silent: bool) -> None:
+        """Queue a unit's polls as its state demands; when it is back, the other silent ones may be, too."""
+        if unit.is_silent and not was_silent:
+            for each in unit.polls:
+                each.leave()
+                each.deadline_s = inf
+            if unit.polls:
+                self._put_probe(unit, now_s)
+        elif was_silent and not unit.is_silent:
+            for each in unit.polls:
+                self._put(each, now_s)
+            for other in self._units.values():
+                if other.is_silent and other.polls:
+                    self.expedite(other.polls[0].poll.key, now_s)
+        elif not unit.is_silent:
+            for each in unit.polls:
+                if each.place:
+                    self._queue(each)
+
+    def _plan_next(self, entry: ScheduledPoll, slot: Slot, now_s: float, *, cost_s: float) -> None:
+        """Keep a poll's rhythm; its phase is left to chance once, when it was answered for the first time."""
+        if entry.unit.is_silent:
+            if entry is entry.unit.polls[0]:
+                self._put_probe(entry.unit, now_s)
+            return
+        is_expedited = entry.deadline_s < inf and not entry.place
+        period_s = period_of(entry.every_s) * self.stretch
+        if cost_s:
+            if not entry.cost_s:
+                period_s *= self._chance.random() if entry.every_s and self.stretch == 1.0 else 1.0
+                self._load.change()
+            entry.cost_s = cost_s
+        entry.deadline_s = now_s if is_expedited else max(slot.since_s + period_s, now_s)
+        entry.release_s = min(max(slot.since_s + entry.every_s, now_s), entry.deadline_s)
+        self._queue(entry)
+
+    def _put_probe(self, unit: Unit, now_s: float) -> None:
+        self._put(unit.polls[0], now_s + unit.pause_s(now_s) * self._chance.uniform(0.9, 1.1))
+
+    def _first_doubtful(self, now_s: float) -> ScheduledPoll | None:
+        while (entry := self._doubtful.first(now_s)) is not None:
+            unit = entry.unit
+            if not unit.is_silent or unit.is_fading(now_s) or self._offline.has_room(now_s):
+                return entry
+            entry.release_s = self._offline.room_at_s()
+            self._queue(entry)
         return None
 
-    def take(self, entry: ScheduledPoll, now_s: float, *, for_watchdog: bool) -> None:
-        """Take out the poll that is asked now, in its rhythm or only because its unit's watchdog needs it."""
-        gives_s = GIVING * entry.every_s if self._was_busy and self.stretch.factor == 1.0 else 0.0
-        entry.rhythm_s = min(entry.release_s + gives_s, now_s)
-        if for_watchdog is not entry.is_watchdogs:
-            entry.is_watchdogs = for_watchdog
-            self._count(entry)
-        self.rota.take(entry, now_s)
-        entry.was_hastened, entry.was_first = entry.is_hastened, entry.is_first
-        entry.is_hastened = entry.is_first = False
-
-    def put_back(self, entry: ScheduledPoll, until_s: float) -> None:
-        """Let a poll wait until its unit may be asked."""
-        entry.release_s = entry.soonest_s = until_s
-        entry.deadline_s = max(entry.deadline_s, until_s)
-        entry.is_hastened, entry.is_first = entry.is_hastened or entry.was_hastened, entry.was_first
-        self.rota.put(entry)
-
-    def plan_next(self, entry: ScheduledPoll, now_s: float) -> None:
-        """Keep a poll's rhythm after its turn, or as much of it as the line has time for."""
-        unit = entry.unit
-        if self.stretch.is_busy is not self._was_busy:
-            self._reorder()
-        if unit.is_held:
-            if entry is unit.entries[0] and entry.place == NOWHERE:
-                self._put(entry, now_s + unit.pace_s)
-        elif entry.is_hastened:
-            self._put(entry, now_s)
-        else:
-            due_s = max(entry.rhythm_s + entry.every_s * self.stretch.factor, now_s)
-            self._put(entry, due_s)
-            entry.soonest_s = min(max(entry.rhythm_s + entry.every_s, now_s), due_s)
-
-    def learn(self, unit: Unit, outcome: Outcome, *, poll: Poll | None, since_s: float, now_s: float) -> None:
-        """Move a unit's health on after a turn that began at `since_s` and held the line until now."""
-        was_silent, was_suspect = unit.is_silent, unit.is_suspect
-        sign = unit.health.take(outcome, now_s)
-        self.rota.is_after_silence = sign is Evidence.MISS
-        if sign is Evidence.ANSWER:
-            unit.misses = 0
-            unit.patient_until_s = now_s + PATIENCE_S
-            self.watchdogs.heard(unit.number, since_s)
-            self._release(unit, poll, now_s)
-            if was_silent:
-                self._wake_neighbours(unit, now_s)
-        else:
-            self.watchdogs.tried(unit.number, now_s)
-            if unit.is_held and poll is not None and since_s >= unit.patient_until_s:
-                self.rota.budget.spend(now_s - since_s, now_s)
-        if sign is Evidence.MISS:
-            unit.misses += 0 if unit.health.is_forgiven(now_s) else 1
-            if not was_suspect and not was_silent:
-                unit.missed_s = now_s
-            unit.miss_cost_s = now_s - since_s
-            if isinstance(outcome, Garbled):
-                unit.probes, unit.patient_until_s = 0, now_s + PATIENCE_S
-            self._miss(unit, now_s, is_probe=poll is not None or not was_silent)
-        if unit.is_suspect is not was_suspect and not unit.is_held:
-            for entry in unit.entries:
-                if not entry.is_out:
-                    self.rota.put(entry)
-
-    def _miss(self, unit: Unit, now_s: float, *, is_probe: bool) -> None:
-        if unit.health.is_forgiven(now_s):
-            self._hold(unit, now_s + unit.pace_s)
-        elif unit.is_silent and is_probe:
-            # It may well hear us, and only its replies be lost: its watchdog is not to act.
-            ceiling_s = min(BACK_OFF_CEILING_S, self.watchdogs.retry_s(unit.number))
-            pause_s = back_off_s(
-                unit.pace_s, unit.probes, jitter=self._jitter, chance=self._chance, ceiling_s=ceiling_s
-            )
-            if now_s >= unit.patient_until_s:
-                unit.probes += 1
-            self._hold(unit, now_s + pause_s)
-
-    def _hold(self, unit: Unit, probe_due_s: float) -> None:
-        """Ask only the unit's first poll, and that at its time."""
-        if not unit.is_held:
-            unit.is_held, self._asked = True, None
-        self.watchdogs.rest(unit.number)
-        for entry in unit.entries:
-            self.rota.drop(entry)
-            entry.release_s, entry.is_hastened = inf, False
-            self._count(entry)
-        if unit.entries:
-            self._put(unit.entries[0], probe_due_s)
-
-    def _release(self, unit: Unit, poll: Poll | None, now_s: float) -> None:
-        """Ask everything of a unit that answers again; the poll that was answered keeps its own time."""
-        unit.probes = 0
-        if not unit.is_held:
-            return
-        unit.is_held, self._asked = False, None
-        for entry in unit.entries:
-            self._count(entry)
-            if entry.poll is not poll:
-                self._put(entry, min(entry.release_s, now_s))
-
-    def _wake_neighbours(self, unit: Unit, now_s: float) -> None:
-        """Ask those next that went silent at about the same time, once."""
-        near_s = max(NEIGHBOUR_S, 2 * unit.pace_s)
-        for other in self._units.values():
-            is_near = other.is_silent and abs(other.missed_s - unit.missed_s) <= near_s
-            if is_near and other.entries and other.woken_s < now_s - NEIGHBOUR_S:
-                other.woken_s = now_s
-                self._hasten(other.entries[0], now_s)
-
-    def _hasten(self, entry: ScheduledPoll, now_s: float) -> None:
-        is_next = entry.release_s <= now_s and (entry.is_hastened or not entry.unit.is_held)
-        entry.is_hastened = True
-        if entry.is_out or is_next:
-            return
-        entry.release_s = entry.soonest_s = now_s  # its rhythm begins anew
-        entry.deadline_s = min(entry.deadline_s, self._deadline_s(entry))
-        self.rota.put(entry)
+    def _is_asked(self, entry: ScheduledPoll) -> bool:
+        return not entry.unit.is_silent or entry is entry.unit.polls[0]
 
     def _put(self, entry: ScheduledPoll, due_s: float) -> None:
-        """Let a poll wait for its time."""
-        entry.release_s = entry.soonest_s = due_s
-        entry.deadline_s = self._deadline_s(entry)
-        self.rota.put(entry)
+        entry.release_s = entry.deadline_s = due_s
+        self._queue(entry)
 
-    def _deadline_s(self, entry: ScheduledPoll) -> float:
-        """Return by when a poll is to be asked: a period after it is due; on a busy line when it is due.
-
-        By due time each of the others goes first once at most, whenever and however often it is hastened.
-        """
-        if entry.is_first:
-            return entry.release_s
-        if not entry.every_s:
-            return inf
-        return entry.release_s if self._was_busy else entry.release_s + entry.every_s
-
-    def _reorder(self) -> None:
-        """Put the polls in the order of a line that has become busy, or has time to spare again."""
-        self._was_busy = self.stretch.is_busy
-        for entry in self._entries.values():
-            if entry.every_s and not entry.is_out and not entry.unit.is_held:
-                entry.deadline_s = self._deadline_s(entry)
-                self.rota.put(entry)
-
-    def _count(self, entry: ScheduledPoll) -> None:
-        self.stretch.count(entry, is_counted=not entry.unit.is_held and not entry.is_watchdogs)
+    def _queue(self, entry: ScheduledPoll) -> None:
+        (self._doubtful if entry.unit.misses else self._answering).put(entry)

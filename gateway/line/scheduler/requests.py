@@ -1,7 +1,4 @@
-"""What is asked of a line: polls that come again and again, and jobs that are done once.
-
-What the plan hands out, and what it makes of the outcome.
-"""
+"""What is asked of a line: polls that come again and again, and jobs that are done once."""
 
 from __future__ import annotations
 
@@ -17,22 +14,18 @@ from gateway.modbus.pdu import Request
 
 
 class Priority(enum.IntEnum):
-    """The order in which waiting jobs are served: the lowest first; polls come after all lanes.
-
-    The two lanes of stops go before everything; of the others none keeps a later one waiting for ever, nor
-    jobs the polls of a full line.
-    """
+    """The order of jobs, the lowest first."""
 
     STOP = 0  # the first frames of stops
     FOLLOW_UP = 1  # repeats and read-backs of stops
     COMMAND = 2  # what makes motors move
     READ_BACK = 3  # whether they did, and who a starter is
-    PARAMETERS = 4  # reads and settings on demand, and what we look after of our own accord: what can wait
+    PARAMETERS = 4  # background: reads and settings on demand, and what the gateway looks after by itself
 
 
 @dataclass(frozen=True, slots=True)
 class Poll:
-    """A request that is repeated for ever."""
+    """A request that is repeated as long as the line is served."""
 
     key: str  # unique on the line
     unit: int  # 1..247
@@ -40,9 +33,11 @@ class Poll:
     every_s: float  # 0 = as often as the line allows
     response_time_s: float  # the starter's longest time from the request's end to the reply's first byte
     response_floor_s: float | None = None  # what was learnt may shorten that down to this; None = not at all
-    deadline_s: float | None = None  # its unit's watchdog: the longest time unheard; None or 0: none
-    group: str = ""  # whose values it reads, for those who read its figures
-    is_urgent: bool = False  # an answer that says something else than the one before is told at once
+    deadline_s: float | None = (
+        None  # its unit's watchdog: the longest time without a request; None or 0: none
+    )
+    group: str = ""  # whose values it reads, for the statistics
+    is_urgent: bool = False  # an answer that differs from the one before is published at once
     # Other reads that say the same as one of this unit; called on the line's loop.
     alternates_of: Callable[[Request], tuple[Alternate, ...]] = field(default=lambda _: (), compare=False)
 
@@ -66,26 +61,26 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """One request that the plan has chosen; exactly one of `poll` and `job` is set."""
+    """One request that the scheduler has chosen, a reservation until it is sent: for a poll, or for jobs."""
 
     unit: int
     request: Request
     response_time_s: float
-    since_s: float  # when the poll was due or the job submitted
+    since_s: float  # when the poll was due or the first job submitted
     poll: Poll | None = None
-    job: Job | None = None
-    is_repetition: bool = False  # the reply to the first attempt was garbled
-    riders: tuple[Job, ...] = ()  # further jobs for which this one request is sent
+    jobs: tuple[Job, ...] = ()  # a stop's frame may be sent for several
+    is_repetition: bool = False  # the reply to the first attempt was corrupted
+    not_before_s: float = -inf  # the jobs' unit may not be asked before then
 
     @property
-    def jobs(self) -> tuple[Job, ...]:
-        """Return the jobs that end with this turn."""
-        return () if self.job is None else (self.job, *self.riders)
+    def job(self) -> Job | None:
+        """Return the first of the jobs."""
+        return self.jobs[0] if self.jobs else None
 
     @property
     def lane(self) -> Priority | None:
-        """Return the job's lane; None for a poll."""
-        return None if self.job is None else self.job.lane
+        """Return the jobs' priority; None for a poll."""
+        return self.jobs[0].lane if self.jobs else None
 
     @property
     def is_stop(self) -> bool:
@@ -93,14 +88,14 @@ class Slot:
         return self.lane is Priority.STOP or (self.lane is Priority.FOLLOW_UP and self.request.is_write)
 
     def without(self, job: Job) -> Slot | None:
-        """Return what is left when a job is taken back; None when it was the only one."""
+        """Return what is left when a job is withdrawn; None when it was the only one."""
         left = tuple(each for each in self.jobs if each is not job)
-        return replace(self, job=left[0], riders=left[1:]) if left else None
+        return replace(self, jobs=left) if left else None
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What an outcome means beyond its own turn."""
+    """What an outcome means beyond its own slot."""
 
-    is_final: bool  # False: the request is repeated, or its poll is gone; nobody is told
+    is_final: bool  # False: the request is sent again, or its poll was removed; nothing is published
     is_answering: bool | None = None  # the unit's new state when that has just changed

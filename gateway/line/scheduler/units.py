@@ -1,6 +1,11 @@
-"""The units of a line with their polls, as the plan keeps them.
+"""The units of a line: whether they answer, and their polls.
 
-Whether a unit answers: one state machine, told of each outcome.
+| misses in a row | state | asked | reported |
+|---|---|---|---|
+| 0 | NEW, ANSWERING after the first answer | all polls | online |
+| 1 | SUSPECT | all polls, after a unit that answers | as before |
+| 2, 3 | SILENT | the first poll, the probe, with back-off | as before |
+| 4 and more | SILENT | the same | offline |
 """
 
 from __future__ import annotations
@@ -8,158 +13,102 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass, field
 from math import inf
-from typing import assert_never
 
-from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.scheduler.backoff import BACK_OFF_FLOOR_S
-from gateway.line.scheduler.edf_queue import Listed
+from gateway.line.rtu.outcome import Answered, Outcome, Refused, Silent
+from gateway.line.scheduler.edf_queue import Queued
 from gateway.line.scheduler.requests import Poll
 
-_GARBLED_THAT_MISS = 2  # a single garbled reply is the line's fault more often than the unit's
+SILENT_AFTER = 2  # misses: where 5 % of the replies are lost this happens every few minutes,
+OFFLINE_AFTER = 4  # and this hardly ever
+PROBE_FLOOR_S = 1.0  # between two probes of a silent unit at least
+PROBE_CEILING_S = 16.0  # and at most
+FADING_S = 5.0  # after anything was received: its silence may be noise, and is not counted as offline
 
 
 class UnitState(enum.Enum):
     """What is known of a unit."""
 
-    NEW = "new"  # never answered, never missed
+    NEW = "new"
     ANSWERING = "answering"
-    SUSPECT = "suspect"  # missed once
+    SUSPECT = "suspect"
     SILENT = "silent"
 
 
-class Evidence(enum.Enum):
-    """What an outcome says of the unit's life."""
-
-    ANSWER = "answer"
-    MISS = "miss"
-
-
-TRANSITIONS = {
-    (UnitState.NEW, Evidence.ANSWER): UnitState.ANSWERING,
-    (UnitState.NEW, Evidence.MISS): UnitState.SUSPECT,
-    (UnitState.ANSWERING, Evidence.ANSWER): UnitState.ANSWERING,
-    (UnitState.ANSWERING, Evidence.MISS): UnitState.SUSPECT,
-    (UnitState.SUSPECT, Evidence.ANSWER): UnitState.ANSWERING,
-    (UnitState.SUSPECT, Evidence.MISS): UnitState.SILENT,
-    (UnitState.SILENT, Evidence.ANSWER): UnitState.ANSWERING,
-    (UnitState.SILENT, Evidence.MISS): UnitState.SILENT,
-}
-
-
-class UnitHealth:
-    """The state of one unit, moved by outcomes."""
-
-    def __init__(self) -> None:
-        self.state = UnitState.NEW
-        self._garbled_in_row = 0
-        self._forgiven_until_s = float("-inf")
-
-    def expect_silence(self, until_s: float) -> None:
-        """Count no misses until then."""
-        self._forgiven_until_s = max(self._forgiven_until_s, until_s)
-
-    def is_forgiven(self, now_s: float) -> bool:
-        """Return whether misses do not count now."""
-        return now_s < self._forgiven_until_s
-
-    def take(self, outcome: Outcome, now_s: float) -> Evidence | None:
-        """Move on by one outcome; return what it said of the unit, None when nothing.
-
-        A miss in a time of expected silence is returned, but does not count.
-        """
-        sign = self._sign_of(outcome)
-        if sign is None or (sign is Evidence.MISS and self.is_forgiven(now_s)):
-            return sign
-        self.state = TRANSITIONS[self.state, sign]
-        return sign
-
-    def _sign_of(self, outcome: Outcome) -> Evidence | None:
-        match outcome:
-            case Answered() | Refused():
-                self._garbled_in_row = 0
-                return Evidence.ANSWER
-            case Silent(is_sent=is_sent):
-                self._garbled_in_row = 0
-                return Evidence.MISS if is_sent else None
-            case Garbled():
-                self._garbled_in_row += 1
-                return Evidence.MISS if self._garbled_in_row >= _GARBLED_THAT_MISS else None
-            case _:
-                assert_never(outcome)
-
-
-# Two misses in a row let a unit be asked by its probe alone, which happens every few minutes where 5 % of the
-# replies are lost. So many in a row are a unit that is lost, and not replies that are.
-LOST_AFTER_MISSES = 4
-GUESSED_COST_S = 0.03  # of a poll that has not been answered yet
-
-
 @dataclass(slots=True, eq=False, kw_only=True)
-class ScheduledPoll(Listed):
-    """One poll and when it is due; `release_s` is that time, `deadline_s` when it should have been asked."""
+class ScheduledPoll(Queued):
+    """A poll; due at its deadline, a stretched period after the one before, and never before its release."""
 
     poll: Poll
     unit: Unit
     every_s: float
-    soonest_s: float = -inf  # due without any stretching: an idle line may ask it from then on
-    rhythm_s: float = -inf  # from which its next due time is counted
-    is_out: bool = False  # under way, or about to be repeated
-    is_hastened: bool = False  # asked for at once; or once more, while it is out
-    is_repetition: bool = False
-    is_first: bool = False  # of its unit, and not asked since the port was opened
-    was_hastened: bool = False  # the same two before it was taken out
-    was_first: bool = False
-    is_watchdogs: bool = False  # asked for its unit's watchdog more often than in its own rhythm
-    cost_s: float = GUESSED_COST_S  # of the line's time
-    is_measured: bool = False
-    is_counted: bool = False  # in what the line is asked for
-    load: float = 0.0  # share of the line's time, as counted at present
-    is_free: bool = False  # counted as one without a period
+    cost_s: float = 0.0  # of the line's time, the last time; 0 before the first answer
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
-class Unit:
-    """One unit's polls; while it is held only the first of them, the probe, is asked."""
+class Unit(Queued):
+    """One unit; `release_s` and `deadline_s` are those of the next request that its watchdog needs."""
 
     number: int
-    health: UnitHealth = field(default_factory=UnitHealth)
-    entries: list[ScheduledPoll] = field(default_factory=list)
-    is_held: bool = False
-    probes: int = 0  # without an answer since it went silent
-    patient_until_s: float = -inf  # from the latest reply on, spoilt or not: until then it is no dead unit
-    woken_s: float = -inf  # for a neighbour that answered
-    missed_s: float = -inf  # the first miss of those in a row
-    miss_cost_s: float = 0.0
+    polls: list[ScheduledPoll] = field(default_factory=list)
     misses: int = 0  # in a row
-    told: bool | None = None  # whether it answers, as last returned by `news`
+    was_received: bool = False  # anything ever, corrupted or not
+    is_online: bool | None = None  # as last reported
+    received_s: float = -inf  # when that was last; before it, when it was asked first
+    forgiven_until_s: float = -inf  # it restarts: until then it is not taken for offline
+    limit_s: float = 0.0  # its watchdog's time; 0: none is known
+    reached_s: float = -inf  # before the latest answered request was sent; -inf: it is silent
 
     @property
     def is_silent(self) -> bool:
-        """Return whether it has gone silent."""
-        return self.health.state is UnitState.SILENT
+        """Return whether only its probe is asked."""
+        return self.misses >= SILENT_AFTER
 
     @property
-    def is_suspect(self) -> bool:
-        """Return whether it has missed once."""
-        return self.health.state is UnitState.SUSPECT
+    def state(self) -> UnitState:
+        """Return the state that follows from the misses."""
+        if self.misses:
+            return UnitState.SILENT if self.is_silent else UnitState.SUSPECT
+        return UnitState.ANSWERING if self.was_received else UnitState.NEW
 
-    @property
-    def pace_s(self) -> float:
-        """Return how often it is asked, at most, while it does not answer but is not given up."""
-        return max(self.entries[0].every_s if self.entries else 0.0, BACK_OFF_FLOOR_S)
-
-    def is_asked(self, entry: ScheduledPoll) -> bool:
-        """Return whether one of its polls is asked at present."""
-        return not self.is_held or entry is self.entries[0]
+    def note(self, outcome: Outcome, *, sent_s: float, now_s: float) -> bool | None:
+        """Return True for an answer, False for a miss, None when an outcome says nothing of the unit."""
+        if isinstance(outcome, Silent) and not outcome.is_sent:
+            return None
+        if not isinstance(outcome, Silent):
+            self.was_received, self.received_s = True, now_s
+        elif self.received_s == -inf:
+            self.received_s = sent_s
+        if isinstance(outcome, Answered | Refused):
+            self.misses = 0
+            return True
+        self.misses += 1
+        if now_s < self.forgiven_until_s:
+            self.misses = min(self.misses, SILENT_AFTER)
+        return False
 
     def news(self) -> bool | None:
-        """Return whether the unit answers when that is not what was told before; None for nothing new."""
-        is_answering = self.told
-        if self.health.state is UnitState.ANSWERING:
-            is_answering = True
-        elif self.health.state is UnitState.SILENT and self.misses >= LOST_AFTER_MISSES:
-            is_answering = False
-        if is_answering is self.told:
+        """Return whether the unit is online when that differs from the last report; None for nothing new."""
+        is_online = self.is_online
+        if self.was_received and not self.misses:
+            is_online = True
+        elif self.misses >= OFFLINE_AFTER:
+            is_online = False
+        if is_online is self.is_online:
             return None
-        self.told = is_answering
-        return is_answering
+        self.is_online = is_online
+        return is_online
+
+    def is_fading(self, now_s: float) -> bool:
+        """Return whether something was received from a unit only just now, corrupted or not."""
+        return self.was_received and now_s < self.received_s + FADING_S
+
+    def pause_s(self, now_s: float) -> float:
+        """Return how long a silent unit is left: as long as it has been silent, within bounds.
+
+        It may receive what is sent, and only its replies be lost: then its watchdog is not to act.
+        """
+        least_s = max(self.polls[0].every_s if self.polls else 0.0, PROBE_FLOOR_S)
+        most_s = min(PROBE_CEILING_S, self.limit_s / 8 or inf)
+        if now_s < self.forgiven_until_s:
+            return least_s
+        return min(max(now_s - self.received_s, least_s), max(most_s, least_s))

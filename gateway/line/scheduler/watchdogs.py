@@ -1,134 +1,83 @@
-"""The communication watchdogs of the units: hard deadlines for their next valid telegram.
+"""Which unit must be asked next for the sake of its communication watchdog: hard deadlines, earliest first.
 
-Any request that a unit answered has reached it, so it counts, whatever it was for. Half of a watchdog's time
-may pass; then the unit is asked before everything but stops, which leaves the other half for a queue of other
-such units and for one lost reply.
+Any answered request has reached its unit, whatever it was for. Half of a watchdog's time may pass; then the
+unit is asked before jobs and polls, which leaves the other half for the queue and for one lost reply. A unit
+that has not been asked since the port was opened counts as due: its watchdog may be running.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
 from math import inf
 
-from gateway.line.scheduler.edf_queue import NOWHERE, EdfQueue, Listed
+from gateway.line.scheduler.edf_queue import EdfQueue
+from gateway.line.scheduler.units import Unit
 
-KEPT_SHARE = 0.5  # of a watchdog's time may pass before its unit is asked ahead of its turn
-_RETRY_SHARE = 0.25  # of it passes after an attempt that was not answered
-_PROBE_SHARE = 0.125  # of it passes between two attempts, at most, once it no longer answers
-_WORST_OF_S = 60.0  # the worst is that of the last so many seconds at least, of twice as many at most
+ASKED_AFTER = 0.5  # of a watchdog's time
 
-
-@dataclass(slots=True, eq=False, kw_only=True)
-class _Watchdog(Listed):
-    unit: int
-    limit_s: float
-    heard_s: float = -inf  # when the latest request that reached the unit had not yet been sent
-    tried_s: float = -inf
-    barred_until_s: float = -inf
-    is_resting: bool = True
-
-    def schedule(self) -> None:
-        self.release_s = max(
-            self.heard_s + KEPT_SHARE * self.limit_s,
-            self.tried_s + _RETRY_SHARE * self.limit_s,
-            self.barred_until_s,
-        )
-        self.deadline_s = self.heard_s + self.limit_s
+_RETRIED_AFTER = 0.25  # of it, after a request that was not answered
+_WORST_OVER_S = 60.0  # the worst is that of the last so many seconds at least, of twice as many at most
 
 
 class Watchdogs:
-    """Which unit has to be asked, the earliest deadline first."""
+    """The deadlines of all units that answer."""
 
-    def __init__(self, places: Iterator[int]) -> None:
-        self._agenda: EdfQueue[_Watchdog] = EdfQueue(places)
-        self._watchdogs: dict[int, _Watchdog] = {}
-        self._heard_s: dict[
-            int, float
-        ] = {}  # of every unit that answers, also without a watchdog that is known
+    def __init__(self) -> None:
+        self._queue: EdfQueue[Unit] = EdfQueue()
         self._worst = self._worst_before = (0.0, 0)  # share of its time that a unit was left, and the unit
         self._worst_since_s = -inf
 
-    def set(self, unit: int, limit_s: float | None) -> None:
-        """Take over a unit's watchdog, None or 0 for none; it has counted since the unit was reached last."""
-        old = self._watchdogs.pop(unit, None)
-        if old is not None:
-            old.place = NOWHERE
-        if not limit_s:
-            return
-        new = self._watchdogs[unit] = _Watchdog(unit=unit, limit_s=limit_s)
-        if old is not None and not old.is_resting:
-            new.heard_s, new.tried_s, new.barred_until_s = old.heard_s, old.tried_s, old.barred_until_s
-            new.is_resting = False
-            self._put(new)
-        elif unit in self._heard_s:
-            new.heard_s, new.is_resting = self._heard_s[unit], False
-            self._put(new)
+    def begin(self, unit: Unit, now_s: float) -> None:
+        """Have a unit asked at once: the port has just been opened."""
+        unit.release_s, unit.deadline_s = now_s, now_s + (unit.limit_s or inf)
+        self._queue.put(unit)
 
-    def heard(self, unit: int, at_s: float) -> None:
-        """Take over that a unit was reached by a request sent after `at_s`."""
-        self._heard_s[unit] = at_s
-        watchdog = self._watchdogs.get(unit)
-        if watchdog is None:
-            return
-        left_s, watchdog.heard_s = at_s - watchdog.heard_s, at_s
-        if watchdog.is_resting:
-            watchdog.is_resting = False
-            self._put(watchdog)
-        elif left_s > self._worst[0] * watchdog.limit_s:
-            self._worst = (left_s / watchdog.limit_s, unit)
+    def set(self, unit: Unit, limit_s: float | None) -> None:
+        """Record a unit's watchdog, None or 0 for none; it runs since the unit was reached last."""
+        unit.limit_s = limit_s or 0.0
+        if unit.reached_s == -inf and unit.place:
+            self.begin(unit, unit.release_s)
+        else:
+            self._put(unit)
 
-    def tried(self, unit: int, at_s: float) -> None:
-        """Take over that a unit was asked in vain."""
-        watchdog = self._watchdogs.get(unit)
-        if watchdog is not None:
-            watchdog.tried_s = at_s
+    def reached(self, unit: Unit, at_s: float) -> None:
+        """Record that a unit was reached by a request sent at `at_s`."""
+        left_s, unit.reached_s = at_s - unit.reached_s, at_s
+        if unit.limit_s and self._worst[0] * unit.limit_s < left_s < inf:
+            self._worst = (left_s / unit.limit_s, unit.number)
+        self._put(unit)
 
-    def bar(self, unit: int, until_s: float) -> None:
-        """Take over that a unit cannot be asked before then."""
-        watchdog = self._watchdogs.get(unit)
-        if watchdog is not None:
-            watchdog.barred_until_s = until_s
+    def missed(self, unit: Unit, now_s: float) -> None:
+        """Record that a unit did not answer: it is asked again soon, a silent one only by its probe."""
+        if unit.is_silent:
+            unit.reached_s = -inf
+        self._put(unit, now_s + _RETRIED_AFTER * unit.limit_s)
 
-    def rest(self, unit: int) -> None:
-        """Keep nothing for a unit that does not answer, until it is heard again."""
-        self._heard_s.pop(unit, None)
-        watchdog = self._watchdogs.get(unit)
-        if watchdog is not None:
-            watchdog.is_resting, watchdog.place = True, NOWHERE
+    def hold(self, unit: Unit, until_s: float) -> None:
+        """Record that a unit may not be asked before then."""
+        if unit.place:
+            unit.release_s = max(unit.release_s, until_s)
+            self._queue.put(unit)
 
-    def retry_s(self, unit: int) -> float:
-        """Return how soon to ask a silent unit again that may still hear us; infinite without a watchdog."""
-        watchdog = self._watchdogs.get(unit)
-        return inf if watchdog is None else _PROBE_SHARE * watchdog.limit_s
-
-    def kept_every_s(self) -> dict[int, float]:
-        """Return by unit that is kept from its watchdog how often it has to be asked for that."""
-        return {
-            unit: KEPT_SHARE * each.limit_s for unit, each in self._watchdogs.items() if not each.is_resting
-        }
-
-    def worst(self, now_s: float) -> tuple[float, int]:
-        """Return the largest share of its watchdog's time that a unit was left lately, and which unit."""
-        if now_s - self._worst_since_s >= _WORST_OF_S:
-            self._worst_before = self._worst if now_s - self._worst_since_s < 2 * _WORST_OF_S else (0.0, 0)
-            self._worst, self._worst_since_s = (0.0, 0), now_s
-        return max(self._worst, self._worst_before)
-
-    def first(self, now_s: float) -> int | None:
+    def first(self, now_s: float) -> Unit | None:
         """Return the unit that has to be asked now."""
-        while (watchdog := self._agenda.first(now_s)) is not None:
-            watchdog.schedule()
-            if watchdog.release_s <= now_s:
-                return watchdog.unit
-            self._agenda.put(watchdog)  # it has been reached meanwhile
-        return None
+        while (unit := self._queue.first(now_s)) is not None and not unit.polls:
+            unit.leave()
+        return unit
 
     def next_s(self) -> float:
         """Return when `first` may return a unit; not later than it does."""
-        due = self._agenda.released() or self._agenda.upcoming()
-        return inf if due is None else due.release_s
+        return self._queue.next_s()
 
-    def _put(self, watchdog: _Watchdog) -> None:
-        watchdog.schedule()
-        self._agenda.put(watchdog)
+    def worst(self, now_s: float) -> tuple[float, int]:
+        """Return the largest share of its watchdog's time that a unit was left lately, and which unit."""
+        if now_s - self._worst_since_s >= _WORST_OVER_S:
+            self._worst_before = self._worst if now_s - self._worst_since_s < 2 * _WORST_OVER_S else (0.0, 0)
+            self._worst, self._worst_since_s = (0.0, 0), now_s
+        return max(self._worst, self._worst_before)
+
+    def _put(self, unit: Unit, not_before_s: float = -inf) -> None:
+        unit.leave()
+        if unit.limit_s and unit.reached_s > -inf:
+            unit.release_s = max(unit.reached_s + ASKED_AFTER * unit.limit_s, not_before_s)
+            unit.deadline_s = unit.reached_s + unit.limit_s
+            self._queue.put(unit)
