@@ -210,10 +210,10 @@ class LateReplies:
             counts[debt.shape] += 1
             if debt.likely_until_s > now_s:
                 likely.add(debt.shape)
-        places = {at: counts[shapes[at]] for at in calm if shapes[at] not in likely and shapes[at] != latest}
+        places = {at: counts[shapes[at]] for at in calm if shapes[at] not in likely}
         lost = [at for at, count in places.items() if count == 0]
         if lost:
-            return Choice(min(lost, key=lambda at: newest_s[shapes[at]]))
+            return Choice(min(lost, key=lambda at: (shapes[at] == latest, newest_s[shapes[at]])))
         if not is_decisive or (is_patient and now_s < self._rests.get((unit, asked), -inf)):
             return None
         return self._in_series(unit, asked, places, shapes, now_s)
