@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 import pytest
 
-from gateway.line.rtu.late_replies import COPY_S
+from gateway.line.rtu.late_replies import COPY_S, expected_shape
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.modbus import adu
 from gateway.modbus.pdu import Request
@@ -251,3 +251,22 @@ def test_several_late_replies_at_once_are_all_known_for_what_they_are() -> None:
         return [at_s - began_s for at_s, _ in port.sent[len(shapes) :]]
 
     assert run_virtually(scenario())[-1] < 1.0  # nothing is owed any more, so nothing had to wait
+
+
+def test_a_copy_just_before_the_next_reply_is_not_taken_for_what_was_owed() -> None:
+    longer = ReadHoldingRegisters(0x0200, 5)
+    reply = adu.encode(1, longer.encode_reply((1, 2, 3, 4, 5)))
+    said = iter([[Said(REPLY)], [Said(REPLY + reply, delay_s=0.013)]])
+
+    async def scenario() -> tuple[list[Outcome], bool]:
+        line = transactor(FakePort(lambda frame: next(said)))
+        outcomes = [await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)]
+        now_s = asyncio.get_running_loop().time()
+        line.late.note_unanswered(1, expected_shape(READ), now_s - 5.0, now_s - 4.9)
+        outcomes.append(await line.transact(1, longer, response_time_s=RESPONSE_TIME_S))
+        return outcomes, line.late.owes(1)
+
+    outcomes, is_owed = run_virtually(scenario())
+
+    assert all(isinstance(outcome, Answered) for outcome in outcomes)
+    assert is_owed

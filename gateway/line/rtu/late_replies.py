@@ -11,8 +11,9 @@ Invariants
     its function after a refusal. Only on a calm line the same read may follow at once: a copy says what was
     so a moment before.
  3. A line is *disturbed* for `DISTURBED_S` after anything late, doubled or foreign. Two readings in a row
-    that decide something have different shapes meanwhile, where there are several. So the rule that a
-    change is an event after two equal readings (`telemetry/transitions.py`) means two of different shapes.
+    that decide something have different shapes meanwhile, where another is free: so the rule that a change
+    is an event after two equal readings (`telemetry/transitions.py`) nearly always means two of different
+    shapes. Where only one is free no reply that is owed has its shape; a series shows by itself what is so.
  4. Whether replies are late or lost is a property of the way, and shows: a *lost* one has not come after
     `LOST_AFTER_S` though its unit has answered since. After `LOST_ENOUGH` of them in a row a line is
     *orderly*: there an answer ends what its unit owed before. One reply that comes out of order makes the
@@ -25,8 +26,8 @@ Invariants
 
 Precedence of the forms of a read
  1. The request itself, when nothing is owed, near or disturbed.
- 2. The first form whose shape is not owed. On a strict line, what decides nothing takes its own shape last,
-    which others need.
+ 2. The first form whose shape is not owed, on a disturbed line of another shape than the reading before. On
+    a strict line, what decides nothing takes its own shape last, which others need.
  3. On an orderly line, of the forms whose replies were lost, the one that was asked for the longest ago.
  4. A read that decides something: the form owed least often, n times, until n + 1 answers in a row are
     equal. n of them may be late ones, one is fresh. Before the next such *series* its poll rests for
@@ -210,10 +211,10 @@ class LateReplies:
             counts[debt.shape] += 1
             if debt.likely_until_s > now_s:
                 likely.add(debt.shape)
-        places = {at: counts[shapes[at]] for at in calm if shapes[at] not in likely and shapes[at] != latest}
+        places = {at: counts[shapes[at]] for at in calm if shapes[at] not in likely}
         lost = [at for at, count in places.items() if count == 0]
         if lost:
-            return Choice(min(lost, key=lambda at: newest_s[shapes[at]]))
+            return Choice(min(lost, key=lambda at: (shapes[at] == latest, newest_s[shapes[at]])))
         if not is_decisive or (is_patient and now_s < self._rests.get((unit, asked), -inf)):
             return None
         return self._in_series(unit, asked, places, shapes, now_s)
