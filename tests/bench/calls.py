@@ -22,6 +22,7 @@ from types import FrameType
 from typing import Any
 
 from gateway.app.plant import Plant
+from gateway.app.record_bus import RecordBus
 from gateway.app.record_log import RecordLog
 from gateway.config.convert import policy_of, rights_of, timing_of
 from gateway.config.load import parse
@@ -213,24 +214,19 @@ async def _way() -> _Way:
             outbox.acked(outgoing.ticket, 0)
 
     publisher.wake_with(lambda: loop.call_soon(send))
-    records = RecordLog(publisher, clock)
-    policy = Policy(
-        policy_of(config),
-        [name(0, 1)],
-        rights=rights_of(config),
-        sink=records,
-        clock=clock,
-        sequence=sequence,
-    )
+    records = RecordBus()
+    made: dict[str, Any] = {"sink": records, "clock": clock, "sequence": sequence}
+    policy = Policy(policy_of(config), [name(0, 1)], rights=rights_of(config), **made)
+    services = StarterServices(policy, may_write=False, patrol_every_s=inf, **made)
+    records.connect(policy, services, RecordLog(clock), publisher)
     bus = SimulatedLine(timing_of(config.lines[0]))
     unit = watching_unit("ssw07", 1, 0)
     bus.add(unit)
     plant = Plant(
         _Deaf(),
         precautions=policy,
-        companions=StarterServices(records, patrol_every_s=inf),
-        clock=clock,
-        sequence=sequence,
+        companions=services,
+        **made,
         make_opener=lambda table: _Opener(bus, table, way),
     )
     host = LocalHost(plant.handle, polls_wait_s=0.0)  # each on its own

@@ -25,7 +25,11 @@ async def test_a_twentieth_of_the_replies_lost_for_200_s_takes_no_starter_offlin
         await asyncio.sleep(200.0)
 
         assert "offline" not in {each.state for each in here.sink.of(AvailabilityRecord)}
-        assert {each.state for each in here.sink.of(StateRecord)} <= {"ready", "not_ready"}
+        states = [each.state for each in here.sink.of(StateRecord)]
+        assert set(states) <= {"ready", "not_ready", "unknown"}
+        assert (
+            states.count("unknown") <= 2
+        )  # a status whose second reading is lost as well waits for its next time
         assert "went_silent" not in {each.code for each in here.sink.of(EventRecord)}
 
 

@@ -273,3 +273,23 @@ async def test_a_fault_whose_event_may_not_be_on_the_disk_is_told_again() -> Non
         await rig.poll_for(3.0)
 
         assert rig.sink.events().count("fault") == 1
+
+
+@virtually
+async def test_a_start_has_the_time_of_its_own_first_reading_not_of_another_points() -> None:
+    rig = await Rig().online()
+    words = (
+        READY ^ REMOTE,
+        (READY | RUNNING | ACCELERATING) ^ REMOTE,
+        (READY | RUNNING | ACCELERATING) ^ REMOTE,
+    )
+    times_s = []
+
+    for word in words:
+        await asyncio.sleep(2.0)
+        times_s.append(rig.clock.utc_s())
+        rig.unit.holding[VB01] = word
+        rig.poll(STATUS)
+
+    (started,) = [each for each in rig.sink.of(EventRecord) if each.code == "started"]
+    assert started.time_s == pytest.approx(times_s[1], abs=0.5)

@@ -44,6 +44,7 @@ class Status:
         self._numbers = profile.alarm_points
         self._settled = Settled()
         self._settled_alarms = AlarmBook()
+        self._state_since_s: float | None = None
         self._first_seen: tuple[float, dict[str, Any]] | None = None  # UTC, and the values before
         self._look_s: float | None = None  # steady clock, when the first fault of this run was settled
         self._fault_told_s: float | None = None
@@ -123,7 +124,10 @@ class Status:
             # Of one reading as a whole: flags that settle one by one may never have stood together.
             readings[STATE] = (self._state, min([readings[n][1] for n in self._flags if n in readings]))
         self._settled.note(readings)
-        if self._settled.is_waiting and self._first_seen is None:
+        since_s = self._settled.waiting_since_s(STATE)
+        is_new_state = since_s not in (None, self._state_since_s)  # what else waited before began earlier
+        self._state_since_s = since_s
+        if is_new_state or (self._settled.is_waiting and self._first_seen is None):
             self._first_seen = (utc_s, self._values_before(now_s))
         first_s, before = self._first_seen or (utc_s, self._values_before(now_s))
         settled = self._settled.values
@@ -190,7 +194,7 @@ class Status:
             return
         readings = snapshot.readings
         times = [readings[name].time_s for name in self._flags]
-        time_s = max([each for each in times if each is not None], default=None)
+        time_s = min([each for each in times if each is not None], default=None)  # as old as its oldest part
         self._records.append(
             self._publisher.state(state, quality=quality, time_s=time_s, flags=flags, reason=reason)
         )

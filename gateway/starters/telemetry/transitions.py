@@ -65,6 +65,11 @@ class Settled:
         """Return whether one of these points must be read once more."""
         return not self._waiting.keys().isdisjoint(names)
 
+    def waiting_since_s(self, name: str) -> float | None:
+        """Return when a point was first read as what must be read once more; None for nothing."""
+        waiting = self._waiting.get(name)
+        return None if waiting is None else waiting[1]
+
     @property
     def is_waiting(self) -> bool:
         """Return whether some point must be read once more."""
