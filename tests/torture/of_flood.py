@@ -21,6 +21,9 @@ BATCH_S = 0.01
 GROWTH_KB = 20_000
 RATE_KEPT = 0.8  # of every poll's rate in calm; commands that are within the limits need the line as well
 READ_SIZE = 5  # of the PDU that asks for registers or coils
+READ_WORDS = 3
+STATUS_WORD = bytes.fromhex("0313890001")  # VB01
+STATUS_COILS = bytes.fromhex("0100000010")
 PARAMETER = "P314"  # not polled; the families that lack it refuse
 
 
@@ -130,8 +133,12 @@ def _rate_and_gap(times: Mapping[Read, list[float]], poll: Read, seconds: float)
 def _covers(read: Read, poll: Read) -> bool:
     """Return whether a read gives all that a poll asks for: the same rows may be read in a longer form."""
     (one, long), (other, short) = read, poll
-    if one != other or long[0] != short[0] or not len(long) == len(short) == READ_SIZE:
+    if one != other or not len(long) == len(short) == READ_SIZE:
         return read == poll
+    if (long, short[0]) == (STATUS_COILS, READ_WORDS):
+        return short == STATUS_WORD  # its bits as coils (ssw06-es 4.2.1, ssw07 4.2.1)
+    if long[0] != short[0]:
+        return False
     (start, count), (first, wanted) = (struct.unpack(">HH", pdu[1:]) for pdu in (long, short))
     return bool(start <= first and first + wanted <= start + count)
 

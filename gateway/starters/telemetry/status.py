@@ -49,6 +49,7 @@ class Status:
         self._look_s: float | None = None  # steady clock, when the first fault of this run was settled
         self._fault_told_s: float | None = None
         self._flags = tuple(name for name in profile.points if is_flag(profile, name))
+        self._status_flags = tuple(name for name in self._flags if profile.points[name].group == "status")
         self._summary_flags = tuple(name for name in SUMMARY_FLAGS if name in profile.points)
         self._watch = Watch()
         self._alarms = AlarmBook()
@@ -193,7 +194,7 @@ class Status:
         if said == self._sent and now_s < self.next_due_s:
             return
         readings = snapshot.readings
-        times = [readings[name].time_s for name in self._flags]
+        times = [readings[name].time_s for name in self._status_flags]
         time_s = min([each for each in times if each is not None], default=None)  # as old as its oldest part
         self._records.append(
             self._publisher.state(state, quality=quality, time_s=time_s, flags=flags, reason=reason)
