@@ -51,7 +51,7 @@ def test_a_full_pipe_holds_no_one_up_and_what_is_lost_is_counted(pipe: tuple[int
     took_s = time.monotonic() - begun_s
 
     assert took_s < 1.0
-    assert 88 <= handler.dropped <= 90  # the thread may hold one more
+    assert 80 <= handler.dropped <= 90  # the thread may hold one, and a few may fit into the pipe
     _read_all(reading)
     log.info("again")
     handler.close()

@@ -88,6 +88,6 @@ def _good_values(w: World) -> list[str]:
 SCENARIOS = (
     Scenario("port replugged", Place.PORT, replugged, 100, 2, "times", quick=1, may_trip=True),
     Scenario("port deaf", Place.PORT, deaf, 20, 1, "times", quick=1, may_trip=True),
-    Scenario("garbage at line rate", Place.PORT, garbage, 300, 4, "s", quick=3, may_trip=True),
+    Scenario("garbage at line rate", Place.PORT, garbage, 300, 8, "s", quick=8, may_trip=True),
     Scenario("endless break", Place.PORT, endless_break, 300, 3, "s", may_trip=True),
 )
