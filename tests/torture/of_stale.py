@@ -19,7 +19,7 @@ from tests.torture.recorder import BASE, is_final
 from tests.torture.waiting import until
 
 VERSIONS = ("mqttv311", "mqttv5")
-SETTLED_S = 6.0  # four starts take turns on their line, each with its readings
+SETTLED_S = 6.0  # four starts, one after another on their line, each with its readings
 EXPIRY = ("-D", "publish", "message-expiry-interval", "1")
 TTL_S = 60  # the longest that is allowed
 STALLS_S = (1, 6, 8, 12, 30, 60)
