@@ -6,14 +6,25 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test e2e torture bench lint coverage lock clean mosquitto docs late-replies
+.PHONY: help venv demo test e2e torture bench lint lint-types lint-style coverage lock clean mosquitto chromium postgresql prometheus node-red sparkplug-judges web asyncapi home-assistant docs site wheel deb debian test-deb late-replies
+
+# Each test of processes starts some, and compiles the program anew where no compiled module may be stored.
+unexport PYTHONDONTWRITEBYTECODE
+
+# What a service needs, and who operates it.
+PACKAGED_EXTRAS := web metrics sparkplug watch capture completion
 
 # Only these take real time, and have a broker.
 E2E := tests/end_to_end
-FAST := $(BIN)/python -m pytest --ignore $(E2E) --numprocesses auto --dist worksteal
-# These mostly wait: more of them at once than there are processors. Those that measure time come after, one by one.
-TOGETHER := $(BIN)/python -m pytest $(E2E) -m 'not alone' --numprocesses 4 --dist loadgroup --no-loadscope-reorder
+PACKAGES := tests/packages
+FAST := $(BIN)/python -m pytest --ignore $(E2E) --ignore $(PACKAGES) --numprocesses auto --dist worksteal
+# These mostly wait: more of them at once than there are processors. Those in which moments count come after, two at a
+# time, and those that measure time last, one by one.
+TOGETHER := $(BIN)/python -m pytest $(E2E) -m 'not alone and not paired' --numprocesses 4 --dist loadgroup --no-loadscope-reorder
+PAIRED := $(BIN)/python -m pytest $(E2E) -m paired --numprocesses 2 --dist loadgroup --no-loadscope-reorder
 ALONE := $(BIN)/python -m pytest $(E2E) -m alone
+# Each distribution in a process of its own, which builds each package once.
+PACKAGED := $(BIN)/python -m pytest $(PACKAGES) --numprocesses 2 --dist loadgroup
 
 help: ## show this list
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 24
@@ -32,42 +43,99 @@ $(STAMP): pyproject.toml
 mosquitto:
 	@deploy/get-mosquitto.sh
 
-demo: $(STAMP) mosquitto ## simulated starters, a broker, the gateway; Ctrl-C ends it all
-	@exec $(BIN)/starter-gateway demo
+chromium:
+	@deploy/get-chromium.sh
+
+prometheus:
+	@deploy/get-prometheus.sh
+
+postgresql:
+	@deploy/get-postgresql.sh
+
+node-red: $(STAMP)
+	@deploy/get-node-red.sh
+
+sparkplug-judges: $(STAMP)
+	@tests/end_to_end/sparkplug/get-judges.sh
+
+web: $(STAMP) ## fetch what the status page takes from npm: uPlot, for its plots
+	@deploy/get-uplot.sh
+
+demo: $(STAMP) mosquitto web ## simulated starters, a broker, the gateway; PLANT=1: they run by themselves; Ctrl-C ends it all
+	@exec $(BIN)/starter-gateway demo $(if $(PLANT),--plant)
 
 lint: $(STAMP) ## style, spelling, plain words, types, import contracts
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint-types lint-style
+
+lint-types: # takes as long as the rest together
+	$(BIN)/mypy
+
+lint-style:
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/codespell
-	$(BIN)/mypy
 	PYTHONPATH=. $(BIN)/lint-imports
 	$(BIN)/python -m tests.words
 
-test: $(STAMP) mosquitto lint ## lint, and every test in virtual time; two minutes
+asyncapi: $(STAMP)
+	@tests/reference/get-asyncapi.sh
+
+home-assistant: $(STAMP)
+	@tests/home_assistant/get-home-assistant.sh
+
+test: $(STAMP) mosquitto prometheus asyncapi home-assistant lint ## lint, and every test in virtual time; two minutes
 	$(FAST)
 
-e2e: $(STAMP) mosquitto ## every test in real time: processes, ptys, a real broker; some minutes
+e2e: $(STAMP) $(STAMP)-deb mosquitto chromium prometheus web site postgresql node-red sparkplug-judges debian ## every test in real time: processes, ptys, a real broker; some minutes
 	$(TOGETHER)
+	$(PAIRED)
 	$(ALONE)
+	$(PACKAGED)
 
 coverage: $(STAMP) mosquitto ## the lines and branches that all tests together run through
 	$(FAST) --cov --cov-report=
 	$(TOGETHER) --cov --cov-report= --cov-append
+	$(PAIRED) --cov --cov-report= --cov-append
 	$(ALONE) --cov --cov-append
 
 lock: $(STAMP) ## write requirements.lock anew: every package with its version and hashes
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check pip-tools
 	$(BIN)/pip-compile --quiet --upgrade --generate-hashes --strip-extras --no-header --no-emit-index-url \
 		--no-emit-trusted-host --no-emit-find-links --extra test --extra demo --output-file requirements.lock pyproject.toml
+	$(BIN)/pip-compile --quiet --upgrade --generate-hashes --strip-extras --no-header --no-emit-index-url --no-annotate \
+		--no-emit-trusted-host --no-emit-find-links $(foreach extra,$(PACKAGED_EXTRAS),--extra $(extra)) \
+		--constraint requirements.lock --output-file deploy/deb/requirements.lock pyproject.toml
 
 torture: $(STAMP) mosquitto ## every fault in full, some hours; as root also a full and a read-only disk
 	$(BIN)/python -m tests.torture $(SCENARIOS)
 	$(FAST) -m hypothesis --hypothesis-profile random
 
 docs: $(STAMP) ## write the generated parts of the documents
+	$(BIN)/python -m tests.reference
 	$(BIN)/python -m tests.family_pages
 	$(BIN)/python -m tests.results_page
 	$(BIN)/python -m tests.layers_page
+	$(BIN)/python -m tests.metrics_page
+	$(BIN)/python -m tests.size_page
+
+site: $(STAMP) ## build the documentation as a site, into the package: `starter-gateway docs` serves it
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+wheel: $(STAMP) web site ## build the wheel into dist/, with documentation, page and deploy kit
+	$(BIN)/python -m deploy.wheel
+
+$(STAMP)-deb: $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[deb]'
+	@touch $@
+
+deb: $(STAMP)-deb web site ## build the Debian packages into dist/: all six, or DISTRIBUTION=deb12 and ARCHITECTURE=amd64
+	@$(BIN)/python -m deploy.deb.build $(if $(DISTRIBUTION),--distribution $(DISTRIBUTION)) $(if $(ARCHITECTURE),--architecture $(ARCHITECTURE))
+
+debian:
+	@$(PACKAGES)/get-debian.sh
+
+test-deb: $(STAMP)-deb web site debian ## packages and wheel in fresh systems of Debian, as root; five minutes
+	$(PACKAGED)
 
 $(STAMP)-bench: $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
@@ -80,5 +148,5 @@ late-replies: $(STAMP) ## ten million requests whose replies come late, twice, o
 	$(BIN)/python -m tests.line.late_lines 10000000
 
 clean: ## remove what the targets made
-	rm -rf $(VENV) build dist *.egg-info .coverage .hypothesis .mypy_cache .pytest_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) build dist gateway/docs_site *.egg-info .coverage .hypothesis .mypy_cache .pytest_cache .ruff_cache .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from gateway.config.schema import split_url
+from gateway.config.values import split_url
 from gateway.errors import NoResultError, UsageError
 from gateway.mqtt.connection.command_client import CommandClient, Order
 from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
@@ -77,6 +77,8 @@ class Client:
         parts = split_url(url)
         if parts is None:
             raise UsageError(f"{url!r} is no broker (mqtt://host[:port] or mqtts://host[:port])")
+        if not all(is_level(level) for level in base.split("/")):
+            raise UsageError(f"{base!r} is no base (levels of a-z, 0-9, _ and - between slashes)")
         if not is_level(client):
             raise UsageError(f"{client!r} is no client (only a-z, 0-9, _ and -)")
         split, self._port = parts

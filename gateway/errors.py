@@ -15,6 +15,7 @@ GatewayError
 ├── CommandError         a command that cannot be carried out as asked: `rejected`, with a code
 ├── StoreError           nothing can be stored on the disk (now): report, continue without, retry
 │   ├── DamagedError     the file is not what was written: set it aside, begin with a new one
+│   ├── NewerError       a later version has written the file: leave it as it is, exit 78
 │   └── UnstorableError  a piece of work failed by a bug: it would fail again, so do not repeat it
 ├── BrokerError          the broker refuses or is away: report, wait, retry
 ├── CaptureError         a running gateway's lines cannot be recorded: exit 1
@@ -127,6 +128,10 @@ class StoreError(GatewayError):
 
 class DamagedError(StoreError):
     """What is on the disk is not what was written there."""
+
+
+class NewerError(StoreError):
+    """A file has the format of a later version of this program; one line for each such file."""
 
 
 class UnstorableError(StoreError):

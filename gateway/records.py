@@ -15,8 +15,17 @@ from datetime import UTC, datetime
 from typing import Any, Protocol
 
 SELECT, CANCEL, LOCK, UNLOCK, ACCEPT = "select", "cancel", "lock", "unlock", "accept"
+BASELINE = "baseline"  # later starts are compared with this one
 READ = "read"  # it writes nothing
-OWN_VERBS = (SELECT, CANCEL, LOCK, UNLOCK, ACCEPT)  # of every family: they concern the gateway alone
+STOP = "stop"  # judged, written and stored before everything else, or without it
+OWN_VERBS = (
+    SELECT,
+    CANCEL,
+    LOCK,
+    UNLOCK,
+    ACCEPT,
+    BASELINE,
+)  # of every family: they concern the gateway alone
 
 
 class Quality(enum.StrEnum):
@@ -200,10 +209,11 @@ class AuditRecord:
     after: Mapping[str, Any] = field(default_factory=dict)
     id: str | None = None
     reason: str | None = None  # the operator's, a claim
+    source: str = ""  # "web": the status page; empty: MQTT
 
     def as_data(self) -> dict[str, Any]:
         """Return what MQTT and the audit files say alike; what the operator claims is named by each."""
-        return {
+        data = {
             "seq": self.seq,
             "time": rfc3339(self.time_s),
             "starter": self.starter,
@@ -216,6 +226,35 @@ class AuditRecord:
             "after": self.after,
             "id": self.id,
         }
+        return {**data, "source": self.source} if self.source else data
+
+
+@dataclass(frozen=True, slots=True)
+class StartRecord:
+    """One start of a motor with its samples, once it is over."""
+
+    starter: str
+    id: str
+    data: Mapping[str, Any]  # `history.start_record`
+
+    @property
+    def key(self) -> str:
+        """Return what names it until the broker has it; no client's name has a colon in it."""
+        return f"{self.starter}:start/{self.id}"
+
+
+@dataclass(frozen=True, slots=True)
+class TripRecord:
+    """One trip with what was read before it."""
+
+    starter: str
+    id: str
+    data: Mapping[str, Any]
+
+    @property
+    def key(self) -> str:
+        """Return what names it until the broker has it; no client's name has a colon in it."""
+        return f"{self.starter}:trip/{self.id}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,6 +274,8 @@ Record = (
     | EventRecord
     | ResultRecord
     | AuditRecord
+    | StartRecord
+    | TripRecord
     | LineRecord
 )
 
@@ -244,7 +285,15 @@ class Sink(Protocol):
 
     def put(self, record: Record) -> None:
         """Take one record, in order."""
-        ...
+
+
+class PublishEvent(Protocol):
+    """Publishes an event of the gateway's own; must return at once and never raise."""
+
+    def __call__(
+        self, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None, /
+    ) -> None:
+        """Take its code, severity, text for people, and data for programs."""
 
 
 class SequenceNumbers:

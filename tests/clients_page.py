@@ -1,11 +1,13 @@
-"""The examples of docs/clients.md."""
+"""The examples of docs/clients.md, and the flow that it names."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
 
-PAGE = (Path(__file__).parents[1] / "docs" / "clients.md").read_text("utf-8")
+TOP = Path(__file__).parents[1]
+PAGE = (TOP / "docs" / "clients.md").read_text("utf-8")
+FLOW = (TOP / "deploy" / "contrib" / "node-red" / "flow.json").read_text("utf-8")
 
 
 def example(language: str) -> str:

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from gateway.families.profile.load import FAMILIES, load_profile
-from gateway.families.profile.schema import RESERVED, Parameter, Point, Profile, Write
+from gateway.families.profile.load import ENGLISH, FAMILIES, languages_of, load_profile
+from gateway.families.profile.names import meaning_of
+from gateway.families.profile.rows import RESERVED, Parameter
+from gateway.families.profile.schema import Point, Profile, Write
 
 FOLDER = Path(__file__).parent.parent / "docs" / "families"
 MARK = "<!-- From here on generated"
@@ -45,8 +47,9 @@ def _points(profile: Profile) -> str:
     rows = []
     for name, point in profile.points.items():
         row = profile.parameters.get(point.code)
-        rows.append((f"`{name}`", _source(point), row.unit if row and point.bit is None else "", point.group))
-    return _table("Points", ("point", "read from", "unit", "group"), rows)
+        unit = row.unit if row and point.bit is None else ""
+        rows.append((f"`{name}`", _source(point), unit, point.group, meaning_of(profile, name)))
+    return _table("Points", ("point", "read from", "unit", "group", "meaning"), rows)
 
 
 def _source(point: Point) -> str:
@@ -79,10 +82,24 @@ def _write(write: Write) -> str:
 
 
 def _alarms(profile: Profile) -> str:
+    others = {
+        language: {each.code: each.text for each in load_profile(profile.family, language).alarms}
+        for language in languages_of(profile.family)
+        if language != ENGLISH
+    }
     return _table(
         "Faults and alarms",
-        ("code", "kind", "text"),
-        [(f"`{alarm.code}`", alarm.severity, alarm.text) for alarm in profile.alarms],
+        ("code", "kind", "name", "section", *(f"in {language}" for language in others)),
+        [
+            (
+                f"`{alarm.code}`",
+                alarm.severity,
+                alarm.text,
+                alarm.source if alarm.confidence == "manual" else f"{alarm.source} ({alarm.confidence})",
+                *(names[alarm.code] for names in others.values()),
+            )
+            for alarm in profile.alarms
+        ],
     )
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import getpass
+import random
 import shutil
 import signal
 import socket
 import subprocess
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -122,6 +124,11 @@ class MosquittoBroker:
     def url(self) -> str:
         scheme = "mqtt" if self.tls is None else "mqtts"
         return f"{scheme}://{self.host}:{self.port}"
+
+    @property
+    def pid(self) -> int:
+        assert self._process is not None
+        return self._process.pid
 
     def start(self) -> None:
         log = (self._folder / "mosquitto.log").open("ab")
@@ -295,10 +302,16 @@ class Watcher:
 
 
 def free_port() -> int:
-    """Return a TCP port that was unused a moment ago."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+    """Return a TCP port of loopback that was unused a moment ago.
+
+    It is none of those that the system gives to connections: one might have it while a server is away.
+    """
+    of_connections = int(Path("/proc/sys/net/ipv4/ip_local_port_range").read_text("ascii").split()[0])
+    for _ in range(100):
+        with socket.socket() as probe, suppress(OSError):
+            probe.bind(("127.0.0.1", random.SystemRandom().randrange(10_000, max(of_connections, 20_000))))
+            return int(probe.getsockname()[1])
+    raise OSError("no port of loopback is free")
 
 
 def _find(program: str) -> str | None:

@@ -6,11 +6,13 @@ import asyncio
 from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
+from gateway.app.history import HistoryService
 from gateway.app.plant import Plant
 from gateway.app.record_bus import RecordBus
-from gateway.config.convert import policy_of, rights_of, timing_of
+from gateway.config.convert import policy_of, rights_of, setups_of, timing_of
 from gateway.config.diff import changes_of
 from gateway.config.load import parse
 from gateway.config.schema import Config, LineTable
@@ -19,6 +21,8 @@ from gateway.sim.bus.port import SimulatedLine, SimulatedOpener
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
+from gateway.starters.setup import StarterSetup
+from tests.history.memory_file import MemoryFile
 from tests.local_host import LocalHost
 from tests.starters.fakes import RecordingSink
 from tests.torture.starters import SILENCE_TRIPS, watching_unit
@@ -50,6 +54,10 @@ def site(*changes: tuple[str, str]) -> Config:
     return parse(text, "site.toml")
 
 
+def setups(config: Config) -> list[StarterSetup]:
+    return [setup for line in config.lines for setup in setups_of(line)]
+
+
 @dataclass
 class RunningPlant:
     """A running plant, its two buses, and what it reports to the gateway."""
@@ -61,11 +69,16 @@ class RunningPlant:
     events: list[str] = field(default_factory=list)
     forgotten: list[str] = field(default_factory=list)
     plant: Plant = field(init=False)
-    companions: StarterServices = field(init=False)
+    services: StarterServices = field(init=False)
+    history: HistoryService = field(init=False)
+    file: MemoryFile = field(default_factory=MemoryFile)  # of the history
+    made: dict[str, Any] = field(default_factory=dict)  # bus, clock and sequence that everything shares
 
     # PlantListener
 
-    def tell(self, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None) -> None:
+    def publish_event(
+        self, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None
+    ) -> None:
         self.events.append(f"{code} {(data or {}).get('line')}")
 
     def forget(self, starters: Sequence[str]) -> None:
@@ -91,7 +104,7 @@ class RunningPlant:
     def connect(self, port: str, address: int, family: str) -> None:
         """Add a starter that watches its line and remembers when it was asked."""
         table = next(line for line in site().lines if line.port == f"/dev/{port}")
-        bus = self.buses.setdefault(table.port, SimulatedLine(timing_of(table)))
+        bus = self.buses.setdefault(table.port, SimulatedLine(timing_of(table), chunk_bytes=None))
         unit = watching_unit(family, address, WATCHDOG_S)
         requests_s = self.requests_s.setdefault(f"{port} {address}", [])
         handle = unit.handle
@@ -108,7 +121,9 @@ class RunningPlant:
     async def reload(self, *changes: tuple[str, str]) -> None:
         """Go over to the site, changed."""
         config = site(*changes)
-        ended = self.plant.apply(changes_of(self.config, config))
+        changes_made = changes_of(self.config, config)
+        ended = self.plant.apply(changes_made)
+        self.history.follow(setups(config), changed=changes_made.starters_gone)
         self.config = config
         await ended
 
@@ -137,32 +152,61 @@ class RunningPlant:
 
 
 @asynccontextmanager
-async def running(settled_s: float = 30.0, *changes: tuple[str, str]) -> AsyncIterator[RunningPlant]:
-    """Run the plant; all four starters are online, identified and looked through."""
+async def running(
+    settled_s: float = 30.0,
+    *changes: tuple[str, str],
+    more: Sequence[tuple[str, int, str]] = (),
+    has_past: bool = False,
+) -> AsyncIterator[RunningPlant]:
+    """Run the plant; all starters are online, identified and looked through.
+
+    `more` are units beside the four, by port, address and family: `changes` configure them. With `has_past`
+    the starters are asked for what they say of their past, for the history.
+    """
     here = RunningPlant(config=site(*changes))
     clock, sequence = VirtualClock(asyncio.get_running_loop()), SequenceNumbers()
     for port, address, family in (
         *(("hall", 1, "ssw07"), ("hall", 2, "ssw06")),
         *(("yard", 1, "ssw900"), ("yard", 2, "sst")),
+        *more,
     ):
         here.connect(port, address, family)
     bus = RecordBus()
     made: dict[str, Any] = {"sink": bus, "clock": clock, "sequence": sequence}
     rights = rights_of(here.config)
-    precautions = Policy(policy_of(here.config), ["pump", "fan", "mill", "belt"], rights=rights, **made)
+    names = [setup.name for setup in setups(here.config)]
+    policy = Policy(policy_of(here.config), names, rights=rights, **made)
+    here.made = made
+    here.history = HistoryService(
+        Path("unused"),
+        setups(here.config),
+        boot="boot",
+        publish_event=here.publish_event,
+        make_file=lambda _path, _on_news: here.file,
+        **made,
+    )
+    past = here.history if has_past else None
     # Seldom: it would look at the same instant as what is tested.
-    companions = StarterServices(precautions, may_write=True, patrol_every_s=3600.0, **made)
-    here.companions = companions
-    bus.connect(precautions, companions, here.sink)
+    services = StarterServices(policy, may_write=True, monitor_every_s=3600.0, past=past, **made)
+    here.services = services
+    bus.connect(policy, services, here.history, here.sink)
     plant = here.plant = Plant(
-        here, precautions=precautions, companions=companions, make_opener=here.opener, **made
+        here,
+        policy=policy,
+        services=services,
+        make_opener=here.opener,
+        on_readings=here.history.take_readings,
+        language=here.config.gateway.language,
+        **made,
     )
     host = LocalHost(plant.handle)
     plant.build(host, here.config.lines)
+    here.history.start()
     await plant.start()
-    companions.start()
+    services.start()
     await asyncio.sleep(settled_s)
     yield here
     await host.stop()
+    await here.history.close()
     await plant.close()
-    await companions.close()
+    await services.close()

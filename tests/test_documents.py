@@ -21,8 +21,12 @@ _OF_USERS = {
     "bits.csv",
     "enums.csv",
     "alarms.csv",
+    "es.csv",
+    "pt.csv",
     "parameters.csv",
     "clock.json",
+    "mosquitto.conf",  # of a kit
+    "bridge.conf",
 }
 
 

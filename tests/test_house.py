@@ -6,10 +6,13 @@ import ast
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+
+from tests.conftest import GROUPS, GroupScheduling
 
 TESTS = Path(__file__).parent
 MODULES = sorted(TESTS.rglob("*.py"))
-IN_REAL_TIME = ("end_to_end", "torture", "bench")
+IN_REAL_TIME = ("end_to_end", "torture", "bench", "packages")
 
 
 def nodes(path: Path) -> Iterator[ast.AST]:
@@ -33,6 +36,25 @@ def imported(path: Path) -> Iterator[str]:
 
 def is_module(package: str | None, name: str) -> bool:
     return (TESTS.parent / str(package).replace(".", "/") / f"{name}.py").exists()
+
+
+def test_each_group_of_tests_is_one_piece_of_work_and_every_other_test_one_of_its_own() -> None:
+    names = {
+        f"tests/{path.relative_to(TESTS)}::{node.name}[deb1{minor}]"
+        for path in MODULES
+        if is_test(path.stem)
+        for node in ast.parse(path.read_text("utf-8")).body
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and is_test(node.name)
+        for minor in (2, 3)
+    }
+    found = defaultdict(set)
+    for name in names:
+        found[GroupScheduling._split_scope(SimpleNamespace(), name)].add(name.split("::")[0])  # type: ignore[arg-type]
+
+    assert {name for name, files in found.items() if name not in names} == GROUPS.keys()
+    assert found["broker kit"] == {"tests/end_to_end/deploy/test_broker_kit.py"}
+    assert found["deb12"] == found["deb13"]
+    assert len(found["demo"]) == 3
 
 
 def test_no_test_module_is_imported() -> None:

@@ -1,22 +1,31 @@
-"""What a configuration asks of its lines, and which watchdogs in its starters would trip on them."""
+"""What a configuration asks of its lines, which watchdogs would trip on them, and what would help.
+
+Also what `fast_words` would spare a line.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from math import isinf
-from typing import Any
+from functools import partial
+from math import ceil, isinf
+from typing import Any, get_args
 
-from gateway.app.advice import hint_of
 from gateway.config.convert import setups_of, timing_of
 from gateway.config.mistakes import Mistake
-from gateway.config.schema import Config, LineTable, StarterTable
+from gateway.config.schema import Baud, Config, LineTable, StarterTable
 from gateway.families.diagnosis.identify import identify_requests
-from gateway.line.capacity.deadline_check import missed_in
+from gateway.line.capacity import deadline_check
+from gateway.line.capacity.deadline_check import LONGEST_LIMIT_S, missed_in, with_deadlines
 from gateway.line.capacity.forecast import Forecast, forecast, longest_gap_s
 from gateway.line.scheduler.requests import Poll
+from gateway.modbus.timing import LineTiming
 from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.polling import polls_of
+from gateway.starters.telemetry.polling import fast_polls_of, polls_of
+
+LONGEST_EVERY_S = 3600.0
+
+Holds = Callable[[Sequence[Poll], LineTiming], bool]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,13 +49,22 @@ class LineCapacity:
     starters: tuple[StarterCapacity, ...]  # the enabled ones
 
 
+@dataclass(frozen=True, slots=True)
+class FastGain:
+    """One starter's status and values, read as they stand in the starter and by mapped words."""
+
+    starter: str
+    requests: tuple[int, int]  # before and after
+    sweep_s: tuple[float, float]  # to ask for all of them once
+
+
 def prospects_of(config: Config) -> tuple[LineCapacity, ...]:
     """Return what every line of a configuration will be like."""
     return tuple(_line(line) for line in config.lines)
 
 
 def computed_of(line: LineCapacity) -> dict[str, Any]:
-    """Return a line's figures as they should be at the worst, for `B/gateway/line/{line}`."""
+    """Return a line's computed worst-case statistics, for `B/gateway/line/{line}`."""
     margins_s = [each.margin_s for each in line.starters if each.margin_s is not None]
     ages_s: dict[str, float] = {}
     for starter in line.starters:
@@ -63,7 +81,7 @@ def computed_of(line: LineCapacity) -> dict[str, Any]:
 
 
 def check_watchdogs(config: Config) -> list[Mistake]:
-    """Return the watchdogs that the lines of a configuration cannot keep, as mistakes; see `config.load`."""
+    """Return the watchdogs that the lines cannot serve in time, as mistakes; see `config.load`."""
     return missed_deadlines(prospects_of(config))
 
 
@@ -80,11 +98,63 @@ def missed_deadlines(prospects: Iterable[LineCapacity]) -> list[Mistake]:
     return mistakes
 
 
+def hint_of(line: LineTable) -> str:
+    """Return, in words, each single change after which the line serves every watchdog in time.
+
+    Fewer points are none: a watchdog's request goes before all polls, and is a starter's shortest.
+    """
+    polls = _polls_of(line)
+    timing = timing_of(line)
+    holds = partial(_keeps_watchdogs, allowance_s=line.adapter_allowance_s)
+    found = _faster_or_fewer(line, polls, holds)
+    shortest = _least(lambda limit_s: holds(_with_watchdogs(polls, limit_s), timing))
+    if shortest is not None:
+        found.append(f"no watchdog below {shortest:g} s")
+    return ", or ".join(found)
+
+
+def relief_of(line: LineTable) -> str:
+    """Return, in words, each single change after which an overloaded line meets its periods."""
+    found = _faster_or_fewer(line, _polls_of(line), _keeps_periods)
+    periods_s = {starter.every_s for starter in line.starters if starter.enabled and starter.every_s}
+    longest_s = max(periods_s)
+    slower = _least(
+        lambda tenths: _keeps_periods(_polls_of(_slower(line, tenths / 10)), timing_of(line)),
+        most=int(10 * LONGEST_EVERY_S / longest_s),
+    )
+    if slower is not None:
+        times = f"{slower / 10:g} times as long"
+        found.append(
+            f"every_s = {_rounded(longest_s * slower / 10):g}" if len(periods_s) == 1 else f"every_s {times}"
+        )
+    return ", or ".join(found)
+
+
+def fast_gains(line: LineTable) -> tuple[FastGain, ...]:
+    """Return what the starters of a line with `fast_words` gain by them."""
+    gains = []
+    for setup in setups_of(line):
+        if setup.has_fast_words and setup.is_enabled:
+            before, after = _often(polls_of(setup)), _often(fast_polls_of(setup))
+            sweeps_s = _sweep_s(line, before), _sweep_s(line, after)
+            gains.append(FastGain(setup.name, (len(before), len(after)), sweeps_s))
+    return tuple(gains)
+
+
+def fast_lines(line: LineTable) -> tuple[str, ...]:
+    """Return the same in words, a line for each starter."""
+    return tuple(
+        f"  fast words: {gain.starter}'s status and values take {gain.requests[1]} of {gain.requests[0]}"
+        f" requests, {gain.sweep_s[1]:.3f} s of {gain.sweep_s[0]:.3f} s (once they are mapped)"
+        for gain in fast_gains(line)
+    )
+
+
 def _miss(line: LineCapacity, starter: StarterCapacity) -> str:
     limit_s, margin_s = starter.table.watchdog_s, starter.margin_s
     if limit_s is None or margin_s is None or isinf(margin_s):
         share = f"{line.forecast.watchdog_load:.0%} of the line's time"
-        return f"{starter.table.name}: {limit_s:g} s cannot be kept: the watchdogs on this line need {share}"
+        return f"{starter.table.name}: {limit_s:g} s is too short: the watchdogs on this line need {share}"
     missed = f"{limit_s:g} s is missed by {-margin_s:.2f} s"
     return f"{starter.table.name}: {missed}: a gap may be {limit_s - margin_s:.2f} s"
 
@@ -92,7 +162,7 @@ def _miss(line: LineCapacity, starter: StarterCapacity) -> str:
 def _line(line: LineTable) -> LineCapacity:
     timing = timing_of(line)
     setups = setups_of(line)
-    polls = [poll for setup in setups for poll in polls_of(setup)]
+    polls = _polls_of(line)
     others = [poll for setup in setups if setup.is_enabled for poll in _identification(setup)]
     whole = forecast(polls, timing, allowance_s=line.adapter_allowance_s, jobs=others)
     return LineCapacity(
@@ -122,3 +192,77 @@ def _identification(setup: StarterSetup) -> list[Poll]:
         Poll(question.tag, setup.address, question.request, 0.0, setup.response_time_of(question.request))
         for question in identify_requests(setup.profile)
     ]
+
+
+def _slower(line: LineTable, factor: float) -> LineTable:
+    starters = (each.model_copy(update={"every_s": each.every_s * factor}) for each in line.starters)
+    return line.model_copy(update={"starters": tuple(starters)})
+
+
+def _rounded(every_s: float) -> float:
+    return ceil(round(10 * every_s, 6)) / 10
+
+
+def _polls_of(line: LineTable) -> list[Poll]:
+    return [poll for setup in setups_of(line) for poll in polls_of(setup)]
+
+
+def _faster_or_fewer(line: LineTable, polls: Sequence[Poll], holds: Holds) -> list[str]:
+    """Return the next rate that helps, and how many starters are too many."""
+    timing = timing_of(line)
+    found = []
+    allowed = [
+        set(setup.profile.bauds) for setup in setups_of(line) if setup.is_enabled and setup.profile.bauds
+    ]
+    for baud in sorted(each for each in get_args(Baud) if each > line.baud):
+        is_allowed = all(baud in bauds for bauds in allowed)
+        if is_allowed and holds(polls, LineTiming(baud, timing.framing)):
+            found.append(f"baud = {baud}")
+            break
+    units = list(dict.fromkeys(poll.unit for poll in polls))
+    stay = _most(len(units), lambda count: holds([p for p in polls if p.unit in units[:count]], timing))
+    if stay:
+        found.append(f"{len(units) - stay} of its {len(units)} starters on another line")
+    return found
+
+
+def _keeps_watchdogs(polls: Sequence[Poll], timing: LineTiming, *, allowance_s: float) -> bool:
+    return not deadline_check.missed_deadlines(polls, timing, allowance_s=allowance_s)
+
+
+def _keeps_periods(polls: Sequence[Poll], timing: LineTiming) -> bool:
+    return not forecast(polls, timing).is_overloaded
+
+
+def _with_watchdogs(polls: Sequence[Poll], least_s: float) -> list[Poll]:
+    return with_deadlines(
+        polls, {poll.unit: max(poll.deadline_s, least_s) for poll in polls if poll.deadline_s}
+    )
+
+
+def _most(count: int, holds: Callable[[int], bool]) -> int:
+    """Return the largest number below `count` for which it holds; 0 when it holds for none."""
+    low, high = 0, count
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
+
+
+def _least(holds: Callable[[float], bool], *, most: int = LONGEST_LIMIT_S) -> float | None:
+    """Return the least whole number up to `most` for which it holds; None when it holds for none."""
+    low, high = 0, most
+    if not holds(high):
+        return None
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if holds(middle) else (middle, high)
+    return float(high)
+
+
+def _often(polls: Sequence[Poll]) -> list[Poll]:
+    return [poll for poll in polls if poll.group != "slow"]
+
+
+def _sweep_s(line: LineTable, polls: Sequence[Poll]) -> float:
+    return forecast(polls, timing_of(line), allowance_s=line.adapter_allowance_s).sweep_s

@@ -32,7 +32,7 @@ def socket_path(config: Config, folder: Path) -> Path:
 def capture_of(
     config: Config, folder: Path, capture: Callable[[OnFrame | None], None], clock: Clock
 ) -> CaptureSocket:
-    """Return the socket of a configured gateway; `capture` turns the lines' frames on and off."""
+    """Return the socket of a configured gateway; `capture` switches the lines' frames on and off."""
     return CaptureSocket(socket_path(config, folder), [line.name for line in config.lines], capture, clock)
 
 
@@ -47,13 +47,13 @@ class CaptureSocket:
         clock: Clock,
     ) -> None:
         self._path = path
-        self.lines = tuple(lines)  # as whoever connects is told
+        self.lines = tuple(lines)  # as the first line of JSON names them
         self._capture = capture
         self._clock = clock
         self._readers: set[asyncio.StreamWriter] = set()
 
     async def run(self) -> None:
-        """Serve until cancelled; where the socket cannot be made, say so and do without."""
+        """Serve until cancelled; when the socket cannot be made, log why and return."""
         try:
             listening = _listen(self._path)
         except OSError as error:
@@ -72,7 +72,6 @@ class CaptureSocket:
             self._path.unlink(missing_ok=True)
 
     async def _serve(self, received: asyncio.StreamReader, reader: asyncio.StreamWriter) -> None:
-        """Serve one reader until it goes."""
         _write(reader, {"capture": FORMAT, "lines": self.lines})
         self._readers.add(reader)
         if len(self._readers) == 1:
@@ -89,16 +88,16 @@ class CaptureSocket:
 
     def _take(self, line: str, at_s: float, direction: str, frame: bytes) -> None:
         time_us = round(self._clock.utc_s(at_s) * 1e6)
-        told = {"line": line, "time_us": time_us, "direction": direction, "frame": frame.hex()}
+        row = {"line": line, "time_us": time_us, "direction": direction, "frame": frame.hex()}
         for reader in tuple(self._readers):
-            _write(reader, told)
+            _write(reader, row)
             if reader.transport.get_write_buffer_size() > MOST_UNSENT_BYTES:
                 log.warning("a capture is too slow and is cut off")
                 reader.transport.abort()
 
 
 def _listen(path: Path) -> socket.socket:
-    """Return a socket that only this user may connect to; what a predecessor has left there is replaced."""
+    """Return a socket for this user only; one that an earlier process left there is replaced."""
     listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)

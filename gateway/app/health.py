@@ -1,36 +1,41 @@
-"""Whether the gateway lives: readiness, the service watchdog, its status, and how each line does.
+"""Health: readiness, the service watchdog, the status of the gateway, and the statistics of each line.
 
-systemd is told READY once every line has made its first step (a transaction, or an attempt to open its port)
+systemd gets READY once every line has made its first step (a transaction, or an attempt to open its port),
 and WATCHDOG only after every line has made another one: what feeds it is the lines' work, not a timer.
-
-Whether a line has had no time to spare for long: then values get older than their periods say.
-
-Whether a line keeps its starters from their communication watchdogs; those found at run time, too.
+`Saturation` finds lines without time to spare, `WatchdogAlarm` watchdogs that a line does not serve in time.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
+from gateway.line.cable import CableHealth, WiredStarter
 from gateway.line.capacity.outage import FEEDS, LOOK_S
 from gateway.line.client import LineClient
 from gateway.mqtt.publisher import Publisher
-from gateway.records import LineRecord, Severity, Sink
-from gateway.system.hang_dump import HangWatch
-from gateway.system.loop_lag import LagMeter
-from gateway.system.once import Alarm
+from gateway.records import LineRecord, PublishEvent, Severity, Sink
+from gateway.system.once import HoldOff
+from gateway.system.stalls import HangWatch, LagMeter
 from gateway.system.systemd import Notifier
 
-FULL = 0.95  # of its time
+log = logging.getLogger(__name__)
+
+STATISTICS_EVERY_S = 30.0
+SETTLING_S = 1.5  # after a change; a line's statistics are up to a second old
+LAG_WARNS_S = 0.05
+LAG_QUIET_S = 60.0  # a loop that was in time for so long may be reported again
+QUIET_S = 300.0  # without another, before a starter that was left for too long may be reported again
+
+FULL = 0.95  # of a line's time
 RELIEVED = 0.90
-FOR_S = 60.0
+FOR_S = 60.0  # before a line counts as full, or as relieved
 
 
 class Saturation:
-    """Watches one line's utilisation; a change is told once it has lasted for a minute."""
+    """Watches one line's utilisation; a change is reported once it has lasted for a minute."""
 
     def __init__(self) -> None:
         self._is_full = False
@@ -50,42 +55,29 @@ class Saturation:
         return self._is_full
 
 
-QUIET_S = 300.0  # without another, before a starter that was left for too long may be told of again
-
-
 class WatchdogAlarm:
-    """Watches one line's `watchdogs` figures; what has changed is told once."""
+    """Watches one line's `watchdogs` statistics; a change is reported once."""
 
     def __init__(self) -> None:
         self._is_full = False  # the watchdogs need more than there is
-        self._missed: dict[int, Alarm] = {}  # by unit
+        self._missed: dict[int, HoldOff] = {}  # by unit
 
-    def take(self, figures: Mapping[str, float | int], now_s: float) -> str | None:
+    def take(self, statistics: Mapping[str, float | int], now_s: float) -> str | None:
         """Return what is wrong when that is news, None otherwise."""
-        load, share, unit = figures["load"], figures["longest_share"], int(figures["unit"])
+        load, share, unit = statistics["load"], statistics["longest_share"], int(statistics["unit"])
         was_full, self._is_full = self._is_full, load > 1.0
-        told = None
+        text: str | None = None
         if self._is_full and not was_full:
-            told = f"the starters' watchdogs need {load:.0%} of its time and cannot all be kept"
-        if share >= 1.0 and self._missed.setdefault(unit, Alarm(QUIET_S)).sounds(now_s):
-            told = (
-                told or f"address {unit} was left for {share:.0%} of its watchdog's time: it may have acted"
+            text = f"the starters' watchdogs need {load:.0%} of its time: not all can be served in time"
+        if share >= 1.0 and self._missed.setdefault(unit, HoldOff(QUIET_S)).sounds(now_s):
+            text = (
+                text or f"address {unit} was left for {share:.0%} of its watchdog's time: it may have acted"
             )
-        return told
-
-
-log = logging.getLogger(__name__)
-
-FIGURES_EVERY_S = 30.0
-SETTLING_S = 1.5  # after a change; a line's figures are up to a second old
-LAG_WARNS_S = 0.05
-LAG_QUIET_S = 60.0  # a loop that was in time for so long may be told of again
-
-Tell = Callable[[str, Severity, str], None]
+        return text
 
 
 class Health:
-    """Watches the lines and speaks for them; all calls on the app's loop."""
+    """Watches the lines and publishes their state; all calls on the app's loop."""
 
     def __init__(
         self,
@@ -98,9 +90,10 @@ class Health:
         watchdog_every_s: float | None,
         lines_lag: LagMeter,
         shortest_watchdog_s: float | None,
-        tell: Tell,
+        publish_event: PublishEvent,
         hangs: HangWatch | None = None,
         computed: Mapping[str, Mapping[str, Any]] | None = None,
+        wiring: Mapping[str, Sequence[WiredStarter]] | None = None,
     ) -> None:
         self._progress = progress  # by line: grows with each step of its loop
         self._publisher = publisher
@@ -108,21 +101,22 @@ class Health:
         self._notifier = notifier
         self._watchdog_every_s = watchdog_every_s  # half of systemd's limit
         self._hangs = hangs or HangWatch(watchdog_every_s)
-        self._tell = tell
-        self._lag = LagMeter()
+        self._publish_event = publish_event
+        self.lag = LagMeter()  # of the application's loop
         self._lines_lag = lines_lag
         self._lag_watches = (
-            _LagWatch("the gateway's own loop", self._lag, tell),
-            _LagWatch("the lines' loop", lines_lag, tell),
+            _LagWatch("the gateway's own loop", self.lag, publish_event),
+            _LagWatch("the lines' loop", lines_lag, publish_event),
         )
         self._saturations: dict[str, Saturation] = {}  # of lines that should have time to spare
         self._watchdog_alarms: dict[str, WatchdogAlarm] = {}
+        self._cables: dict[str, CableHealth] = {}
         self._port_troubles: dict[str, str] = {}
         self._starter_troubles: dict[str, str] = {}
         self._link_trouble = ""
         self._is_ready = False
         self._is_changed = False
-        self.watch(lines, shortest_watchdog_s=shortest_watchdog_s, computed=computed or {})
+        self.watch(lines, shortest_watchdog_s=shortest_watchdog_s, computed=computed or {}, wiring=wiring)
 
     def watch(
         self,
@@ -130,49 +124,58 @@ class Health:
         *,
         shortest_watchdog_s: float | None,
         computed: Mapping[str, Mapping[str, Any]],
+        wiring: Mapping[str, Sequence[WiredStarter]] | None = None,
     ) -> None:
-        """Watch these lines from now on; `computed` is, by line, what its figures should be."""
+        """Watch these lines from now on.
+
+        By line, `computed` holds its computed worst-case statistics, `wiring` its starters in the order in
+        which the cable passes them.
+        """
         self._lines = tuple(lines)
         self._computed = computed
-        paced = [name for name, figures in computed.items() if figures["is_paced"]]
+        paced = [name for name, statistics in computed.items() if statistics["is_paced"]]
         self._saturations = {name: self._saturations.get(name, Saturation()) for name in paced}
         names = {line.name for line in self._lines}
         self._port_troubles = {n: trouble for n, trouble in self._port_troubles.items() if n in names}
         self._watchdog_alarms = {n: alarm for n, alarm in self._watchdog_alarms.items() if n in names}
+        for name in self._cables.keys() - (wiring or {}).keys():
+            del self._cables[name]
+        for name, starters in (wiring or {}).items():
+            self._cables.setdefault(name, CableHealth(starters)).rewire(starters)
         for watch in self._lag_watches:
             watch.shortest_watchdog_s = shortest_watchdog_s
-        self._tell_status()
+        self._publish_status()
         self._is_changed = True
 
     def note_port(self, line: str, trouble: str) -> None:
-        """Take over that a line's port is open (empty) or away (why)."""
+        """Record that a line's port is open (empty) or away (why)."""
         if trouble:
             self._port_troubles[line] = trouble
         else:
             self._port_troubles.pop(line, None)
-        self._tell_status()
+        self._publish_status()
         self._is_changed = True
 
     def note_starter(self, starter: str, trouble: str) -> None:
-        """Take over that a part of a starter cannot be read, and why; empty when all of it can."""
+        """Record that a part of a starter cannot be read, and why; empty when all of it can."""
         if trouble:
             self._starter_troubles[starter] = trouble
         else:
             self._starter_troubles.pop(starter, None)
-        self._tell_status()
+        self._publish_status()
 
     def note_link(self, trouble: str) -> None:
-        """Take over what is wrong with the connection to the broker; empty for nothing."""
+        """Record what is wrong with the connection to the broker; empty for nothing."""
         self._link_trouble = trouble
-        self._tell_status()
+        self._publish_status()
 
     def note_change(self) -> None:
-        """Take over that the lines' figures have changed in a way that people wait for."""
+        """Publish the lines' statistics soon: they have changed in a way that people wait for."""
         self._is_changed = True
 
     async def run(self) -> None:
-        """Watch for ever."""
-        measuring = asyncio.create_task(self._lag.run(), name="lag")
+        """Watch until cancelled."""
+        measuring = asyncio.create_task(self.lag.run(), name="lag")
         try:
             await self._watch()
         finally:
@@ -182,7 +185,7 @@ class Health:
     async def _watch(self) -> None:
         loop = asyncio.get_running_loop()
         seen = self._progress()
-        figures_due_s = fed_s = loop.time()
+        statistics_due_s = fed_s = loop.time()
         self._hangs.fed()
         while True:
             now_s = loop.time()
@@ -196,22 +199,22 @@ class Health:
                     seen, fed_s = progress, now_s
             for watch in self._lag_watches:
                 watch.look(now_s)
-            self._look_at_load(now_s)
+            self._check_load(now_s)
             if self._is_changed:
                 self._is_changed = False
-                figures_due_s = min(figures_due_s, now_s + SETTLING_S)
-            if now_s >= figures_due_s:
-                self._put_figures()
-                figures_due_s = now_s + FIGURES_EVERY_S
+                statistics_due_s = min(statistics_due_s, now_s + SETTLING_S)
+            if now_s >= statistics_due_s:
+                self._publish_statistics()
+                statistics_due_s = now_s + STATISTICS_EVERY_S
             await asyncio.sleep(LOOK_S)
 
     def _become_ready(self) -> None:
         self._is_ready = True
-        self._tell_status()
+        self._publish_status()
         self._notifier.ready(f"polling {len(self._lines)} line(s)")
         log.info("lines=%s polling", ",".join(line.name for line in self._lines))
 
-    def _tell_status(self) -> None:
+    def _publish_status(self) -> None:
         if not self._is_ready:
             return
         troubles = [f"line {line}: {trouble}" for line, trouble in self._port_troubles.items()]
@@ -220,55 +223,69 @@ class Health:
         self._publisher.set_status("degraded" if troubles else "online", "; ".join(troubles) or None)
         self._notifier.status("; ".join(troubles) or "polling")
 
-    def _look_at_load(self, now_s: float) -> None:
-        """Tell when a line has become too full for what it is asked, and when no longer; watchdogs first."""
+    def _check_load(self, now_s: float) -> None:
+        """Publish when a line is saturated, and when no longer; watchdogs first."""
         for line in self._lines:
-            figures = line.figures()
-            self._look_at_watchdogs(line.name, figures, now_s)
+            statistics = line.statistics()
+            self._check_watchdogs(line.name, statistics, now_s)
             saturation = self._saturations.get(line.name)
             if saturation is None:
                 continue
-            is_full = saturation.take(figures.get("utilisation", 0.0), now_s)
+            is_full = saturation.take(statistics.get("utilisation", 0.0), now_s)
             if is_full:
                 text = f"line {line.name}: no time to spare for {FOR_S:g} s, values come late"
-                self._tell("line_saturated", Severity.WARNING, text)
+                self._publish_event("line_saturated", Severity.WARNING, text)
             elif is_full is not None:
-                self._tell("line_relieved", Severity.INFO, f"line {line.name}: has time to spare again")
+                self._publish_event(
+                    "line_relieved", Severity.INFO, f"line {line.name}: has time to spare again"
+                )
 
-    def _look_at_watchdogs(self, line: str, figures: Mapping[str, Any], now_s: float) -> None:
-        """Tell of starters whose watchdogs this line does not keep, those found in the starters included."""
-        if "watchdogs" not in figures:
+    def _check_watchdogs(self, line: str, statistics: Mapping[str, Any], now_s: float) -> None:
+        """Publish which watchdogs this line does not serve in time, those read from the starters included."""
+        if "watchdogs" not in statistics:
             return
-        text = self._watchdog_alarms.setdefault(line, WatchdogAlarm()).take(figures["watchdogs"], now_s)
+        text = self._watchdog_alarms.setdefault(line, WatchdogAlarm()).take(statistics["watchdogs"], now_s)
         if text is not None:
-            self._tell("watchdog_unkept", Severity.ERROR, f"line {line}: {text}")
+            self._publish_event("watchdog_unkept", Severity.ERROR, f"line {line}: {text}")
 
-    def _put_figures(self) -> None:
-        lag_s = {"line": round(self._lines_lag.worst_s, 4), "gateway": round(self._lag.worst_s, 4)}
+    def _publish_statistics(self) -> None:
+        lag_s = {"line": round(self._lines_lag.worst_s, 4), "gateway": round(self.lag.worst_s, 4)}
         for line in self._lines:
-            self._sink.put(
-                LineRecord(line.name, {**line.figures(), **self._computed_of(line), "lag_s": lag_s})
-            )
+            statistics = line.statistics()
+            more = {**self._computed_of(line), **self._cable_of(line.name, statistics), "lag_s": lag_s}
+            self._sink.put(LineRecord(line.name, {**statistics, **more}))
+
+    def _cable_of(self, line: str, statistics: Mapping[str, Any]) -> dict[str, Any]:
+        """Return what the errors on a line say of its cable; report what has changed in that."""
+        cable = self._cables.get(line)
+        if cable is None:
+            return {}
+        changes = cable.take(statistics, asyncio.get_running_loop().time())
+        for text in changes.appeared:
+            self._publish_event("cable", Severity.WARNING, f"line {line}: {text}")
+        for text in changes.gone:
+            self._publish_event("cable", Severity.INFO, f"line {line}: no longer: {text}")
+        return {"cable": cable.to_dict()}
 
     def _computed_of(self, line: LineClient) -> dict[str, Any]:
         return {"computed": self._computed[line.name]} if line.name in self._computed else {}
 
 
 class _LagWatch:
-    """Tells of one loop's delays: the first that is worth it, then only after a quiet minute again."""
+    """Reports one loop's delays: the first that is too long, and again only after a minute without one."""
 
     shortest_watchdog_s: float | None = None
 
-    def __init__(self, what: str, meter: LagMeter, tell: Tell) -> None:
+    def __init__(self, what: str, meter: LagMeter, publish_event: PublishEvent) -> None:
         self._what = what
         self._meter = meter
-        self._tell = tell
-        self._warning, self._alarm = Alarm(LAG_QUIET_S), Alarm(LAG_QUIET_S)
+        self._publish_event = publish_event
+        self._warning, self._alarm = HoldOff(LAG_QUIET_S), HoldOff(LAG_QUIET_S)
 
     def look(self, now_s: float) -> None:
         worst_s = self._meter.take_worst_s()
         text = f"{self._what} was {worst_s:.3f} s late"
         if worst_s > (self.shortest_watchdog_s or float("inf")) / 3 and self._alarm.sounds(now_s):
-            self._tell("lag", Severity.ERROR, f"{text}: starters' watchdogs may act")
+            self._publish_event("lag", Severity.ERROR, f"{text}: starters' watchdogs may act")
         if worst_s > LAG_WARNS_S and self._warning.sounds(now_s):
-            log.warning("%s; it is said once, the worst is in the line's statistics", text)
+            log.warning("%s; it is logged once, the worst is in the line's statistics", text)

@@ -1,4 +1,4 @@
-"""The lines with their starters as they are at present: made, listened to, changed, and ended."""
+"""The lines with their starters as they are at present: built, changed, ended; handles their events."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ from typing import Any, Protocol
 from gateway.config.convert import setups_of, timing_of
 from gateway.config.diff import Additions, ConfigChanges
 from gateway.config.schema import LineTable
+from gateway.families.profile.load import ENGLISH
+from gateway.history.readings import Readings
 from gateway.line.capacity.outage import start_order
 from gateway.line.client import LineClient
 from gateway.line.events import LineEvent, LineFault, PollResult, PortChanged, UnitChanged
 from gateway.line.port.base import PortOpener
 from gateway.line.port.opener import SerialOpener
 from gateway.line.port_recovery import DEAF
-from gateway.line.scheduler.requests import Poll
-from gateway.modbus.timing import LineTiming
+from gateway.line.thread import LineHost
 from gateway.records import SequenceNumbers, Severity, Sink
 from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
@@ -29,55 +30,34 @@ from gateway.starters.telemetry.telemetry import StarterTelemetry
 from gateway.system.clock import Clock
 
 
-class Host(Protocol):
-    """Runs lines; `LineHost` does so in a thread of their own."""
-
-    def add_line(
-        self,
-        *,
-        name: str,
-        opener: PortOpener,
-        timing: LineTiming,
-        polls: Sequence[Poll],
-        allowance_s: float,
-        seed: int,
-        deaf_after_s: float,
-    ) -> LineClient:
-        """Add a line, which begins as soon as those removed before have ended."""
-        ...
-
-    def remove_line(self, name: str) -> Coroutine[Any, Any, object]:
-        """End a line, whose name another may have at once; what is returned waits for its end."""
-        ...
-
-
 class PlantListener(Protocol):
-    """Hears what concerns the gateway as a whole."""
+    """Receives what concerns the gateway as a whole."""
 
-    def tell(self, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None) -> None:
+    def publish_event(
+        self, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None
+    ) -> None:
         """Publish an event of the gateway's own."""
-        ...
 
     def forget(self, starters: Sequence[str]) -> None:
-        """Have the broker forget what it retains of starters."""
-        ...
+        """Have the broker delete what it retains of starters."""
 
     def note_change(self) -> None:
-        """Hear that a line's figures have changed in a way that people wait for."""
-        ...
+        """Publish the lines' statistics soon: they have changed in a way that people wait for."""
 
     def note_starter(self, starter: str, trouble: str) -> None:
-        """Hear that a part of a starter cannot be read (why), or that all of it can (empty)."""
-        ...
+        """Record that a part of a starter cannot be read (why), or that all of it can (empty)."""
 
     def note_port(self, line: str, trouble: str) -> None:
-        """Hear that a line's port is open (empty) or away (why)."""
-        ...
+        """Record that a line's port is open (empty) or away (why)."""
 
 
 def serial_opener(table: LineTable) -> PortOpener:
     """Return what opens the port of a line."""
     return SerialOpener(table.port, table.baud, timing_of(table).framing)
+
+
+def _ignore(_name: str, _readings: Readings) -> None:
+    """Do nothing with what was read."""
 
 
 class Plant:
@@ -87,47 +67,51 @@ class Plant:
         self,
         listener: PlantListener,
         *,
-        precautions: Policy,
-        companions: StarterServices,
+        policy: Policy,
+        services: StarterServices,
         sink: Sink,
         clock: Clock,
         sequence: SequenceNumbers,
         refresh_s: float = REFRESH_S,
+        on_readings: Callable[[str, Readings], None] = _ignore,
+        language: str = ENGLISH,
         make_opener: Callable[[LineTable], PortOpener] = serial_opener,
     ) -> None:
         self.starters: dict[str, StarterTelemetry] = {}
         self.lines: dict[str, LineClient] = {}
         self._by_unit: dict[tuple[str, int], StarterTelemetry] = {}
         self._listener = listener
-        self._precautions = precautions
-        self._companions = companions
+        self._policy = policy
+        self._services = services
         self._sink = sink
         self._clock = clock
         self._sequence = sequence
         self._make_opener = make_opener
-        self._host: Host
+        self._on_readings = on_readings
+        self._host: LineHost
         self._edition = 0  # counts the changes
         self._refresh_s = refresh_s  # after which unchanged values are published again
+        self._language = language  # of the names of faults, alarms and points
 
-    def build(self, host: Host, tables: Iterable[LineTable]) -> None:
+    def build(self, host: LineHost, tables: Iterable[LineTable]) -> None:
         """Make these lines in a host, with all their starters; once."""
         self._host = host
         for table in tables:
             self._add_line(table)
 
     async def start(self) -> None:
-        """Publish what is known before the first answers are told; once, on the app's loop."""
-        await _introduce(self.starters.values())
+        """Publish what is known before the first replies are; once, on the app's loop."""
+        await _start_each(self.starters.values())
 
     def apply(self, changes: ConfigChanges) -> Coroutine[Any, Any, None]:
-        """Change everything at this instant; await what is returned, which tells of it.
+        """Change everything at this instant; await what is returned, which publishes it.
 
-        What the changes do not name goes on as if nothing had happened.
+        What the changes do not name continues as if nothing had happened.
         """
         self._edition += 1
         endings: list[Coroutine[Any, Any, object]] = []
         for name in changes.starters_gone:
-            endings += [self._retire(name).close(), self._companions.remove(name)]
+            endings += [self._retire(name).close(), self._services.remove(name)]
         self._listener.forget(changes.starters_gone)
         for name in changes.lines_gone:
             del self.lines[name]
@@ -138,9 +122,9 @@ class Plant:
             self._refresh_s = changes.refresh_s
             for starter in self.starters.values():
                 starter.set_refresh(changes.refresh_s)
-        come = [starter for comers in changes.starters_new for starter in self._join(comers)]
-        come += [starter for table in changes.lines_new for starter in self._add_line(table)]
-        return self._welcome(come, endings)
+        new = [starter for additions in changes.starters_new for starter in self._join(additions)]
+        new += [starter for table in changes.lines_new for starter in self._add_line(table)]
+        return self._start_new(new, endings)
 
     def end(self, reason: str) -> None:
         """Publish that no starter is watched any more, once the lines have ended; nothing is taken later."""
@@ -168,7 +152,9 @@ class Plant:
                     self._listener.note_change()
             case LineFault():
                 data = {"line": event.line, "unit": event.unit, "frames": list(event.frames)}
-                self._listener.tell(event.code, Severity.ERROR, f"line {event.line}: {event.text}", data)
+                self._listener.publish_event(
+                    event.code, Severity.ERROR, f"line {event.line}: {event.text}", data
+                )
             case PortChanged():
                 self._change_port(event)
             case _:
@@ -178,17 +164,18 @@ class Plant:
         """Publish that a port was opened or is away: then none of its starters answers."""
         data = {"line": event.line}
         if event.is_open:
-            self._listener.tell("port_open", Severity.INFO, f"line {event.line}: the port is open", data)
+            self._listener.publish_event(
+                "port_open", Severity.INFO, f"line {event.line}: the port is open", data
+            )
         else:
             code = "port_deaf" if DEAF in event.reason else "port_away"
-            self._listener.tell(code, Severity.ERROR, f"line {event.line}: {event.reason}", data)
+            self._listener.publish_event(code, Severity.ERROR, f"line {event.line}: {event.reason}", data)
             for (name, _), starter in self._by_unit.items():
                 if name == event.line:
                     starter.on_unit(is_answering=False, reason=event.reason)
         self._listener.note_port(event.line, "" if event.is_open else event.reason)
 
     def _retire(self, name: str) -> StarterTelemetry:
-        """Take a starter off its line, and what the broker retains of it with it."""
         starter = self.starters.pop(name)
         del self._by_unit[starter.setup.line, starter.setup.address]
         starter.retire()
@@ -197,7 +184,7 @@ class Plant:
 
     def _add_line(self, table: LineTable) -> list[StarterTelemetry]:
         setups = self._setups(table)
-        watchdogs = self._precautions.watchdogs
+        watchdogs = self._policy.watchdogs
         limits_s = {setup.address: watchdogs.limit_s(setup) for setup in setups}
         watchdogs_s = {address: limit_s for address, limit_s in limits_s.items() if limit_s}
         self.lines[table.name] = self._host.add_line(
@@ -211,51 +198,51 @@ class Plant:
         )
         return [self._add_starter(setup) for setup in setups]
 
-    def _join(self, comers: Additions) -> list[StarterTelemetry]:
-        """Add starters to a line that runs; each is asked its first question at once."""
-        names = {each.name for each in comers.starters}
-        come = [self._add_starter(setup) for setup in self._setups(comers.line) if setup.name in names]
-        for starter in come:
+    def _join(self, additions: Additions) -> list[StarterTelemetry]:
+        """Add starters to a line that runs; each gets its first request at once."""
+        names = {each.name for each in additions.starters}
+        new = [self._add_starter(setup) for setup in self._setups(additions.line) if setup.name in names]
+        for starter in new:
             polls = starter.polls()
             for poll in polls:
                 starter.line.add_poll(poll)
             for poll in polls[:1]:
                 starter.line.expedite(poll.key)
-        return come
+        return new
 
-    async def _welcome(
-        self, come: Sequence[StarterTelemetry], endings: Sequence[Coroutine[Any, Any, object]]
+    async def _start_new(
+        self, new: Sequence[StarterTelemetry], endings: Sequence[Coroutine[Any, Any, object]]
     ) -> None:
-        """Tell of the new starters while those that go end."""
         ended = asyncio.gather(*endings)
-        await _introduce(come)
+        await _start_each(new)
         await ended
 
     def _setups(self, table: LineTable) -> list[StarterSetup]:
-        return [replace(setup, edition=self._edition) for setup in setups_of(table)]
+        return [replace(setup, edition=self._edition) for setup in setups_of(table, self._language)]
 
     def _add_starter(self, setup: StarterSetup) -> StarterTelemetry:
-        self._precautions.logbook.add(setup.name)
+        self._policy.motor_history.add(setup.name)
         starter = StarterTelemetry(
             setup,
             line=self.lines[setup.line],
             sink=self._sink,
             clock=self._clock,
             sequence=self._sequence,
-            identities=self._precautions.identities,
-            watchdogs=self._precautions.watchdogs,
-            told_faults=self._precautions.told_faults,
-            lock_of=self._precautions.logbook.lock_of,
+            identities=self._policy.identities,
+            watchdogs=self._policy.watchdogs,
+            published_faults=self._policy.published_faults,
+            lock_of=self._policy.motor_history.lock_of,
             refresh_s=self._refresh_s,
         )
         self.starters[setup.name] = self._by_unit[setup.line, setup.address] = starter
+        starter.on_readings = partial(self._on_readings, setup.name)
         starter.availability.on_trouble = partial(self._listener.note_starter, setup.name)
-        self._companions.add(starter)
+        self._services.add(starter)
         return starter
 
 
-async def _introduce(starters: Iterable[StarterTelemetry]) -> None:
-    """Let starters tell of themselves, one by one, so that hundreds keep nothing else waiting."""
+async def _start_each(starters: Iterable[StarterTelemetry]) -> None:
+    """Start starters, which publish what is known of them, one by one: hundreds must not block the loop."""
     for starter in tuple(starters):
         starter.start()
         await asyncio.sleep(0)

@@ -15,11 +15,9 @@ from gateway.system.clock import Clock
 
 log = logging.getLogger("gateway")
 
-NUMBER_WITHIN_S = 10.0  # of a fault: it is read after the fault itself
 MOST_UNDER_WAY = 1000  # commands of which is known when they were accepted
 SAID_BY_RESULT = frozenset({"stop_unconfirmed", "locked", "unlocked", "identity_accepted"})
 LOGGED_WHERE_THEY_ARISE = frozenset({"broker_connected", "broker_away", "reload_refused"})  # each mistake
-FAULT = "fault"  # the event, and the alarm while its number is not known
 NOT_YET_READ = "not yet read"  # a starter's reason before anything is known of it
 
 _LEVELS = {
@@ -36,18 +34,16 @@ _LEVELS = {
 class RecordLog:
     """Subscribes to the records, and logs what an operator wants to know."""
 
+    takes = (EventRecord, ResultRecord, AvailabilityRecord)
+
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self._accepted_s: OrderedDict[tuple[str, str, str | None], float] = OrderedDict()
         self._answered: set[str] = set()  # starters that were online once: events say what follows
         self._unanswered: dict[str, str | None] = {}  # by starter: why it does not answer, as logged last
-        self._numbered: set[str] = set()  # starters whose fault was logged with its number
-        self._unnumbered: dict[str, tuple[float, str]] = {}  # by starter: a fault's line, and when it is due
 
     def put(self, record: Record) -> None:
         """Take one record."""
-        if self._unnumbered:
-            self._log_unnumbered(self._clock.now_s())
         match record:
             case EventRecord():
                 self._log_event(record)
@@ -61,27 +57,7 @@ class RecordLog:
     def _log_event(self, event: EventRecord) -> None:
         if event.code in SAID_BY_RESULT | LOGGED_WHERE_THEY_ARISE:
             return
-        is_fault = event.data.get("severity") == "fault"
-        has_number = event.data.get("alarm") != FAULT
-        if event.code == FAULT or (event.code == "alarm" and is_fault and not has_number):
-            if event.starter not in self._numbered | self._unnumbered.keys():
-                due_s = self._clock.now_s() + NUMBER_WITHIN_S
-                self._unnumbered[event.starter] = (due_s, _line(event.starter, event.text))
-            return
-        if event.code == "alarm" and is_fault:
-            self._numbered.add(event.starter)
-            self._unnumbered.pop(event.starter, None)
-        elif event.code == "cleared" and is_fault:
-            self._numbered.discard(event.starter)
-        text = _alarm(event) if event.code == "alarm" else event.text
-        log.log(_LEVELS[event.severity], "%s%s", _line(event.starter, text), _frames(event.data))
-
-    def _log_unnumbered(self, now_s: float) -> None:
-        """Log the faults whose number did not come in time."""
-        for starter, (due_s, line) in list(self._unnumbered.items()):
-            if now_s >= due_s:
-                del self._unnumbered[starter]
-                log.error("%s", line)
+        log.log(_LEVELS[event.severity], "%s%s", _line(event.starter, event.text), _frames(event.data))
 
     def _log_result(self, result: ResultRecord) -> None:
         """Log the end of a command; of a repeated one nothing is new."""
@@ -112,13 +88,6 @@ class RecordLog:
             log.warning("%s", _line(record.starter, f"does not answer: {record.reason}"))
 
 
-def _alarm(event: EventRecord) -> str:
-    """Return what came, by its number: fault E05."""
-    code = str(event.data.get("alarm")).upper()
-    meaning = "" if code in event.text.upper() else f": {event.text}"
-    return f"{event.data['severity']} {code}{meaning}"
-
-
 def _outcome(result: ResultRecord) -> str:
     """Return the value that was read or set, or why the command was not carried out."""
     if result.phase is not Phase.CONFIRMED:
@@ -137,6 +106,5 @@ def _line(starter: str, text: str) -> str:
 
 
 def _frames(data: Mapping[str, Any]) -> str:
-    """Return the frames that an event carries, a line each."""
     frames = data.get("frames")
     return "; last frames:\n" + "\n".join(map(str, frames)) if frames else ""

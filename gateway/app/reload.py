@@ -1,39 +1,49 @@
-"""Takes another configuration over while the gateway runs; one that cannot be used changes nothing."""
+"""Applies another configuration while the gateway runs; one that cannot be used changes nothing."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
 from collections.abc import Callable
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from gateway.app.site import Site
-from gateway.errors import ConfigError
+from gateway.config.convert import setups_of
+from gateway.config.schema import Config
+from gateway.errors import ConfigError, Problem
 from gateway.records import Severity
+from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from gateway.system.gc_tuning import spare_what_lives
 from gateway.system.systemd import Notifier
+
+if TYPE_CHECKING:
+    from gateway.app.gateway import App
 
 log = logging.getLogger(__name__)
 
 MOST_REMAINS = 16  # starters that were replaced; clearing their memory stops every loop for a moment
 
 
-class Running(Protocol):
-    """The gateway as far as a reload concerns it; `App` is one."""
+async def newly_missed(watchdogs: KnownWatchdogs, old: Config, new: Config) -> list[Problem]:
+    """Return the watchdogs, as last read from the starters, that only the new configuration would miss."""
 
-    async def change(self, site: Site) -> int:
-        """Go over to another site and return how many starters were replaced; ConfigError."""
-        ...
+    async def missed(config: Config) -> dict[str, str]:
+        lines = [await watchdogs.missed_on(setups_of(line)) for line in config.lines]
+        return {name: text for found in lines for name, text in found.items()}
 
-    def tell(self, code: str, severity: Severity, text: str, data: dict[str, list[str]]) -> None:
-        """Publish an event of the gateway's own."""
-        ...
+    before = await missed(old)
+    hint = "leave the line as it was, or make the watchdog longer at the starter"
+    return [
+        Problem("line.starter", f"{name}: {text} (as read from the starter)", hint)
+        for name, text in (await missed(new)).items()
+        if name not in before
+    ]
 
 
 class Reload:
     """Reads and validates in a thread; asked again meanwhile, it does so once more. On the app's loop."""
 
-    def __init__(self, read: Callable[[], Site], running: Running, notifier: Notifier) -> None:
+    def __init__(self, read: Callable[[], Site], running: App, notifier: Notifier) -> None:
         self._read = read
         self._running = running
         self._notifier = notifier
@@ -42,7 +52,7 @@ class Reload:
         self._remains = 0
 
     def begin(self) -> None:
-        """Read the configuration and go over to it, as soon as a reload under way is done."""
+        """Read the configuration and apply it, as soon as a reload under way is done."""
         self._is_asked_again = True
         if self._task is None:
             self._task = asyncio.get_running_loop().create_task(self._run(), name="reload")
@@ -62,7 +72,6 @@ class Reload:
             self._task = None
 
     async def _reloaded(self) -> str:
-        """Return what became of it, in one line."""
         try:
             site = await asyncio.to_thread(self._read)
             self._remains += await self._running.change(site)
@@ -71,7 +80,7 @@ class Reload:
         except Exception:  # the guard at the task's top
             log.exception("the reload ended by a bug")
             text = "the reload was cut short by an error inside the gateway (see its log); restart it"
-            self._running.tell("reload_failed", Severity.ERROR, text, {})
+            self._running.publish_event("reload_failed", Severity.ERROR, text, {})
             return text
         is_much = self._remains >= MOST_REMAINS
         spare_what_lives(with_look=is_much)
@@ -83,5 +92,5 @@ class Reload:
             log.error("reload refused: %s", mistake)
         more = f" (and {len(mistakes) - 1} more)" if len(mistakes) > 1 else ""
         text = f"the new configuration is refused, the old one stays in force: {mistakes[0]}{more}"
-        self._running.tell("reload_refused", Severity.ERROR, text, {"mistakes": mistakes})
+        self._running.publish_event("reload_refused", Severity.ERROR, text, {"mistakes": mistakes})
         return text

@@ -1,4 +1,4 @@
-"""A configuration with all that is read and reckoned besides, made anywhere but on the app's loop."""
+"""A configuration with everything that is read and computed from it, made outside the app's loop."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gateway.app.capacity import LineCapacity, computed_of, missed_deadlines, pr
 from gateway.config.load import load
 from gateway.config.mistakes import Mistake
 from gateway.config.schema import Config
-from gateway.config.secrets import mqtt_password
+from gateway.config.secrets import metrics_token, mqtt_password, sparkplug_password
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,11 +22,15 @@ class Site:
     folder: Path  # the configuration's: relative paths begin there
     password: str | None = field(repr=False)
     prospects: tuple[LineCapacity, ...]  # what its lines will be like
+    path: Path | None = None  # the configuration's file
+    metrics_token: str | None = field(default=None, repr=False)
+    sparkplug_password: str | None = field(default=None, repr=False)
 
     @classmethod
-    def of(cls, config: Config, *, folder: Path, password: str | None) -> Self:
-        """Reckon what follows from a configuration; some tenths of a second for hundreds of starters."""
-        return cls(config, folder, password, prospects_of(config))
+    def of(cls, config: Config, *, folder: Path, password: str | None, path: Path | None = None) -> Self:
+        """Compute what follows from a configuration; some tenths of a second for hundreds of starters."""
+        token = metrics_token(config, folder, {})
+        return cls(config, folder, password, prospects_of(config), path, token, password)
 
     @classmethod
     def read(cls, path: Path, environ: Mapping[str, str]) -> Self:
@@ -42,14 +46,17 @@ class Site:
             return missed_deadlines(prospects)
 
         config, folder = load(path, check=check), path.parent
-        return cls(config, folder, mqtt_password(config, folder, environ), prospects)
+        password = mqtt_password(config, folder, environ)
+        token = metrics_token(config, folder, environ)
+        own = sparkplug_password(config, folder, password, environ)
+        return cls(config, folder, password, prospects, path, token, own)
 
     @property
     def computed(self) -> Mapping[str, Mapping[str, Any]]:
-        """Return by line what its figures should be at the worst."""
+        """Return by line its computed worst-case statistics."""
         return {line.table.name: computed_of(line) for line in self.prospects}
 
     @property
     def state_dir(self) -> Path:
-        """Return where the gateway keeps what must outlive it."""
+        """Return where the gateway stores what the next run needs."""
         return self.folder / self.config.gateway.state_dir

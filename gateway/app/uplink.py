@@ -1,6 +1,7 @@
-"""The gateway's way up: what waits to be said, and the connection to the broker.
+"""The uplink: the outbox, the publisher and the connection to the broker.
 
-The connection can be moved to another broker, or another login, while everything else goes on.
+The connection can be moved to another broker, or another login, while everything else continues. The run
+token (`boot`) follows the connection: the token of a lost one proves nothing any more.
 """
 
 from __future__ import annotations
@@ -9,29 +10,32 @@ import asyncio
 import logging
 import secrets
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from gateway import __version__
 from gateway.app.site import Site
-from gateway.config.convert import policy_of, rights_of, tls_files_of
+from gateway.config.convert import broker_of, policy_of, rights_of
 from gateway.config.schema import Config
-from gateway.mqtt.connection.broker import BrokerConnection
+from gateway.mqtt.connection.broker import BrokerConnection, Listener
 from gateway.mqtt.connection.reconnect import Version
-from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
+from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.freshness import Tokens
 from gateway.mqtt.contract.payloads import GatewayInfo, Message, Payloads
 from gateway.mqtt.contract.topics import Topics
-from gateway.mqtt.outbox.disk_sync import DiskSync, PublishEvent
+from gateway.mqtt.outbox.disk_sync import DiskSync
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher
-from gateway.records import ResultRecord, Severity
+from gateway.records import PublishEvent, Record, Severity
 from gateway.storage.outbox import OutboxDisk
 from gateway.system.clock import Clock
+from gateway.system.token_bucket import Damped
 
 log = logging.getLogger(__name__)
 
 FAREWELL_S = 3.0
-KEEP_WITHIN_S = 2.0
+RENEWED_EVERY_S = 0.05  # tokens of a flood of stops; shorter than any stop takes to be confirmed
+STORE_WITHIN_S = 2.0
 OLD_MQTT = (
     "the broker refuses MQTT 5, so 3.1.1 is spoken. Lost: the retained flag of commands that are delivered "
     "live, their message expiry, response topic and correlation data, the limit on a packet's size, and why "
@@ -49,48 +53,67 @@ class Uplink:
         tokens: Tokens,
         *,
         clock: Clock,
-        tell: PublishEvent,
+        publish_event: PublishEvent,
     ) -> None:
         self._on_incoming: Callable[[Incoming], None]
-        self._on_link: Callable[[bool, str], None]
+        self._on_link: Callable[[str], None]
         self._connection: BrokerConnection
         self._seed = secrets.randbits(32)
         self._settings = self._settings_of(site)
         self.topics = Topics(site.config.base)
         self._tokens = tokens
         self._clock = clock
-        self._tell = tell
+        self._publish_event = publish_event
         self._version: Version | None = None
         self._payloads = Payloads(self.topics, tokens.boot)
         self.outbox = Outbox(
             last_topic=self.topics.gateway_status, pack=self._payloads.history, boot=tokens.boot.run
         )
         self.publisher = Publisher(self._payloads, self.outbox, clock)
-        self.spooler = DiskSync(
-            self.outbox, OutboxDisk(site.state_dir), clock=clock, publish_event=tell, wake=self.publisher.wake
+        self.disk_sync = DiskSync(
+            self.outbox,
+            OutboxDisk(site.state_dir),
+            clock=clock,
+            publish_event=publish_event,
+            wake=self.publisher.wake,
         )
         self._config = site.config
-        self.tell_info(site.config)
+        self.publish_info(site.config)
         self._serving: asyncio.Task[None] | None = None
         self._moved = asyncio.Event()
+        self._listeners: dict[str, Listener] = {}
+        self._renewal: Damped[None] = Damped(
+            lambda *_: self._connection.beat(), clock=clock, every_s=RENEWED_EVERY_S
+        )
 
-    def connect(
-        self, *, on_incoming: Callable[[Incoming], None], on_link: Callable[[bool, str], None]
-    ) -> None:
+    def connect(self, *, on_incoming: Callable[[Incoming], None], on_link: Callable[[str], None]) -> None:
         """Make the connection, which `run` opens; once, before anything else is called.
 
-        `on_incoming` gets every message on a command topic, `on_link` every change of the connection.
+        `on_incoming` gets every message on a command topic, `on_link` what is wrong with the connection at
+        every change of it; empty for nothing.
         """
         self._on_incoming, self._on_link = on_incoming, on_link
         self._connection = self._made()
 
-    def tell_info(self, config: Config) -> None:
+    def listen(self, topic: str, on_message: Listener) -> None:
+        """Have the payloads of one more topic, at whichever broker; none of them is ever a command."""
+        if topic.startswith(self.topics.command_filter.removesuffix("#")):
+            raise ValueError(f"{topic} is a topic of commands")
+        self._listeners[topic] = on_message
+        self._connection.listen(topic, on_message)
+
+    def unlisten(self, topic: str) -> None:
+        """Take no more messages of a topic of `listen`."""
+        self._listeners.pop(topic, None)
+        self._connection.unlisten(topic)
+
+    def publish_info(self, config: Config) -> None:
         """Publish what this gateway is."""
         self._config = config
         self.publisher.set_info(
             GatewayInfo(
                 version=__version__,
-                starters=tuple(starter.name for line in config.lines for starter in line.starters),
+                starters=tuple(starter.name for starter in config.starters),
                 lines=tuple(line.name for line in config.lines),
                 operators=rights_of(config).operators,
                 groups=policy_of(config).groups,
@@ -98,13 +121,33 @@ class Uplink:
             )
         )
 
+    def facts(self) -> dict[str, Any]:
+        """Return what an integration says of the gateway itself."""
+        statistics = self.outbox.statistics(self._clock.now_s())
+        return {
+            "gateway/status": self.publisher.state,
+            "broker/connected": self.outbox.is_connected,
+            "outbox/depth": statistics["depth"],
+            "outbox/oldest_s": float(statistics["oldest_s"]),
+            "outbox/dropped": statistics["dropped"],
+        }
+
+    def renew_boot(self) -> None:
+        """Invalidate the present run token and publish the next one."""
+        self._tokens.boot.renew()
+        self.publisher.restate()
+
+    def renew_token(self) -> None:
+        """Publish a new token now: a stop has come, and who starts after it must have read one since."""
+        self._renewal.put("", None)
+
     def restate(self) -> None:
-        """Publish the present boot and a new token: those of before count no more."""
+        """Publish the present boot and a new token: the earlier ones do not count any more."""
         self.publisher.restate()
         self._connection.beat()
 
     async def run(self) -> None:
-        """Stay connected for ever, to whatever broker the latest configuration names."""
+        """Stay connected to the broker that the latest configuration names."""
         while True:
             self._serving = asyncio.create_task(self._connection.run(), name="connection")
             try:
@@ -118,7 +161,7 @@ class Uplink:
             self._moved.clear()
 
     async def move(self, site: Site) -> None:
-        """Say goodbye and connect as this site wants it, if that is otherwise than now."""
+        """Publish the end here, then connect as this site demands, if that differs from now."""
         settings = self._settings_of(site)
         if settings == self._settings:
             return
@@ -128,30 +171,32 @@ class Uplink:
             await asyncio.wait((self._serving,))
         self._settings = settings
         self._connection = self._made()
-        is_connected = False
-        self._on_link(is_connected, f"moving to broker {settings.address}: {MOVED}")
+        self._note_link(False, f"moving to broker {settings.address}: {MOVED}")  # noqa: FBT003 - the callback's shape
         self._moved.set()
 
     def start(self) -> None:
-        """Begin to keep what waits; the disk is opened elsewhere."""
-        self.spooler.start()
+        """Begin to store what waits; a thread opens the file."""
+        self.disk_sync.start()
 
-    def tell_again(self, results: Sequence[ResultRecord]) -> None:
-        """Publish final results that a crash may have kept back, unless the outbox has them too."""
+    def publish_again(self, records: Sequence[Record]) -> None:
+        """Publish results, starts and trips that a crash may have prevented, unless the outbox has them too.
 
-        def tell() -> None:
-            for result in results:
-                self.publisher.put(result)
+        They must have a key.
+        """
 
-        self.spooler.when_recalled(tell)
+        def publish() -> None:
+            for record in records:
+                self.publisher.put(record)
+
+        self.disk_sync.when_recalled(publish)
 
     async def close(self, reason: str) -> None:
-        """Say what waits, and that the gateway is offline."""
+        """Publish what waits, and that the gateway is offline."""
         await self._connection.close(self.publisher.farewell(reason), within_s=FAREWELL_S)
 
     async def end(self) -> None:
-        """Keep what could not be said, for the next run; after `close`."""
-        await self.spooler.close(within_s=KEEP_WITHIN_S)
+        """Store what could not be published, for the next run; after `close`."""
+        await self.disk_sync.close(within_s=STORE_WITHIN_S)
 
     def _made(self) -> BrokerConnection:
         connection = BrokerConnection(
@@ -160,38 +205,48 @@ class Uplink:
             command_filter=self.topics.command_filter,
             will=self.publisher.will,
             on_incoming=self._on_incoming,
-            on_link=self._on_link,
-            on_notice=lambda notice: self._tell(notice.code, Severity.ERROR, notice.text, {}),
+            on_link=self._note_link,
+            on_notice=lambda notice: self._publish_event(notice.code, Severity.ERROR, notice.text, {}),
             pulse=self._fresh,
             on_version=self._note_version,
+            listeners=self._listeners,
         )
         self.publisher.wake_with(connection.wake)
         return connection
+
+    def _note_link(self, is_connected: bool, trouble: str) -> None:  # noqa: FBT001 - the callback's shape
+        """Publish that the connection came or went; its run token comes and goes with it."""
+        if is_connected:
+            self._tokens.boot.connected(self._clock.now_s())
+            self._publish_event("broker_connected", Severity.INFO, "connected to the broker")
+        else:
+            self._tokens.boot.disconnected()
+            self.publisher.restate()  # with the run token of the next connection
+            self._publish_event("broker_away", Severity.WARNING, trouble)
+        self._on_link(trouble)
 
     def _fresh(self) -> Message:
         """Return the proof of freshness of this moment, for the live connection only."""
         return self._payloads.fresh(self._tokens.issue(self._clock.now_s()), self._clock.utc_s())
 
     def _note_version(self, version: Version) -> None:
-        """Publish by which version the broker is spoken to, and warn of what the older one hides."""
+        """Publish which version of MQTT is used, and warn of what the older one hides."""
         if version is self._version:
             return
         before, self._version = self._version, version
-        self.tell_info(self._config)
+        self.publish_info(self._config)
         if version is Version.V311:
-            self._tell("mqtt_3_1_1", Severity.WARNING, OLD_MQTT, {})
+            self._publish_event("mqtt_3_1_1", Severity.WARNING, OLD_MQTT, {})
         elif before is not None:
-            self._tell("mqtt_5", Severity.INFO, "the broker takes MQTT 5 again", {})
+            self._publish_event("mqtt_5", Severity.INFO, "the broker takes MQTT 5 again", {})
 
     def _settings_of(self, site: Site) -> BrokerSettings:
-        mqtt = site.config.mqtt
-        return BrokerSettings(
-            host=mqtt.host,
-            port=mqtt.port,
-            client_id=site.config.client_id,
-            username=mqtt.username,
+        config = site.config
+        return broker_of(
+            config,
+            site.folder,
+            client_id=config.client_id,
+            username=config.mqtt.username,
             password=site.password,
-            tls=TlsSettings(*tls_files_of(site.config, site.folder)) if mqtt.is_tls else None,
-            keepalive_s=mqtt.keepalive_s,
             seed=self._seed,
         )

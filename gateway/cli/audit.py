@@ -6,6 +6,7 @@ import argparse
 import json
 from collections import deque
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -49,9 +50,10 @@ def _folder(path: Path) -> Path:
     """Return the folder with the segments; UsageError when there is none."""
     if path.is_file():
         path = path.parent / load(path).gateway.state_dir
-    for folder in (path / FOLDER, path):
-        if folder.is_dir() and any(folder.glob("audit-*.jsonl")):
-            return folder
+    with suppress(PermissionError):
+        for folder in (path / FOLDER, path):
+            if folder.is_dir() and any(folder.glob("audit-*.jsonl")):
+                return folder
     raise UsageError(
         f"no audit in {path} (give the configuration, or its state_dir, as a user who may read it)"
     )
@@ -92,7 +94,6 @@ class _Seen:
 
 
 def _readable(line: str) -> str:
-    """Return an entry for people."""
     try:
         entry = json.loads(line)
     except ValueError:

@@ -1,5 +1,6 @@
 """`starter-gateway check`: validates a configuration and prints what each line will do.
 
+Nothing is opened; what `doctor` measured of this machine is read from state_dir.
 For each line: load, sweep time, value ages and stop latency. For each starter: the longest time without a
 request while the gateway works, after it crashes and while it hangs, and whether its watchdog outlasts that.
 """
@@ -9,40 +10,37 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shutil
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from gateway.app.advice import fast_gains, fast_lines, relief_of
-from gateway.app.capacity import LineCapacity, StarterCapacity
+from gateway.app.capacity import LineCapacity, StarterCapacity, fast_gains, fast_lines, relief_of
+from gateway.app.restart.gaps import first_poll_s, planned_gaps
 from gateway.app.site import Site
-from gateway.cli.command import Subparsers
-from gateway.config.convert import timing_of
+from gateway.cli.box import BoxSpeed, capacity, demands_of, excess
+from gateway.cli.command import Subparsers, counted
 from gateway.config.schema import Config, LineTable
-from gateway.errors import ConfigError
-from gateway.families.profile.load import load_profile
+from gateway.errors import ConfigError, Problem, StartError
+from gateway.families.profile.load import ENGLISH, LANGUAGES, languages_of, load_profile
 from gateway.line.capacity.outage import (
     FEEDS,
     LOOK_S,
     WIDE_FACTOR,
     Gaps,
     Restart,
-    first_request_s,
     gaps_of,
-    start_order,
 )
+from gateway.storage.upkeep.versions import pending_in, refuse_newer
+from gateway.system.instance_lock import is_locked
 
 SHORTEST_LIMIT_S = 2.0  # of the service watchdog: a slow line needs most of a second for one transaction
 
 
 def gaps_of_starter(line: LineCapacity, starter: StarterCapacity, restart: Restart | None = None) -> Gaps:
     """Return the longest gaps of a starter, with the shipped unit's times unless others are given."""
-    limits_s = {each.address: each.watchdog_s for each in line.table.starters if each.watchdog_s}
-    polls = start_order((each.poll for each in line.forecast.polls), limits_s)
-    allowance_s = line.table.adapter_allowance_s
-    first_s = first_request_s(polls, timing_of(line.table), starter.table.address, allowance_s=allowance_s)
-    return gaps_of(starter.gap_s, first_s, restart)
+    return gaps_of(starter.gap_s, first_poll_s(line, starter), restart)
 
 
 def print_gaps(line: LineCapacity) -> None:
@@ -100,6 +98,8 @@ def _shorter(limit_s: float, gaps: Gaps) -> str:
     return f", or WatchdogSec={service_s}s in the service" if service_s >= SHORTEST_LIMIT_S else ""
 
 
+RESTART_LATER = 75  # EX_TEMPFAIL of sysexits.h
+ROOM_FACTOR = 2  # a copy, and what SQLite writes while it converts
 _SAFE_FACTOR = 1.5  # a watchdog below this many longest gaps leaves little room for commands and retries
 _GROUPS = ("status", "values", "slow")
 
@@ -110,6 +110,13 @@ def add_parser(subparsers: Subparsers) -> None:
         "check", description="Validate a configuration and print the budget of its lines; nothing is opened."
     )
     parser.add_argument("config", metavar="CONFIG", help="the configuration file")
+    parser.add_argument(
+        "--upgrade",
+        action="store_true",
+        help="look instead at whether this version may replace the one that runs: exit 0 when it accepts "
+        "configuration and state and no watchdog acts during a restart, 78 when it does not accept them, 75 "
+        "when a restart takes too long for a watchdog",
+    )
     parser.add_argument("--json", action="store_true", help="print the same as JSON")
 
 
@@ -121,8 +128,12 @@ def run(args: argparse.Namespace) -> int:
         if args.json:
             _print_json(args.config, is_valid=False, problems=_problems(error))
         raise
+    if args.upgrade:
+        return _check_upgrade(args.config, site, as_json=args.json)
     config, prospects = site.config, site.prospects
-    overloads = list(_overloads(prospects))
+    speed, demands = BoxSpeed.load(site.state_dir), demands_of(prospects)
+    too_much = "" if speed is None else excess(speed, demands)
+    overloads = [*_overloads(prospects), *([too_much] if too_much else [])]
     warnings = [
         *_line_warnings(prospects),
         *tight_watchdogs(prospects),
@@ -130,11 +141,21 @@ def run(args: argparse.Namespace) -> int:
     ]
     if args.json:
         lines = [_as_json(line) for line in prospects]
-        _print_json(args.config, is_valid=True, lines=lines, warnings=[*overloads, *warnings])
+        _print_json(
+            args.config,
+            is_valid=True,
+            language=language_line(config),
+            machine=None if speed is None else asdict(speed),
+            lines=lines,
+            warnings=[*overloads, *warnings],
+        )
         return 0
     for overload in overloads:
         print(f"warning: {overload}")
     print(f"{args.config}: valid, {_site(config)}")
+    print(language_line(config))
+    if speed is not None:
+        print(f"this machine, as `doctor` measured it on {speed.day}, {capacity(speed, demands)}")
     for line in prospects:
         _print_line(line)
         print_gaps(line)
@@ -143,19 +164,91 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
+def _check_upgrade(path: str, site: Site, *, as_json: bool) -> int:
+    """Print what a restart with this version would do; NewerError, ConfigError, StartError."""
+    _require_sight(site.state_dir)
+    refuse_newer(site.state_dir)
+    pending = pending_in(site.state_dir)
+    _require_room(path, site.state_dir, sum(each.octets for each in pending))
+    is_running = is_locked(site.state_dir, if_unseen=True)
+    gaps = planned_gaps(site)
+    tight = [gap for gap in gaps if not gap.is_safe] if is_running else []
+    if as_json:
+        _print_json(
+            path,
+            is_valid=True,
+            is_running=is_running,
+            converts=[{"file": p.format.name, "from": p.version, "to": p.format.version} for p in pending],
+            starters=[gap.to_dict() for gap in gaps],
+            is_restart_safe=not tight,
+        )
+        return RESTART_LATER if tight else 0
+    print(f"{path}: accepted, and so is the state in {site.state_dir}")
+    for each in pending:
+        print(
+            f"{each.format.name}: the next start converts it from format {each.version} to "
+            f"{each.format.version}; {each.format.name}.{each.version} stays as the copy of before"
+        )
+    if not is_running:
+        print("no gateway runs with this state_dir: a start interrupts nothing")
+    for gap in tight:
+        print(
+            f"{gap.starter}: a restart may leave it without a request for {gap.gap_s:.1f} s "
+            f"({'measured' if gap.is_measured else 'computed, never measured'}); "
+            f"its watchdog of "
+            f"{gap.limit_s:g} s is {gap.wanted_s - (gap.limit_s or 0.0):.1f} s too short to be safe"
+        )
+    if tight:
+        print("stop these motors first, or make their watchdogs longer; then restart the service")
+        return RESTART_LATER
+    longest = max(gaps, key=lambda gap: gap.gap_s, default=None)
+    if is_running and longest is not None:
+        print(f"a restart is safe: no starter is without a request for more than {longest.gap_s:.1f} s")
+    return 0
+
+
+def _require_sight(state_dir: Path) -> None:
+    """Raise StartError where this user may not look: nothing would seem to be there, and none to run."""
+    try:
+        os.listdir(state_dir)
+    except PermissionError as error:
+        what = f"state_dir {state_dir}: this user may not look into it"
+        raise StartError(what, "run this as the gateway's user, or as root") from error
+    except OSError:  # there is none yet
+        return
+
+
+def _require_room(path: str, state_dir: Path, octets: int) -> None:
+    """Raise ConfigError when the copies of files that are to be converted have no room."""
+    if octets and shutil.disk_usage(state_dir).free < ROOM_FACTOR * octets:
+        what = f"has no room for the copies of what is to be converted, {octets / 2**20:.0f} MiB"
+        raise ConfigError(path, [Problem("gateway.state_dir", f"{state_dir} {what}", "make some room there")])
+
+
 def _print_json(path: str, **content: Any) -> None:
     print(json.dumps({"config": path, **content}, indent=2))
 
 
 def _site(config: Config) -> str:
-    starters = _count(sum(len(line.starters) for line in config.lines), "starter")
+    starters = counted(len(config.starters), "starter")
     clients = len({operator.client for operator in config.operators})
-    rights = _count(clients, "operator") if clients else "read-only"
-    return f"{starters} on {_count(len(config.lines), 'line')}, {rights}"
+    rights = counted(clients, "operator") if clients else "read-only"
+    return f"{starters} on {counted(len(config.lines), 'line')}, {rights}"
 
 
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+def language_line(config: Config) -> str:
+    """Return in which language names are published, and which families have which others."""
+    families = sorted({each.family for each in config.starters})
+    wanted = config.gateway.language
+    lacking = [each for each in families if wanted not in languages_of(each)]
+    fallback = f"; {', '.join(lacking)} in English, since no manual of theirs is in it" if lacking else ""
+    others = [
+        f"{language} ({', '.join(having) or 'no family'})"
+        for language in LANGUAGES
+        if language not in (ENGLISH, wanted)
+        for having in [[each for each in families if language in languages_of(each)]]
+    ]
+    return f'names in language = "{wanted}"{fallback}; there are also: {", ".join(others)}'
 
 
 def _print_line(line: LineCapacity) -> None:
@@ -221,13 +314,20 @@ def _segment_warnings(table: LineTable) -> Iterator[str]:
 
 
 def _site_warnings(config: Config, folder: Path) -> Iterator[str]:
-    for name in ("ca_file", "cert_file", "key_file"):
-        file = getattr(config.mqtt, name)
+    named = [("mqtt", each, getattr(config.mqtt, each)) for each in ("ca_file", "cert_file", "key_file")]
+    if config.web is not None:
+        named += [("web", each, getattr(config.web, each)) for each in ("cert_file", "key_file")]
+    for where, name, file in named:
         if file is not None and not (folder / file).exists():
-            yield f"mqtt.{name}: {folder / file} is not there (put it there before `run`)"
+            yield f"{where}.{name}: {folder / file} is not there (put it there before `run`)"
     for line in config.lines:
         if line.port.startswith(("/dev/ttyUSB", "/dev/ttyACM")):
             yield f"line {line.name}: {line.port} may be another adapter tomorrow (use /dev/serial/by-id/...)"
+    table = config.sparkplug
+    if table is not None and table.commands:
+        who = f"every Sparkplug host is the same person, operator {table.operator}"
+        topic = f"spBv1.0/{table.group}/DCMD/{table.node or config.gateway.name}/#"
+        yield f"sparkplug.commands: {who} (let the broker's access list say who may write {topic})"
     if config.mqtt.allow_plaintext and not config.mqtt.is_tls:
         yield "mqtt.url: passwords and commands cross the network unencrypted (use mqtts://)"
 

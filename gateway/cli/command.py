@@ -1,9 +1,23 @@
-"""The interface that every command's module has."""
+"""What the commands share: their interface, what people type and name, progress on stderr."""
 
 from __future__ import annotations
 
 import argparse
-from typing import Protocol
+import contextlib
+import math
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol, TextIO
+
+from gateway.errors import StoreError, UsageError
+
+if TYPE_CHECKING:  # not every command reads a configuration
+    from gateway.config.schema import Config, LineTable, StarterTable
+
+STEP = 0.1  # of the whole, between two lines where there is no terminal
+
+_CLEAR = "\r\x1b[K"
 
 
 class Subparsers(Protocol):
@@ -11,7 +25,6 @@ class Subparsers(Protocol):
 
     def add_parser(self, name: str, *, help: str = ..., description: str = ...) -> argparse.ArgumentParser:  # noqa: A002 - argparse's word
         """Return a new parser."""
-        ...
 
 
 class CommandModule(Protocol):
@@ -19,8 +32,131 @@ class CommandModule(Protocol):
 
     def add_parser(self, subparsers: Subparsers) -> None:
         """Add the command's parser; its name is the module's."""
-        ...
 
     def run(self, args: argparse.Namespace) -> int:
         """Carry the command out and return the exit code."""
-        ...
+
+
+_CONSTANTS = {"true": True, "false": False}
+
+
+def whole_number(text: str, what: str, *, low: int, high: int) -> int:
+    """Return a decimal or 0x.. number; UsageError when it is none, or outside low..high."""
+    try:
+        number = int(text, 0)
+    except ValueError:
+        raise UsageError(f"{what} {text!r} is no number (decimal, or 0x..)") from None
+    if not low <= number <= high:
+        raise UsageError(f"{what} {text} is out of range ({low}..{high})")
+    return number
+
+
+def arguments(pairs: Iterable[str]) -> dict[str, bool | int | float | str]:
+    """Return a command's KEY=VALUE arguments, with numbers, true and false as such; UsageError otherwise."""
+    found: dict[str, bool | int | float | str] = {}
+    for pair in pairs:
+        key, sign, value = pair.partition("=")
+        if not sign or not key:
+            raise UsageError(f"argument {pair!r} is not KEY=VALUE (e.g. parameter=P314 value=30)")
+        if key in found:
+            raise UsageError(f"argument {key} stands twice (give it once)")
+        found[key] = _value(value)
+    return found
+
+
+def expectations(text: str) -> dict[str, bool | int | float | str]:
+    """Return what a command expects, state:ready,remote:true, as values by point; UsageError otherwise."""
+    found: dict[str, bool | int | float | str] = {}
+    for item in text.split(","):
+        name, sign, value = item.partition(":")
+        if not sign or not name or not value or name in found:
+            raise UsageError(f"expect={text!r} is not POINT:VALUE,.. (e.g. expect=state:ready,remote:true)")
+        found[name] = _value(value)
+    return found
+
+
+def _value(text: str) -> bool | int | float | str:
+    if text in _CONSTANTS:
+        return _CONSTANTS[text]
+    with contextlib.suppress(ValueError):
+        return int(text, 0)
+    with contextlib.suppress(ValueError):
+        number = float(text)
+        if math.isfinite(number):
+            return number
+    return text
+
+
+def place_of(config: Config, name: str) -> tuple[LineTable, StarterTable]:
+    """Return a starter that people name, with its line; UsageError when there is none."""
+    for line in config.lines:
+        for starter in line.starters:
+            if starter.name == name:
+                return line, starter
+    raise UsageError(f"no starter {name!r} (one of {', '.join(each.name for each in config.starters)})")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file that people have named, its line ends as they are in the text; StoreError."""
+    try:
+        path.write_text(text, encoding="utf-8", newline="")
+    except OSError as error:
+        raise StoreError(f"{path} cannot be written: {error.strerror}") from error
+
+
+def counted(number: int, what: str) -> str:
+    """Return a number of things: 1 line, 2 lines."""
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+
+
+class Progress:
+    """Shows a share of the whole and the time left."""
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = sys.stderr if stream is None else stream
+        self._is_terminal = self._stream.isatty()
+        self._next_share = 0.0
+        self._is_shown = False
+
+    def show(self, share: float, what: str, *, left_s: float | None = None) -> None:
+        """Show that this share (0..1) is done, what is being done, and how long the rest will take."""
+        left = "" if left_s is None else f", {in_words(left_s)} left"
+        text = f"{min(share, 1.0):4.0%} {what}{left}"
+        if self._is_terminal:
+            self._stream.write(_CLEAR + text)
+            self._is_shown = True
+        elif share >= self._next_share:
+            self._next_share = (int(share / STEP) + 1) * STEP
+            self._stream.write(text + "\n")
+        self._stream.flush()
+
+    def say(self, text: str) -> None:
+        """Say something that stays."""
+        self.clear()
+        self._stream.write(text + "\n")
+        self._stream.flush()
+
+    def clear(self) -> None:
+        """Take the changing line away."""
+        if self._is_shown:
+            self._stream.write(_CLEAR)
+            self._stream.flush()
+            self._is_shown = False
+
+    def end(self) -> None:
+        """Take the changing line away for good: what is shown next is the beginning of something else."""
+        self.clear()
+        self._next_share = 0.0
+
+
+def in_words(seconds: float) -> str:
+    """Return a duration for people: 4.2 s, 38 s, 3 min 20 s, 1 h 5 min."""
+    if seconds < 10:
+        return f"{max(seconds, 0.0):.1f} s"
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    minutes, rest = divmod(whole, 60)
+    if minutes < 60:
+        return f"{minutes} min {rest} s"
+    return f"{minutes // 60} h {minutes % 60} min"

@@ -5,14 +5,14 @@ from __future__ import annotations
 import argparse
 import json
 
-from gateway.cli.arguments import whole_number
-from gateway.cli.command import Subparsers
+from gateway.cli.command import Subparsers, whole_number
 from gateway.errors import CommandError, UsageError
 from gateway.families.mapped_registers import decode_mapped
 from gateway.families.profile.decode import decode_words
-from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.profile.load import ENGLISH, FAMILIES, LANGUAGES, load_profile
 from gateway.families.profile.parameters import find
-from gateway.families.profile.schema import Profile, Table, Variant
+from gateway.families.profile.rows import Table
+from gateway.families.profile.schema import Profile, Variant
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -33,11 +33,12 @@ def add_parser(subparsers: Subparsers) -> None:
     )
     parser.add_argument("--model", help='e.g. "SSW-06 820A": some values hang on the rated current')
     parser.add_argument("--firmware", help="e.g. 1.42: some bits exist from a version on")
+    parser.add_argument("--language", default=ENGLISH, help=f"of the names: {', '.join(LANGUAGES)}")
 
 
 def run(args: argparse.Namespace) -> int:
     """Print what the words mean; no port is opened."""
-    profile = load_profile(args.family)
+    profile = load_profile(args.family, args.language)
     tables = {table.value: table for table in (Table.HOLDING, Table.INPUT, Table.COIL)}  # that have rows
     table = tables.get(args.table)
     if table is None:

@@ -6,8 +6,7 @@ import argparse
 from collections.abc import Mapping
 from typing import Any
 
-from gateway.cli.arguments import arguments, whole_number
-from gateway.cli.command import Subparsers
+from gateway.cli.command import Subparsers, arguments, whole_number
 from gateway.errors import CommandError, UsageError
 from gateway.families.command.build import build, prepare
 from gateway.families.profile.load import FAMILIES, load_profile

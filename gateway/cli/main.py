@@ -12,7 +12,7 @@ from typing import NoReturn, cast
 
 from gateway import __version__
 from gateway.cli.command import CommandModule
-from gateway.errors import ConfigError, GatewayError, UsageError
+from gateway.errors import ConfigError, GatewayError, NewerError, UsageError
 
 PROGRAM = "starter-gateway"
 DONE, FAILED, USAGE, BAD_CONFIG = 0, 1, 2, 78  # 78 is EX_CONFIG of sysexits.h
@@ -26,11 +26,19 @@ COMMANDS = {
     "doctor": "look for problems of this machine and in these starters' settings",
     "parameters": "save, compare and restore the parameters of a starter",
     "send": "send a command over MQTT and show its result",
+    "watch": "show the starters as a live table, from MQTT alone",
+    "report": "print how a motor and its starter do, or write it as a page",
+    "history": "list the starts and trips of a starter, export one as CSV or COMTRADE",
     "audit": "show or verify the record of commands",
     "capture": "record a running gateway's lines for Wireshark",
     "decode": "decode words read from a starter",
     "encode": "print the frames that a command would send",
     "schema": "print the JSON Schema of the configuration",
+    "backup": "store configuration and state of a gateway in one file",
+    "restore": "put back what a backup holds, or the files of before an upgrade",
+    "docs": "serve this program's documentation on loopback",
+    "broker-kit": "write what a Mosquitto needs for this gateway, and prove it on the running broker",
+    "web-password": "print the line of a login of the status page",
 }
 
 
@@ -38,6 +46,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command that the arguments name and return the exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     chosen = next((word for word in arguments if word in COMMANDS), None)
+    if "_ARGCOMPLETE" in os.environ:
+        _complete(whole_parser())
     try:
         args = _parse(_parser(chosen), arguments)
     except SystemExit as leaving:  # argparse has said why: help, version or a wrong word
@@ -72,24 +82,27 @@ class _Help(argparse.HelpFormatter):
         self._action_max_length = 4 + max(map(len, COMMANDS))
 
 
-def _parser(chosen: str | None) -> argparse.ArgumentParser:
+def whole_parser() -> argparse.ArgumentParser:
+    """Return a parser that knows the arguments of every command: for completion, and for the manual page."""
+    return _parser(None, is_whole=True)
+
+
+def _parser(chosen: str | None, *, is_whole: bool = False) -> argparse.ArgumentParser:
     """Return a parser that knows the chosen command's arguments; the other commands are not even imported."""
     parser = _Parser(
         prog=PROGRAM,
         description="Gateway between soft-starters on RS-485 lines and MQTT. It is not a safety function.",
-        epilog="exit codes: 0 done, 1 failed, 2 usage, 78 bad configuration",
+        epilog="exit codes: 0 done, 1 failed, 2 usage, 75 not now (check --upgrade), 78 bad configuration, "
+        "or a state of a later version",
         formatter_class=_Help,
     )
     parser.add_argument("--version", action="version", version=f"{PROGRAM} {__version__}")
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    is_completing = "_ARGCOMPLETE" in os.environ
     for name, about in COMMANDS.items():
-        if name == chosen or is_completing:
+        if name == chosen or is_whole:
             _load(name).add_parser(subparsers)
         else:
             subparsers.add_parser(name, help=about)
-    if is_completing:
-        _complete(parser)
     return parser
 
 
@@ -104,7 +117,7 @@ def _parse(parser: argparse.ArgumentParser, arguments: list[str]) -> argparse.Na
 
 
 def _load(name: str) -> CommandModule:
-    return cast(CommandModule, importlib.import_module(f"gateway.cli.{name}"))
+    return cast(CommandModule, importlib.import_module(f"gateway.cli.{name.replace('-', '_')}"))
 
 
 def _complete(parser: argparse.ArgumentParser) -> None:
@@ -116,6 +129,6 @@ def _complete(parser: argparse.ArgumentParser) -> None:
 
 
 def _exit_code(error: GatewayError) -> int:
-    if isinstance(error, ConfigError):
+    if isinstance(error, ConfigError | NewerError):
         return BAD_CONFIG
     return USAGE if isinstance(error, UsageError) else FAILED

@@ -12,11 +12,14 @@ import sys
 from pathlib import Path
 
 from gateway.app.gateway import App
+from gateway.app.parts import Parts
 from gateway.app.reload import Reload
 from gateway.app.site import Site
 from gateway.cli.command import Subparsers
 from gateway.config.schema import Config
-from gateway.storage.private_files import keep_private
+from gateway.storage.state_dir import keep_private
+from gateway.storage.upkeep.versions import refuse_newer
+from gateway.system.gc_tuning import use_one_arena
 from gateway.system.instance_lock import instance_lock
 from gateway.system.log_thread import BackgroundHandler, TraceFilter
 from gateway.system.systemd import Notifier, PriorityFormatter, is_journal, watchdog_interval_s
@@ -32,12 +35,14 @@ def add_parser(subparsers: Subparsers) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run until SIGTERM or SIGINT; ConfigError when the configuration is wrong, StartError beside another."""
+    """Run until SIGTERM or SIGINT; ConfigError, NewerError, or StartError beside another gateway."""
+    use_one_arena()
     path = Path(args.config)
     site = Site.read(path, os.environ)
     faulthandler.enable()  # systemd's SIGABRT ends a hang: it is to say where
     log_to_stderr(is_verbose=args.verbose)
     with instance_lock(site.state_dir):
+        refuse_newer(site.state_dir)
         keep_private(site.state_dir)
         asyncio.run(_serve(path, site))
     return 0
@@ -45,14 +50,14 @@ def run(args: argparse.Namespace) -> int:
 
 async def serve(path: Path, config: Config, password: str | None) -> None:
     """Run a gateway until it is asked to end; SIGHUP makes it read the file again."""
-    await _serve(path, Site.of(config, folder=path.parent, password=password))
+    await _serve(path, Site.of(config, folder=path.parent, password=password, path=path))
 
 
 async def _serve(path: Path, site: Site) -> None:
     notifier = Notifier(os.environ)
     loop = asyncio.get_running_loop()
     ending: asyncio.Future[str] = loop.create_future()
-    app = App(site, notifier=notifier, watchdog_every_s=watchdog_interval_s(os.environ))
+    app = App(Parts(site, notifier=notifier, watchdog_every_s=watchdog_interval_s(os.environ)))
     reload = Reload(lambda: Site.read(path, os.environ), app, notifier)
 
     def end(reason: str) -> None:
@@ -71,9 +76,12 @@ async def _serve(path: Path, site: Site) -> None:
     await app.run(ending)
 
 
-def log_to_stderr(*, is_verbose: bool) -> None:
-    """Log to stderr without waiting for it: for people with the time, for the journal with priorities."""
-    handler = BackgroundHandler(sys.stderr.fileno())
+def log_to_stderr(*, is_verbose: bool, instead: int | None = None) -> None:
+    """Log without waiting, to stderr or `instead` to a file's descriptor.
+
+    People get the time with each line, the journal gets priorities.
+    """
+    handler = BackgroundHandler(sys.stderr.fileno() if instead is None else instead)
     handler.addFilter(TraceFilter())
     if is_journal(os.environ, sys.stderr):
         handler.setFormatter(PriorityFormatter())

@@ -10,8 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from gateway.cli.arguments import arguments, expectations
-from gateway.cli.command import Subparsers
+from gateway.cli.command import Subparsers, arguments, expectations
 from gateway.cli.operator_login import add_login, checked_client, settings_of, user_name
 from gateway.config.load import load
 from gateway.config.schema import Config
@@ -50,8 +49,7 @@ def run(args: argparse.Namespace) -> int:
     if not args.timeout > 0:
         raise UsageError(f"--timeout {args.timeout:g} leaves no time for a result: nothing was sent")
     config = load(args.config)
-    starters = [starter.name for line in config.lines for starter in line.starters]
-    targets = [*starters, *(group.name for group in config.groups)]
+    targets = [*(starter.name for starter in config.starters), *(group.name for group in config.groups)]
     if args.starter not in targets:
         raise UsageError(f"no starter {args.starter!r} (one of {', '.join(targets)})")
     if not is_level(args.verb):
@@ -75,7 +73,6 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _order(args: argparse.Namespace, client: str) -> Order:
-    """Return what the words of the command line ask for."""
     selects = [pair for pair in args.args if pair.startswith("select=")]  # a token, not a number
     expects = [pair for pair in args.args if pair.startswith("expect=")]
     for pairs in (selects, expects):

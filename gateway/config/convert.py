@@ -5,10 +5,13 @@ from __future__ import annotations
 import fnmatch
 from pathlib import Path
 
-from gateway.config.schema import Config, LineTable, RulesTable, StarterTable
-from gateway.families.profile.load import load_profile
+from gateway.config.integration_tables import SparkplugTable
+from gateway.config.schema import Config, LineTable, MqttTable, RulesTable, StarterTable
+from gateway.families.profile.load import ENGLISH, load_profile
 from gateway.families.profile.schema import Variant
+from gateway.line.cable import WiredStarter
 from gateway.modbus.timing import Framing, LineTiming
+from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
 from gateway.starters.policy.rights import Operator, Rights
 from gateway.starters.policy.start_rules import PolicySettings, RuleSet
 from gateway.starters.setup import StarterSetup
@@ -19,9 +22,33 @@ def timing_of(line: LineTable) -> LineTiming:
     return LineTiming(line.baud, Framing.parse(line.framing))
 
 
-def setups_of(line: LineTable) -> tuple[StarterSetup, ...]:
-    """Return the starters of a line, the disabled ones too."""
-    return tuple(_setup(line, starter) for starter in line.starters)
+def setups_of(line: LineTable, language: str = ENGLISH) -> tuple[StarterSetup, ...]:
+    """Return the starters of a line, the disabled ones too, with the names of their family in a language."""
+    return tuple(_setup(line, starter, language) for starter in line.starters)
+
+
+def wired_starters(line: LineTable) -> tuple[WiredStarter, ...]:
+    """Return the starters of a line as its cable passes them, without the disabled ones."""
+    setups = [setup for setup in setups_of(line) if setup.is_enabled]
+    if line.order is None:
+        setups.sort(key=lambda setup: setup.address)
+    else:
+        places = {name: place for place, name in enumerate(line.order)}
+        setups.sort(key=lambda setup: places[setup.name])
+    return tuple(
+        WiredStarter(setup.name, setup.address, setup.response_time_s or setup.profile.timing.read_s)
+        for setup in setups
+    )
+
+
+def setups_in(config: Config) -> list[StarterSetup]:
+    """Return the starters of all lines."""
+    return [setup for line in config.lines for setup in setups_of(line)]
+
+
+def wiring_of(config: Config) -> dict[str, tuple[WiredStarter, ...]]:
+    """Return by line its starters as the cable passes them, without the disabled ones."""
+    return {line.name: wired_starters(line) for line in config.lines}
 
 
 def rights_of(config: Config) -> Rights:
@@ -31,29 +58,46 @@ def rights_of(config: Config) -> Rights:
 
 def policy_of(config: Config) -> PolicySettings:
     """Return what is demanded of commands, and which starters stop together."""
-    starters = [starter for line in config.lines for starter in line.starters]
-    return PolicySettings(
-        rules={starter.name: _rules(config, starter) for starter in starters},
-        groups={
-            group.name: tuple(starter.name for starter in starters if _is_among(starter, group.starters))
-            for group in config.groups
-        },
-    )
+    groups = {
+        group.name: tuple(each.name for each in config.starters if _is_among(each, group.starters))
+        for group in config.groups
+    }
+    return PolicySettings(rules={each.name: _rules(config, each) for each in config.starters}, groups=groups)
 
 
 def least_watchdog_s(config: Config) -> float | None:
     """Return the shortest watchdog that is stated of an enabled starter; None when none is."""
-    starters = (each for line in config.lines for each in line.starters if each.enabled)
-    return min((each.watchdog_s for each in starters if each.watchdog_s), default=None)
+    limits_s = (each.watchdog_s for each in config.starters if each.enabled and each.watchdog_s)
+    return min(limits_s, default=None)
 
 
-def tls_files_of(config: Config, folder: Path) -> tuple[str | None, str | None, str | None]:
-    """Return the paths of `ca_file`, `cert_file` and `key_file`; `folder` is the configuration's."""
+def broker_of(
+    config: Config,
+    folder: Path,
+    *,
+    client_id: str,
+    username: str | None,
+    password: str | None,
+    seed: int = 0,
+) -> BrokerSettings:
+    """Return the way to the broker of `[mqtt]`, as this client and login."""
     mqtt = config.mqtt
-    ca, cert, key = (
-        None if name is None else str(folder / name) for name in (mqtt.ca_file, mqtt.cert_file, mqtt.key_file)
+    return BrokerSettings(
+        host=mqtt.host,
+        port=mqtt.port,
+        client_id=client_id,
+        username=username,
+        password=password,
+        tls=tls_of(mqtt, folder) if mqtt.is_tls else None,
+        keepalive_s=mqtt.keepalive_s,
+        seed=seed,
     )
-    return ca, cert, key
+
+
+def tls_of(table: MqttTable | SparkplugTable, folder: Path) -> TlsSettings:
+    """Return the files of a table for encrypted connections; `folder` is the configuration's."""
+    names = (table.ca_file, table.cert_file, table.key_file)
+    return TlsSettings(*(None if name is None else str(folder / name) for name in names))
 
 
 def _rules(config: Config, starter: StarterTable) -> RuleSet:
@@ -72,12 +116,12 @@ def _is_among(starter: StarterTable, patterns: tuple[str, ...]) -> bool:
     return any(fnmatch.fnmatchcase(starter.name, pattern) for pattern in patterns)
 
 
-def _setup(line: LineTable, starter: StarterTable) -> StarterSetup:
+def _setup(line: LineTable, starter: StarterTable, language: str) -> StarterSetup:
     return StarterSetup(
         name=starter.name,
         line=line.name,
         address=starter.address,
-        profile=load_profile(starter.family),
+        profile=load_profile(starter.family, language),
         variant=Variant.model_validate({"model": starter.model, "slot": starter.slot}),
         every_s=starter.every_s,
         response_time_s=starter.response_time_s,

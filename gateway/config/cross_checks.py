@@ -10,28 +10,37 @@ import fnmatch
 import posixpath
 import re
 from collections.abc import Iterator, Mapping
-from typing import Any, get_args
+from typing import get_args
 
-from gateway.config.mistakes import Mistake, choose, short, spell
-from gateway.config.schema import NAME_PATTERN, SCHEMES, Baud, FramingText, is_loopback, split_url
+from gateway.config.documents import (
+    Document,
+    again,
+    lines_in,
+    list_in,
+    starters_in,
+    starters_of,
+    table_in,
+    text_in,
+)
+from gateway.config.mistakes import Mistake, choose, short
+from gateway.config.network_checks import network_mistakes
+from gateway.config.schema import Baud, FramingText
 from gateway.config.toml_lines import Key
+from gateway.errors import CommandError
 from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.profile.parameters import find
 from gateway.families.profile.schema import Profile
 
-Document = Mapping[str, Any]
-
-_NAME = re.compile(NAME_PATTERN[1:-1])
 _SOCKET = re.compile(r"socket://[^\s:/]+:(\d{1,5})")
 
 
 def broken_rules(document: Document) -> list[Mistake]:
     """Return every mistake that no single value shows."""
     return [
-        *_broker(document),
-        *_tls(document),
-        *_base(document),
+        *network_mistakes(document),
         *_ports(document),
         *_duplicates(document),
+        *_orders(document),
         *_families(document),
         *_patterns(document),
         *_groups(document),
@@ -40,60 +49,9 @@ def broken_rules(document: Document) -> list[Mistake]:
     ]
 
 
-def _broker(document: Document) -> Iterator[Mistake]:
-    mqtt = _table(document, "mqtt")
-    url = _text(mqtt, "url")
-    if not url:
-        return
-    key = ("mqtt", "url")
-    parts = split_url(url)
-    if parts is None:
-        scheme = url.partition("://")[0]
-        hint = choose(scheme, SCHEMES) if "://" in url and scheme not in SCHEMES else "mqtts://host:8883"
-        yield Mistake(key, f"{short(_without_login(url))} is no broker address", hint)
-        return
-    split, _port = parts
-    if split.username is not None or split.password is not None:
-        yield Mistake(key, "holds a login", "use username and password_file")
-    if split.path not in ("", "/") or split.query or split.fragment:
-        yield Mistake(key, "has more than a host and a port", "leave out what follows the port")
-    is_local = is_loopback(split.hostname or "")
-    if split.scheme == "mqtt" and not is_local and mqtt.get("allow_plaintext") is not True:
-        hint = "use mqtts://, or allow_plaintext = true"
-        yield Mistake(key, "would send passwords and commands unencrypted", hint)
-
-
-def _without_login(url: str) -> str:
-    return re.sub(r"[^/]*@", "...@", url)
-
-
-def _tls(document: Document) -> Iterator[Mistake]:
-    mqtt = _table(document, "mqtt")
-    parts = split_url(_text(mqtt, "url"))
-    if parts is not None and parts[0].scheme == "mqtt":
-        for name in ("ca_file", "cert_file", "key_file"):
-            if name in mqtt:
-                yield Mistake(("mqtt", name), "has no meaning with mqtt://", "use mqtts://, or leave it out")
-    for one, other in (("cert_file", "key_file"), ("key_file", "cert_file")):
-        if one in mqtt and other not in mqtt:
-            yield Mistake(("mqtt", one), f"needs {other} beside it", "a certificate and its key go together")
-    if "password_file" in mqtt and "username" not in mqtt:
-        yield Mistake(("mqtt", "password_file"), "needs username beside it", "a password belongs to a user")
-
-
-def _base(document: Document) -> Iterator[Mistake]:
-    base = _text(_table(document, "mqtt"), "base")
-    if not base:
-        return
-    for level in base.replace("{gateway}", "x").split("/"):
-        if not _NAME.fullmatch(level):
-            what = f"has the level {short(level)}" if level else "has an empty level"
-            yield Mistake(("mqtt", "base"), what, "only a-z, 0-9, _ and - between slashes, and {gateway}")
-
-
 def _ports(document: Document) -> Iterator[Mistake]:
-    for key, line in _lines(document):
-        port = _text(line, "port")
+    for key, line in lines_in(document):
+        port = text_in(line, "port")
         if not port or posixpath.isabs(port):
             continue
         socket = _SOCKET.fullmatch(port)
@@ -106,36 +64,48 @@ def _duplicates(document: Document) -> Iterator[Mistake]:
     lines: dict[object, Key] = {}
     ports: dict[object, Key] = {}
     starters: dict[object, Key] = {}
-    for key, line in _lines(document):
+    for key, line in lines_in(document):
         addresses: dict[object, Key] = {}
-        yield from _again(lines, (*key, "name"), _text(line, "name"), "each line needs its own name")
-        yield from _again(ports, (*key, "port"), _port(line), "put all starters of a port under one [[line]]")
-        for starter_key, starter in _starters(key, line):
+        yield from again(lines, (*key, "name"), text_in(line, "name"), "each line needs its own name")
+        yield from again(ports, (*key, "port"), _port(line), "put all starters of a port under one [[line]]")
+        for starter_key, starter in starters_of(key, line):
             hint = "each starter needs its own name, whatever its line"
-            yield from _again(starters, (*starter_key, "name"), _text(starter, "name"), hint)
+            yield from again(starters, (*starter_key, "name"), text_in(starter, "name"), hint)
             hint = "each starter on a line needs its own address"
-            yield from _again(addresses, (*starter_key, "address"), starter.get("address"), hint)
+            yield from again(addresses, (*starter_key, "address"), starter.get("address"), hint)
 
 
 def _port(line: Document) -> str:
-    port = _text(line, "port")
+    port = text_in(line, "port")
     return posixpath.normpath(port) if posixpath.isabs(port) else port
 
 
-def _again(seen: dict[object, Key], key: Key, value: object, hint: str) -> Iterator[Mistake]:
-    if not value or not isinstance(value, str | int):
-        return
-    if value in seen:
-        yield Mistake(key, f"{short(value)} is also {spell(seen[value])}", hint)
-    seen.setdefault(value, key)
+def _orders(document: Document) -> Iterator[Mistake]:
+    """Yield what an order along the cable names that is not on the line, names twice or leaves out."""
+    for key, line in lines_in(document):
+        if not isinstance(line.get("order"), list):
+            continue
+        names = [
+            text_in(starter, "name") for _, starter in starters_of(key, line) if text_in(starter, "name")
+        ]
+        order, where = list_in(line, "order"), (*key, "order")
+        for position, name in enumerate(order):
+            if isinstance(name, str) and name not in names:
+                yield Mistake((*where, position), f"{short(name)} is not on this line", choose(name, names))
+            elif isinstance(name, str) and name in order[:position]:
+                yield Mistake((*where, position), f"{short(name)} stands twice", "name each starter once")
+        missing = [name for name in names if name not in order]
+        if missing and all(name in names for name in order):
+            text = f"leaves out {short(missing[0])}"
+            yield Mistake(where, text, "name all starters of the line as the cable passes them")
 
 
 def _families(document: Document) -> Iterator[Mistake]:
-    for key, line in _lines(document):
-        by_family = {s["family"]: _text(s, "name") for _, s in _starters(key, line) if _is_family(s)}
+    for key, line in lines_in(document):
+        by_family = {s["family"]: text_in(s, "name") for _, s in starters_of(key, line) if _is_family(s)}
         for family, name in by_family.items():
             yield from _serial(key, line, load_profile(family), name)
-        for starter_key, starter in _starters(key, line):
+        for starter_key, starter in starters_of(key, line):
             if "slot" in starter and _is_family(starter):
                 yield from _slot(starter_key, load_profile(starter["family"]))
             if starter.get("fast_words") is True and _is_family(starter):
@@ -143,7 +113,7 @@ def _families(document: Document) -> Iterator[Mistake]:
 
 
 def _is_family(starter: Document) -> bool:
-    return _text(starter, "family") in FAMILIES
+    return text_in(starter, "family") in FAMILIES
 
 
 def _serial(key: Key, line: Document, profile: Profile, name: str) -> Iterator[Mistake]:
@@ -169,11 +139,10 @@ def _fast_words(key: Key, profile: Profile) -> Iterator[Mistake]:
 
 
 def _patterns(document: Document) -> Iterator[Mistake]:
-    starters = [starter for key, line in _lines(document) for _, starter in _starters(key, line)]
-    names = [_text(starter, "name") for starter in starters if _text(starter, "name")]
+    names = [text_in(starter, "name") for _, starter in starters_in(document) if text_in(starter, "name")]
     for where in ("operator", "rules", "group"):
-        for index, table in enumerate(_list(document, where)):
-            patterns = _list(table, "starters") if isinstance(table, Mapping) else []
+        for index, table in enumerate(list_in(document, where)):
+            patterns = list_in(table, "starters") if isinstance(table, Mapping) else []
             for position, pattern in enumerate(patterns):
                 if isinstance(pattern, str) and not fnmatch.filter(names, pattern):
                     hint = choose(pattern, names) if names else ""
@@ -184,79 +153,64 @@ def _patterns(document: Document) -> Iterator[Mistake]:
 def _groups(document: Document) -> Iterator[Mistake]:
     """Yield groups whose name is used twice: a command's topic must name one target."""
     seen: dict[object, Key] = {}
-    for key, line in _lines(document):
-        for starter_key, starter in _starters(key, line):
-            seen.setdefault(_text(starter, "name"), (*starter_key, "name"))
-    for index, group in enumerate(_list(document, "group")):
+    for starter_key, starter in starters_in(document):
+        seen.setdefault(text_in(starter, "name"), (*starter_key, "name"))
+    for index, group in enumerate(list_in(document, "group")):
         if isinstance(group, Mapping):
             hint = "each group needs a name that no starter and no other group has"
-            yield from _again(seen, ("group", index, "name"), _text(group, "name"), hint)
+            yield from again(seen, ("group", index, "name"), text_in(group, "name"), hint)
 
 
 def _feeders(document: Document) -> Iterator[Mistake]:
     """Yield starters for which a feeder is named without a time, or a time without a feeder."""
-    shared = [table for table in _list(document, "rules") if isinstance(table, Mapping)]
-    for key, line in _lines(document):
-        for starter_key, starter in _starters(key, line):
-            name = _text(starter, "name")
-            tables = [t for t in shared if any(_fits(name, p) for p in _list(t, "starters"))]
-            own = {named for table in (*tables, _table(starter, "rules")) for named in table}
-            for one, other in (("feeder", "stagger_s"), ("stagger_s", "feeder")):
-                if one in own and other not in own:
-                    hint = "a feeder and the time between two starts on it go together"
-                    yield Mistake((*starter_key, "name"), f"{short(name)} has {one} without {other}", hint)
+    shared = [table for table in list_in(document, "rules") if isinstance(table, Mapping)]
+    for starter_key, starter in starters_in(document):
+        name = text_in(starter, "name")
+        tables = [t for t in shared if any(_fits(name, p) for p in list_in(t, "starters"))]
+        own = {named for table in (*tables, table_in(starter, "rules")) for named in table}
+        for one, other in (("feeder", "stagger_s"), ("stagger_s", "feeder")):
+            if one in own and other not in own:
+                hint = "a feeder and the time between two starts on it go together"
+                yield Mistake((*starter_key, "name"), f"{short(name)} has {one} without {other}", hint)
 
 
 def _simulated(document: Document) -> Iterator[Mistake]:
     """Yield what a simulated starter of its family does not have."""
-    for key, line in _lines(document):
-        for starter_key, starter in _starters(key, line):
-            if not _is_family(starter):
-                continue
-            profile = load_profile(starter["family"])
-            table = _table(starter, "simulated")
-            for code in _table(table, "parameters"):
-                row = profile.parameters.get(code)
-                if row is None or row.table.is_bits or row.words != 1:
-                    hint = (
-                        "name a parameter of one register by its code in the manual, such as P314 or C8.2.5.3"
-                    )
-                    where = (*starter_key, "simulated", "parameters", code)
-                    yield Mistake(where, f"{profile.family} has no such parameter", hint)
-            rows = profile.simulated.get("braking_s")
-            if table.get("braking_s") and rows != ():
-                hint = f"set {' and '.join(rows)} as parameters" if rows else "leave it out"
-                known = (each for each in FAMILIES if load_profile(each).simulated.get("braking_s") == ())
-                what = f"is for {' and '.join(known)}"
-                yield Mistake((*starter_key, "simulated", "braking_s"), what, hint)
+    for starter_key, starter in starters_in(document):
+        if not _is_family(starter):
+            continue
+        profile = load_profile(starter["family"])
+        table = table_in(starter, "simulated")
+        for code in table_in(table, "parameters"):
+            row = profile.parameters.get(code)
+            if row is None or row.table.is_bits or row.words != 1:
+                hint = "name a parameter of one register by its code in the manual, such as P314 or C8.2.5.3"
+                where = (*starter_key, "simulated", "parameters", code)
+                yield Mistake(where, f"{profile.family} has no such parameter", hint)
+        if "markers" in table and "markers" not in profile.simulated:
+            yield Mistake((*starter_key, "simulated", "markers"), _is_for("markers"), "leave it out")
+        for code in table_in(table, "markers") if "markers" in profile.simulated else ():
+            if not _is_marker(profile, code):
+                where = (*starter_key, "simulated", "markers", code)
+                hint = "write COIL or DI and its address, such as DI7"
+                yield Mistake(where, f"{profile.family} has no such marker", hint)
+        rows = profile.simulated.get("braking_s")
+        if table.get("braking_s") and rows != ():
+            hint = f"set {' and '.join(rows)} as parameters" if rows else "leave it out"
+            yield Mistake((*starter_key, "simulated", "braking_s"), _is_for("braking_s"), hint)
+
+
+def _is_for(option: str) -> str:
+    known = (each for each in FAMILIES if load_profile(each).simulated.get(option) == ())
+    return f"is for {' and '.join(known)}"
+
+
+def _is_marker(profile: Profile, code: str) -> bool:
+    try:
+        return find(profile, code).table.is_bits
+    except CommandError:
+        return False
 
 
 def _fits(name: str, pattern: object) -> bool:
     return isinstance(pattern, str) and fnmatch.fnmatchcase(name, pattern)
-
-
-def _lines(document: Document) -> Iterator[tuple[Key, Document]]:
-    for index, line in enumerate(_list(document, "line")):
-        if isinstance(line, Mapping):
-            yield ("line", index), line
-
-
-def _starters(key: Key, line: Document) -> Iterator[tuple[Key, Document]]:
-    for index, starter in enumerate(_list(line, "starter")):
-        if isinstance(starter, Mapping):
-            yield (*key, "starter", index), starter
-
-
-def _table(document: Document, name: str) -> Document:
-    table = document.get(name)
-    return table if isinstance(table, Mapping) else {}
-
-
-def _list(document: Document, name: str) -> list[Any]:
-    items = document.get(name)
-    return items if isinstance(items, list) else []
-
-
-def _text(table: Document, name: str) -> str:
-    text = table.get(name)
-    return text if isinstance(text, str) else ""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from gateway.config.schema import Config, LineTable, SimulatedTable, StarterTable
@@ -50,9 +50,10 @@ class ConfigChanges:
 
 
 def fixed(old: Config, new: Config) -> list[Problem]:
-    """Return which settings cannot change while the gateway runs: its name, topics and state directory."""
+    """Return which settings cannot change while it runs: name, language, topics and state directory."""
     values = {
         "gateway.name": (old.gateway.name, new.gateway.name),
+        "gateway.language": (old.gateway.language, new.gateway.language),
         "gateway.state_dir": (old.gateway.state_dir, new.gateway.state_dir),
         "mqtt.base": (old.mqtt.base, new.mqtt.base),
     }
@@ -77,7 +78,7 @@ def changes_of(old: Config, new: Config) -> ConfigChanges:
         paces += paced
         if came:
             comers.append(Additions(after[name], came))
-    still = {each.name for each in _starters(new)}
+    still = {each.name for each in new.starters}
     return ConfigChanges(
         lines_gone=tuple(ended),
         lines_new=tuple(line for name, line in after.items() if name not in unchanged),
@@ -85,7 +86,7 @@ def changes_of(old: Config, new: Config) -> ConfigChanges:
         starters_new=tuple(comers),
         paces=tuple(paces),
         lines_forgotten=tuple(name for name in before if name not in after),
-        starters_forgotten=tuple(each.name for each in _starters(old) if each.name not in still),
+        starters_forgotten=tuple(each.name for each in old.starters if each.name not in still),
         refresh_s=None if old.mqtt.refresh_s == new.mqtt.refresh_s else new.mqtt.refresh_s,
     )
 
@@ -102,14 +103,10 @@ def _compared(
 
 
 def _port(line: LineTable) -> LineTable:
-    """Return a line without its starters: when that differs, the line is restarted."""
-    return line.model_copy(update={"starters": ()})
+    """Return a line without its starters and their order: when that differs, the line is restarted."""
+    return line.model_copy(update={"starters": (), "order": None})
 
 
 def _machine(starter: StarterTable) -> StarterTable:
     """Return a starter without what does not concern its polls (rules, simulation), or only their pace."""
     return starter.model_copy(update={"rules": None, "simulated": SimulatedTable(), "every_s": 1.0})
-
-
-def _starters(config: Config) -> Iterator[StarterTable]:
-    return (starter for line in config.lines for starter in line.starters)

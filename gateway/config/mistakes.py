@@ -15,8 +15,17 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from gateway.config.schema import FIRMWARE_PATTERN, NAME_PATTERN, Config
+from gateway.config.schema import REPEATED_TABLES, Config
 from gateway.config.toml_lines import Key
+from gateway.config.values import (
+    BASE_PATH_PATTERN,
+    FIRMWARE_PATTERN,
+    HOST_PATTERN,
+    NAME_PATTERN,
+    PROM_FILE_PATTERN,
+    USER_PATTERN,
+)
+from gateway.system.password_hash import LINE_PATTERN
 from gateway.system.value_demands import demand_of
 
 
@@ -55,9 +64,6 @@ def short(value: object) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-_ARRAYS_OF_TABLES = ("line", "starter", "operator", "rules", "group")
-
-
 def explain(error: ValidationError) -> list[Mistake]:
     """Return every mistake that the models found in a document."""
     mistakes = []
@@ -78,8 +84,17 @@ def _mistake(detail: ErrorDetails) -> Mistake:
     return Mistake(key, *explanation(key, detail["input"], ctx))
 
 
+_MISSING_HINTS = {
+    "web.user.operator": "name the client of an [[operator]]: the login has its rights",
+    "web.user.password": "paste the line that starter-gateway web-password prints",
+}
+
+
 def _missing(key: Key, _value: Any, _ctx: Mapping[str, Any]) -> tuple[str, str]:
-    if key[-1] in _ARRAYS_OF_TABLES:
+    hint = _MISSING_HINTS.get(_header(key))
+    if hint is not None:
+        return "is missing", hint
+    if _header(key) in REPEATED_TABLES:
         return "is missing", f"at least one [[{_header(key)}]] is needed"
     if len(key) == 1:
         return "is missing", f"a table [{key[0]}] is needed"
@@ -90,9 +105,20 @@ def _unknown(key: Key, _value: Any, _ctx: Mapping[str, Any]) -> tuple[str, str]:
     return "unknown key", choose(key[-1], _known_keys(key[:-1]))
 
 
+_PATTERN_HINTS = {
+    FIRMWARE_PATTERN: "two numbers with a point between them, such as 1.30",
+    USER_PATTERN: "only letters, digits, _ . @ and -",
+    HOST_PATTERN: "a name or address without port, such as mcc1.plant",
+    BASE_PATH_PATTERN: "a path such as /mcc1",
+    PROM_FILE_PATTERN: "a file whose name ends in .prom: node-exporter reads no others",
+}
+
+
 def _pattern(_key: Key, value: Any, ctx: Mapping[str, Any]) -> tuple[str, str]:
-    if ctx["pattern"] == FIRMWARE_PATTERN:
-        return f"is {short(value)}", "two numbers with a point between them, such as 1.30"
+    if ctx["pattern"] == LINE_PATTERN:  # perhaps a password: it is not shown
+        return "is no password line", "paste the line that starter-gateway web-password prints"
+    if ctx["pattern"] in _PATTERN_HINTS:
+        return f"is {short(value)}", _PATTERN_HINTS[ctx["pattern"]]
     also = "" if ctx["pattern"] == NAME_PATTERN else ", and * or ? for any others"
     return f"is {short(value)}", f"only a-z, 0-9, _ and -{also}"
 
@@ -105,13 +131,13 @@ def _choice(_key: Key, value: Any, ctx: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def _empty(key: Key, _value: Any, _ctx: Mapping[str, Any]) -> tuple[str, str]:
-    if key[-1] in _ARRAYS_OF_TABLES:
+    if _header(key) in REPEATED_TABLES:
         return "is empty", f"at least one [[{_header(key)}]] is needed"
     return "is empty", "name at least one"
 
 
 def _no_list(key: Key, value: Any, _ctx: Mapping[str, Any]) -> tuple[str, str]:
-    if key[-1] in _ARRAYS_OF_TABLES:
+    if _header(key) in REPEATED_TABLES:
         return "is not a list of tables", f"write [[{_header(key)}]], with two brackets"
     return f"is {short(value)}", 'must be a list, e.g. ["start", "stop"]'
 
@@ -144,7 +170,6 @@ def _header(key: Key) -> str:
 
 
 def _known_keys(table: Key) -> list[str]:
-    """Return the keys of the model behind a table's path."""
     model: type[BaseModel] = Config
     for part in table:
         if isinstance(part, str):

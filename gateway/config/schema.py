@@ -1,31 +1,29 @@
 """The shape of the configuration: frozen models of its tables, from `[gateway]` to `[[operator]]`.
 
-What one value may be stands here; what several values may be together stands in `cross_checks.py`.
+What one value may be stands in `values.py`; what several may be together in `cross_checks.py`.
 """
 
 from __future__ import annotations
 
-import ipaddress
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
-from urllib.parse import SplitResult, urlsplit
+from typing import TYPE_CHECKING, Annotated, Literal, get_args, get_origin
+from urllib.parse import urlsplit
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from gateway.families.profile.load import FAMILIES
+from gateway.config.integration_tables import HomeAssistantTable, MetricsTable, SparkplugTable, WebTable
+from gateway.config.values import FIRMWARE_PATTERN, SCHEMES, ConfigTable, Glob, Name, Text
+from gateway.families.profile.load import FAMILIES, LANGUAGES
 
-NAME_PATTERN = r"^[a-z0-9_-]+$"
-FIRMWARE_PATTERN = r"^\d{1,2}\.\d{1,2}$"
-GLOB_PATTERN = r"^[a-z0-9_*?-]+$"
-SCHEMES = {"mqtt": 1883, "mqtts": 8883}
+DEFAULT_BASE = "starters/{gateway}"
 
-Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=64)]
-Glob = Annotated[str, Field(pattern=GLOB_PATTERN, max_length=64)]
-Text = Annotated[str, Field(min_length=1, max_length=1024)]
 if TYPE_CHECKING:
     Family = str
+    Language = str
 else:
     Family = Literal[FAMILIES]  # whatever profiles there are
+    Language = Literal[LANGUAGES]
 Baud = Literal[1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400]  # what a tty can be set to
 FramingText = Literal["8N1", "8N2", "8E1", "8E2", "8O1", "8O2"]
 Verb = Literal[
@@ -45,6 +43,7 @@ Verb = Literal[
     "lock",
     "unlock",
     "accept",
+    "baseline",
     "*",
 ]
 TwoStepVerb = Literal[
@@ -52,34 +51,57 @@ TwoStepVerb = Literal[
 ]  # never stop
 
 
-class ConfigTable(BaseModel):
-    """What all tables share: no unknown key, no silent conversion, nothing changes after loading."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
-
-
 class GatewayTable(ConfigTable):
     """`[gateway]`: who this gateway is and where it keeps what must outlive it."""
 
-    name: Name  # a level in the topics, and the MQTT client id
-    state_dir: Path = Field(default=Path("/var/lib/starter-gateway"), strict=False)
-    clock: Literal["auto", "trusted", "untrusted"] = "auto"  # auto: synchronised when the kernel says so
+    name: Name = Field(description="The gateway's name: a level in the topics, and the MQTT client id.")
+    state_dir: Path = Field(
+        default=Path("/var/lib/starter-gateway"),
+        strict=False,
+        description="Folder of what must outlive the gateway: commands, audit, outbox, locks, fingerprints.",
+    )
+    clock: Literal["auto", "trusted", "untrusted"] = Field(
+        default="auto",
+        description="Whether issued_at can prove a command fresh; auto: when the kernel says synchronised.",
+    )
+    language: Language = Field(
+        default="en",
+        description="Of the names of faults, alarms and points; English where a manual has none.",
+    )
 
 
 class MqttTable(ConfigTable):
     """`[mqtt]`: the broker and the way to it; file names are relative to the configuration's folder."""
 
-    url: Text  # mqtt://host[:1883] or mqtts://host[:8883]
-    base: Text = "starters/{gateway}"
-    username: Text | None = None
-    password_file: Text | None = None
-    ca_file: Text | None = None
-    cert_file: Text | None = None  # of the client, with key_file
-    key_file: Text | None = None
-    client_id: Text | None = None  # None: the gateway's name
-    keepalive_s: int = Field(default=15, ge=5, le=3600)
-    refresh_s: float = Field(default=300.0, ge=1, le=86400)  # an unchanged value is published again
-    allow_plaintext: bool = False  # mqtt:// to a broker on another machine
+    url: Text = Field(description="The broker: mqtt://host[:1883], or mqtts://host[:8883] with TLS.")
+    base: Text = Field(
+        default=DEFAULT_BASE,
+        description="What all topics begin with; {gateway} stands for the gateway's name.",
+    )
+    username: Text | None = Field(default=None, description="Login at the broker; absent: none.")
+    password_file: Text | None = Field(
+        default=None,
+        description="File with the password in one line, for its owner only; or a systemd credential, or "
+        "STARTER_GATEWAY_MQTT_PASSWORD.",
+    )
+    ca_file: Text | None = Field(
+        default=None,
+        description="The certificate authority of the broker, PEM; absent: those of the system.",
+    )
+    cert_file: Text | None = Field(default=None, description="The client's certificate, PEM; with key_file.")
+    key_file: Text | None = Field(default=None, description="The client's private key, PEM; with cert_file.")
+    client_id: Text | None = Field(
+        default=None, description="The MQTT client id; absent: the gateway's name. One connection each."
+    )
+    keepalive_s: int = Field(
+        default=15, ge=5, le=3600, description="Without traffic for so long the broker is pinged."
+    )
+    refresh_s: float = Field(
+        default=300.0, ge=1, le=86400, description="After so long an unchanged value is published again."
+    )
+    allow_plaintext: bool = Field(
+        default=False, description="Permits mqtt:// to a broker on another machine."
+    )
 
     @property
     def host(self) -> str:
@@ -101,83 +123,230 @@ class MqttTable(ConfigTable):
 class RulesTable(ConfigTable):
     """`[line.starter.rules]`: what the gateway demands of commands to one starter; nothing by default."""
 
-    starts_per_hour: int | None = Field(default=None, ge=1, le=1000)  # local starts count as well
-    minimum_pause_s: float | None = Field(default=None, ge=0, le=86400)  # from standstill to the next start
-    feeder: Name | None = None  # its starters, of all lines, do not start at the same time
-    stagger_s: float | None = Field(default=None, gt=0, le=3600)  # after another start on the feeder
-    two_step: tuple[TwoStepVerb, ...] | None = Field(default=None, strict=False)  # select first, then operate
+    starts_per_hour: int | None = Field(
+        default=None,
+        ge=1,
+        le=1000,
+        description="Most starts in any 60 minutes; local starts count as well. Absent: no limit.",
+    )
+    minimum_pause_s: float | None = Field(
+        default=None, ge=0, le=86400, description="Least time from standstill to the next start."
+    )
+    feeder: Name | None = Field(
+        default=None, description="Name of the supply; its starters, of all lines, start one after the other."
+    )
+    stagger_s: float | None = Field(
+        default=None, gt=0, le=3600, description="Least time after another start on the same feeder."
+    )
+    two_step: tuple[TwoStepVerb, ...] | None = Field(
+        default=None, strict=False, description="Verbs that need a `select` before; never stop."
+    )
 
 
 class SharedRulesTable(RulesTable):
     """`[[rules]]`: the same for several starters; a later table wins, a starter's own over all."""
 
-    starters: tuple[Glob, ...] = Field(strict=False, min_length=1)  # names, * and ? as in a shell
+    starters: tuple[Glob, ...] = Field(
+        strict=False,
+        min_length=1,
+        description="Which starters the rules hold for: names, with * and ? as in a shell.",
+    )
 
 
 class GroupTable(ConfigTable):
     """`[[group]]`: starters that can be stopped by one command; no other verb works on a group."""
 
-    name: Name  # stands where a starter's name stands in command and result topics
-    starters: tuple[Glob, ...] = Field(strict=False, min_length=1)
+    name: Name = Field(description="Stands where a starter's name stands in command and result topics.")
+    starters: tuple[Glob, ...] = Field(
+        strict=False, min_length=1, description="Its members: names, with * and ? as in a shell."
+    )
+
+
+class SimulatedMotorTable(ConfigTable):
+    """`[line.starter.simulated.motor]`: the motor behind a simulated starter; keys may be left out."""
+
+    load_pct: float | None = Field(default=None, ge=0, le=1000, description="Share of the rated load.")
+    start_current_pct: float | None = Field(
+        default=None, ge=100, le=1000, description="Current at the start, of the rated current."
+    )
+    ramp_up_s: float | None = Field(
+        default=None, ge=0.1, le=999, description="Ramp of a start, until the starter is configured."
+    )
+    ramp_down_s: float | None = Field(default=None, ge=0, le=999, description="Ramp of a stop.")
+    friction_pct: float | None = Field(
+        default=None, ge=0, le=1000, description="By how much longer the motor accelerates."
+    )
+    wear_per_start_pct: float | None = Field(
+        default=None, ge=0, le=100, description="By so much friction_pct grows with each start."
+    )
+    wear_per_hour_pct: float | None = Field(
+        default=None, ge=0, le=100, description="By so much friction_pct grows with each hour of running."
+    )
+    thermal_pct: float | None = Field(
+        default=None, ge=0, lt=100, description="Thermal image at first, of the level that trips."
+    )
+    heating_s: float | None = Field(
+        default=None, ge=1, le=86400, description="Time constant of the thermal image while current flows."
+    )
+    cooling_s: float | None = Field(
+        default=None, ge=1, le=86400, description="Time constant of the thermal image at standstill."
+    )
+    undervoltage_pct: float | None = Field(
+        default=None, ge=0, le=100, description="Below this share of the rated voltage it trips."
+    )
+    undervoltage_s: float | None = Field(
+        default=None, ge=0.1, le=999, description="After so long an undervoltage it trips."
+    )
+    phase_loss_s: float | None = Field(
+        default=None, ge=0.1, le=999, description="After so long without one phase it trips."
+    )
+    line_voltage_pct: float = Field(
+        default=100.0, ge=0, le=120, description="Voltage of the supply, of the rated voltage."
+    )
+    lost_phase: Literal["r", "s", "t"] | None = Field(
+        default=None, description="The phase of the supply that is missing."
+    )
 
 
 class SimulatedTable(ConfigTable):
     """`[line.starter.simulated]`: what `simulate` makes of a starter; the gateway itself ignores it."""
 
-    firmware: Annotated[str, Field(pattern=FIRMWARE_PATTERN)] | None = None  # e.g. "1.30"
-    parameters: dict[str, Annotated[int, Field(ge=0, le=0xFFFF)]] = {}  # by the manual's code, as on the wire
-    braking_s: float = Field(default=0.0, ge=0, le=600)  # SSW-06, SSW-07: DC braking at each stop; 0: none
+    firmware: Annotated[str, Field(pattern=FIRMWARE_PATTERN)] | None = Field(
+        default=None, description='The firmware that it says it has, e.g. "1.30".'
+    )
+    parameters: dict[str, Annotated[int, Field(ge=0, le=0xFFFF)]] = Field(
+        default={}, description="Words of its parameters by the manual's code, as on the wire."
+    )
+    markers: dict[str, bool] = Field(
+        default={}, description="SSW900: bits of a SoftPLC program, by COIL or DI and the address."
+    )
+    braking_s: float = Field(
+        default=0.0, ge=0, le=600, description="SSW-06, SSW-07: DC braking at each stop; 0: none."
+    )
+    motor: SimulatedMotorTable = Field(default=SimulatedMotorTable(), description="The motor behind it.")
+
+
+NOT_SIMULATED = SimulatedTable()  # one for all: nothing changes it
 
 
 class StarterTable(ConfigTable):
     """`[[line.starter]]`: one machine on a line."""
 
-    name: Name
-    address: int = Field(ge=1, le=247)  # [SERIAL 2.2]
-    family: Family
-    every_s: float = Field(default=1.0, ge=0, le=3600)  # 0: as fast as the line allows
-    model: Text | None = None  # e.g. "SSW-06 820A"; None: as the starter says
-    slot: int | None = Field(default=None, ge=1, le=2)  # SSW900: of the RS-485 accessory
-    response_time_s: float | None = Field(default=None, gt=0, le=10)  # None: as the manual says
-    watchdog_s: float | None = Field(default=None, ge=0, le=1000)  # as set in the starter; 0: off
-    fast_words: bool = False  # SSW900: points mapped onto 1500-1549, at standstill; one request reads all
-    enabled: bool = True  # False: never asked, availability "disabled"
-    rules: RulesTable | None = None
-    simulated: SimulatedTable = SimulatedTable()
+    name: Name = Field(description="The starter's name: a level in its topics.")
+    address: int = Field(
+        ge=1, le=247, description="Its Modbus address, as set in the starter."
+    )  # [SERIAL 2.2]
+    family: Family = Field(description="Its family, e.g. ssw07, which also stands for the SSW-08.")
+    every_s: float = Field(
+        default=1.0,
+        ge=0,
+        le=3600,
+        description="Period of status and electrical values; 0: as fast as the line allows.",
+    )
+    model: Text | None = Field(
+        default=None, description='Its model, e.g. "SSW-06 820A"; absent: as the starter says.'
+    )
+    slot: int | None = Field(
+        default=None, ge=1, le=2, description="SSW900: slot of the RS-485 accessory; absent: as it says."
+    )
+    response_time_s: float | None = Field(
+        default=None, gt=0, le=10, description="Longest time to a reply; absent: as the manual says."
+    )
+    watchdog_s: float | None = Field(
+        default=None,
+        ge=0,
+        le=1000,
+        description="Communication timeout set in the starter, 0: off; what the line cannot keep is refused.",
+    )
+    fast_words: bool = Field(
+        default=False,
+        description="SSW900: maps its points onto 1500-1549, at standstill, so that one request reads all.",
+    )
+    enabled: bool = Field(default=True, description='false: never asked, availability "disabled".')
+    rules: RulesTable | None = Field(default=None, description="Rules of this starter alone.")
+    simulated: SimulatedTable = Field(
+        default_factory=lambda: NOT_SIMULATED, description="What `simulate` makes of it; `run` ignores it."
+    )
 
 
 class LineTable(ConfigTable):
     """`[[line]]`: one RS-485 line and its starters."""
 
-    name: Name
-    port: Text  # an absolute path, or socket://host:port
-    baud: Baud
-    framing: FramingText
-    adapter_allowance_s: float = Field(default=0.02, ge=0, le=1)  # what the adapter adds to a reply's way
-    learn_response_times: bool = False  # wait no longer than starters have shown, though manuals allow more
-    deaf_after_s: float = Field(default=15.0, ge=0, le=3600)  # silence of all starters; the port is reopened
-    starters: tuple[StarterTable, ...] = Field(alias="starter", strict=False, min_length=1)
+    name: Name = Field(description="The line's name: a level in the topic of its statistics.")
+    port: Text = Field(description="The adapter: an absolute path, or socket://host:port.")
+    baud: Baud = Field(description="Rate, the same in all starters of the line.")
+    framing: FramingText = Field(description="Data bits, parity, stop bits; the same in all starters.")
+    adapter_allowance_s: float = Field(
+        default=0.02, ge=0, le=1, description="What adapter and driver add to the way of a reply."
+    )
+    learn_response_times: bool = Field(
+        default=False, description="Waits no longer than starters have shown, though manuals allow more."
+    )
+    deaf_after_s: float = Field(
+        default=15.0,
+        ge=0,
+        le=3600,
+        description="After so long a silence of all its starters the port is opened again; 0: never.",
+    )
+    order: tuple[Name, ...] | None = Field(
+        default=None,
+        strict=False,
+        description="The starters as they follow each other along the cable; absent: by address.",
+    )
+    starters: tuple[StarterTable, ...] = Field(
+        alias="starter", strict=False, min_length=1, description="The starters on the line, one table each."
+    )
 
 
 class OperatorTable(ConfigTable):
     """`[[operator]]`: what one client may ask of which starters."""
 
-    client: Name  # the level in the command topic
-    may: tuple[Verb, ...] = Field(strict=False, min_length=1)
-    starters: tuple[Glob, ...] = Field(strict=False, min_length=1)  # names, * and ? as in a shell
-    # What proves a command fresh: token or issued_at; issued_at alone (bridges); or even boot (old clients).
-    freshness: Literal["token", "issued_at", "boot"] = "token"
+    client: Name = Field(
+        description="The level in the command topic; the broker's access list ties it to a login."
+    )
+    may: tuple[Verb, ...] = Field(
+        strict=False, min_length=1, description='Verbs that the client may use; ["*"]: all.'
+    )
+    starters: tuple[Glob, ...] = Field(
+        strict=False, min_length=1, description="Starters and groups: names, with * and ? as in a shell."
+    )
+    freshness: Literal["token", "issued_at", "boot"] = Field(
+        default="token",
+        description="What proves a command fresh: token or issued_at; issued_at alone, for commands over a "
+        "bridge; boot: boot alone will do, for old clients.",
+    )
 
 
 class Config(ConfigTable):
     """A site, whole."""
 
-    gateway: GatewayTable
-    mqtt: MqttTable
-    lines: tuple[LineTable, ...] = Field(alias="line", strict=False, min_length=1)
-    operators: tuple[OperatorTable, ...] = Field(default=(), alias="operator", strict=False)
-    rules: tuple[SharedRulesTable, ...] = Field(default=(), strict=False)
-    groups: tuple[GroupTable, ...] = Field(default=(), alias="group", strict=False)
+    gateway: GatewayTable = Field(description="Who this gateway is.")
+    mqtt: MqttTable = Field(description="The broker and the way to it.")
+    lines: tuple[LineTable, ...] = Field(
+        alias="line", strict=False, min_length=1, description="The RS-485 lines, one table each."
+    )
+    operators: tuple[OperatorTable, ...] = Field(
+        default=(), alias="operator", strict=False, description="Who may send commands; none: read-only."
+    )
+    rules: tuple[SharedRulesTable, ...] = Field(
+        default=(), strict=False, description="Rules for several starters; a later table wins."
+    )
+    groups: tuple[GroupTable, ...] = Field(
+        default=(), alias="group", strict=False, description="Starters that one command stops."
+    )
+    web: WebTable | None = Field(default=None, description="The status page; absent: none.")
+    metrics: MetricsTable | None = Field(default=None, description="For Prometheus; absent: none.")
+    home_assistant: HomeAssistantTable | None = Field(
+        default=None, alias="homeassistant", description="Discovery by Home Assistant; absent: none."
+    )
+    sparkplug: SparkplugTable | None = Field(
+        default=None, description="The gateway as a Sparkplug edge node; absent: none."
+    )
+
+    @property
+    def starters(self) -> tuple[StarterTable, ...]:
+        """Return the starters of all lines."""
+        return tuple(starter for line in self.lines for starter in line.starters)
 
     @property
     def base(self) -> str:
@@ -190,23 +359,15 @@ class Config(ConfigTable):
         return self.mqtt.client_id or self.gateway.name
 
 
-def split_url(url: str) -> tuple[SplitResult, int] | None:
-    """Return the parts and the port of a broker's URL, or None when it is not one."""
-    try:
-        split = urlsplit(url)
-        port = split.port
-    except ValueError:
-        return None
-    if split.scheme not in SCHEMES or not split.hostname or port == 0:
-        return None
-    return split, port or SCHEMES[split.scheme]
+def _repeated(model: type[ConfigTable], path: str = "") -> Iterator[str]:
+    for name, field in model.model_fields.items():
+        key = f"{path}{field.alias or name}"
+        tables = [each for each in get_args(field.annotation) if isinstance(each, type)]
+        inner = [each for each in tables if issubclass(each, ConfigTable)]
+        if inner and get_origin(field.annotation) is tuple:
+            yield key
+        for table in inner:
+            yield from _repeated(table, f"{key}.")
 
 
-def is_loopback(host: str) -> bool:
-    """Return whether a host name or address never leaves this machine."""
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
+REPEATED_TABLES = frozenset(_repeated(Config))  # written [[line]], not [line]

@@ -1,16 +1,37 @@
-"""The one secret that the gateway needs: its password at the broker."""
+"""The files that a configuration refers to, the secrets in them, and its text without any.
+
+The passwords at the broker and at Sparkplug's servers and the token of a scrape stand in files; where the
+configuration names none, each may be a credential of systemd [systemd.exec(5) LoadCredential=].
+"""
 
 from __future__ import annotations
 
 import stat
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import NamedTuple
 
+from pydantic import BaseModel
+
+from gateway.config.load import parse
 from gateway.config.schema import Config
 from gateway.errors import ConfigError, Problem
+from gateway.system.password_hash import unmatched_line
 
 VARIABLE = "STARTER_GATEWAY_MQTT_PASSWORD"
 CREDENTIAL = "mqtt.password"
+SPARKPLUG_CREDENTIAL = "sparkplug.password"
+METRICS_CREDENTIAL = "metrics.token"
+_ENDING = "_file"  # of a key that names a file to be read
+_SECRET = frozenset({"password_file", "key_file", "token_file"})
+
+
+class SiteFile(NamedTuple):
+    """A file by the key that names it."""
+
+    key: str
+    path: Path  # as configured: relative ones begin at the configuration's folder
+    is_secret: bool
 
 
 def mqtt_password(config: Config, folder: str | Path, environ: Mapping[str, str]) -> str | None:
@@ -21,38 +42,111 @@ def mqtt_password(config: Config, folder: str | Path, environ: Mapping[str, str]
     """
     if config.mqtt.password_file is not None:
         return password_in(Path(folder) / config.mqtt.password_file)
-    credentials = environ.get("CREDENTIALS_DIRECTORY")
-    if credentials and (Path(credentials) / CREDENTIAL).exists():
-        return _first_line(Path(credentials) / CREDENTIAL)
-    return environ.get(VARIABLE) or None
+    return _credential(CREDENTIAL, environ) or environ.get(VARIABLE) or None
 
 
-def password_in(path: Path) -> str:
+def metrics_token(config: Config, folder: str | Path, environ: Mapping[str, str]) -> str | None:
+    """Return the token that a scrape must carry, or None; ConfigError when its file cannot be used."""
+    if config.metrics is None:
+        return None
+    if config.metrics.token_file is None:
+        return _credential(METRICS_CREDENTIAL, environ)
+    return password_in(Path(folder) / config.metrics.token_file, key="metrics.token_file")
+
+
+def sparkplug_password(
+    config: Config, folder: str | Path, password: str | None, environ: Mapping[str, str]
+) -> str | None:
+    """Return the password at Sparkplug's servers: the broker's (`password`) where they are the broker."""
+    table = config.sparkplug
+    if table is None or not table.urls:
+        return password
+    if table.password_file is None:
+        return _credential(SPARKPLUG_CREDENTIAL, environ)
+    return password_in(Path(folder) / table.password_file, key="sparkplug.password_file")
+
+
+def password_in(path: Path, *, key: str = "password_file") -> str:
     """Return a file's first line; ConfigError when it cannot be used, or others may use it too."""
-    _refuse_readable_by_others(path)
-    return _first_line(path)
+    _refuse_readable_by_others(path, key)
+    return _first_line(path, key)
 
 
-def _refuse_readable_by_others(path: Path) -> None:
+def files_of(config: Config) -> list[SiteFile]:
+    """Return every file that a configuration refers to, each once."""
+    found: dict[Path, SiteFile] = {}
+    for each in _files_in(config, ""):
+        before = found.get(each.path)
+        if before is None or each.is_secret:
+            found[each.path] = each
+    return list(found.values())
+
+
+def without_logins(text: str, config: Config) -> tuple[str, list[str]]:
+    """Return a configuration's text with logins that no password fits, and the names of these logins.
+
+    ConfigError when a password's line cannot be found in the text, because it is written with escapes.
+    """
+    users = () if config.web is None else config.web.users
+    for user in users:
+        text = text.replace(user.password, unmatched_line())
+    after = parse(text, "the copy").web
+    left = [user for user in (after.users if after else ()) if user.password != unmatched_line()]
+    if left:
+        what = f"the password of login {left[0].name} cannot be left out"
+        raise ConfigError(
+            "the copy", [Problem("web.user", what, "write it without escapes, or use --secrets")]
+        )
+    return text, [user.name for user in users]
+
+
+def _credential(name: str, environ: Mapping[str, str]) -> str | None:
+    """Return a credential that systemd has handed on, or None."""
+    folder = environ.get("CREDENTIALS_DIRECTORY")
+    if not folder:
+        return None
+    path = Path(folder) / name
+    try:
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except OSError as error:
+        raise _unusable(
+            path, name, error.strerror or str(error), "see LoadCredential= of the unit"
+        ) from error
+    return _first_line(path, name)
+
+
+def _refuse_readable_by_others(path: Path, key: str) -> None:
     try:
         mode = path.stat().st_mode
     except OSError as error:
-        raise _unusable(path, error.strerror or str(error), "create it, mode 0600") from error
+        raise _unusable(path, key, error.strerror or str(error), "create it, mode 0600") from error
     if mode & (stat.S_IRWXG | stat.S_IRWXO):
-        raise _unusable(path, "others than its owner may use it", f"chmod 600 {path}")
+        raise _unusable(path, key, "others than its owner may use it", f"chmod 600 {path}")
 
 
-def _first_line(path: Path) -> str:
+def _first_line(path: Path, key: str) -> str:
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except OSError as error:
-        raise _unusable(path, error.strerror or str(error), "it must be the gateway's own") from error
+        raise _unusable(path, key, error.strerror or str(error), "it must be the gateway's own") from error
     except UnicodeDecodeError as error:
-        raise _unusable(path, "is not UTF-8", "write the password as one line of text") from error
+        raise _unusable(path, key, "is not UTF-8", "write it as one line of text") from error
     if not lines or not lines[0]:
-        raise _unusable(path, "is empty", "write the password as its first line")
+        raise _unusable(path, key, "is empty", "write it as its first line")
     return lines[0]
 
 
-def _unusable(path: Path, what: str, hint: str) -> ConfigError:
-    return ConfigError(str(path), [Problem("password_file", what, hint)])
+def _unusable(path: Path, key: str, what: str, hint: str) -> ConfigError:
+    return ConfigError(str(path), [Problem(key, what, hint)])
+
+
+def _files_in(table: BaseModel, where: str) -> Iterator[SiteFile]:
+    for name, field in type(table).model_fields.items():
+        value, key = getattr(table, name), f"{where}{field.alias or name}"
+        if name.endswith(_ENDING) and value is not None:
+            yield SiteFile(key, Path(value), name in _SECRET)
+        for item in value if isinstance(value, tuple) else (value,):
+            if isinstance(item, BaseModel):
+                yield from _files_in(item, f"{key}.")

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 
 from gateway.config.mistakes import short
+from gateway.config.schema import REPEATED_TABLES
 from gateway.errors import Problem
 
 _PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
@@ -28,7 +29,8 @@ def syntax_problem(error: ValueError, text: str) -> Problem:
         return Problem("syntax", "a number has too many digits", "is something missing in between?", line)
     place = _PLACE.search(message)
     line, column = _place(place, text)
-    rest = text.splitlines()[line - 1][column - 1 :].strip() if place and place[1] else ""
+    lines = text.replace("\r\n", "\n").split("\n")  # as the parser counts them
+    rest = lines[line - 1][column - 1 :].strip() if place and place[1] else ""
     what, hint = _words(_PLACE.sub("", message), rest)
     where = f"column {column}" if place is None or place[1] else "the end of the file"
     return Problem("syntax", f"{what}, at {where}" if place else what, hint, line if place else None)
@@ -45,6 +47,8 @@ def _words(message: str, rest: str) -> tuple[str, str]:
     """Return what is wrong and the hint; `rest` is the line from the error on."""
     if message in ("Invalid value", "Expected newline or end of document after a statement"):
         return _of_value(rest) if message == "Invalid value" else _of_more(rest)
+    if message.startswith(_TABLE_TWICE):
+        return _of_table(".".join(_QUOTED.findall(message)))
     for beginning, words in _MEANINGS.items():
         if message.startswith(beginning):
             names = ".".join(_QUOTED.findall(message))
@@ -56,7 +60,6 @@ def _words(message: str, rest: str) -> tuple[str, str]:
 
 
 def _of_value(rest: str) -> tuple[str, str]:
-    """Say what stands where a value should."""
     if not rest or rest.startswith("#"):
         return "there is no value after the =", 'such as name = "mcc1" or baud = 19200'
     word = _WORD.match(rest)
@@ -72,7 +75,6 @@ def _of_value(rest: str) -> tuple[str, str]:
 
 
 def _of_more(rest: str) -> tuple[str, str]:
-    """Say what stands behind a complete value or header."""
     if re.match(r",[0-9]", rest):
         return f"{short(rest)} is left over after a number", "a decimal point is a point: 0.5"
     return f"{short(rest)} is left over after what comes before it on its line", (
@@ -80,24 +82,27 @@ def _of_more(rest: str) -> tuple[str, str]:
     )
 
 
+def _of_table(name: str) -> tuple[str, str]:
+    hint = (
+        f"several go as [[{name}]]" if name in REPEATED_TABLES else f"put its keys below the first [{name}]"
+    )
+    return f"the table [{name}] is given twice", hint
+
+
 def _of_character(message: str) -> tuple[str, str]:
-    """Say which character may not stand there."""
     character = message.rpartition(" character ")[2]
     if character in _LINE_ENDS:
         return "a text in quotes does not end on its line", "close it with the quote it begins with"
     return f"the character {character} may not stand here", "remove it; it may be invisible in an editor"
 
 
+_TABLE_TWICE = "Cannot declare"
 _TWICE = ("{names} is given twice", "keep one of them")
 _CLOSED = ("{names} is complete where it was given first", "add the key there")
 _QUOTE = ("a text in quotes is not closed", "close it with the quote it begins with")
 _MEANINGS = {  # by how the parser's message begins
     "Cannot overwrite a value": ("a key is given twice, or as a value and as a table", "keep one of them"),
     "Duplicate inline table key": _TWICE,
-    "Cannot declare": (
-        "the table [{names}] is given twice",
-        "put its keys below the first; several go as [[{names}]]",
-    ),
     "Cannot redefine namespace": _CLOSED,
     "Cannot mutate immutable namespace": _CLOSED,
     "Expected '=' after a key": ("a key has no =", 'such as name = "mcc1"; several words are no key'),

@@ -1,9 +1,7 @@
 """All that is read often in one request: points mapped onto registers made for that (ssw900 7.2.3).
 
 Each mapped word has a companion in the same reply that reads the map itself (C8.1.1.x is a parameter like
-any other). So a reply proves what it is made of: whoever changes the map, no value is taken for another.
-
-Registers that carry what is mapped onto them, decoded by what the map says (ssw900 7.2.3).
+any other). So a reply proves what it is made of, and no value is taken for another after a change of the map.
 """
 
 from __future__ import annotations
@@ -18,9 +16,10 @@ from gateway.families.command.interlock import points_needed
 from gateway.families.profile.decode import decode_words
 from gateway.families.profile.parameters import RowWords, find, writes_for
 from gateway.families.profile.procedure import Preparation, Procedure, Read, Seen, WriteStep
-from gateway.families.profile.schema import Parameter, Profile, Table, Variant
+from gateway.families.profile.rows import Parameter, Table
+from gateway.families.profile.schema import Profile, Variant
 from gateway.families.reading.bulk import holds, read_back, read_of, reads_for, rows_of_points
-from gateway.families.reading.poll_blocks import Block, plan_blocks, rows_of
+from gateway.families.reading.poll_blocks import Block, plan_blocks
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import LineTiming
 
@@ -35,6 +34,19 @@ class MappedBlock(Block):
     """One read of mapped words: those of the rows first, then as many of the map itself."""
 
     map: tuple[int, ...] = ()  # what the map must hold; the second half of a reply says its first half
+
+    def rows_in(self, profile: Profile, value: Sequence[Any]) -> dict[str, tuple[int, ...]] | None:
+        """Return the raw words by code; None when the map is not ours any more."""
+        half = len(self.map) // 2
+        if tuple(value[half:]) != self.map[:half]:
+            return None
+        found: dict[str, tuple[int, ...]] = {}
+        offset = 0
+        for row in self.rows:
+            words = tuple(int(word) for word in value[offset : offset + row.words])
+            found |= {same.code: words for same in profile.rows_at[row.table, row.address]}
+            offset += row.words
+        return found
 
 
 def fast_block(profile: Profile, variant: Variant, *, missing: Collection[str] = ()) -> MappedBlock | None:
@@ -68,22 +80,6 @@ def plan_with(
     if fast is None:
         return plan_blocks(profile, variant, timing=timing)
     return (fast, *plan_blocks(profile, variant, without=fast.codes, timing=timing))
-
-
-def rows_from(profile: Profile, block: Block, value: Sequence[Any]) -> dict[str, tuple[int, ...]] | None:
-    """Return the raw words by code of any block's answer; None when the map is not ours any more."""
-    if not isinstance(block, MappedBlock):
-        return rows_of(profile, block, value)
-    half = len(block.map) // 2
-    if tuple(value[half:]) != block.map[:half]:
-        return None
-    found: dict[str, tuple[int, ...]] = {}
-    offset = 0
-    for row in block.rows:
-        words = tuple(int(word) for word in value[offset : offset + row.words])
-        found |= {same.code: words for same in profile.rows_at[row.table, row.address]}
-        offset += row.words
-    return found
 
 
 def probes(profile: Profile, variant: Variant) -> tuple[Read, ...]:

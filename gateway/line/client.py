@@ -20,10 +20,12 @@ Post = Callable[..., bool]  # post(call, *args): call it on the line's loop, in 
 class LineClient:
     """One line, from the app's loop: `post` carries each call to the line's loop."""
 
-    def __init__(self, line: Line, post: Post, figures: Callable[[], dict[str, Any]] | None = None) -> None:
+    def __init__(
+        self, line: Line, post: Post, statistics: Callable[[], dict[str, Any]] | None = None
+    ) -> None:
         self._line = line
         self._post = post
-        self._figures = figures or line.figures
+        self._statistics = statistics or line.statistics
 
     @property
     def name(self) -> str:
@@ -36,15 +38,22 @@ class LineClient:
         return self._line.timing
 
     def transact(
-        self, unit: int, request: Request, *, response_time_s: float, lane: Priority, until_s: float = inf
+        self,
+        unit: int,
+        request: Request,
+        *,
+        response_time_s: float,
+        lane: Priority,
+        until_s: float = inf,
+        is_literal: bool = False,
     ) -> asyncio.Future[Outcome]:
         """Hand a request to the line now, to be sent once, and return what is to become of it.
 
         Cancelled before it is sent, it never is; nor is it after `until_s` on the steady clock: it then ends
-        as `Silent(TOO_LATE, is_sent=False)`.
+        as `Silent(TOO_LATE, is_sent=False)`. What `is_literal` is never read in another form.
         """
         pending = _Pending(lambda: self._post(self._line.withdraw, job))
-        job = Job(unit, request, response_time_s, lane, pending.settle, until_s)
+        job = Job(unit, request, response_time_s, lane, pending.settle, until_s, is_literal)
         if not self._post(self._line.submit, job):
             pending.settle(Silent("port closed", is_sent=False))
         return pending
@@ -71,15 +80,29 @@ class LineClient:
 
     def expect_silence(self, unit: int, seconds: float) -> None:
         """Count no misses of this unit for so long: it restarts, and the gateway knows why."""
-        self._change(lambda scheduler, now_s: scheduler.polls.expect_silence(unit, now_s + seconds))
+        self._change(lambda scheduler, now_s: scheduler.polls.unit(unit).expect_silence(now_s + seconds))
 
     def forget(self, unit: int) -> None:
         """Know nothing of a unit any more, once its polls are removed: it is gone, or another one now."""
         self._post(self._line.forget, unit)
 
-    def figures(self) -> dict[str, Any]:
+    def retry_refused(self, unit: int) -> None:
+        """Ask again at once what a unit seemed to refuse: another device answers there now."""
+        self._post(self._line.retry_refused, unit)
+
+    def statistics(self) -> dict[str, Any]:
         """Return the line's counters and times for `B/gateway/line/{line}`, at most about a second old."""
-        return self._figures()
+        return self._statistics()
+
+    @property
+    def unit_count(self) -> int:
+        """How many units have been asked on this line."""
+        return len(self.statistics()["units"])
+
+    @property
+    def is_overloaded(self) -> bool:
+        """Whether polls come later than they should, since the line has no time for all."""
+        return bool(self.statistics()["stretch"] > 1.0)
 
     def _change(self, change: Callable[[Scheduler, float], object]) -> None:
         self._post(self._line.change, change)
@@ -94,6 +117,7 @@ class _Pending(asyncio.Future[Outcome]):
 
     def settle(self, outcome: Outcome) -> None:
         """Set what became of it, unless it was cancelled."""
+        self._withdraw = _nothing  # or job and outcome hold each other until a whole garbage collection
         if not self.done():
             self.set_result(outcome)
 
@@ -102,7 +126,12 @@ class _Pending(asyncio.Future[Outcome]):
         is_cancelled = super().cancel(msg)
         if is_cancelled:
             self._withdraw()
+            self._withdraw = _nothing
         return is_cancelled
+
+
+def _nothing() -> None:
+    """Withdraw what has ended."""
 
 
 def post_here(call: Callable[..., object], *args: object) -> bool:

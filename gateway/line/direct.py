@@ -1,7 +1,4 @@
-"""A line for oneself, without polls: for a command that works on one starter while no gateway runs.
-
-A port for oneself with one setting, one question at a time: for a scan, which knows no units yet.
-"""
+"""A line without polls for one command while no gateway runs, and a bare port for a scan."""
 
 from __future__ import annotations
 
@@ -16,8 +13,8 @@ from gateway.line.client import LineClient, post_here
 from gateway.line.events import EventQueue, LineEvent, PortChanged, deliver
 from gateway.line.line import Line
 from gateway.line.port.base import ClosesLate, Port, PortOpener
-from gateway.line.rtu.forms import Alternates
 from gateway.line.rtu.outcome import Outcome
+from gateway.line.rtu.request import Alternates
 from gateway.line.rtu.timeouts import ALLOWANCE_S, reply_within_s, request_wire_s
 from gateway.line.rtu.trace import Trace
 from gateway.line.rtu.transaction import RtuMaster
@@ -46,7 +43,7 @@ async def exclusive_line(
         if isinstance(event, PortChanged):
             opened.set()
 
-    scheduler = Line(
+    line = Line(
         name=name,
         opener=_Once(opener.name, port),
         timing=timing,
@@ -55,10 +52,10 @@ async def exclusive_line(
         allowance_s=allowance_s,
         alternates_of=alternates_of,
     )
-    task = asyncio.create_task(scheduler.run(), name=f"exclusive {name}")
+    task = asyncio.create_task(line.run(), name=f"exclusive {name}")
     try:
         await opened.wait()
-        yield LineClient(scheduler, post_here)
+        yield LineClient(line, post_here)
     finally:
         task.cancel()
         await asyncio.wait([task])
@@ -96,12 +93,12 @@ class Survey:
         self._opener = opener
         self._allowance_s = allowance_s
         self._port: Port | None = None
-        self._line: RtuMaster | None = None
+        self._master: RtuMaster | None = None
 
     async def __aenter__(self) -> Self:
         self._port = await self._opener()
         trace = Trace(self._opener.name)
-        self._line = RtuMaster(self._port, self.timing, allowance_s=self._allowance_s, trace=trace)
+        self._master = RtuMaster(self._port, self.timing, allowance_s=self._allowance_s, trace=trace)
         return self
 
     async def __aexit__(
@@ -117,9 +114,9 @@ class Survey:
         """Send a read and return what became of it; ValueError for a write, PortLostError."""
         if request.is_write:
             raise ValueError("a survey only reads")
-        if self._line is None:
+        if self._master is None:
             raise ValueError("the survey has not begun")
-        return await self._line.transact(unit, request, response_time_s=response_time_s)
+        return await self._master.transact(unit, request, response_time_s=response_time_s)
 
 
 def silent_cost_s(request: Request, timing: LineTiming, *, response_time_s: float) -> float:

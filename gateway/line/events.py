@@ -106,9 +106,11 @@ class EventQueue:
 
     def flush(self) -> None:
         """Hand over what there is, now or soon: the lines have a moment's time."""
+        if not self.events:
+            return
         if self.is_urgent or not self._polls_wait_s:
             self.hand_over()
-        elif self.events and self._timer is None:
+        elif self._timer is None:
             self._timer = asyncio.get_running_loop().call_later(self._polls_wait_s, self.hand_over)
 
     def hand_over(self) -> None:
@@ -127,6 +129,7 @@ class LineEvents:
 
     def __init__(self, name: str, queue: EventQueue, trace: Trace) -> None:
         self.is_muted = False
+        self.flush = queue.flush
         self._name = name
         self._queue = queue
         self._trace = trace
@@ -164,11 +167,6 @@ class LineEvents:
     def capture(self, *, is_on: bool) -> None:
         """Append every frame from now on, or none any more."""
         self._trace.tap = self._frame_seen if is_on else None
-
-    def flush(self) -> None:
-        """Hand over what there is, now or soon."""
-        if self._queue.events:
-            self._queue.flush()
 
     def _frame_seen(self, at_s: float, direction: str, frame: bytes) -> None:
         self._queue.events.append((self, FrameSeen(self._name, at_s, direction, frame)))

@@ -1,4 +1,4 @@
-"""When a port has gone deaf: it is open, requests go out, and nobody answers any more.
+"""When a port has gone deaf: it is open, requests go out, and no unit answers any more.
 
 Adapters do that without an error (a USB urb that stopped, a driver that lost its interrupt); to close and
 open the port again helps. Where it does not, perhaps everything on the line is switched off: then it is tried
@@ -9,21 +9,20 @@ from __future__ import annotations
 
 from gateway.line.rtu.outcome import Answered, Outcome, Refused
 
-DEAF_AFTER_S = 15.0
 LONGEST_S = 600.0  # between two attempts
-ASK_EVERY_S = 2.0  # all that are silent, while nobody answers: there is nobody whose time that costs
-DEAF = "deaf: it is open, but no starter answers"  # the reason that is told
+ASK_EVERY_S = 2.0  # all silent units, while none answers: that takes no time from others
+DEAF = "deaf: it is open, but no starter answers"  # the reason that is reported
 
 
 class PortRecovery:
-    """Told of every outcome on a line; `after_s` None or 0: never deaf."""
+    """Judges by every outcome on a line; `after_s` None or 0: never deaf."""
 
     def __init__(self, after_s: float | None) -> None:
         self._after_s = after_s or float("inf")
         self._patience_s = self._after_s
-        self._since_s: float | None = None  # nobody has answered
+        self._since_s: float | None = None  # no unit has answered
         self._asked_s = float("-inf")
-        self._is_back = False  # somebody has answered after a while in which nobody did
+        self._is_back = False  # a unit has answered after a while in which none did
         self.is_deaf = False  # from the first attempt to cure it to the next answer
 
     def begin(self) -> None:
@@ -41,8 +40,13 @@ class PortRecovery:
         self._asked_s = now_s
         return True
 
-    def take(self, outcome: Outcome, now_s: float) -> bool:
-        """Take over what became of a request; return whether the port should be opened afresh now."""
+    def note_late(self) -> None:
+        """Record that a reply came too late: the port receives."""
+        if not self.is_deaf:
+            self._since_s = None
+
+    def record(self, outcome: Outcome, now_s: float) -> bool:
+        """Record what became of a request; return whether the port should be opened afresh now."""
         if isinstance(outcome, Answered | Refused):
             if self.is_deaf or (self._since_s is not None and now_s - self._since_s >= ASK_EVERY_S):
                 self._is_back = True

@@ -5,120 +5,179 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Iterable
 from math import inf
-from typing import Any
+from typing import Any, NamedTuple
 
-from gateway.line.rtu.outcome import Answered, Outcome, Refused
-from gateway.line.rtu.response_time import ResponseTimeEstimator
-from gateway.line.scheduler.requests import Poll, Priority, Slot
+from gateway.line.rtu.bus_faults import whole_frame
+from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused
+from gateway.line.rtu.timeouts import ResponseTimeEstimator
+from gateway.line.scheduler.requests import Poll, Slot
+from gateway.system.stalls import DelayCounts
 
 _UTILISATION_WINDOW = 30  # samples, a second apart or more
-_RECKONED_AT_ONCE = 8
-_RECKONED_EVERY_S = 10.0
+_COMPUTED_AT_ONCE = 8
+_COMPUTED_EVERY_S = 10.0
+_STOP_BOUNDS_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5)
 _OUTCOMES = ("answered", "silent", "garbled", "refused")
 
 
+class LineTimes(NamedTuple):
+    """How a line has spent its time, summed up since the start."""
+
+    busy_s: float = 0.0
+    requests_s: float = 0.0  # sending them
+    delays_s: float = 0.0  # from a request's end to the first octet of its reply, or until that has not come
+    replies_s: float = 0.0  # receiving them
+
+
 class Statistics:
-    """Counters since the start; utilisation of about the last half minute."""
+    """Counters since the start; utilisation and shares of time of about the last half minute."""
 
     def __init__(self) -> None:
-        self._turns: Counter[str] = Counter()
+        self._counts: Counter[str] = Counter()
         self._units: dict[int, _UnitStatistics] = {}
-        self._learnt = ResponseTimeEstimator()
+        self._response_times = ResponseTimeEstimator()
         self._took_s: dict[str, float] = {}
-        self._busy_s = 0.0
-        self._reckoned = 0  # so many units' response times, since the start
-        self._samples: deque[tuple[float, float]] = deque(maxlen=_UTILISATION_WINDOW)
+        self._times = LineTimes()
+        self._computed = 0  # so many units' response times were computed, since the start
+        self._samples: deque[tuple[float, LineTimes]] = deque(maxlen=_UTILISATION_WINDOW)
         self._worst_stop_latency_s: float | None = None
+        self._stops = DelayCounts(_STOP_BOUNDS_S)
 
     def begin(self, now_s: float) -> None:
         """Measure utilisation afresh: the port has just been opened."""
         self._samples.clear()
-        self._samples.append((now_s, self._busy_s))
+        self._samples.append((now_s, self._times))
 
-    def response_time_s(self, turn: Slot) -> float:
+    def response_time_s(self, slot: Slot) -> float:
         """Return how long to wait for a reply's first byte, by what was learnt as far as that is allowed."""
-        poll = turn.poll
-        if poll is None or poll.response_floor_s is None:
-            return turn.response_time_s
-        return self._learnt.response_time_s(
-            turn.unit,
-            turn.request.function,
-            limit_s=turn.response_time_s,
-            floor_s=poll.response_floor_s,
+        poll = slot.poll
+        if poll is None or poll.shortest_response_s is None:
+            return slot.response_time_s
+        return self._response_times.response_time_s(
+            slot.unit,
+            slot.request.function,
+            limit_s=slot.response_time_s,
+            least_s=poll.shortest_response_s,
         )
 
-    def note(self, turn: Slot, outcome: Outcome, *, took_s: float, now_s: float) -> None:
-        """Count one turn that kept the line busy for `took_s`, its silence included."""
-        self._busy_s += took_s
-        if now_s - self._samples[-1][0] >= 1.0:
-            self._samples.append((now_s, self._busy_s))
-        name = type(outcome).__name__.lower()
-        self._turns["jobs" if turn.poll is None else "polls"] += 1
-        self._turns[name] += 1
-        unit = self._units.get(turn.unit)
-        if unit is None:
-            unit = self._units[turn.unit] = _UnitStatistics()
-        unit.outcomes[name] += 1
-        if isinstance(outcome, Answered):
-            self._learnt.note_answer(turn.unit, turn.request.function, outcome.response_time_s)
-        elif not isinstance(outcome, Refused) and outcome.is_sent:
-            self._learnt.note_miss(turn.unit)
-        if turn.poll is not None:
-            self._took_s[turn.poll.key] = took_s
+    def note(
+        self,
+        slot: Slot,
+        outcome: Outcome,
+        *,
+        took_s: float,
+        now_s: float,
+        request_s: float = 0.0,
+        reply_s: float = 0.0,
+        since_request_s: float = 0.0,
+    ) -> None:
+        """Count one slot, for which the line was busy for `took_s`, its silence included.
 
-    def note_sent(self, turn: Slot, written_s: float) -> None:
+        `request_s` and `reply_s` are the times on the wire; `since_request_s` is from the request's end on.
+        """
+        busy_s, requests_s, delays_s, replies_s = self._times
+        reply_s = max(min(reply_s, since_request_s), 0.0)
+        self._times = LineTimes(
+            busy_s + took_s,
+            requests_s + request_s,
+            delays_s + max(since_request_s - reply_s, 0.0),
+            replies_s + reply_s,
+        )
+        if now_s - self._samples[-1][0] >= 1.0:
+            self._samples.append((now_s, self._times))
+        name = type(outcome).__name__.lower()
+        self._counts["jobs" if slot.poll is None else "polls"] += 1
+        self._counts[name] += 1
+        unit = self._units.get(slot.unit)
+        if unit is None:
+            unit = self._units[slot.unit] = _UnitStatistics()
+        unit.outcomes[name] += 1
+        if isinstance(outcome, Garbled) and outcome.is_sent and whole_frame(outcome.received) is None:
+            unit.corrupted += 1
+        if isinstance(outcome, Answered):
+            self._response_times.note_answer(slot.unit, slot.request.function, outcome.response_time_s)
+        elif not isinstance(outcome, Refused) and outcome.is_sent:
+            self._response_times.note_miss(slot.unit)
+        if slot.poll is not None:
+            self._took_s[slot.poll.key] = took_s
+
+    def note_stop(self, slot: Slot, written_s: float) -> None:
         """Measure how long a stop waited for its first byte."""
-        if turn.lane is Priority.STOP:
-            self._worst_stop_latency_s = max(self._worst_stop_latency_s or 0.0, written_s - turn.since_s)
+        waited_s = written_s - slot.since_s
+        self._worst_stop_latency_s = max(self._worst_stop_latency_s or 0.0, waited_s)
+        self._stops.note(waited_s)
 
     def forget(self, unit: int) -> None:
         """Know nothing of a unit any more; what it has cost still counts."""
         self._units.pop(unit, None)
-        self._learnt.forget(unit)
+        self._response_times.forget(unit)
 
     def utilisation(self, now_s: float) -> float:
-        """Return the share of time that the line was busy, 0..1; 0 before the first turn."""
+        """Return the share of time that the line was busy, 0..1; 0 before the first slot."""
+        return min(self._shares(now_s).busy_s, 1.0)
+
+    def time_share(self, now_s: float) -> dict[str, float]:
+        """Return how the line spends its time, as shares of it; the rest it is idle."""
+        busy, requests, delays, replies = self._shares(now_s)
+        silences = max(busy - requests - delays - replies, 0.0)
+        shares = {"requests": requests, "delays": delays, "replies": replies, "silences": silences}
+        return {name: round(min(share, 1.0), 4) for name, share in shares.items()}
+
+    def _shares(self, now_s: float) -> LineTimes:
+        """Return the sums since the oldest sample, each divided by that time."""
         if not self._samples or now_s <= self._samples[0][0]:
-            return 0.0
-        since_s, busy_before_s = self._samples[0]
-        return min((self._busy_s - busy_before_s) / (now_s - since_s), 1.0)
+            return LineTimes()
+        since_s, before = self._samples[0]
+        pairs = zip(self._times, before, strict=True)
+        return LineTimes(*((now - then) / (now_s - since_s) for now, then in pairs))
 
     def to_dict(self, polls: Iterable[Poll], *, worst_stop_latency_s: float, now_s: float) -> dict[str, Any]:
-        """Return the figures of `B/gateway/line/{line}`; `sweep_s` is one turn of each of these polls."""
-        self._reckon(now_s)
+        """Return the payload of `B/gateway/line/{line}`; `sweep_s` is one slot of each of these polls."""
+        self._update_times(now_s)
         self._took_s = {poll.key: self._took_s.get(poll.key, 0.0) for poll in polls}  # others may be gone
         return {
             "utilisation": self.utilisation(now_s),
+            "time_share": self.time_share(now_s),
             "sweep_s": float(sum(self._took_s.values())),
-            **{name: self._turns[name] for name in ("polls", "jobs", *_OUTCOMES)},
-            "stop_latency_s": {"computed": worst_stop_latency_s, "worst": self._worst_stop_latency_s},
-            "units": {unit: figures.to_dict() for unit, figures in self._units.items()},
+            **{name: self._counts[name] for name in ("polls", "jobs", *_OUTCOMES)},
+            "stop_latency_s": {
+                "computed": worst_stop_latency_s,
+                "worst": self._worst_stop_latency_s,
+                **self._measured_stops(),
+            },
+            "units": {unit: each.to_dict() for unit, each in self._units.items()},
         }
 
-    def _reckon(self, now_s: float) -> None:
-        """Reckon some units' response times anew, in turn: those of all at once would hold up the line."""
+    def _measured_stops(self) -> dict[str, Any]:
+        stops = self._stops.taken()
+        within = {f"{bound_s:g}": count for bound_s, count in zip(stops.bounds_s, stops.within, strict=False)}
+        return {"stops": stops.within[-1], "sum": stops.total_s, "within": within}
+
+    def _update_times(self, now_s: float) -> None:
+        """Compute some units' response times anew; those of all at once would hold up the line."""
         units = list(self._units)
-        first = self._reckoned % len(units) if units else 0
-        for unit in (units[first:] + units[:first])[:_RECKONED_AT_ONCE]:
-            self._reckoned += 1
-            figures = self._units[unit]
-            is_new = figures.times["response_time_s"]["p50"] is None
-            if is_new or now_s - figures.reckoned_s >= _RECKONED_EVERY_S:
-                figures.reckoned_s = now_s
-                figures.times = {
-                    "response_time_s": self._learnt.quantiles(unit),
-                    "functions": self._learnt.functions(unit),
+        first = self._computed % len(units) if units else 0
+        for unit in (units[first:] + units[:first])[:_COMPUTED_AT_ONCE]:
+            self._computed += 1
+            each = self._units[unit]
+            is_new = each.times["response_time_s"]["p50"] is None
+            if is_new or now_s - each.computed_s >= _COMPUTED_EVERY_S:
+                each.computed_s = now_s
+                each.times = {
+                    "response_time_s": self._response_times.quantiles(unit),
+                    "functions": self._response_times.functions(unit),
                 }
 
 
 class _UnitStatistics:
-    """One unit's counters, and its response times when they were last reckoned."""
+    """One unit's counters, and its response times as they were last computed."""
 
     def __init__(self) -> None:
-        self.outcomes: Counter[str] = Counter()
-        self.reckoned_s = -inf
+        self.outcomes = dict.fromkeys(_OUTCOMES, 0)
+        self.corrupted = 0  # of the garbled ones: what came is no frame
+        self.computed_s = -inf
         self.times: dict[str, Any] = {"response_time_s": {"p50": None, "p99": None}, "functions": {}}
 
     def to_dict(self) -> dict[str, Any]:
-        counts = {name: self.outcomes[name] for name in _OUTCOMES}
-        return {"asked": self.outcomes.total(), **counts, **self.times}
+        asked = sum(self.outcomes.values())
+        return {"asked": asked, **self.outcomes, "corrupted": self.corrupted, **self.times}

@@ -20,11 +20,11 @@ from gateway.line.rtu.timeouts import ALLOWANCE_S
 from gateway.line.scheduler.requests import Poll
 from gateway.modbus.timing import LineTiming
 from gateway.system.gc_tuning import TunedCollector
-from gateway.system.loop_lag import LagMeter
+from gateway.system.stalls import LagMeter
 
 RESTART_PAUSE_S = 1.0  # after a bug has ended a line's loop
 STOP_WITHIN_S = 3.0  # of the 10 s in which the gateway ends; the longest transaction takes less
-FIGURES_EVERY_S = 1.0
+STATISTICS_EVERY_S = 1.0
 SWITCH_INTERVAL_S = 0.0001  # Python's 5 ms are two silences: too long to wait for the app's thread
 
 logger = logging.getLogger(__name__)
@@ -37,11 +37,11 @@ class _Hosted:
     line: Line
     opener: PortOpener
     crashes: int = 0
-    figures: dict[str, Any] = field(default_factory=dict)
+    statistics: dict[str, Any] = field(default_factory=dict)
     task: asyncio.Task[None] | None = None  # of the lines' loop, once it has begun
 
-    def note_figures(self) -> None:
-        self.figures = {"crashes": self.crashes, **self.line.figures()}
+    def note_statistics(self) -> None:
+        self.statistics = {"crashes": self.crashes, **self.line.statistics()}
 
 
 class LineHost:
@@ -86,11 +86,11 @@ class LineHost:
             deaf_after_s=deaf_after_s,
         )
         hosted = self._lines[name] = _Hosted(line, opener)
-        hosted.note_figures()
+        hosted.note_statistics()
         line.events.capture(is_on=self._on_frame is not None)
         if self._loop is not None:
             self.to_line(self._begin, hosted)
-        return LineClient(line, self._post, lambda: hosted.figures)
+        return LineClient(line, self._post, lambda: hosted.statistics)
 
     def remove_line(self, name: str) -> Coroutine[Any, Any, object]:
         """End a line, of which nothing is handled from now on; what is returned waits for its port's end.
@@ -155,7 +155,7 @@ class LineHost:
         return True
 
     def _hand_over(self, batch: Sequence[tuple[LineEvents, LineEvent]]) -> None:
-        self._to_app(deliver, batch, self._take)
+        self._to_app(deliver, batch, self._handle if self._on_frame is None else self._take)
 
     def _to_app(self, call: Callable[..., object], *args: object) -> None:
         if self._app is None:
@@ -182,11 +182,11 @@ class LineHost:
         self._loop = asyncio.get_running_loop()
         for hosted in tuple(self._lines.values()):
             self._begin(hosted)
-        keeping = asyncio.create_task(self._keep_figures(), name="figures")
+        noting = asyncio.create_task(self._note_statistics_repeatedly(), name="statistics")
         started.set()
         await self._stopping.wait()
         begun = (hosted.task for hosted in tuple(self._lines.values()))
-        tasks = [keeping, *self._ending, *(task for task in begun if task is not None)]
+        tasks = [noting, *self._ending, *(task for task in begun if task is not None)]
         for task in tasks:
             task.cancel()
         await asyncio.wait(tasks)
@@ -225,11 +225,11 @@ class LineHost:
             if isinstance(hosted.opener, ClosesLate):
                 await hosted.opener.wait_closed()
 
-    async def _keep_figures(self) -> None:
+    async def _note_statistics_repeatedly(self) -> None:
         while True:
-            self._note_figures()
-            await asyncio.sleep(FIGURES_EVERY_S)
+            self._note_statistics()
+            await asyncio.sleep(STATISTICS_EVERY_S)
 
-    def _note_figures(self) -> None:
+    def _note_statistics(self) -> None:
         for hosted in tuple(self._lines.values()):
-            hosted.note_figures()
+            hosted.note_statistics()

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 from gateway.errors import BadFrameError
 from gateway.modbus.codes import EXCEPTION_BIT, MEI_DEVICE_IDENTIFICATION, Function
-from gateway.modbus.crc import crc16
 from gateway.modbus.pdu import MAX_PDU_SIZE
 
 BROADCAST = 0  # every unit acts, none answers [SERIAL 2.1]
@@ -32,21 +31,6 @@ _FIXED_REPLIES = {
     Function.WRITE_COILS: 8,
     Function.WRITE_REGISTERS: 8,
     Function.MASK_WRITE_REGISTER: 10,
-}
-_FIXED_REQUESTS = {
-    Function.READ_COILS: 8,
-    Function.READ_DISCRETE_INPUTS: 8,
-    Function.READ_HOLDING_REGISTERS: 8,
-    Function.READ_INPUT_REGISTERS: 8,
-    Function.WRITE_COIL: 8,
-    Function.WRITE_REGISTER: 8,
-    Function.MASK_WRITE_REGISTER: 10,
-    Function.ENCAPSULATED: 7,
-}
-_COUNTED_REQUESTS = {  # where the byte count stands
-    Function.WRITE_COILS: 6,
-    Function.WRITE_REGISTERS: 6,
-    Function.READ_WRITE_REGISTERS: 10,
 }
 _KNOWN = frozenset(int(function) for function in Function)
 _NUMBER_OF_OBJECTS_AT = 7  # in the reply 43/14 [APP 6.21]
@@ -102,22 +86,6 @@ def reply_adu_size(head: bytes) -> int | None:
     return _identification_size(head)
 
 
-def request_adu_size(head: bytes) -> int | None:
-    """Return how long the request that begins with `head` is in all; None when that is not known yet.
-
-    BadFrameError for what no request that we know can begin with: only silence ends such a frame.
-    """
-    if len(head) < 2:
-        return None
-    _require_known(head[1])
-    function = Function(head[1])
-    if function == Function.ENCAPSULATED:
-        _require_identification(head)
-    if function in _COUNTED_REQUESTS:
-        return _counted_size(head, _COUNTED_REQUESTS[function])
-    return _FIXED_REQUESTS[function]
-
-
 def _require_known(function: int) -> None:
     if function not in _KNOWN:
         raise BadFrameError(f"function {function}")
@@ -149,3 +117,25 @@ def _identification_size(head: bytes) -> int | None:
             return None
         at += 2 + head[at + 1]
     return min(at + _CRC_SIZE, MAX_ADU_SIZE)
+
+
+_POLYNOMIAL = 0xA001  # x^16 + x^15 + x^2 + 1, bits reversed [SERIAL 6.2.2]
+_START = 0xFFFF
+
+
+def crc16(data: bytes) -> int:
+    """Return the CRC-16 of `data`; it goes on the wire low byte first."""
+    crc = _START
+    for byte in data:
+        crc = (crc >> 8) ^ _TABLE[(crc ^ byte) & 0xFF]
+    return crc
+
+
+def _remainder(byte: int) -> int:
+    for _ in range(8):
+        byte = (byte >> 1) ^ (_POLYNOMIAL if byte & 1 else 0)
+    return byte
+
+
+# Computed, not copied: the tables printed in the SSW-07 manual have lost rows (ssw07-ssw08 appendix A).
+_TABLE = tuple(_remainder(byte) for byte in range(256))

@@ -111,7 +111,6 @@ def _cut(pdu: bytes, number: int, *, by_length: bool) -> tuple[dict[int, str], i
 
 
 def _printable_size(pdu: bytes, start: int) -> int:
-    """Return how many printable characters stand from `start` on."""
     end = start
     while end < len(pdu) and pdu[end] in _PRINTABLE:
         end += 1

@@ -20,24 +20,19 @@ class Request(Protocol):
     @property
     def function(self) -> int:
         """The function code."""
-        ...
 
     @property
     def is_write(self) -> bool:
         """Whether it changes anything in the unit, so that silence leaves its success open."""
-        ...
 
     def encode(self) -> bytes:
         """Return the request PDU."""
-        ...
 
     def decode_reply(self, pdu: bytes) -> Any:
         """Return what the reply says; BadReplyError unless it answers exactly this request."""
-        ...
 
     def reply_size(self) -> int | None:
         """Return the length of the normal reply PDU; None when only the reply contains it."""
-        ...
 
 
 def exception_code(request: Request, pdu: bytes) -> int | None:

@@ -60,11 +60,6 @@ class LineTiming:
         return self.framing.character_bits / self.baud
 
     @property
-    def t15_s(self) -> float:
-        """The longest silence inside a frame, 1.5 characters as the starters count them."""
-        return self._counted_s(1.5)
-
-    @property
     def silence_s(self) -> float:
         """The shortest silence between frames, 3.5 characters as the starters count them."""
         return self._counted_s(3.5)

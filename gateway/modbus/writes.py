@@ -32,9 +32,9 @@ class _Acknowledged(ABC):
     def encode(self) -> bytes:
         """Return the request PDU."""
 
-    @abstractmethod
     def encode_reply(self) -> bytes:
-        """Return the reply PDU."""
+        """Return the reply PDU: the request's echo, unless the function has another."""
+        return self.encode()
 
     def decode_reply(self, pdu: bytes) -> None:
         """Accept only the acknowledgement of this request."""
@@ -62,10 +62,6 @@ class WriteCoil(_Acknowledged):
         """Return the request PDU."""
         return struct.pack(">BHH", self.function, self.address, COIL_ON if self.is_on else COIL_OFF)
 
-    def encode_reply(self) -> bytes:
-        """Return the reply PDU: the request's echo."""
-        return self.encode()
-
 
 @dataclass(frozen=True, slots=True)
 class WriteRegister(_Acknowledged):
@@ -83,10 +79,6 @@ class WriteRegister(_Acknowledged):
     def encode(self) -> bytes:
         """Return the request PDU."""
         return struct.pack(">BHH", self.function, self.address, self.word)
-
-    def encode_reply(self) -> bytes:
-        """Return the reply PDU: the request's echo."""
-        return self.encode()
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,10 +159,6 @@ class MaskWriteRegister(_Acknowledged):
     def encode(self) -> bytes:
         """Return the request PDU."""
         return struct.pack(">BHHH", self.function, self.address, self.and_mask, self.or_mask)
-
-    def encode_reply(self) -> bytes:
-        """Return the reply PDU: the request's echo."""
-        return self.encode()
 
     def apply(self, word: int) -> int:
         """Return what the register holds afterwards."""

@@ -25,14 +25,40 @@ class Publisher:
         self._outbox = outbox
         self._clock = clock
         self._wake: Callable[[], None] = _no_connection
+        self._on_message: Callable[[Message], None] = _no_listener
         self._state = "starting"
         self._reason: str | None = None
         self._since_s = clock.utc_s()
         self._put_status()
 
+    @property
+    def state(self) -> str:
+        """Return the gateway's state: starting, online or degraded."""
+        return self._state
+
     def wake_with(self, wake: Callable[[], None]) -> None:
         """Set the function to call when there is something to send."""
         self._wake = wake
+
+    def listen(self, on_message: Callable[[Message], None] | None) -> None:
+        """Hand every message to another one, too, the retained ones of before first; None ends that.
+
+        It must return at once and never raise.
+        """
+        self._on_message = on_message or _no_listener
+        below = f"{self._payloads.topics.base}/"
+        for message in tuple(self._outbox.latest.values()) if on_message else ():
+            if message.topic.startswith(below):
+                self._on_message(message)
+
+    def announce(self, message: Message) -> None:
+        """Publish a message of an integration, on a topic that is none of the gateway's own."""
+        self._outbox.put(message, self._clock.now_s())
+        self._wake()
+
+    def retained(self, topic: str) -> Message | None:
+        """Return the newest message of a retained topic; None once the broker has been made to forget it."""
+        return self._outbox.latest.get(topic)
 
     def wake(self) -> None:
         """Have what waits sent."""
@@ -52,6 +78,8 @@ class Publisher:
         topics = self._payloads.topics
         self._outbox.forget([topics.starter(starter) for starter in starters], self._clock.now_s())
         self._wake()
+        for starter in starters:
+            self._on_message(cleared(topics.starter(starter)))
 
     def forget_line(self, line: str) -> None:
         """Clear the retained statistics of a line that is no longer configured."""
@@ -120,6 +148,11 @@ class Publisher:
     def _put(self, message: Message) -> None:
         self._outbox.put(message, self._clock.now_s())
         self._wake()
+        self._on_message(message)
+
+
+def _no_listener(_: Message) -> None:
+    """Do nothing: only MQTT gets the messages."""
 
 
 def _no_connection() -> None:

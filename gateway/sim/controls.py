@@ -1,14 +1,17 @@
-"""The knobs of a simulated starter, as a person beside it has them: trip, reset, local, supply.
+"""The knobs of a simulated starter: what a person beside it, its motor and its supply can do to it.
 
 Pure: takes and returns texts.
 """
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping
+from typing import TypeVar
 
 from gateway.errors import UsageError
+from gateway.sim.core.motor import PHASES
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.sst.motion import COIL_OVERCURRENT, ERROR_COILS
 from gateway.sim.sst.unit import Sst
@@ -17,7 +20,10 @@ from gateway.sim.weg.command_sources import FAULT_OVERLOAD, Supervised
 from gateway.sim.weg.common import Commanded
 from gateway.sim.weg.ssw06 import Ssw06
 
+_Chosen = TypeVar("_Chosen")
+
 _NUMBER = re.compile(r"(?:[aef]|coil)?0*([1-9][0-9]{0,2})", re.IGNORECASE)  # E05, F128, COIL12, 5
+_AMOUNT = re.compile(r"([0-9]{1,6}(?:\.[0-9]{1,6})?)\s*%?")
 _ON_OFF = {"on": True, "off": False}
 
 
@@ -96,6 +102,52 @@ def _keypad(unit: SimulatedUnit, setting: str) -> str:
     return f"{setting.lower()} pressed (it counts in local control only)"
 
 
+def _load(unit: SimulatedUnit, setting: str) -> str:
+    percent = _amount(setting, "%", most=1000)
+    unit.change_motor(load_pct=percent)
+    return f"load {percent:g} %"
+
+
+def _friction(unit: SimulatedUnit, setting: str) -> str:
+    percent = _amount(setting, "%", most=1000)
+    unit.change_motor(friction_pct=percent)
+    return f"friction {percent:g} %: so much longer starts"
+
+
+def _wear(unit: SimulatedUnit, setting: str) -> str:
+    percent = _amount(setting, "%", most=100)
+    unit.change_motor(wear_per_start_pct=percent)
+    return f"friction grows by {percent:g} % with each start"
+
+
+def _thermal(unit: SimulatedUnit, setting: str) -> str:
+    percent = _amount(setting, "%", most=100)
+    unit.change_motor(thermal_pct=percent)
+    return f"thermal level {percent:g} %"
+
+
+def _voltage(unit: SimulatedUnit, setting: str) -> str:
+    """Take `85` (from now on) or `85 2.5` (for 2.5 s)."""
+    percent_text, _, seconds_text = setting.partition(" ")
+    percent = _amount(percent_text, "%", most=120)
+    seconds = _amount(seconds_text, "s", most=3600) if seconds_text.strip() else math.inf
+    unit.set_line_voltage(percent, for_s=seconds)
+    return f"line voltage {percent:g} %" + (f" for {seconds:g} s" if math.isfinite(seconds) else "")
+
+
+def _phase(unit: SimulatedUnit, setting: str) -> str:
+    lost = _choice(setting, {**{name: number for number, name in enumerate(PHASES)}, "on": None})
+    unit.lose_phase(lost)
+    return "all phases are there" if lost is None else f"phase {PHASES[lost].upper()} is lost"
+
+
+def _amount(setting: str, unit_name: str, *, most: float) -> float:
+    found = _AMOUNT.fullmatch(setting.strip())
+    if found is None or float(found[1]) > most:
+        raise UsageError(f"not {setting[:20]!r} (a number from 0 to {most:g}, in {unit_name})")
+    return float(found[1])
+
+
 def _number(setting: str, default: int) -> int:
     if not setting:
         return default
@@ -105,11 +157,10 @@ def _number(setting: str, default: int) -> int:
     return int(found[1])
 
 
-def _choice(setting: str, choices: Mapping[str, bool]) -> bool:
-    chosen = choices.get(setting.lower())
-    if chosen is None:
+def _choice(setting: str, choices: Mapping[str, _Chosen]) -> _Chosen:
+    if setting.lower() not in choices:
         raise UsageError(f"not {setting[:20]!r} ({' or '.join(choices)})")
-    return chosen
+    return choices[setting.lower()]
 
 
 _ACTIONS: dict[str, Callable[[SimulatedUnit, str], str]] = {
@@ -120,5 +171,11 @@ _ACTIONS: dict[str, Callable[[SimulatedUnit, str], str]] = {
     "power": _power,
     "mains": _mains,
     "keypad": _keypad,
+    "load": _load,
+    "friction": _friction,
+    "wear": _wear,
+    "thermal": _thermal,
+    "voltage": _voltage,
+    "phase": _phase,
 }
 KNOBS = tuple(_ACTIONS)

@@ -18,8 +18,8 @@ from gateway.modbus.writes import WriteRegisters
 
 Asked = asyncio.Future[Outcome]  # what becomes of a request; cancelled, it is withdrawn while it waits
 
-LEARNT_FLOOR_S = 0.005
-UNSTATED_FLOOR_S = 0.030  # where the manual names no time, ours is a guess on the long side
+LEARNT_MINIMUM_S = 0.005
+UNSTATED_MINIMUM_S = 0.030  # where the manual names no time, ours is a guess on the long side
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class StarterSetup:
     allowance_s: float = ALLOWANCE_S  # of its line: what adapter and machine add to a reply's way
     has_fast_words: bool = False  # its points are mapped so that one request reads all (SSW900)
     learns_response_times: bool = False  # waits for it follow what it has shown
-    edition: int = 0  # of the configuration: a late answer to a poll of an earlier one is nobody's
+    edition: int = 0  # of the configuration: a late answer to a poll of an earlier one is ignored
 
     def response_time_of(self, request: Request) -> float:
         """Return the longest time from a request's end to its reply's first byte."""
@@ -53,26 +53,33 @@ class StarterSetup:
             return max(allowed_s, timing.write_per_register_s * len(request.words))
         return allowed_s
 
-    def response_floor_of(self, request: Request) -> float | None:
+    def shortest_response_of(self, request: Request) -> float | None:
         """Return down to what the wait for a reply may be learnt; None where the manual's time stands."""
         if request.is_write:
             return None
         if self.learns_response_times:
-            return LEARNT_FLOOR_S
+            return LEARNT_MINIMUM_S
         is_ours = not self.profile.timing.is_stated and self.response_time_s is None
-        return UNSTATED_FLOOR_S if is_ours else None
+        return UNSTATED_MINIMUM_S if is_ours else None
 
 
 def ask(
-    line: LineClient, setup: StarterSetup, request: Request, *, lane: Priority, until_s: float = inf
+    line: LineClient,
+    setup: StarterSetup,
+    request: Request,
+    *,
+    lane: Priority,
+    until_s: float = inf,
+    is_literal: bool = False,
 ) -> Asked:
-    """Send a request to a starter, not later than `until_s`."""
+    """Send a request to a starter, not later than `until_s`; what `is_literal` in no other form."""
     return line.transact(
         setup.address,
         request,
         response_time_s=setup.response_time_of(request),
         lane=lane,
         until_s=until_s,
+        is_literal=is_literal,
     )
 
 

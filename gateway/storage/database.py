@@ -7,18 +7,26 @@ import os
 import sqlite3
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 from gateway.errors import DamagedError, StoreError
+from gateway.storage.formats.catalogue import FIRST, FileKind, Format, copy_path, format_of, require_known
+from gateway.storage.formats.copies import (
+    NEW,
+    forget_other_copies,
+    put_in_place,
+    sync_file,
+    without_waiting,
+)
 
 log = logging.getLogger(__name__)
 
 Connection = sqlite3.Connection
+T = TypeVar("T")
 
 APPLICATION_ID = 0x53474154  # "SGAT": a file without it is not ours
-VERSION = 1
 PAGE_BYTES = 4096
 CACHE_KIB = 512  # rows are written once and read once: more would only fill up memory
 LOCKED_WITHIN_S = 1.0  # how long another process may take to release the file
@@ -28,6 +36,10 @@ _DAMAGE = frozenset({sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLI
 _COMPANIONS = ("", "-wal", "-shm", "-journal")  # what SQLite keeps beside a file (sqlite.org/tempfiles.html)
 _ASIDE = ".aside-"
 _STAMP_DIGITS = 20
+_HEADER_BYTES = 100
+_RESTORED = "restored_s"
+_CREATE_META = "CREATE TABLE IF NOT EXISTS meta (key TEXT PRIMARY KEY, value REAL)"
+_FORGET_RESTORED = f"DELETE FROM meta WHERE key = '{_RESTORED}'"
 
 
 class FullError(StoreError):
@@ -49,8 +61,12 @@ class SqlTable(Protocol):
 class Database:
     """The file, open or not; all calls belong to one thread."""
 
-    def __init__(self, path: Path, tables: Sequence[SqlTable], max_bytes: int) -> None:
+    def __init__(
+        self, path: Path, tables: Sequence[SqlTable], max_bytes: int, *, cache_kib: int = CACHE_KIB
+    ) -> None:
         self.path = path
+        self._cache_kib = cache_kib
+        self._format = format_of(path, FileKind.SQLITE)
         self.lost_s: float | None = None
         self._tables = tables
         self._max_pages = max(max_bytes // PAGE_BYTES, 1)
@@ -125,11 +141,12 @@ class Database:
 
     def _connect(self, *, is_lost: bool) -> Connection:
         with _translated(self.path):
-            if self.path.exists() and not self.path.is_file():
+            is_there = self.path.exists()
+            if is_there and not self.path.is_file():
                 raise DamagedError(f"{self.path} is no file")
             connection = sqlite3.connect(self.path, timeout=LOCKED_WITHIN_S, isolation_level=None)
             try:
-                self._prepare(connection, is_lost=is_lost)
+                self._prepare(connection, is_lost=is_lost, is_there=is_there)
             except BaseException as error:
                 connection.close()
                 if _code(error) == sqlite3.SQLITE_ERROR:  # our own SQL does not fit to what is there
@@ -138,29 +155,30 @@ class Database:
             self._place = _place(self.path)
         return connection
 
-    def _prepare(self, connection: Connection, *, is_lost: bool) -> None:
-        """Make sure that the file is ours, whole and writable."""
+    def _prepare(self, connection: Connection, *, is_lost: bool, is_there: bool) -> None:
+        """Make sure that the file is ours, whole and writable; an empty one has lost what was in it."""
         connection.text_factory = lambda octets: octets.decode("utf-8", "replace")
-        _ask(connection, "PRAGMA locking_mode = EXCLUSIVE")  # two gateways must not share one
         if _ask(connection, "SELECT count(*) FROM sqlite_master"):
-            marks = _ask(connection, "PRAGMA application_id"), _ask(connection, "PRAGMA user_version")
-            if marks != (APPLICATION_ID, VERSION):
-                raise DamagedError(f"{self.path} is another program's, or another version's")
+            version = _known_version(connection, self.path, self._format)
             if _ask(connection, "PRAGMA quick_check(1)") != "ok":
                 raise DamagedError(f"{self.path} is damaged")
+            if version < self._format.version:
+                self._migrate(connection, version)
         else:
+            is_lost = is_lost or is_there
             _ask(connection, f"PRAGMA page_size = {PAGE_BYTES}")
         if _ask(connection, "PRAGMA journal_mode = WAL") != "wal":
             raise StoreError(f"{self.path}: no write-ahead log is possible here")
         _ask(connection, "PRAGMA synchronous = FULL")
         self._is_flushing = True
         _ask(connection, f"PRAGMA max_page_count = {self._max_pages}")
-        _ask(connection, f"PRAGMA cache_size = -{CACHE_KIB}")
+        _ask(connection, f"PRAGMA cache_size = -{self._cache_kib}")
         _ask(connection, f"PRAGMA journal_size_limit = {2**20}")
         connection.execute("BEGIN IMMEDIATE")
         connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
-        connection.execute(f"PRAGMA user_version = {VERSION}")
-        connection.execute("CREATE TABLE IF NOT EXISTS meta (key TEXT PRIMARY KEY, value REAL)")
+        connection.execute(f"PRAGMA user_version = {self._format.version}")
+        connection.execute(_CREATE_META)
+        is_lost = connection.execute(_FORGET_RESTORED).rowcount > 0 or is_lost
         keys = ("opened_s", "lost_s") if is_lost else ("opened_s",)
         connection.executemany("REPLACE INTO meta VALUES (?, ?)", [(key, time.time()) for key in keys])
         for table in self._tables:
@@ -168,6 +186,136 @@ class Database:
         connection.execute("COMMIT")
         lost_s = _ask(connection, "SELECT value FROM meta WHERE key = 'lost_s'")
         self.lost_s = lost_s if isinstance(lost_s, float) else None
+
+    def _migrate(self, connection: Connection, version: int) -> None:
+        """Store a copy of the file beside it, then convert the file in one transaction.
+
+        Whatever ends the process meanwhile, the file is of the old version or of the new one, and the copy
+        whole or not there; the next run does what is left.
+        """
+        snapshot(self.path, copy_path(self.path, version), connection)
+        connection.execute("BEGIN IMMEDIATE")
+        for step in self._format.steps_from(version):
+            step(connection)
+        connection.execute(f"PRAGMA user_version = {self._format.version}")
+        connection.execute("COMMIT")
+        forget_other_copies(self.path, version)
+        log.info("store=%s converted from format %d to %d", self.path, version, self._format.version)
+
+
+def snapshot(path: Path, copy: Path, connection: Connection | None = None) -> None:
+    """Copy a database as it is at one moment, also while a gateway writes to it; StoreError.
+
+    The copy appears whole and on the disk, or not at all. A gateway that runs by it later takes the file for
+    one that was lost: what has happened since is missing in it.
+    """
+    new = copy.with_name(copy.name + NEW)
+    for end in _COMPANIONS:
+        Path(f"{new}{end}").unlink(missing_ok=True)
+    try:
+        _write_snapshot(path, new, connection)
+    except FullError as error:
+        raise FullError(f"{copy}: {error.__cause__}") from error
+    with _translated(copy):
+        put_in_place(new, copy)
+
+
+def _write_snapshot(path: Path, new: Path, connection: Connection | None) -> None:
+    with _translated(path), closing(sqlite3.connect(new, isolation_level=None)) as target:
+        os.chmod(new, 0o600)
+        if connection is not None:
+            _copy_pages(connection, target)
+        else:
+            with closing(_reader(path)) as source:
+                _copy_pages(source, target)
+        _ask(target, "PRAGMA journal_mode = DELETE")
+        mark_restored(target)
+        sync_file(new)
+
+
+def _copy_pages(source: Connection, target: Connection) -> None:
+    """Copy all pages as of one moment; `backup` alone would wait without limit for a file that is held."""
+    source.execute("BEGIN")
+    _ask(source, "SELECT count(*) FROM sqlite_master")  # from here on nothing can get in between
+    source.backup(target)
+    source.execute("COMMIT")
+
+
+def mark_restored(connection: Connection) -> None:
+    """Note in a copy that it is one: the next run of a gateway takes the file before it for lost."""
+    connection.execute("BEGIN IMMEDIATE")
+    connection.execute(_CREATE_META)
+    for key in (_RESTORED, "lost_s"):  # the second for versions that do not know the first
+        connection.execute("REPLACE INTO meta VALUES (?, ?)", (key, time.time()))
+    connection.execute("COMMIT")
+
+
+def empty_log(path: Path) -> None:
+    """Move what SQLite's log still has into the file, so that the file alone is whole; StoreError."""
+    with (
+        _translated(path),
+        closing(sqlite3.connect(path, timeout=LOCKED_WITHIN_S, isolation_level=None)) as connection,
+    ):
+        _ask(connection, "PRAGMA wal_checkpoint(TRUNCATE)")
+
+
+def stored_version(path: Path) -> int | None:
+    """Return the version of a database as it is; None when there is none, or none that can be read.
+
+    Where another process holds the file, its header must do, which lacks what is still in the write-ahead
+    log. Without such a log the header is enough, and nothing is made beside the file.
+    """
+    try:
+        if Path(f"{path}-wal").exists():
+            with suppress(StoreError, sqlite3.Error), _translated(path), closing(_reader(path)) as connection:
+                return _ours(*_marks(connection))
+        with open(path, "rb", opener=without_waiting) as file:
+            header = file.read(_HEADER_BYTES)
+    except OSError:
+        return None
+    return _ours(int.from_bytes(header[68:72]), int.from_bytes(header[60:64]))  # sqlite.org/fileformat2.html
+
+
+def _ours(application: int, version: int) -> int | None:
+    return version if application == APPLICATION_ID and version >= FIRST else None
+
+
+def read_file(path: Path, work: Callable[[Connection], T]) -> T:
+    """Do some work on a shared file of another process, or of none, without changing it; StoreError."""
+    with _translated(path):
+        os.stat(path)
+        connection = _reader(path)
+        try:
+            known = format_of(path, FileKind.SQLITE)
+            if _known_version(connection, path, known) < known.version:
+                raise StoreError(f"{path} has an earlier format (the gateway converts it when it starts)")
+            connection.execute("BEGIN")  # one moment's state, whatever is written meanwhile
+            return work(connection)
+        finally:
+            connection.close()
+
+
+def _reader(path: Path) -> Connection:
+    """Open a file for reading; also one whose folder cannot be written, where SQLite could make no log.
+
+    Without a log no process has it open, so what is read cannot change meanwhile (sqlite.org/wal.html 5).
+    """
+    is_fixed = not os.path.lexists(f"{path}-wal") and not os.access(path.parent, os.W_OK)
+    uri = f"{path.absolute().as_uri()}?mode=ro{'&immutable=1' if is_fixed else ''}"
+    return sqlite3.connect(uri, uri=True, timeout=LOCKED_WITHIN_S, isolation_level=None)
+
+
+def _marks(connection: Connection) -> tuple[int, int]:
+    return _ask(connection, "PRAGMA application_id"), _ask(connection, "PRAGMA user_version")
+
+
+def _known_version(connection: Connection, path: Path, known: Format) -> int:
+    """Return the version of a file of ours; DamagedError for another program's, NewerError."""
+    application, version = _marks(connection)
+    if application != APPLICATION_ID or version < FIRST:
+        raise DamagedError(f"{path} is another program's")
+    require_known(path, version, known)
+    return version
 
 
 @contextmanager

@@ -25,19 +25,15 @@ class Journal(Protocol):
     @property
     def trouble(self) -> str:
         """Why nothing can be stored now; empty when it can."""
-        ...
 
     def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:
         """Store a command's latest phase; `then` is called once, when it is stored or cannot be."""
-        ...
 
     async def intend(self, result: ResultRecord) -> None:
         """Return when it is on the disk that the command is about to be written; CommandError if not."""
-        ...
 
     def forget(self, keys: Sequence[tuple[str, str]]) -> None:
         """Delete these commands, each given by client and id, as the ledger decided."""
-        ...
 
 
 class NoJournal:

@@ -12,6 +12,14 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from gateway.errors import DamagedError, StoreError
+from gateway.storage.formats.catalogue import FIRST, KEY, FileKind, format_of, require_known
+from gateway.storage.formats.copies import (
+    forget_other_copies,
+    without_waiting,
+    write_copy,
+    write_whole,
+)
+from gateway.system.once import ChangeDetector
 
 logger = logging.getLogger(__name__)
 
@@ -24,22 +32,19 @@ class JsonStore(Protocol):
 
     def load(self) -> Mapping[str, Any] | None:
         """Return the document; None when there is none, DamagedError when it cannot be read any more."""
-        ...
 
     def set_aside(self) -> None:
         """Store a damaged document apart from the next one."""
-        ...
 
     async def save(self, document: Mapping[str, Any]) -> None:
         """Replace the stored document; StoreError."""
-        ...
 
 
 class NoStore:
     """Stores nothing."""
 
     def load(self) -> Mapping[str, Any] | None:
-        """Return None."""
+        """Return None: nothing was stored."""
         return None
 
     def set_aside(self) -> None:
@@ -50,27 +55,62 @@ class NoStore:
 
 
 class JsonFile:
-    """A JSON file, replaced in one step; a damaged one is set aside as `<name>.damaged`."""
+    """A JSON file, replaced in one step; a damaged one is set aside as `<name>.damaged`.
+
+    The version of its format stands in the file only: documents given and returned are without it.
+    """
 
     def __init__(self, path: Path) -> None:
         self._path = path
+        self._format = format_of(path, FileKind.JSON)
+        self._earlier: tuple[int, bytes] | None = None  # version and content, until the next save
+
+    def version(self) -> int | None:
+        """Return the version of the file as it is; None when there is none, or none that can be read."""
+        try:
+            content = self._content()
+            return None if content is None else _version_in(self._path, _parsed(self._path, content))
+        except DamagedError:
+            return None
 
     def load(self) -> Mapping[str, Any] | None:
-        """Return the document of the file."""
+        """Return the document of the file, converted to the present version; NewerError.
+
+        The file itself is converted when it is saved, and a copy of it as it was stays beside it.
+        """
+        content = self._content()
+        return None if content is None else self.understood(content)
+
+    def understood(self, content: bytes) -> Mapping[str, Any]:
+        """Return the document in a content, which need not be the file's, in the present version."""
+        document = _parsed(self._path, content)
+        version = _version_in(self._path, document)
+        require_known(self._path, version, self._format)
+        if version < self._format.version:
+            self._earlier = version, content
+            document = self._converted(document, version)
+        document.pop(KEY, None)
+        return document
+
+    def _content(self) -> bytes | None:
         try:
-            with self._path.open("rb") as file:
-                content = file.read(MOST_BYTES + 1)
+            with open(self._path, "rb", opener=without_waiting) as file:
+                return file.read(MOST_BYTES + 1)
         except FileNotFoundError:
             return None
         except OSError as error:
             raise DamagedError(f"{self._path} cannot be read: {error.strerror}") from error
+
+    def _converted(self, document: dict[str, Any], version: int) -> dict[str, Any]:
         try:
-            document = json.loads(content) if len(content) <= MOST_BYTES else None
-        except (ValueError, RecursionError):
-            document = None
-        if isinstance(document, dict):
-            return document
-        raise DamagedError(f"{self._path} is damaged")
+            for step in self._format.steps_from(version):
+                document = step(document)
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+            raise DamagedError(f"{self._path} is damaged: no format {version}") from error
+        return document
+
+    def _encoded(self, document: Mapping[str, Any]) -> bytes:
+        return json.dumps({**document, KEY: self._format.version}).encode()
 
     def set_aside(self) -> None:
         """Give the file a second name, so that it can be examined later.
@@ -84,6 +124,8 @@ class JsonFile:
                 self._path.rename(_free(aside))
                 self._path.touch(mode=0o600)
                 return
+            if aside.is_dir():  # one that was set aside before
+                aside = aside.with_name(f"{self._path.name}.damaged-file")
             aside.unlink(missing_ok=True)
             aside.hardlink_to(self._path)
         except OSError as error:
@@ -91,24 +133,34 @@ class JsonFile:
 
     async def save(self, document: Mapping[str, Any]) -> None:
         """Write the file, in a thread; done when it is on the disk."""
-        await asyncio.to_thread(self._write, json.dumps(document).encode())
+        await asyncio.to_thread(self._write, self._encoded(document))
 
     def write(self, document: Mapping[str, Any]) -> None:
         """Write the file and wait for the disk."""
-        self._write(json.dumps(document).encode())
+        self._write(self._encoded(document))
 
     def _write(self, content: bytes) -> None:
-        new = self._path.with_name(f"{self._path.name}.new")
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            with open(new, "wb", opener=_private) as file:
-                file.write(content)
-                file.flush()
-                os.fsync(file.fileno())
-            new.replace(self._path)
-            _sync_folder(self._path.parent)
+            if self._earlier is not None:
+                write_copy(self._path, *self._earlier)
+            write_whole(self._path, content)
+            if self._earlier is not None:
+                forget_other_copies(self._path, self._earlier[0])
+                self._earlier = None
         except OSError as error:
             raise StoreError(f"{self._path} cannot be written: {error.strerror}") from error
+
+
+class ReadOnlyStore(NoStore):
+    """What another process stores: it is read, and nothing of it changed or set aside."""
+
+    def __init__(self, memory: JsonStore) -> None:
+        self._memory = memory
+
+    def load(self) -> Mapping[str, Any] | None:
+        """Return the stored document."""
+        return self._memory.load()
 
 
 class SwitchedStore:
@@ -141,11 +193,13 @@ class Saver:
         document: Callable[[], Mapping[str, Any]],
         *,
         on_trouble: Callable[[str], None],
+        delay_s: float = 0.0,
     ) -> None:
         self._memory = memory
         self._document = document
+        self._delay_s = delay_s  # so long a change may wait for others, unless `saved` is called
         self._on_trouble = on_trouble  # called at each change: what is wrong, or an empty text
-        self._trouble = ""
+        self._said = ChangeDetector("")
         self._changes = 0  # so far
         self._saved_changes = 0  # of them
         self._saving: asyncio.Task[None] | None = None
@@ -154,7 +208,10 @@ class Saver:
     def touch(self) -> None:
         """Have the document saved soon, because it has changed."""
         self._changes += 1
-        self._begin()
+        if not self._delay_s or self._saving is not None:
+            self._begin()
+        elif self._retry is None:
+            self._retry = asyncio.get_running_loop().call_later(self._delay_s, self._begin)
 
     async def saved(self, *, within_s: float) -> bool:
         """Return whether everything up to now is on the disk, after waiting for that at most so long."""
@@ -192,8 +249,7 @@ class Saver:
                     self._saved_changes = changes
         finally:
             self._saving = None
-        if trouble != self._trouble:
-            self._trouble = trouble
+        if self._said.is_new(trouble):
             self._on_trouble(trouble)
 
 
@@ -203,15 +259,20 @@ def _free(path: Path) -> Path:
     return next(each for each in itertools.chain((path,), numbered) if not os.path.lexists(each))
 
 
-def _private(path: str, flags: int) -> int:
-    """Open a file that only the gateway's own user may read."""
-    return os.open(path, flags, 0o600)
-
-
-def _sync_folder(folder: Path) -> None:
-    """Let a file's new name outlive a power cut as well."""
-    descriptor = os.open(folder, os.O_RDONLY)
+def _parsed(path: Path, content: bytes) -> dict[str, Any]:
+    """Return the document in a file's content; DamagedError."""
     try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+        document = json.loads(content) if len(content) <= MOST_BYTES else None
+    except (ValueError, RecursionError):
+        document = None
+    if isinstance(document, dict):
+        return document
+    raise DamagedError(f"{path} is damaged")
+
+
+def _version_in(path: Path, document: Mapping[str, Any]) -> int:
+    """Return the version of a document; one that says none is of before there were any. DamagedError."""
+    version = document.get(KEY, FIRST)
+    if type(version) is not int or version < FIRST:
+        raise DamagedError(f"{path} is damaged: its format is {version!r}")
+    return version

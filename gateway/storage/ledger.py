@@ -10,15 +10,15 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from functools import partial
-from typing import Any
 
 from gateway.errors import CommandError, DamagedError, StoreError, UnstorableError
-from gateway.records import Phase, ResultRecord
+from gateway.records import STOP, Phase, ResultRecord
 from gateway.storage.database import Connection
 from gateway.storage.journal import UNAVAILABLE, Remembered
 from gateway.storage.ledger_table import UNNAMED, LedgerRow, LedgerTable
 from gateway.storage.worker import Store
 from gateway.system.clock import Clock
+from gateway.system.supervised import on_this_loop
 
 INTEND_WITHIN_S = 1.0  # a start must not go out late because of a slow disk
 PUBLISH_WITHIN_S = 2.0  # after this time a result is published without the disk
@@ -26,7 +26,6 @@ MOST_UNSAVED = 10_000
 SAVE_AT_ONCE = 20  # of what the disk has missed
 FORGET_AT_ONCE = 100  # keys
 MOST_EXTRA = 16_384  # characters; a result with more is remembered without its values
-STOP = "stop"  # written whatever the journal says
 
 _Read = tuple[list[Remembered], frozenset[tuple[str, str]]]
 
@@ -47,15 +46,13 @@ class StoredJournal:
         clock: Clock,
         hold_s: float,
         on_slow: Callable[[str], None],
-        on_recalled: Callable[[Sequence[Remembered]], None] = lambda _: None,
-        on_undelivered: Callable[[Sequence[ResultRecord]], None] = lambda _: None,
     ) -> None:
         self._store = store
         self._table = table
         self._clock = clock
         self._hold_s = hold_s
-        self.on_recalled = on_recalled
-        self.on_undelivered = on_undelivered
+        self.on_recalled: Callable[[Sequence[Remembered]], None] = lambda _: None
+        self.on_undelivered: Callable[[Sequence[ResultRecord]], None] = lambda _: None
         self._on_slow = on_slow
         self._is_recalled = False
         self._undelivered: set[str] = set()  # keys of final results on their way to the broker
@@ -93,7 +90,7 @@ class StoredJournal:
         if result.key:
             self._undelivered.add(result.key)
         waiting = _Waiting(then)
-        self._when_done(self._put(row), lambda future: self._noted(row, future, waiting))
+        self._put(row).add_done_callback(on_this_loop(lambda done: self._noted(row, done, waiting)))
 
     async def intend(self, result: ResultRecord) -> None:
         """Return when it is on the disk that the command is about to be written; CommandError if not."""
@@ -133,7 +130,7 @@ class StoredJournal:
     def resume(self) -> None:
         """Go on after the store was opened: read it, the first time; write what it has missed."""
         if not self._is_recalled:
-            self._when_done(self._store.submit(self._read), self._recall)
+            self._store.submit(self._read).add_done_callback(on_this_loop(self._recall))
         self._save_unsaved()
         if self._forgotten:
             self._forget_now()
@@ -168,7 +165,7 @@ class StoredJournal:
         future = self._store.submit(partial(self._table.forget, keys=keys), is_flushed=False)
         unnamed = [key for key in keys if key[1].startswith(UNNAMED)]
         if unnamed:  # or the next run would take an ended stop for one that was cut short
-            self._when_done(future, lambda done: self._forget_again(unnamed, done))
+            future.add_done_callback(on_this_loop(lambda done: self._forget_again(unnamed, done)))
 
     def _forget_again(self, keys: Sequence[tuple[str, str]], future: Future[None]) -> None:
         if future.exception() is not None:
@@ -193,7 +190,8 @@ class StoredJournal:
         """
         for _ in range(min(len(self._unsaved), SAVE_AT_ONCE)):
             _, row = self._unsaved.popitem(last=False)
-            self._when_done(self._put(row), partial(self._noted, row, waiting=_Waiting(None)))
+            noted = partial(self._noted, row, waiting=_Waiting(None))
+            self._put(row).add_done_callback(on_this_loop(noted))
         for _ in range(min(len(self._unsaved_deliveries), SAVE_AT_ONCE)):
             key, _ = self._unsaved_deliveries.popitem(last=False)
             self._save_delivered(key)
@@ -201,9 +199,8 @@ class StoredJournal:
     def _save_delivered(self, key: str) -> None:
         client, _, id_ = key.partition("/")
         work = partial(self._table.mark_delivered, client=client, id_=id_)
-        self._when_done(
-            self._store.submit(work, is_flushed=False), lambda done: self._on_delivered_saved(key, done)
-        )
+        future = self._store.submit(work, is_flushed=False)
+        future.add_done_callback(on_this_loop(lambda done: self._on_delivered_saved(key, done)))
 
     def _on_delivered_saved(self, key: str, future: Future[None]) -> None:
         if future.exception() is None:
@@ -232,16 +229,6 @@ class StoredJournal:
         finals = [result for result in results if (result.client, result.id) in undelivered]
         self._undelivered |= {result.key for result in finals}
         self.on_undelivered(finals)
-
-    def _when_done(self, future: Future[Any], call: Callable[[Future[Any]], None]) -> None:
-        """Have something done on the loop when the store's thread is done with its part."""
-        loop = asyncio.get_running_loop()
-
-        def notify(done: Future[Any]) -> None:
-            with suppress(RuntimeError):  # the loop is closed
-                loop.call_soon_threadsafe(call, done)
-
-        future.add_done_callback(notify)
 
 
 class _Waiting:

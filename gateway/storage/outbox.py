@@ -8,20 +8,19 @@ last few seconds.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
-from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
 from gateway.storage.outbox_table import MOST_ROWS, OutboxTable
 from gateway.storage.spool import Changes, Kind, Loss, Page, Recalled
-from gateway.storage.worker import MAX_BYTES, RETRY_S, News, Store
+from gateway.storage.worker import MAX_BYTES, RETRY_S, OnNews, Store
+from gateway.system.supervised import on_this_loop
 
 FILE = "outbox.sqlite"
 
 
 class OutboxDisk:
-    """Implements `Disk`: outside, rows of this run are numbered from 1, whatever numbers the file has."""
+    """Where the outbox outlives the process: rows of this run are numbered from 1, whatever the file has."""
 
     def __init__(
         self,
@@ -33,27 +32,18 @@ class OutboxDisk:
     ) -> None:
         self._table = OutboxTable(most_rows=most_rows)
         self._store = Store(
-            state_dir / FILE,
-            [self._table],
-            on_news=self._from_store,
-            max_bytes=max_bytes,
-            retry_s=retry_s,
-            name="outbox",
+            state_dir / FILE, [self._table], max_bytes=max_bytes, retry_s=retry_s, name="outbox"
         )
         self._base = 0  # the highest number of earlier runs
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._on_news: Callable[[News, str], None] | None = None
 
     @property
     def trouble(self) -> str:
         """Return why nothing can be stored now; empty when it can."""
         return self._store.trouble
 
-    def start(self, on_news: Callable[[News, str], None]) -> None:
+    def start(self, on_news: OnNews) -> None:
         """Begin; the file is opened in its thread, and `on_news` is called on this loop."""
-        self._loop = asyncio.get_running_loop()
-        self._on_news = on_news
-        self._store.start()
+        self._store.start(on_this_loop(on_news))
 
     async def recall(self) -> Recalled:
         """Return what earlier runs have left behind; before anything is written."""
@@ -79,8 +69,3 @@ class OutboxDisk:
     async def close(self, within_s: float) -> bool:
         """Close the file when all is written; return whether there was time for it."""
         return await asyncio.to_thread(self._store.close, within_s=within_s)
-
-    def _from_store(self, news: News, text: str) -> None:
-        if self._loop is not None and self._on_news is not None:
-            with suppress(RuntimeError):  # the loop is closed
-                self._loop.call_soon_threadsafe(self._on_news, news, text)

@@ -27,7 +27,7 @@ class Row(NamedTuple):
     topic: str
     payload: bytes
     correlation: bytes | None
-    key: str  # of a final result, "client/id"
+    key: str  # names what must be published once, such as a final result ("client/id")
     time_s: float  # when it was put, UTC
 
 

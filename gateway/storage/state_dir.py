@@ -1,29 +1,30 @@
-"""What a gateway stores in its state directory: the command ledger and the audit."""
+"""What a gateway stores in its state directory: the command ledger and the audit, in private files."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
+import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from gateway.records import AuditRecord, Record, ResultRecord, Severity
+from gateway.records import AuditRecord, PublishEvent, Record, ResultRecord, Severity
 from gateway.storage.audit.log import AuditLog
 from gateway.storage.audit.segments import FOLDER
+from gateway.storage.formats.catalogue import OWN_NAMES
 from gateway.storage.journal import Remembered
 from gateway.storage.ledger import StoredJournal
 from gateway.storage.ledger_table import LedgerTable
 from gateway.storage.worker import RETRY_S, News, Store
 from gateway.system.clock import Clock
+from gateway.system.supervised import on_this_loop
 
 log = logging.getLogger(__name__)
 
 FILE = "gateway.sqlite"
 CLOSE_WITHIN_S = 2.0
 SETTLE_WITHIN_S = 2.0
-
-PublishEvent = Callable[[str, Severity, str], None]  # code, severity, text of an event
 
 
 class StateDir:
@@ -32,6 +33,8 @@ class StateDir:
     All calls on the app's loop. `hold_s` is how long an old command might still pass for a new one. Without
     operators it is no error, only a warning, when nothing can be stored.
     """
+
+    takes = (AuditRecord,)
 
     def __init__(
         self,
@@ -46,17 +49,16 @@ class StateDir:
     ) -> None:
         self._publish_event = publish_event
         self._severity = _severity(is_read_only=is_read_only)
-        self._loop: asyncio.AbstractEventLoop | None = None
         table = LedgerTable()
-        self._store = Store(state_dir / FILE, [table], on_news=self._from_store, retry_s=retry_s)
-        self._audit = AuditLog(state_dir / FOLDER, boot=boot, on_trouble=self._from_audit, retry_s=retry_s)
+        self._store = Store(state_dir / FILE, [table], retry_s=retry_s)
+        self._audit = AuditLog(state_dir / FOLDER, boot=boot, retry_s=retry_s)
         self._is_ledger_away = self._is_audit_away = False
         self.journal = StoredJournal(
             self._store,
             table,
             clock=clock,
             hold_s=hold_s,
-            on_slow=self._slow,
+            on_slow=lambda text: self._say("ledger_slow", text),
         )
 
     def start(
@@ -72,9 +74,8 @@ class StateDir:
         broker may not have had.
         """
         self.journal.on_recalled, self.journal.on_undelivered = on_recalled, on_undelivered
-        self._loop = asyncio.get_running_loop()
-        self._store.start()
-        self._audit.start()
+        self._store.start(on_this_loop(self._on_store_news))
+        self._audit.start(on_this_loop(self._on_audit_trouble))
         self._audit.note("gateway_started", f"version {version}")
 
     def put(self, record: Record) -> None:
@@ -82,8 +83,8 @@ class StateDir:
         if isinstance(record, AuditRecord):
             self._audit.put(record)
 
-    def take_over(self, *, is_read_only: bool) -> None:
-        """Go on by another configuration, and let the audit know from when."""
+    def apply(self, *, is_read_only: bool) -> None:
+        """Apply another configuration, and record in the audit from when."""
         self._severity = _severity(is_read_only=is_read_only)
         self._audit.note("gateway_reloaded", "by another configuration from now on")
 
@@ -98,17 +99,6 @@ class StateDir:
         tasks = (asyncio.to_thread(close, within_s=CLOSE_WITHIN_S) for close in closings)
         if not all(await asyncio.gather(*tasks)):
             log.error("the disk took too long: the last commands may be missing in the ledger and the audit")
-
-    def _from_store(self, news: News, text: str) -> None:
-        self._on_loop(lambda: self._on_store_news(news, text))
-
-    def _from_audit(self, trouble: str) -> None:
-        self._on_loop(lambda: self._on_audit_trouble(trouble))
-
-    def _on_loop(self, call: Callable[[], None]) -> None:
-        if self._loop is not None:
-            with suppress(RuntimeError):  # the loop is closed
-                self._loop.call_soon_threadsafe(call)
 
     def _on_store_news(self, news: News, text: str) -> None:
         match news:
@@ -131,9 +121,6 @@ class StateDir:
             self._publish_event("audit_available", Severity.INFO, "the audit is written again")
         self._is_audit_away = bool(trouble)
 
-    def _slow(self, text: str) -> None:
-        self._say("ledger_slow", text)
-
     def _say(self, code: str, text: str) -> None:
         self._publish_event(code, self._severity, text)
 
@@ -141,3 +128,27 @@ class StateDir:
 def _severity(*, is_read_only: bool) -> Severity:
     """Return the severity of a failed store: an error where operators may give commands, else a warning."""
     return Severity.WARNING if is_read_only else Severity.ERROR
+
+
+OTHERS = 0o077
+
+
+def keep_private(folder: Path) -> None:
+    """Give the gateway's own files in a folder mode 0600, also those that this process makes from now on.
+
+    All others are left as they are: the folder may be one that other programs use too. So is what belongs to
+    another user; folders keep their modes.
+    """
+    os.umask(OTHERS)
+    own = [path for path in _files_in(folder) if OWN_NAMES.fullmatch(path.name)]
+    for path in [*own, *_files_in(folder / FOLDER)]:
+        with suppress(OSError):
+            if path.lstat().st_mode & OTHERS and path.is_file() and not path.is_symlink():
+                path.chmod(0o600)
+
+
+def _files_in(folder: Path) -> list[Path]:
+    try:
+        return list(folder.iterdir())
+    except OSError:
+        return []

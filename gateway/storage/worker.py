@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from gateway.errors import DamagedError, StoreError, UnstorableError
-from gateway.storage.database import Connection, Database, FullError, SqlTable
+from gateway.storage.database import CACHE_KIB, Connection, Database, FullError, SqlTable
 
 log = logging.getLogger(__name__)
 
@@ -42,21 +42,24 @@ class News(enum.StrEnum):
     LOST = "store_lost"  # the file was set aside or is gone; a new one is in use
 
 
+OnNews = Callable[[News, str], None]  # with a text for people
+
+
 class Store:
-    """The file and its thread; `on_news` is called in that thread, with a text for people."""
+    """The file and its thread."""
 
     def __init__(
         self,
         path: Path,
         tables: Sequence[SqlTable],
         *,
-        on_news: Callable[[News, str], None],
         max_bytes: int = MAX_BYTES,
         retry_s: float = RETRY_S,
         name: str = "store",
+        cache_kib: int = CACHE_KIB,
     ) -> None:
-        self._file = Database(path, tables, max_bytes)
-        self._on_news = on_news
+        self._file = Database(path, tables, max_bytes, cache_kib=cache_kib)
+        self._on_news: OnNews = lambda *_: None
         self._queue: queue.SimpleQueue[_Piece | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._trouble = "it is not open yet"
@@ -80,8 +83,9 @@ class Store:
         """Return when (UTC) the file before the present one was lost; None when there was none."""
         return self._file.lost_s
 
-    def start(self) -> None:
-        """Begin; the file is opened in the thread."""
+    def start(self, on_news: OnNews) -> None:
+        """Begin; the file is opened in the thread, which calls `on_news`."""
+        self._on_news = on_news
         self._thread.start()
 
     def submit(self, work: Callable[[Connection], T], *, is_flushed: bool = True) -> Future[T]:

@@ -1,1 +1,5 @@
-"""Clock, systemd, logging, rate limits: what any program of this kind needs; knows nothing of starters."""
+"""What any service of this kind needs; knows nothing of starters.
+
+Time: `clock`, `clock_steps`. Work that fails or stalls: `supervised`, `backoff`, `stalls`. Rates, and what is
+said once: `token_bucket`, `once`. The machine: `systemd`, `log_thread`, `gc_tuning`, `instance_lock`.
+"""

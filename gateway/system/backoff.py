@@ -8,14 +8,14 @@ MOST_STEPS = 16  # beyond that no pause grows
 
 
 def backoff_s(first_s: float, longest_s: float, attempts: int, *, factor: float = 2.0) -> float:
-    """Return the pause after so many attempts in vain that each had one: `first_s` after none."""
+    """Return the pause after so many failed attempts: `first_s` after none."""
     return min(first_s * factor ** min(attempts, MOST_STEPS), longest_s)
 
 
 class Backoff:
-    """The pauses of one who tries again; with a seed each is up to a quarter shorter by chance.
+    """The pauses between attempts; with a seed each but the shortest is up to a quarter shorter.
 
-    So many gateways do not come back in step.
+    So many gateways do not reconnect in step.
     """
 
     def __init__(self, first_s: float, longest_s: float, *, seed: int | None = None) -> None:

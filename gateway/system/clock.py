@@ -12,7 +12,6 @@ from typing import Any, Literal, Protocol
 from gateway.system.clock_steps import SETTLED_S, ClockReading, ClockSteps
 
 ASK_EVERY_S = 10.0
-FORBIDDEN = -1  # adjtimex(2): no answer
 TIME_ERROR = 5  # adjtimex(2): the clock is not synchronised
 STA_UNSYNC = 0x0040  # the same in its status
 
@@ -31,15 +30,12 @@ class Clock(Protocol):
 
     def now_s(self) -> float:
         """Return seconds on a clock that never steps; only differences mean anything."""
-        ...
 
     def utc_s(self, at_s: float | None = None) -> float:
         """Return the wall time (seconds since 1970, UTC) of now, or of `at_s` on the steady clock."""
-        ...
 
     def reading(self) -> ClockReading:
         """Return the machine's clocks at this moment, by which the next run knows how long ago it was."""
-        ...
 
 
 class SystemClock:
@@ -73,19 +69,23 @@ class _Timex(ctypes.Structure):
     )
 
 
+def kernel_says_synchronised() -> bool | None:
+    """Return whether the kernel calls the system clock synchronised; None where it does not answer."""
+    timex = _Timex()  # modes = 0: only asks
+    try:
+        state = ctypes.CDLL(None).adjtimex(ctypes.byref(timex))
+    except (OSError, AttributeError):
+        return None
+    return None if state < 0 else is_synchronised_state(state, timex.status)
+
+
 def is_kernel_clock_synchronised() -> bool:
     """Return whether a time service keeps the system clock; False when that is unknown.
 
     A service's sandbox (ProtectClock) forbids the question; there timesyncd's mark must do.
     """
-    timex = _Timex()  # modes = 0: only asks
-    try:
-        state = ctypes.CDLL(None).adjtimex(ctypes.byref(timex))
-    except (OSError, AttributeError):
-        state = FORBIDDEN
-    if state == FORBIDDEN:
-        return is_marked(TIMESYNC_MARK, utc_s=time.time())
-    return is_synchronised_state(state, timex.status)
+    said = kernel_says_synchronised()
+    return is_marked(TIMESYNC_MARK, utc_s=time.time()) if said is None else said
 
 
 def is_marked(mark: Path, *, utc_s: float) -> bool:
@@ -99,7 +99,7 @@ def is_marked(mark: Path, *, utc_s: float) -> bool:
 
 def is_synchronised_state(state: int, status: int) -> bool:
     """Return what adjtimex said: its return value and the status beside it."""
-    return 0 <= state != TIME_ERROR and not status & STA_UNSYNC
+    return state != TIME_ERROR and not status & STA_UNSYNC
 
 
 def read_clocks() -> ClockReading:

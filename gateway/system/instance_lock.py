@@ -27,6 +27,14 @@ _READ_ONLY = frozenset({errno.EROFS, errno.EISDIR})  # what can be opened for re
 log = logging.getLogger(__name__)
 
 
+def may_use(port: str, state_dir: Path) -> bool:
+    """Return whether a port is free of the gateway with this folder; one across a network has no other lock.
+
+    A serial server may take several clients: frames of two would meet on the line, a stop among them.
+    """
+    return not is_locked(state_dir, if_unseen="://" in port)
+
+
 @contextmanager
 def instance_lock(state_dir: Path) -> Iterator[None]:
     """Hold the folder's lock, made if need be; StartError when another process has it, or this user may not.
@@ -44,6 +52,22 @@ def instance_lock(state_dir: Path) -> Iterator[None]:
             os.close(descriptor)
 
 
+def is_locked(state_dir: Path, *, if_unseen: bool = False) -> bool:
+    """Return whether a gateway runs with this folder; `if_unseen` where this user may not see that."""
+    try:
+        descriptor = os.open(state_dir / FILE, os.O_RDONLY | os.O_CLOEXEC)
+    except OSError as error:
+        return if_unseen and error.errno in _NOT_PERMITTED
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError as error:
+        return isinstance(error, BlockingIOError)
+    else:
+        return False
+    finally:
+        os.close(descriptor)
+
+
 def _open(state_dir: Path) -> int | None:
     path = state_dir / FILE
     try:
@@ -55,6 +79,11 @@ def _open(state_dir: Path) -> int | None:
                 raise
             return os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     except OSError as error:
+        if error.errno in _NOT_PERMITTED and os.access(state_dir, os.W_OK | os.X_OK):
+            raise StartError(
+                f"{path} is another user's: {_user()} may not write it",
+                f"sudo chown -R {os.getuid()} {state_dir}",
+            ) from error
         if error.errno in _NOT_PERMITTED:
             raise StartError(
                 f"state_dir {state_dir}: {_user()} may not write there", _remedy(state_dir)

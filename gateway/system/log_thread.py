@@ -1,6 +1,6 @@
 """Logging that never blocks the caller: a thread writes to stderr.
 
-A full pipe to the journal would otherwise hold up whoever logs, the lines' loop among them.
+A full pipe to the journal would otherwise block every thread that logs, the lines' loop among them.
 Trouble that comes again and again is logged once, then counted (`TraceFilter`).
 """
 

@@ -1,11 +1,11 @@
-"""Saying a thing once: `News` passes what differs from the last, `Alarm` the first after a quiet time."""
+"""Saying a thing once: `ChangeDetector` passes what is new, `HoldOff` the first after a quiet time."""
 
 from __future__ import annotations
 
 from math import inf
 
 
-class News:
+class ChangeDetector:
     """Knows what was said last."""
 
     def __init__(self, said: object = None) -> None:
@@ -18,7 +18,7 @@ class News:
         return is_new
 
 
-class Alarm:
+class HoldOff:
     """Sounds for the first of several, and again only once it was quiet for long enough."""
 
     def __init__(self, quiet_s: float) -> None:

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 from tests.bench.costs import cpu, start, stop, sweep
+from tests.bench.page import page
 from tests.bench.pictures import efficiency_picture, line_time_picture
 from tests.bench.report import Goal, table
 from tests.bench.rows import (
@@ -25,7 +26,9 @@ from tests.bench.rows import (
 from tests.bench.stubborn import stubborn
 from tests.mosquitto import missing_programs
 
-ROWS = {each.__name__: each for each in (judge, efficiency, strict, dead, cpu, start, stop, stubborn, sweep)}
+ROWS = {
+    each.__name__: each for each in (judge, efficiency, strict, dead, cpu, start, stop, stubborn, sweep, page)
+}
 
 QUIET = 0.3
 BUSY = " (others use this machine: efficiency, stops and the start come out worse than they are)"

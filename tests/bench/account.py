@@ -1,4 +1,4 @@
-"""What the judge saw, reckoned: efficiency, broken silences, shares of the line's time. Pure."""
+"""What follows from what the judge saw: efficiency, broken silences, shares of the line's time. Pure."""
 
 from __future__ import annotations
 
@@ -58,14 +58,14 @@ class Account:
     efficiency: float  # of answered polls: ideal / time until the next request, the median
     efficiency_low: float  # the same, the tenth of all that is worst
     whole: float  # sum of the answered polls' ideal times / all time
-    silent_share: float  # of all time that went to requests nobody answered
+    silent_share: float  # of all time that went to requests without a reply
     too_soon: int
     idle_s: float  # median silence beyond the one that must be
     requests: int
 
 
 def account(seen: Sequence[SeenRequest], law: Law) -> Account:
-    """Reckon one run; requests of several lines may be mixed."""
+    """Evaluate one run; requests of several lines may be mixed."""
     pairs = list(_neighbours(seen))
     answered = [(each, following) for each, following in pairs if each.reply_size]
     # What the judge handed over late is not the master's fault.

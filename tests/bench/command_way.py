@@ -3,7 +3,7 @@
     python -m tests.bench.command_way
 
 One SSW-07 on a line that answers at once, in virtual time. `sys.setprofile` counts the calls of functions in
-`gateway/`, so the figures are the same on every machine; the line's own side is not in them.
+`gateway/`, so the counts are the same on every machine; the line's own side is not in them.
 """
 
 from __future__ import annotations
@@ -22,9 +22,8 @@ from typing import Any
 import gateway
 from gateway.line.rtu.outcome import Answered
 from gateway.mqtt.contract.commands import CommandParser, Incoming
-from gateway.mqtt.contract.freshness import Moment, Tokens
+from gateway.mqtt.contract.freshness import Moment, RunToken, Tokens
 from gateway.mqtt.contract.payloads import Payloads
-from gateway.mqtt.contract.run_token import RunToken
 from gateway.mqtt.contract.topics import Topics
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher
@@ -99,7 +98,7 @@ async def start_command() -> Way:
     with counted() as way:
         verdict = rig.parser.judge(Incoming("b/command/pump-1/alice/start", payload), moment)
         assert isinstance(verdict, CommandRequest), verdict
-        rig.commander.submit(verdict)
+        rig.dispatcher.submit(verdict)
         await asyncio.sleep(5.0)
     assert rig.sink.final("1").code == "ok"
     return way

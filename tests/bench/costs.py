@@ -38,7 +38,7 @@ def cpu() -> BenchRow:
     note = (
         "A request's. Here the gateway reads SSW-07s whose motors run: 1 to 3 registers a request, so some 60"
         "\nrequests a second, each decoded and published. More lines cost less each: caches stay warm."
-        "\nThe judge sleeps here: a neighbour in a busy loop slows down whoever shares its core."
+        "\nThe judge sleeps here: a neighbour in a busy loop slows down what shares its core."
     )
     head = ["master, lines x starters", "requests", "CPU ms", "MiB"]
     return BenchRow(table("Cost of a transaction, 19200", head, rows, note=note), goals)
@@ -80,7 +80,7 @@ def stop() -> BenchRow:
 
 
 def sweep() -> BenchRow:
-    """All 247 starters in turn: nobody is left out, and the round takes what was computed."""
+    """All 247 starters, none left out, in a round as long as computed."""
     run = run_subject("line", Spec(units=MANY), seconds=20.0)
     rounds_s = sweeps_s(run.seen)
     computed_s = MANY * run.law.ideal_s(run.seen[0])

@@ -1,7 +1,7 @@
 """The judge: lines of starters on pseudo terminals with exact times, a process of its own.
 
 `python -m tests.bench.judge SPEC` (JSON, see `Spec`) prints the terminals' paths, serves until its standard
-input ends, and prints what it saw. A pseudo terminal carries bytes at once, so the judge reckons: a request
+input ends, and prints what it saw. A pseudo terminal carries bytes at once, so the judge computes: a request
 starts on the wire when it arrives and takes its characters' time; the reply is due a fixed delay later and is
 handed over at the time of its last byte, or byte by byte. Waits end in a busy loop, and so does the time in
 which a request is expected, so that the judge's own wake-up is not charged to the master.
@@ -31,6 +31,7 @@ from gateway.modbus.writes import WriteCoil
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
 from tests.bench.account import Law, SeenRequest
+from tests.modbus.request_size import request_adu_size
 
 BUSY_S = 0.0002  # before something is due, sleeping is over
 BEFORE_S = 0.0001  # so long before a silence is over, and so long after it, no sleep hides a request
@@ -54,10 +55,11 @@ class Spec:
     family: str = ""  # simulated starters of this family; "": ten registers or what else is asked for
     is_bytewise: bool = False
     is_strict: bool = False  # a request that breaks the silence is not understood
-    is_calm: bool = False  # sleeps instead of waiting in a busy loop, which costs whoever shares its core
-    stubborn: int = 0  # a unit that acknowledges stops and lets its motor turn; 0: none does
+    is_calm: bool = False  # sleeps instead of waiting in a busy loop, which slows down what shares its core
+    stubborn: int = 0  # a unit that acknowledges stops and lets its motor run; 0: none does
     ignores_s: float = 0.0  # so long after its first stop frame; then it stands after STANDS_S
     delay_s: float = 0.005
+    restarts_s: float = 0.0  # so long after it came to rest a motor is started again, at its keypad; 0: never
 
     @property
     def timing(self) -> LineTiming:
@@ -70,7 +72,7 @@ class _Tap:
 
     number: int
     ours: int
-    theirs: int  # kept open: without any opener our end could not be read
+    theirs: int  # held open: without any opener our end could not be read
     units: dict[int, SimulatedUnit]
     received: bytearray = field(default_factory=bytearray)
     began_s: float = -inf  # first byte of the request under way
@@ -150,7 +152,7 @@ class Judge:
         if not tap.received:
             tap.began_s = now_s
         tap.received += chunk
-        size = adu.request_adu_size(bytes(tap.received))
+        size = request_adu_size(bytes(tap.received))
         if size is None or len(tap.received) < size:
             return
         request = bytes(tap.received[:size])
@@ -195,6 +197,10 @@ class Judge:
             if now_s - tap.stopped_s < self._spec.ignores_s:
                 return adu.encode(unit, pdu)
         starter = tap.units.get(unit)
+        if starter is not None and self._spec.restarts_s:
+            starter.advance(now_s)
+            if starter.motor.standstill_s >= self._spec.restarts_s and not starter.motor.is_turning:
+                starter.motor.start()
         answer = _plain_answer(pdu) if starter is None else starter.handle(pdu, now_s)
         return b"" if answer is None else adu.encode(unit, answer)
 

@@ -123,8 +123,8 @@ def _text(x: float, y: float, text: str, *, size: int = 12) -> str:
 
 
 def _turned(x: float, y: float, text: str, *, fill: str) -> str:
-    turn = f'transform="rotate(-90 {x:.1f} {y:.1f})"'
-    return f'<text x="{x:.1f}" y="{y:.1f}" font-size="11" fill="{fill}" {turn}>{escape(text)}</text>'
+    rotation = f'transform="rotate(-90 {x:.1f} {y:.1f})"'
+    return f'<text x="{x:.1f}" y="{y:.1f}" font-size="11" fill="{fill}" {rotation}>{escape(text)}</text>'
 
 
 def _drawing(width: int, height: int, parts: Sequence[str]) -> str:

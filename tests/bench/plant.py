@@ -26,7 +26,14 @@ PATIENCE_S = 5.0
 
 
 def run_gateway(
-    spec: Spec, *, warm_s: float = 4.0, seconds: float = 5.0, stops: int = 0, log: Path | None = None
+    spec: Spec,
+    *,
+    warm_s: float = 4.0,
+    seconds: float = 5.0,
+    stops: int = 0,
+    log: Path | None = None,
+    module: str = "gateway",
+    without: str = "",
 ) -> Run:
     """Run the gateway on the judge's lines, publishing to a Mosquitto; stops are sent over MQTT."""
     with (
@@ -36,10 +43,8 @@ def run_gateway(
     ):
         config = Path(folder) / "site.toml"
         config.write_text(site(spec, judge.ports, broker.url), "utf-8")
-        with gateway(config) as process:
-            span = _measure(
-                process, warm_s, lambda: _operate(broker.port, spec, seconds=seconds, stops=stops)
-            )
+        with gateway(config, module=module, without=without) as process:
+            span = _measure(process, warm_s, lambda: operate(broker.port, spec, seconds=seconds, stops=stops))
             begun_s = process.begun_s
         if log is not None:
             log.write_text((config.parent / "gateway.log").read_text())
@@ -50,7 +55,7 @@ def run_gateway(
 def site(spec: Spec, ports: tuple[str, ...], broker: str) -> str:
     """Return the configuration of the judge's starters, each asked as often as its line allows."""
     parts = [
-        f'[gateway]\nname = "bench"\nstate_dir = "/tmp"\n[mqtt]\nurl = "{broker}"\n'
+        f'[gateway]\nname = "bench"\nstate_dir = "state"\n[mqtt]\nurl = "{broker}"\n'
         f'[[operator]]\nclient = "{OPERATOR}"\nmay = ["*"]\nstarters = ["*"]\n'
     ]
     for number, port in enumerate(ports):
@@ -79,7 +84,7 @@ def _measure(process: Process, warm_s: float, operate: Callable[[], list[Submitt
     return Span(from_s, time.monotonic(), process.cpu_s() - cpu_s, process.rss_kib(), stops)
 
 
-def _operate(port: int, spec: Spec, *, seconds: float, stops: int) -> list[Submitted]:
+def operate(port: int, spec: Spec, *, seconds: float, stops: int) -> list[Submitted]:
     """Let the time pass, with stops at random moments; they reach the gateway when they reach us again."""
     if not stops:
         time.sleep(seconds)

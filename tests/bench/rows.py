@@ -146,9 +146,9 @@ def dead() -> BenchRow:
                 what = f"{master}, {number} of 8 dead"
                 goals += _goals(what, found, 0.98)
                 goals.append(Goal(f"line time of the dead: {what}", found.silent_share, 0.05, is_most=True))
-    head = ["master", "of the living", "of the line", "line time of the dead", "too soon"]
-    note = "Ours is told a response time of 20 ms at most, the others wait 100 ms."
-    return BenchRow(table("Dead starters, 19200", head, rows, note=note), goals)
+    head = ["master", "of the answering", "of the line", "line time of the offline", "too soon"]
+    note = "Ours is configured with a response time of 20 ms at most, the others wait 100 ms."
+    return BenchRow(table("Offline starters, 19200", head, rows, note=note), goals)
 
 
 def _goals(what: str, found: Account, limit: float) -> list[Goal]:

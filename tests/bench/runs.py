@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import compileall
 import json
+import os
+import signal
 import subprocess
 import sys
 import time
@@ -16,7 +18,7 @@ from types import TracebackType
 import gateway as package
 from tests.bench.account import Law, SeenRequest, Submitted, between
 from tests.bench.judge import Spec
-from tests.bench.subjects import Span, Task
+from tests.bench.subjects import WITHOUT, Span, Task
 
 END_S = 20.0  # for a process to end once it is asked to
 
@@ -62,8 +64,8 @@ class Watched:
 
     def run(self, span: Span) -> Run:
         """End the judge and return what it saw in the master's measured time."""
-        told, _ = self._process.communicate(timeout=END_S)
-        seen = [SeenRequest(*each) for each in json.loads(told)]
+        output, _ = self._process.communicate(timeout=END_S)
+        seen = [SeenRequest(*each) for each in json.loads(output)]
         first_s = min((each.start_s for each in seen), default=float("nan"))
         seen.sort(key=lambda each: each.start_s)
         law = Law(self.spec.timing, self.spec.delay_s)
@@ -94,13 +96,20 @@ def run_subject(
 
 
 @contextmanager
-def gateway(config: Path) -> Iterator[Process]:
-    """Run the gateway itself, its modules compiled, as pip leaves them when it installs."""
+def gateway(config: Path, *, module: str = "gateway", without: str = "") -> Iterator[Process]:
+    """Run the gateway itself, its modules compiled, as pip leaves them when it installs.
+
+    What `tricks` names may be taken out, if `module` is `tests.bench.without`.
+    """
     compileall.compile_dir(Path(package.__file__).parent, quiet=1)
     log_path = config.parent / "gateway.log"
     with log_path.open("wb") as log:
         begun_s = time.monotonic()
-        process = subprocess.Popen([sys.executable, "-m", "gateway", "run", str(config)], stderr=log)
+        process = subprocess.Popen(
+            [sys.executable, "-m", module, "run", str(config)],
+            stderr=log,
+            env={**os.environ, WITHOUT: without},
+        )
         try:
             yield Process(process, begun_s, log_path)
         finally:
@@ -120,10 +129,19 @@ class Process:
         self._process = process
         self._log = log
 
+    @property
+    def pid(self) -> int:
+        """Return its process id."""
+        return self._process.pid
+
     def cpu_s(self) -> float:
         """Return the processor time of all its threads so far, to the nanosecond."""
         tasks = Path(f"/proc/{self._process.pid}/task").glob("*/schedstat")
         return sum(int(task.read_text().split()[0]) for task in tasks) / 1e9
+
+    def send(self, number: signal.Signals) -> None:
+        """Send a signal."""
+        self._process.send_signal(number)
 
     def rss_kib(self) -> int:
         """Return the most memory that it has had; RuntimeError when it has ended."""
@@ -133,7 +151,7 @@ class Process:
         return int(status.split("VmHWM:")[1].split()[0])
 
 
-def _span(told: dict[str, object]) -> Span:
-    span = Span(**told)  # type: ignore[arg-type]  # it is what `subjects` printed
+def _span(output: dict[str, object]) -> Span:
+    span = Span(**output)  # type: ignore[arg-type]  # it is what `subjects` printed
     span.stops = [Submitted(*each) for each in span.stops]
     return span

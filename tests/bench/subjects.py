@@ -22,7 +22,8 @@ from dataclasses import asdict, dataclass, field
 from tests.bench.account import Submitted
 
 REGISTERS = 10
-TIMEOUT_S = 0.1  # of the other masters; ours reckons its own
+WITHOUT = "BENCH_WITHOUT"  # of the environment: names the trick that is taken out
+TIMEOUT_S = 0.1  # of the other masters; ours computes its own
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ class Task:
     units: int
     warm_s: float
     seconds: float
-    response_s: float = 0.005  # as our line is told
+    response_s: float = 0.005  # as our line is configured
     stops: int = 0  # at random moments of the measured time
 
 
@@ -67,7 +68,7 @@ class _Clock:
 
 
 async def line(task: Task) -> Span:
-    """Our line floor as the gateway runs it: a thread of its own, outcomes carried over to the app's loop."""
+    """Our line layer as the gateway runs it: a thread of its own, outcomes carried over to the app's loop."""
     from gateway.line.port.opener import SerialOpener
     from gateway.line.scheduler.requests import Poll, Priority
     from gateway.line.thread import LineHost
@@ -156,7 +157,7 @@ def minimalmodbus(task: Task) -> Span:
                 is_measuring = True
             try:
                 instrument.read_registers(0, REGISTERS)
-            except (OSError, ValueError):  # its errors are of these kinds; the next unit's turn
+            except (OSError, ValueError):  # its errors are of these kinds; the next unit follows
                 continue
     return clock.span()
 
@@ -209,7 +210,7 @@ def main() -> None:
     kind, given = sys.argv[1], json.loads(sys.argv[2])
     task = Task(**{**given, "ports": tuple(given["ports"])})
     logging.disable()
-    if without := os.environ.get("BENCH_WITHOUT"):
+    if without := os.environ.get(WITHOUT):
         from tests.bench.tricks import take_out
 
         take_out(without)

@@ -1,4 +1,4 @@
-"""The bench's reckoning, on lines made by hand."""
+"""The bench's evaluation, on lines made by hand."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_time_of_unanswered_requests_is_the_share_of_the_silent() -> None:
     assert found.whole + found.silent_share == pytest.approx(1.0)
 
 
-def test_nothing_seen_gives_no_figures_rather_than_wrong_ones() -> None:
+def test_nothing_seen_gives_no_results_rather_than_wrong_ones() -> None:
     found = account([], LAW)
 
     assert math.isnan(found.efficiency)
@@ -143,7 +143,7 @@ def test_a_line_that_breaks_the_silence_gets_no_bar() -> None:
 
 
 def test_the_picture_of_the_line_shows_lost_time_and_broken_silences() -> None:
-    drawn = line_time_picture({"ours": (line(0.001, -0.001), LAW), "nobody": ([], LAW)}, seconds=0.05)
+    drawn = line_time_picture({"ours": (line(0.001, -0.001), LAW), "none": ([], LAW)}, seconds=0.05)
 
     assert drawn.count("<rect") > 8
     assert drawn.startswith("<svg")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from gateway.config.convert import wired_starters
 from gateway.config.diff import ConfigChanges, changes_of, fixed
 from gateway.config.load import parse
 from tests.config.sites import SITE, site
@@ -118,14 +119,35 @@ def test_the_order_of_lines_and_starters_changes_nothing() -> None:
     assert changes_of(one, one.model_copy(update={"lines": (fans, turned)})).to_dict() == {}
 
 
-def test_name_state_dir_and_topics_need_a_restart() -> None:
+def test_name_language_state_dir_and_topics_need_a_restart() -> None:
     other = site(
-        ('name = "mcc1"', 'name = "mcc2"\nstate_dir = "/var/other"'),
+        ('name = "mcc1"', 'name = "mcc2"\nlanguage = "es"\nstate_dir = "/var/other"'),
         ("[mqtt]", '[mqtt]\nbase = "plant/{gateway}"'),
     )
 
     problems = fixed(site(), other)
 
-    assert [problem.key for problem in problems] == ["gateway.name", "gateway.state_dir", "mqtt.base"]
+    assert [problem.key for problem in problems] == [
+        "gateway.name",
+        "gateway.language",
+        "gateway.state_dir",
+        "mqtt.base",
+    ]
     assert "restart" in problems[0].hint
     assert fixed(site(), site()) == []
+
+
+def test_another_order_along_the_cable_reopens_nothing() -> None:
+    assert reported(('framing = "8E1"', 'framing = "8E1"\norder = ["pump-2", "pump-1"]')) == {}
+
+
+def test_starters_stand_in_the_order_of_the_cable_without_the_disabled_ones() -> None:
+    by_address = wired_starters(site(("address = 1\n", "address = 9\n")).lines[0])
+    ordered = wired_starters(
+        site(('framing = "8E1"', 'framing = "8E1"\norder = ["pump-2", "pump-1"]')).lines[0]
+    )
+    off = wired_starters(site(("every_s = 2.0", "enabled = false")).lines[0])
+
+    assert [each.name for each in by_address] == ["pump-2", "pump-1"]
+    assert [each.name for each in ordered] == ["pump-2", "pump-1"]
+    assert [each.name for each in off] == ["pump-1"]

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.app.advice import fast_gains, fast_lines
+from gateway.app.capacity import fast_gains, fast_lines
 from gateway.config.load import parse
 from gateway.errors import ConfigError
 from tests.config.sites import changed, site

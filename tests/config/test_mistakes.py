@@ -58,6 +58,22 @@ MISTAKES = [
     ),
     (
         'framing = "8E1"',
+        'framing = "8E1"\norder = ["pump-2", "pump-3"]',
+        "line 12: line[0].order[1]: 'pump-3' is not on this line (did you mean pump-2 or pump-1?)",
+    ),
+    (
+        'framing = "8E1"',
+        'framing = "8E1"\norder = ["pump-2"]',
+        "line 12: line[0].order: leaves out 'pump-1'"
+        " (name all starters of the line as the cable passes them)",
+    ),
+    (
+        'framing = "8E1"',
+        'framing = "8E1"\norder = ["pump-2", "pump-1", "pump-2"]',
+        "line 12: line[0].order[2]: 'pump-2' stands twice (name each starter once)",
+    ),
+    (
+        'framing = "8E1"',
         'framing = "7E1"',
         "line 11: line[0].framing: is '7E1' (did you mean 8E1?)",
     ),

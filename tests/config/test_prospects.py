@@ -5,10 +5,11 @@ from pathlib import Path
 import pytest
 
 from gateway.app.capacity import check_watchdogs, computed_of, prospects_of
-from gateway.config.convert import rights_of, setups_of, timing_of, tls_files_of
+from gateway.config.convert import rights_of, setups_of, timing_of, tls_of
 from gateway.config.load import parse
 from gateway.errors import ConfigError
 from gateway.line.capacity.forecast import forecast
+from gateway.mqtt.connection.settings import TlsSettings
 from tests.config.sites import SITE, changed, site
 
 
@@ -101,7 +102,7 @@ def test_when_a_line_cannot_keep_its_watchdogs_each_single_change_that_would_hel
 
     assert len(caught.value.problems) == 30
     problem = caught.value.problems[0]
-    assert "pump-1: 2 s cannot be kept: the watchdogs on this line need " in problem.what
+    assert "pump-1: 2 s is too short: the watchdogs on this line need " in problem.what
     assert "of its 30 starters on another line, or no watchdog below " in problem.hint
 
 
@@ -131,5 +132,7 @@ def test_the_lower_layers_get_plain_values() -> None:
 def test_files_are_looked_for_beside_the_configuration() -> None:
     config = site(("[mqtt]", '[mqtt]\nca_file = "ca.pem"\ncert_file = "/etc/c.pem"\nkey_file = "k.pem"'))
 
-    assert tls_files_of(config, Path("/etc/gw")) == ("/etc/gw/ca.pem", "/etc/c.pem", "/etc/gw/k.pem")
-    assert tls_files_of(site(), Path("/etc/gw")) == (None, None, None)
+    assert tls_of(config.mqtt, Path("/etc/gw")) == TlsSettings(
+        "/etc/gw/ca.pem", "/etc/c.pem", "/etc/gw/k.pem"
+    )
+    assert tls_of(site().mqtt, Path("/etc/gw")) == TlsSettings()

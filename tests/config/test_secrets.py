@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.config.secrets import VARIABLE, mqtt_password
+from gateway.config.secrets import VARIABLE, metrics_token, mqtt_password, sparkplug_password
 from gateway.errors import ConfigError
 from tests.config.sites import site
 
@@ -65,3 +65,50 @@ def test_a_credential_of_systemd_comes_before_the_environment(tmp_path: Path) ->
 )
 def test_without_a_file_the_environment_counts(environ: dict[str, str], password: str | None) -> None:
     assert mqtt_password(site(), "/nowhere", {"CREDENTIALS_DIRECTORY": "/nowhere", **environ}) == password
+
+
+SPARKPLUG = (
+    "[mqtt]",
+    '[sparkplug]\ngroup = "plant"\nurls = ["mqtts://one.example"]\nusername = "edge"\n\n[mqtt]',
+)
+METRICS = ("[mqtt]", "[web]\n\n[metrics]\n\n[mqtt]")
+
+
+def test_each_secret_may_be_a_credential_of_systemd(tmp_path: Path) -> None:
+    write(tmp_path / "sparkplug.password", b"edge's\n", 0o440)
+    write(tmp_path / "metrics.token", b"token\n", 0o440)
+    environ = {"CREDENTIALS_DIRECTORY": os.fspath(tmp_path)}
+
+    assert sparkplug_password(site(SPARKPLUG), "/nowhere", "broker's", environ) == "edge's"
+    assert metrics_token(site(METRICS), "/nowhere", environ) == "token"
+
+
+def test_without_a_credential_sparkplugs_servers_and_a_scrape_need_no_secret() -> None:
+    assert sparkplug_password(site(SPARKPLUG), "/nowhere", "broker's", {}) is None
+    assert metrics_token(site(METRICS), "/nowhere", {}) is None
+
+
+def test_a_credential_asks_for_nothing_that_the_configuration_does_not_have(tmp_path: Path) -> None:
+    write(tmp_path / "metrics.token", b"token\n", 0o440)
+
+    assert metrics_token(site(), "/nowhere", {"CREDENTIALS_DIRECTORY": os.fspath(tmp_path)}) is None
+
+
+def test_a_file_of_the_configuration_comes_before_the_credential(tmp_path: Path) -> None:
+    write(tmp_path / "own.token", b"file\n")
+    write(tmp_path / "metrics.token", b"credential\n", 0o440)
+    with_file = ("[mqtt]", '[web]\n\n[metrics]\ntoken_file = "own.token"\n\n[mqtt]')
+
+    assert metrics_token(site(with_file), tmp_path, {"CREDENTIALS_DIRECTORY": os.fspath(tmp_path)}) == "file"
+
+
+def test_a_credential_that_cannot_be_reached_is_an_error_with_a_remedy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def denied(_: Path) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "stat", denied)
+
+    with pytest.raises(ConfigError, match=r"Permission denied \(see LoadCredential= of the unit\)"):
+        mqtt_password(site(), "/nowhere", {"CREDENTIALS_DIRECTORY": os.fspath(tmp_path)})

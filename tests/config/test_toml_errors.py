@@ -10,6 +10,7 @@ from tomllib import _parser  # type: ignore[attr-defined]  # its source lists it
 
 import pytest
 
+from gateway.config.schema import REPEATED_TABLES
 from gateway.config.toml_errors import _MEANINGS, syntax_problem
 from tests.config.sites import SITE
 
@@ -26,9 +27,12 @@ BAD = [  # text, line, what it begins with, a part of the hint
     ("a = 1\na = 2\n", 2, "a key is given twice", "keep one"),
     ("a = 1\n[a.b]\n", 2, "a key is given twice, or as a value and as a table", "keep one"),
     ("a = {b = 1, b = 2}\n", 1, "b is given twice", "keep one"),
-    ("[mqtt]\n[mqtt]\n", 2, "the table [mqtt] is given twice", "[[mqtt]]"),
-    ("[a.b]\n[a.b]\n", 2, "the table [a.b] is given twice", "[[a.b]]"),
-    ("a.b = 1\n[x]\n[a]\n", 3, "the table [a] is given twice", "below the first"),
+    ("[mqtt]\n[mqtt]\n", 2, "the table [mqtt] is given twice", "put its keys below the first [mqtt]"),
+    ("[line]\n[line]\n", 2, "the table [line] is given twice", "several go as [[line]]"),
+    ("[[line]]\n[line]\n", 2, "the table [line] is given twice", "several go as [[line]]"),
+    ("[line.starter]\n" * 2, 2, "the table [line.starter] is given twice", "several go as [[line.starter]]"),
+    ("[line.starter.rules]\n" * 2, 2, "the table [line.starter.rules] is", "below the first"),
+    ("a.b = 1\n[x]\n[a]\n", 3, "the table [a] is given twice", "below the first [a]"),
     ("[a.b]\nc = 1\n[a]\nb.d = 1\n", 4, "a.b is complete", "add the key there"),
     ("a = {b = 1}\na.c = 2\n", 2, "a is complete", "add the key there"),
     ("a = {b = {c = 1}, b.d = 2}\n", 1, "b.d is complete", "add the key there"),
@@ -52,6 +56,7 @@ BAD = [  # text, line, what it begins with, a part of the hint
     ('a = "C:\\dev"\n', 1, "a \\ in a text in double quotes", "single quotes"),
     ('a = "\\u12"\n', 1, "\\u needs four", "\\u00b0"),
     ('a = "\\ud800"\n', 1, "there is no such character", "toml.io"),
+    ('a = "x\u2028y"\nb = .5\n', 2, "'.5' is no value", "0.5"),
     ("a = 'x\x01y'\n", 1, "the character '\\x01' may not stand here, at column 7", "invisible"),
     ("a = 1 # \x02\n", 1, "the character '\\x02' may not stand here", "invisible"),
     ('a = "\x03"\n', 1, "the character '\\x03' may not stand here", "invisible"),
@@ -81,6 +86,7 @@ def test_every_message_of_the_parser_is_known() -> None:
     ]
     known = (
         *_MEANINGS,
+        "Cannot declare",
         "Invalid value",
         "Expected newline",
         "Illegal character",
@@ -127,3 +133,7 @@ def error_of(text: str) -> ValueError:
     with pytest.raises(ValueError) as caught:  # noqa: PT011 - which one is what is being tested
         tomllib.loads(text)
     return caught.value
+
+
+def test_the_tables_that_may_stand_several_times_are_those_of_the_configuration() -> None:
+    assert {"line", "line.starter", "operator", "rules", "group", "web.user"} == REPEATED_TABLES

@@ -13,7 +13,7 @@ import tty
 
 _RATES = {9600: termios.B9600, 19200: termios.B19200, 38400: termios.B38400}
 _SILENCE_S = 0.004
-_PATIENCE_S = 1.0  # until the first byte
+_PATIENCE_S = 10.0  # until the first byte
 _GAP_S = 0.05  # inside a reply
 
 
@@ -79,7 +79,12 @@ class Client:
         return [data[1 + 2 * at] << 8 | data[2 + 2 * at] for at in range(count)]
 
     def coils(self, unit: int, address: int, count: int) -> list[bool]:
-        data = self.ask(unit, 1, _two(address, count))
+        return self.bits(unit, 1, address, count)
+
+    def bits(self, unit: int, function: int, address: int, count: int) -> list[bool]:
+        data = self.ask(unit, function, _two(address, count))
+        if data[0] != (count + 7) // 8 or len(data) != 1 + data[0]:
+            raise ValueError(f"wrong length: {data.hex(' ')}")
         return [bool(data[1 + at // 8] >> at % 8 & 1) for at in range(count)]
 
     def write_coil(self, unit: int, address: int, *, is_on: bool) -> None:

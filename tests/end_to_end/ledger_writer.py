@@ -1,4 +1,4 @@
-"""Writes ledger rows as fast as it can, and tells each one that is on the disk: a process to be killed."""
+"""Writes ledger rows as fast as it can, and prints each one that is on the disk: a process to be killed."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ AT_ONCE = 20  # rows that wait for the disk at the same time
 
 
 def main(path: str, run: str) -> None:
-    """Write rows `<run>-<number>` for ever."""
+    """Write rows `<run>-<number>` until killed."""
     table = LedgerTable()
-    store = Store(Path(path), [table], on_news=_tell)
-    store.start()
+    store = Store(Path(path), [table])
+    store.start(_report)
     number = 0
     while True:
         rows = [_row(f"{run}-{number + offset}") for offset in range(AT_ONCE)]
@@ -51,7 +51,7 @@ def _acknowledge(id_: str, future: Future[None]) -> None:
     os.write(1, f"{id_}\n".encode())  # no buffer that a kill could take along
 
 
-def _tell(news: News, text: str) -> None:
+def _report(news: News, text: str) -> None:
     if news is not News.OPEN:
         os.write(1, f"{news}: {text}\n".encode())
 

@@ -1,4 +1,4 @@
-"""Puts rows into an outbox's file as fast as it can, and tells each that is kept: a process to be killed."""
+"""Puts rows into an outbox's file as fast as it can, and prints each stored one: a process to be killed."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ AT_ONCE = 20
 
 
 async def write(folder: Path, run: str) -> None:
-    """Put events and values `<run>-<number>` for ever, not all of them flushed."""
+    """Put events and values `<run>-<number>` until killed, not all of them flushed."""
     disk = OutboxDisk(folder)
     is_open = asyncio.Event()
 
-    def hear(news: News, text: str) -> None:
+    def on_news(news: News, text: str) -> None:
         if news is not News.OPEN:
             os.write(1, f"{news}: {text}\n".encode())
         is_open.set()
 
-    disk.start(hear)
+    disk.start(on_news)
     await is_open.wait()
     await disk.recall()
     number = 0

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import os
-import selectors
-import threading
 import tty
 from types import TracebackType
+
+from tests.end_to_end.fd_copier import FdCopier
 
 
 class PtyPair:
@@ -22,30 +22,17 @@ class PtyPair:
             self._masters.append(master)
             self._slaves.append(slave)  # held open, so that a program that leaves does not hang the line up
         self.left, self.right = (os.ttyname(slave) for slave in self._slaves)
-        self._wake_r, self._wake_w = os.pipe()
-        self._thread = threading.Thread(target=self._copy, daemon=True)
+        left, right = self._masters
+        self._copier = FdCopier({left: right, right: left})
 
     def __enter__(self) -> PtyPair:
-        self._thread.start()
+        self._copier.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
     ) -> None:
-        os.write(self._wake_w, b"x")
-        self._thread.join()
-        for fd in (*self._masters, *self._slaves, self._wake_r, self._wake_w):
+        self._copier.stop()
+        for fd in (*self._masters, *self._slaves):
             with contextlib.suppress(OSError):
                 os.close(fd)
-
-    def _copy(self) -> None:
-        with selectors.DefaultSelector() as selector:
-            left, right = self._masters
-            selector.register(left, selectors.EVENT_READ, right)
-            selector.register(right, selectors.EVENT_READ, left)
-            selector.register(self._wake_r, selectors.EVENT_READ)
-            while True:
-                for key, _ in selector.select():
-                    if key.fd == self._wake_r:
-                        return
-                    os.write(key.data, os.read(key.fd, 4096))

@@ -6,7 +6,7 @@ import asyncio
 import socket
 from pathlib import Path
 
-NOBODY = 9  # a TCP port that nobody listens on: no broker
+UNUSED_PORT = 9  # a TCP port on which no process listens: no broker
 
 
 class ServiceManager:
@@ -18,7 +18,7 @@ class ServiceManager:
         self._socket.bind(self.address)
         self._socket.setblocking(False)
 
-    async def hears(self, word: str, *, within_s: float = 20.0) -> None:
+    async def receives(self, word: str, *, within_s: float = 20.0) -> None:
         loop = asyncio.get_running_loop()
         async with asyncio.timeout(within_s):
             while word not in (await loop.sock_recv(self._socket, 4096)).decode().splitlines():

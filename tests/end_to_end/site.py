@@ -50,15 +50,16 @@ starters = ["*"]
 
 
 def site_config(*, broker_port: int, port: str, starters: str = FOUR_FAMILIES, framing: str = "8N2") -> str:
-    """Return the TOML text of a site with one line."""
+    """Return the TOML text of a site with one line; its simulator may be late, as on a busy machine."""
     return (
         f'[gateway]\nname = "plant"\nstate_dir = "state"\n\n[mqtt]\nurl = "mqtt://127.0.0.1:{broker_port}"\n\n'
-        f'[[line]]\nname = "hall"\nport = "{port}"\nbaud = 19200\nframing = "{framing}"\n{starters}'
+        f'[[line]]\nname = "hall"\nport = "{port}"\nbaud = 19200\nframing = "{framing}"\n'
+        f"adapter_allowance_s = 0.3\n{starters}"
     )
 
 
 class Program:
-    """A command of the gateway (or a server's script) as a process of its own, its output kept."""
+    """A command of the gateway (or a server's script) as a process of its own, its output retained."""
 
     def __init__(self, *arguments: str, environ: Mapping[str, str] | None = None) -> None:
         self._arguments = arguments
@@ -162,7 +163,10 @@ class Scada:
                 while topic not in self.latest or not fits(self.latest[topic]):
                     self._take(await self.watcher.next(within_s=within_s))
         except TimeoutError:
-            raise AssertionError(f"{topic} never {what}: {self.latest.get(topic)}") from None
+            last = self.results[-3:]
+            raise AssertionError(
+                f"{topic} never {what}: {self.latest.get(topic)}; last results: {last}"
+            ) from None
         found: dict[str, Any] = self.latest[topic]
         return found
 
@@ -186,7 +190,7 @@ class Scada:
     async def publish(self, topic: str, payload: str, *options: str) -> None:
         await asyncio.to_thread(self.broker.publish, f"{self.base}/{topic}", payload, *options)
 
-    async def turn(self, starter: str, knob: str, setting: str) -> None:
+    async def set_knob(self, starter: str, knob: str, setting: str) -> None:
         """Do at a simulated starter what a hand there would do."""
         await asyncio.to_thread(self.broker.publish, f"simulator/{starter}/{knob}", setting)
 

@@ -185,7 +185,7 @@ async def test_a_stop_that_no_gateway_seemed_to_receive_may_still_be_answered(
         assert (await asking).is_confirmed
 
 
-async def test_whoever_may_not_read_results_may_stop_all_the_same_but_nothing_else(
+async def test_a_client_that_may_not_read_results_may_stop_all_the_same_but_nothing_else(
     start_mosquitto: StartMosquitto, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     subscribe = Session.subscribe
@@ -238,6 +238,12 @@ async def test_a_broker_that_is_away_means_that_nothing_was_sent() -> None:
 def test_an_unfit_url_or_client_is_refused_at_once(url: str, name: str) -> None:
     with pytest.raises(UsageError):
         Client(url, base="starters/mcc1", client=name)
+
+
+@pytest.mark.parametrize("base", ["", "acme/", "acme//mcc1", "acme/+/mcc1", "Acme/mcc1", "acme/{gateway}"])
+def test_an_unfit_base_is_refused_at_once(base: str) -> None:
+    with pytest.raises(UsageError, match="is no base"):
+        Client("mqtt://broker", base=base, client="alice")
 
 
 def test_mqtts_is_encrypted() -> None:

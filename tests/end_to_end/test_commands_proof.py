@@ -35,7 +35,8 @@ async def try_shortly(proof: Proof, folder: Path) -> None:
     assert row.failures == [], str(row)
 
 
-@pytest.mark.alone
+@pytest.mark.paired
+@pytest.mark.long
 async def test_a_kill_around_a_start_never_makes_a_second_start_frame_nor_a_dishonest_result(
     tmp_path: Path,
 ) -> None:

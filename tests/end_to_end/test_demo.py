@@ -7,17 +7,21 @@ import os
 import re
 import shutil
 import signal
-from collections.abc import AsyncIterator, Callable, Mapping
-from contextlib import asynccontextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.end_to_end.site import Program, Scada
-from tests.mosquitto import MosquittoBroker, missing_programs
+from gateway.sim.core.start_curve import start_curve
+from gateway.sim.factory import make_unit
+from tests.end_to_end.demo_site import demo
+from tests.end_to_end.site import Scada
+from tests.mosquitto import missing_programs
 
 pytestmark = pytest.mark.skipif(bool(missing_programs()), reason="mosquitto is not installed")
+
+WITHIN = 0.03
 
 # What each family's starter trips with, the alarm's topic, and how it is configured.
 STARTERS: dict[str, tuple[str, str, str, dict[str, Any]]] = {
@@ -28,34 +32,10 @@ STARTERS: dict[str, tuple[str, str, str, dict[str, Any]]] = {
 }
 
 
-@asynccontextmanager
-async def demo(
-    folder: Path,
-    *,
-    environ: Mapping[str, str] | None = None,
-    on_guide: Callable[[str], None] = lambda _: None,
-) -> AsyncIterator[Scada]:
-    """Run the demo and wait until all four starters are ready; `on_guide` gets what it has printed."""
-    async with Program("gateway", "demo", environ=environ) as program:
-        await program.says("others    simulator/")
-        port = re.search(r"on 127\.0\.0\.1:(\d+)", program.output)
-        assert port is not None
-        on_guide(program.output)
-        broker = MosquittoBroker(folder / "nobody")  # only its clients: the demo has a broker of its own
-        broker.port = int(port[1])
-        async with broker.watch("starters/demo/#", "simulator/+/done") as watcher:
-            scada = Scada(broker, watcher, base="starters/demo", client="demo")
-            for starter in STARTERS:
-                await scada.ready(starter)
-            yield scada
-        program.signal(signal.SIGINT)
-        assert await program.exit_code() == 0
-
-
 async def by_hand(scada: Scada, starter: str, knob: str, setting: str) -> dict[str, Any]:
-    """Turn a knob of a simulated starter and return the answer."""
+    """Set a knob of a simulated starter and return the answer."""
     scada.latest.pop(f"simulator/{starter}/done", None)
-    await scada.turn(starter, knob, setting)
+    await scada.set_knob(starter, knob, setting)
     return await scada.until(f"simulator/{starter}/done", knob=knob)
 
 
@@ -91,6 +71,28 @@ async def test_every_family_is_started_stopped_tripped_reset_and_configured_by_t
             await scada.result(starter, id=f"{starter}-5", phase="confirmed")
 
     assert all(scada.phases(f"{starter}-1") == ["accepted", "written", "confirmed"] for starter in STARTERS)
+
+
+@pytest.mark.alone
+async def test_the_record_of_a_start_agrees_with_the_motor_of_the_demo_within_three_percent(
+    tmp_path: Path,
+) -> None:
+    motor = make_unit("ssw07", 1).motor.data
+    true = start_curve(motor)
+    async with demo(tmp_path) as scada:
+        await scada.command("pump", "start", "c1")
+        record = await scada.until("starter/pump/start", within_s=60.0)
+        await scada.command("pump", "stop", "c2")
+        await scada.result("pump", id="c2", phase="confirmed")
+
+    # A machine that is busy reads less often, and then the record itself says that it is less exact.
+    time_within = max(WITHIN, record["resolution_s"] / true.duration_s)
+    i2t_within = max(WITHIN, record["i2t_error_pct"] / 100)
+    assert (record["outcome"], record["cause"]["command_id"]) == ("full_voltage", "c1")
+    assert record["acceleration_s"] == pytest.approx(true.duration_s, rel=time_within)
+    assert record["peak_a"] == pytest.approx(true.peak_a, rel=WITHIN)
+    assert record["i2t_a2s"] == pytest.approx(true.i2t_a2s, rel=i2t_within)
+    assert record["resolution_s"] < 0.1 * true.duration_s, "so much is certain even then"
 
 
 async def test_a_hand_at_the_starter_takes_control_and_power_away_and_gives_them_back(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""A stop's frame waits for no disk, whatever state that is in; and what is kept there is private."""
+"""A stop's frame waits for no disk, whatever state that is in; and what is stored there is private."""
 
 from __future__ import annotations
 

@@ -46,6 +46,8 @@ name = "c"
 address = 3
 family = "ssw900"
 slot = 2
+[line.starter.simulated]
+markers = {{ DI100 = true, DI101 = false, DI102 = true, COIL200 = false }}
 [[line.starter]]
 name = "d"
 address = 4
@@ -116,7 +118,7 @@ def test_frames_that_no_unit_may_answer_stay_without_an_answer(client: Client) -
 
     assert client.raw(body + b"\0\0", patience_s=0.2) == b""  # wrong CRC
     other = bytes.fromhex("09 03 00 DC 00 01")
-    assert client.raw(other + independent_client.crc(other), patience_s=0.2) == b""  # nobody's address
+    assert client.raw(other + independent_client.crc(other), patience_s=0.2) == b""  # no such address
     everybody = bytes.fromhex("00 06 01 3A 00 00")
     assert client.raw(everybody + independent_client.crc(everybody), patience_s=0.2) == b""
 
@@ -197,6 +199,12 @@ def test_the_words_of_the_ssw900(client: Client) -> None:
     assert code(lambda: client.write(SSW900, 732, 9)) == 3  # C8.2.3 has four values
     assert code(lambda: client.ask(SSW900, 4, bytes(4))) == 1
 
+    assert client.bits(SSW900, 2, 100, 3) == [True, False, True]  # 7.1, 7.2.2: markers of the SoftPLC
+    assert code(lambda: client.bits(SSW900, 2, 103, 1)) == 2
+    client.write_coil(SSW900, 200, is_on=True)
+    assert client.bits(SSW900, 1, 200, 1) == [True]
+    assert code(lambda: client.bits(SSW900, 1, 0, 1)) == 2  # the status is no coil
+
     client.write(SSW900, 1300, 680)  # C8.1.1.5
     assert client.registers(SSW900, 1500) == client.registers(SSW900, 680)
     client.write(SSW900, 685, 0x0013)  # the other slot's word: no effect
@@ -222,8 +230,11 @@ def test_the_words_of_the_sst(client: Client) -> None:
 
     client.write_coil(SST, 0, is_on=True)
     assert client.registers(SST, 19, function=4) == [1]
+    time.sleep(1.0)  # the faster it turns, the longer it stops
     assert code(lambda: client.write(SST, 30, 20)) == 2  # not in configuration mode: refused, and
     assert client.registers(SST, 19, function=4) == [3]  # the motor stops
+    while client.registers(SST, 19, function=4) != [0]:
+        time.sleep(0.05)
 
     client.write_coil(SST, 1, is_on=True)
     assert code(lambda: client.write_coil(SST, 0, is_on=True)) == 2  # not initialised

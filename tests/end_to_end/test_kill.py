@@ -33,17 +33,17 @@ def test_no_acknowledged_row_is_lost_when_the_process_is_killed(tmp_path: Path) 
     path = tmp_path / "x.sqlite"
     acknowledged: list[str] = []
     for kill in range(KILLS):
-        acknowledged += write_until_killed("ledger_writer", path, f"run{kill}", dice.uniform(0.0, LONGEST_S))
+        acknowledged += write_until_killed("ledger_writer", path, kill, dice, LONGEST_S)
 
-        kept = rows_of(path)
+        stored = rows_of(path)
 
-        assert len(kept) == len(set(kept))
-        assert set(acknowledged) <= set(kept)
+        assert len(stored) == len(set(stored))
+        assert set(acknowledged) <= set(stored)
     assert len(acknowledged) > 20 * KILLS
 
 
 @pytest.mark.long
-async def test_a_start_that_a_kill_cut_short_is_told_once_and_never_repeated(
+async def test_a_start_that_a_kill_cut_short_is_reported_once_and_never_repeated(
     start_mosquitto: StartMosquitto, tmp_path: Path
 ) -> None:
     broker = start_mosquitto()
@@ -63,7 +63,7 @@ async def test_a_start_that_a_kill_cut_short_is_told_once_and_never_repeated(
             await gateway.exit_code()
         await scada.until("gateway/status", state="offline")
         async with Program("gateway", "run", str(config)) as gateway:
-            told = await scada.result("pump", id="cut", phase="unconfirmed")
+            result = await scada.result("pump", id="cut", phase="unconfirmed")
             await scada.until("starter/pump/state", state="running", quality="good")
             await scada.publish("command/pump/alice/stop", "")
             await scada.until("starter/pump/state", state="ready", quality="good")
@@ -72,8 +72,8 @@ async def test_a_start_that_a_kill_cut_short_is_told_once_and_never_repeated(
             await scada.command("pump", "read", "after", parameter="P003")
             await scada.result("pump", id="after", phase="confirmed")
 
-    assert told["code"] == "crashed"
-    assert told["state"] in ("starting", "running")
+    assert result["code"] == "crashed"
+    assert result["state"] in ("starting", "running")
     assert (again["phase"], again["code"]) == ("unconfirmed", "crashed")
     assert scada.latest["starter/pump/state"]["state"] == "ready"
     assert [result["duplicate"] for result in scada.results if result["code"] == "crashed"] == [False, True]

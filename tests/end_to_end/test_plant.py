@@ -39,8 +39,8 @@ async def test_a_retained_start_does_nothing_but_say_so(
     start_mosquitto: StartMosquitto, tmp_path: Path
 ) -> None:
     async with plant(start_mosquitto(), tmp_path) as (scada, _, _):
-        await scada.command("pump", "start", "kept", "-r")
-        refused = await scada.result("pump", id="kept", phase="rejected")
+        await scada.command("pump", "start", "retained", "-r")
+        refused = await scada.result("pump", id="retained", phase="rejected")
         await scada.command("pump", "read", "after", parameter="P003")
         await scada.result("pump", id="after", phase="confirmed")
 
@@ -153,7 +153,7 @@ async def test_a_bad_new_configuration_is_refused_and_a_good_one_taken_over(
     assert before == after
 
 
-async def test_nobody_without_a_right_and_nothing_malformed_gets_through(
+async def test_no_client_without_a_right_and_nothing_malformed_gets_through(
     start_mosquitto: StartMosquitto, tmp_path: Path
 ) -> None:
     async with plant(start_mosquitto(), tmp_path) as (scada, _, _):

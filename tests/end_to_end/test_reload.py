@@ -12,12 +12,10 @@ from typing import Any
 import pytest
 
 from tests.end_to_end.plant import plant
-from tests.end_to_end.service_manager import NOBODY, ServiceManager
+from tests.end_to_end.service_manager import UNUSED_PORT, ServiceManager
 from tests.end_to_end.site import Program, Scada, site_config, write_config
 from tests.mosquitto import MosquittoBroker, StartMosquitto
 from tests.torture.process import Starters
-
-pytestmark = pytest.mark.alone
 
 RIGHTS = '\n[[operator]]\nclient = "bob"\nmay = ["read"]\nstarters = ["pump"]\n'
 WATCHDOG_S = 4  # in every starter; it only says that it would have acted
@@ -32,13 +30,14 @@ class Hup:
         self._gateway, self._config, self._scada = gateway, config, scada
 
     async def reload(self, text: str, *, code: str = "reloaded") -> dict[str, Any]:
-        """Have this read and return the event that tells what came of it."""
+        """Have this read and return the event that reports what came of it."""
         self._scada.latest.pop("gateway/event", None)
         self._config.write_text(text, "utf-8")
         self._gateway.signal(signal.SIGHUP)
         return await self._scada.until("gateway/event", code=code)
 
 
+@pytest.mark.alone
 async def test_new_rights_count_at_once_and_neither_port_nor_broker_notice(
     start_mosquitto: StartMosquitto, tmp_path: Path
 ) -> None:
@@ -46,7 +45,7 @@ async def test_new_rights_count_at_once_and_neither_port_nor_broker_notice(
         hup, boot = Hup(gateway, config, scada), await scada.boot()
         scada.events.clear()
 
-        told = await hup.reload(hup.good + RIGHTS)
+        event = await hup.reload(hup.good + RIGHTS)
         bob = Scada(scada.broker, scada.watcher, client="bob")
         await bob.publish(
             "command/pump/bob/read", json.dumps({"id": "1", "boot": boot, "args": {"parameter": "P003"}})
@@ -56,7 +55,7 @@ async def test_new_rights_count_at_once_and_neither_port_nor_broker_notice(
         after = await scada.boot()
         availability = scada.latest.get("starter/pump/availability")
 
-    assert told["data"] == {}
+    assert event["data"] == {}
     assert [each["client"] for each in info["operators"]] == ["alice", "bob"]
     assert after == boot
     assert availability["state"] == "online"
@@ -69,7 +68,7 @@ async def test_a_starter_that_is_gone_is_gone_from_the_broker_and_a_new_one_is_t
     broker = start_mosquitto()
     async with plant(broker, tmp_path) as (scada, gateway, config):
         hup = Hup(gateway, config, scada)
-        told = await hup.reload(hup.good.replace('name = "fan"', 'name = "blower"'))
+        event = await hup.reload(hup.good.replace('name = "fan"', 'name = "blower"'))
         await scada.until("starter/blower/event", code="readiness")  # it is identified
         await scada.command("blower", "read", "1", parameter="P003")
         await scada.result("blower", id="1", phase="confirmed")
@@ -78,7 +77,7 @@ async def test_a_starter_that_is_gone_is_gone_from_the_broker_and_a_new_one_is_t
         async with broker.watch("starters/plant/starter/#") as watcher:
             names = {seen.topic.split("/")[3] for seen in watcher._early}  # what is retained
 
-    assert told["data"] == {"starters_added": ["blower"], "starters_removed": ["fan"]}
+    assert event["data"] == {"starters_added": ["blower"], "starters_removed": ["fan"]}
     assert refused["code"] == "unknown_starter"
     assert names == {"pump", "blower", "mill", "belt"}
 
@@ -86,7 +85,8 @@ async def test_a_starter_that_is_gone_is_gone_from_the_broker_and_a_new_one_is_t
 @asynccontextmanager
 async def watched_plant(broker: MosquittoBroker, folder: Path) -> AsyncIterator[tuple[Hup, Starters, Scada]]:
     """Run the gateway on starters in a process of their own, which record how long they had to wait."""
-    config = write_config(folder, site_config(broker_port=broker.port, port=str(folder / "ttyHALL")))
+    text = site_config(broker_port=broker.port, port=str(folder / "ttyHALL"))
+    config = write_config(folder, text.replace("adapter_allowance_s = 0.3\n", ""))  # no watchdog could be met
     starters = Starters(config, WATCHDOG_S)
     await starters.start()
     try:
@@ -107,7 +107,8 @@ def longest_gap_s(report: dict[str, Any], *names: str) -> float:
     return max(to_s - from_s for name in names for from_s, to_s in report["starters"][name]["gaps"])
 
 
-async def test_no_watchdog_hears_of_reloads_that_change_rights_periods_neighbours_or_nothing(
+@pytest.mark.alone
+async def test_no_watchdog_acts_on_reloads_that_change_rights_periods_neighbours_or_nothing(
     start_mosquitto: StartMosquitto, tmp_path: Path
 ) -> None:
     async with watched_plant(start_mosquitto(), tmp_path) as (hup, starters, _):
@@ -123,21 +124,23 @@ async def test_no_watchdog_hears_of_reloads_that_change_rights_periods_neighbour
     assert sum(len(each["writes"]) for each in report["starters"].values()) == 0
 
 
+@pytest.mark.alone
 async def test_a_line_that_is_opened_anew_is_back_before_any_watchdog_acts(
     start_mosquitto: StartMosquitto, tmp_path: Path
 ) -> None:
     async with watched_plant(start_mosquitto(), tmp_path) as (hup, starters, scada):
-        told = await hup.reload(hup.good.replace('framing = "8N2"', 'framing = "8N2"\ndeaf_after_s = 20.0'))
+        event = await hup.reload(hup.good.replace('framing = "8N2"', 'framing = "8N2"\ndeaf_after_s = 20.0'))
         await scada.until("gateway/event", code="port_open")
         for name in ("pump", "fan", "mill", "belt"):
             await scada.until(f"starter/{name}/state", state="ready", quality="good")
         report = await starters.order("report")
 
-    assert told["data"]["lines_reopened"] == ["hall"]
+    assert event["data"]["lines_reopened"] == ["hall"]
     assert [each["trips"] for each in report["starters"].values()] == [[], [], [], []]
     assert longest_gap_s(report, "pump", "fan", "mill", "belt") < 2 * REGULAR_S + BOUND_S
 
 
+@pytest.mark.alone
 async def test_the_connection_moves_to_another_broker_and_the_polls_go_on(
     start_mosquitto: StartMosquitto, tmp_path: Path
 ) -> None:
@@ -159,7 +162,7 @@ async def test_the_connection_moves_to_another_broker_and_the_polls_go_on(
     assert longest_gap_s(report, "pump", "fan", "mill", "belt") < REGULAR_S + BOUND_S
 
 
-async def test_what_would_make_it_another_gateway_is_refused_with_the_mend(
+async def test_what_would_make_it_another_gateway_is_refused_with_a_hint(
     start_mosquitto: StartMosquitto, tmp_path: Path
 ) -> None:
     async with plant(start_mosquitto(), tmp_path) as (scada, gateway, config):
@@ -173,21 +176,23 @@ async def test_what_would_make_it_another_gateway_is_refused_with_the_mend(
     assert boot
 
 
-async def test_systemd_hears_when_a_reload_begins_and_that_it_is_over_good_or_bad(tmp_path: Path) -> None:
-    config = write_config(tmp_path, site_config(broker_port=NOBODY, port=str(tmp_path / "ttyHALL")))
+async def test_systemd_is_notified_of_the_begin_and_the_end_of_a_reload_good_or_bad(
+    tmp_path: Path,
+) -> None:
+    config = write_config(tmp_path, site_config(broker_port=UNUSED_PORT, port=str(tmp_path / "ttyHALL")))
     manager = ServiceManager(tmp_path / "notify")
     async with Program("gateway", "simulate", str(config)) as simulator:
         await simulator.says("line hall")
         async with Program(
             "gateway", "run", str(config), environ={"NOTIFY_SOCKET": manager.address}
         ) as gateway:
-            await manager.hears("READY=1")
+            await manager.receives("READY=1")
             good = config.read_text("utf-8")
             for text in (good + RIGHTS, good.replace("19200", "7")):
                 config.write_text(text, "utf-8")
                 gateway.signal(signal.SIGHUP)
-                await manager.hears("RELOADING=1")
-                await manager.hears("READY=1")
+                await manager.receives("RELOADING=1")
+                await manager.receives("READY=1")
             await gateway.says("reload refused")
             gateway.signal(signal.SIGHUP)
             gateway.signal(signal.SIGTERM)  # in the middle of it

@@ -1,4 +1,4 @@
-"""`scan` as a process on ports that nobody, a simulator or another program serves."""
+"""`scan` as a process on ports that no process, a simulator or another program serves."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ async def scanned(port: str, *options: str) -> tuple[int, str, str]:
 
 @contextmanager
 def silent_tty() -> Iterator[tuple[str, int]]:
-    """Give the path of a port where nobody answers, and its other end."""
+    """Give the path of a port where no device answers, and its other end."""
     ours, theirs = os.openpty()
     tty.setraw(theirs)
     os.set_blocking(ours, False)
@@ -118,7 +118,7 @@ async def test_a_line_full_of_other_bytes_is_searched_to_its_end() -> None:
     with silent_tty() as (port, ours):
         scanning = asyncio.ensure_future(scanned(port, "--address", "1-2", "--baud", "19200"))
         while not scanning.done():
-            with suppress(BlockingIOError):  # between two settings nobody reads
+            with suppress(BlockingIOError):  # between two settings no one reads
                 os.write(ours, b"\x55\xaa\x00")
             await asyncio.sleep(0.003)
         code, out, errors = await scanning
@@ -137,7 +137,7 @@ async def test_simulated_starters_are_found_at_the_setting_of_their_line_and_at_
     served = PtyLine(line, link=tmp_path / "line")
     await served.start()
     try:
-        code, out, errors = await scanned(str(tmp_path / "line"), "--address", "1-4", "--reply-within", "0.1")
+        code, out, errors = await scanned(str(tmp_path / "line"), "--address", "3-4", "--reply-within", "0.2")
     finally:
         await served.stop()
 

@@ -1,20 +1,16 @@
-"""What systemd hears of the service: READY once the lines poll, WATCHDOG only while they do."""
+"""What systemd receives from the service: READY once the lines poll, WATCHDOG only while they do."""
 
 from __future__ import annotations
 
 import signal
 from pathlib import Path
 
-import pytest
-
-from tests.end_to_end.service_manager import NOBODY, ServiceManager
+from tests.end_to_end.service_manager import UNUSED_PORT, ServiceManager
 from tests.end_to_end.site import Program, site_config, write_config
-
-pytestmark = pytest.mark.alone
 
 
 async def test_ready_and_watchdog_come_from_the_lines_work_even_without_a_broker(tmp_path: Path) -> None:
-    config = write_config(tmp_path, site_config(broker_port=NOBODY, port=str(tmp_path / "ttyHALL")))
+    config = write_config(tmp_path, site_config(broker_port=UNUSED_PORT, port=str(tmp_path / "ttyHALL")))
     manager = ServiceManager(tmp_path / "notify")
     environ = {"NOTIFY_SOCKET": manager.address, "WATCHDOG_USEC": "1000000"}
     async with (
@@ -22,12 +18,12 @@ async def test_ready_and_watchdog_come_from_the_lines_work_even_without_a_broker
     ):
         await simulator.says("line hall")
         async with Program("gateway", "run", str(config), environ=environ) as gateway:
-            await manager.hears("READY=1")
-            await manager.hears("WATCHDOG=1")
-            await manager.hears("WATCHDOG=1")
+            await manager.receives("READY=1")
+            await manager.receives("WATCHDOG=1")
+            await manager.receives("WATCHDOG=1")
 
             gateway.signal(signal.SIGTERM)
-            await manager.hears("STOPPING=1")
+            await manager.receives("STOPPING=1")
             code = await gateway.exit_code(within_s=10.0)
     manager.close()
 
@@ -35,7 +31,7 @@ async def test_ready_and_watchdog_come_from_the_lines_work_even_without_a_broker
 
 
 async def test_a_wrong_configuration_ends_with_78_and_names_every_mistake(tmp_path: Path) -> None:
-    text = site_config(broker_port=NOBODY, port="/dev/ttyX").replace("address = 2", "address = 1")
+    text = site_config(broker_port=UNUSED_PORT, port="/dev/ttyX").replace("address = 2", "address = 1")
     config = write_config(tmp_path, text.replace('family = "sst"', 'family = "sts"'))
 
     async with Program("gateway", "run", str(config)) as gateway:

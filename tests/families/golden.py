@@ -16,7 +16,7 @@ from typing import Any
 from gateway.errors import CommandError
 from gateway.families.command.build import build, prepare, verbs
 from gateway.families.command.interlock import check, points_needed
-from gateway.families.devices import alarms_of
+from gateway.families.devices import device_of
 from gateway.families.diagnosis.identify import identify, identify_requests
 from gateway.families.diagnosis.readiness import (
     readiness,
@@ -29,7 +29,8 @@ from gateway.families.diagnosis.readiness import (
 from gateway.families.mapped_registers import build_map, fast_block, plan_with, prepare_map, probes
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.procedure import Expect, Preparation, Procedure, Read
-from gateway.families.profile.schema import Access, Parameter, Profile, Variant
+from gateway.families.profile.rows import Access, Parameter
+from gateway.families.profile.schema import Profile, Variant
 from gateway.families.profile.state import state_of
 from gateway.modbus.device_id import DeviceIdentification
 from gateway.starters.parameters.model import ParameterEntry, ParameterSet, entries_of
@@ -219,7 +220,7 @@ def _looks(profile: Profile) -> Iterator[tuple[str, str]]:
             name: chance.choice((False, False, False, True, None) if number % 2 else (False, 0, 5, 17, 128))
             for name in names
         }
-        alarms = [(alarm.code, alarm.severity) for alarm in alarms_of(profile, points)]
+        alarms = [(alarm.code, alarm.severity) for alarm in device_of(profile).alarms(profile, points)]
         for rule in ("remote", "serial_controls", "no_fault", "has_fault", "is_ready", "is_stopped"):
             if rule not in ("remote", "serial_controls") or rule in points:
                 yield "rules", repr([each.code for each in check(profile, (rule,), points)])

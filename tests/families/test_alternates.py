@@ -9,7 +9,8 @@ import pytest
 from gateway.families.alternates import MOST, alternates
 from gateway.families.mapped_registers import fast_block, plan_with
 from gateway.families.profile.load import load_profile
-from gateway.families.profile.schema import Access, Profile, Table, Variant
+from gateway.families.profile.rows import Access, Table
+from gateway.families.profile.schema import Profile, Variant
 from gateway.families.reading.poll_blocks import Block
 from gateway.line.rtu.late_replies import expected_shape
 from gateway.modbus.pdu import Request

@@ -16,7 +16,8 @@ from gateway.families.command.interlock import check
 from gateway.families.devices import device_of
 from gateway.families.profile.decode import decode_points, decode_words
 from gateway.families.profile.load import read_profile
-from gateway.families.profile.schema import Table, Variant
+from gateway.families.profile.rows import Table
+from gateway.families.profile.schema import Variant
 from gateway.families.profile.state import state_of
 from gateway.families.reading.poll_blocks import plan_blocks
 from gateway.modbus import adu
@@ -108,7 +109,7 @@ from gateway.families.profile.decode import decode_points
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Variant
 from gateway.families.profile.state import state_of
-from gateway.families.reading.poll_blocks import plan_blocks, rows_of
+from gateway.families.reading.poll_blocks import plan_blocks
 from gateway.modbus.device_id import DeviceIdentification
 
 profile = load_profile("acme")
@@ -123,7 +124,7 @@ print("an ssw07 would be", stranger.family_seen)
 variant = Variant(model=identity.model, firmware=identity.firmware)
 blocks = plan_blocks(profile, variant)
 print("polls", *(block.request.encode().hex() for block in blocks))
-rows = {**rows_of(profile, blocks[0], (0b1_0010,)), **rows_of(profile, blocks[1], (125,))}
+rows = {**blocks[0].rows_in(profile, (0b1_0010,)), **blocks[1].rows_in(profile, (125,))}
 points = {name: point.value for name, point in decode_points(profile, variant, rows).items()}
 print("reads", points["current"], state_of(profile, points))
 

@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.families.profile.load import FAMILIES, load_profile
-from gateway.families.profile.schema import Point, Profile, Table, Variant
-from gateway.families.reading.poll_blocks import GROUPS, LEAST_DELAY_S, Block, plan_blocks, rows_of, split
+from gateway.families.profile.rows import Table
+from gateway.families.profile.schema import Point, Profile, Variant
+from gateway.families.reading.poll_blocks import GROUPS, LEAST_DELAY_S, Block, plan_blocks, split
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.timing import Framing, LineTiming
 
@@ -55,7 +56,7 @@ def test_the_ssw900_is_polled_in_few_long_reads() -> None:
         "status:D1.1.1": ReadHoldingRegisters(90, 6),
         "status:S5.1.1": ReadHoldingRegisters(680, 7),
         "values:S1.1.5": ReadHoldingRegisters(2, 24),
-        "slow:D4.7.1": ReadHoldingRegisters(59, 2),
+        "slow:S4.2.1": ReadHoldingRegisters(50, 11),
         "slow:S3.1.2": ReadHoldingRegisters(232, 1),
     }
 
@@ -200,7 +201,7 @@ def test_the_words_of_a_reply_go_to_their_rows_and_what_lies_between_is_dropped(
     profile = polling("ssw900", {"S1.6.2", "S1.1.4"})
     block = plan_blocks(profile, UNKNOWN)[0]
 
-    rows = rows_of(profile, block, (500, 1, 2, 3, 4, 5, 6, 23, 0))
+    rows = block.rows_in(profile, (500, 1, 2, 3, 4, 5, 6, 23, 0))
 
     assert rows == {"S1.6.2": (500,), "S1.1.4": (23, 0)}
 
@@ -209,7 +210,7 @@ def test_an_alias_has_the_words_of_its_register_too() -> None:
     profile = load_profile("ssw900")
     block = next(block for block in plan_blocks(profile, UNKNOWN) if "S5.1.1" in block.codes)
 
-    rows = rows_of(profile, block, (99, 1, 2, 3, 4, 5, 6))
+    rows = block.rows_in(profile, (99, 1, 2, 3, 4, 5, 6))
 
     assert rows == {"S5.1.1": (99,), "S3.1.3.1": (99,), "S5.2.5": (5,), "S5.2.6": (6,)}
 
@@ -218,7 +219,7 @@ def test_coils_become_words_of_one_and_zero() -> None:
     profile = polling("sst", {"COIL5", "COIL7"})
     block = plan_blocks(profile, UNKNOWN)[0]
 
-    assert rows_of(profile, block, (True, True, False)) == {"COIL5": (1,), "COIL7": (0,)}
+    assert block.rows_in(profile, (True, True, False)) == {"COIL5": (1,), "COIL7": (0,)}
 
 
 LINE = LineTiming(19200, Framing.parse("8E1"))
@@ -228,7 +229,7 @@ def joined(family: str, codes: set[str], timing: LineTiming = LINE) -> list[Any]
     return [block.request for block in plan_blocks(polling(family, codes), UNKNOWN, timing=timing)]
 
 
-def test_registers_that_nobody_wants_are_read_where_that_takes_less_time_than_another_request() -> None:
+def test_registers_that_are_not_wanted_are_read_where_that_takes_less_time_than_another_request() -> None:
     near, far = {"S1.1.5", "S1.6.2"}, {"S1.1.5", "S3.1.2"}  # 2 and 17; 2 and 232
     faster = LineTiming(57600, Framing.parse("8E1"))
 

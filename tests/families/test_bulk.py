@@ -8,7 +8,7 @@ import pytest
 
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.procedure import Read
-from gateway.families.profile.schema import Access
+from gateway.families.profile.rows import Access
 from gateway.families.reading.bulk import bulk_reads, halves, is_set_by_people, is_setting, readable_codes
 from gateway.modbus.reads import ReadHoldingRegisters
 
@@ -32,7 +32,7 @@ def test_every_readable_row_is_read_once_and_within_the_limits(family: str) -> N
     assert all(not each.request.is_write for each in reads)
 
 
-def test_a_limit_on_the_length_is_kept_and_longer_rows_stay_whole() -> None:
+def test_a_limit_on_the_length_is_met_and_longer_rows_stay_whole() -> None:
     profile = load_profile("ssw900")
 
     reads = bulk_reads(profile, readable_codes(profile), longest=24)
@@ -88,7 +88,7 @@ def test_a_refused_read_is_halved_down_to_its_rows() -> None:
     assert halves(profile, first) == ()
 
 
-def test_two_names_of_one_register_are_still_told_apart() -> None:
+def test_two_names_of_one_register_stay_distinct() -> None:
     profile = load_profile("ssw900")
     (read,) = bulk_reads(profile, ["S6.4.1", "C11.3.1", "S6.4.2"])
 
@@ -115,7 +115,7 @@ def test_two_names_of_one_register_are_still_told_apart() -> None:
         ("sst", "COIL1", (False, False)),
     ],
 )
-def test_settings_are_told_from_readings_outputs_and_commands(
+def test_settings_are_distinguished_from_readings_outputs_and_commands(
     family: str, code: str, expected: tuple[bool, bool]
 ) -> None:
     profile = load_profile(family)

@@ -193,7 +193,7 @@ def test_a_switch_is_off_in_several_spellings(value: object) -> None:
 
 
 @pytest.mark.parametrize(
-    ("verb", "args", "told"),
+    ("verb", "args", "text"),
     [
         ("start", {"now": True}, "now is unknown"),
         ("general_enable", {}, "value is missing"),
@@ -203,11 +203,11 @@ def test_a_switch_is_off_in_several_spellings(value: object) -> None:
         ("set", {"parameter": "P314", "valu": 1}, "value is missing, valu is unknown"),  # codespell:ignore
     ],
 )
-def test_wrong_arguments_are_named(verb: str, args: dict[str, Any], told: str) -> None:
+def test_wrong_arguments_are_named(verb: str, args: dict[str, Any], text: str) -> None:
     error = refusal("ssw07", verb, args)
 
     assert error.code == "bad_arguments"
-    assert told in error.text
+    assert text in error.text
 
 
 # Verification

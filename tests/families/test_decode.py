@@ -14,7 +14,8 @@ from gateway.families.profile.decode import (
 )
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.parameters import find
-from gateway.families.profile.schema import Point, Table, Variant
+from gateway.families.profile.rows import Table
+from gateway.families.profile.schema import Point, Variant
 from tests.families.decoding import UNKNOWN, value
 
 
@@ -31,7 +32,14 @@ def test_the_example_of_both_serial_manuals_is_50_percent_and_40_amperes(family:
     shown = decode_words(profile, variant, Table.HOLDING, 2, [500, 400])
 
     assert shown["P002"]["value"] == 50.0
-    assert shown["P003"] == {"point": "current", "value": 40.0, "unit": "A", "label": None, "raw": [400]}
+    assert shown["P003"] == {
+        "name": "motor current",
+        "point": "current",
+        "value": 40.0,
+        "unit": "A",
+        "label": None,
+        "raw": [400],
+    }
 
 
 @pytest.mark.parametrize("model", ["SSW-06 820A", "SSW-06 820.0A", "SSW-06 820", "SSW-06 1400A"])
@@ -45,7 +53,7 @@ def test_a_smaller_ssw06_sends_tenths(model: str) -> None:
 
 
 @pytest.mark.parametrize("model", [None, "SSW-06", "whatever"])
-def test_an_ssw06_of_unknown_current_tells_no_amperes_but_shows_the_raw_word(model: str | None) -> None:
+def test_an_ssw06_of_unknown_current_gives_no_amperes_but_shows_the_raw_word(model: str | None) -> None:
     assert value("ssw06", "P003", 1234, variant=Variant(model=model)) is None
     assert value("ssw06", "P002", 500, variant=Variant(model=model)) == 50.0
 

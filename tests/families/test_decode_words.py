@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from gateway.families.profile.decode import decode_words
 from gateway.families.profile.load import FAMILIES, load_profile
-from gateway.families.profile.schema import Table
+from gateway.families.profile.rows import Table
 from tests.families.decoding import UNKNOWN
 
 
@@ -33,11 +33,25 @@ def test_coils_of_the_ssw07_are_bits_of_its_words() -> None:
 
     shown = decode_words(profile, UNKNOWN, Table.COIL, 0, [1, 0, 0, 0, 0, 0, 0, 0, 1] + [0] * 7 + [1])
 
-    running = {"point": "running", "value": True, "unit": "", "label": "motor running", "raw": [1]}
+    running = {
+        "name": "Running",
+        "point": "running",
+        "value": True,
+        "unit": "",
+        "label": "motor running",
+        "raw": [1],
+    }
     assert shown["VB01.0"] == running
     assert shown["VB01.8"]["point"] == "remote"
     assert shown["VB01.6"]["point"] is None
-    assert shown["COIL16"] == {"point": None, "value": True, "unit": "", "label": None, "raw": [1]}
+    assert shown["COIL16"] == {
+        "name": None,
+        "point": None,
+        "value": True,
+        "unit": "",
+        "label": None,
+        "raw": [1],
+    }
     assert list(decode_words(profile, UNKNOWN, Table.COIL, 100, [1])) == ["VB03.0"]
 
 
@@ -55,13 +69,14 @@ def test_words_that_no_row_names_are_shown_raw() -> None:
     shown = decode_words(load_profile("ssw900"), UNKNOWN, Table.HOLDING, 18, [1, 2, 3])
 
     assert list(shown) == ["S1.6.3", "HR19", "HR20"]
-    assert shown["HR19"] == {"point": None, "value": 2, "unit": "", "label": None, "raw": [2]}
+    assert shown["HR19"] == {"name": None, "point": None, "value": 2, "unit": "", "label": None, "raw": [2]}
     assert list(decode_words(load_profile("sst"), UNKNOWN, Table.INPUT, 42, [0, 9])) == ["R42", "IR43"]
 
 
 def test_parameters_that_the_serial_manual_does_not_name_go_by_their_number() -> None:
     shown = decode_words(load_profile("ssw07"), UNKNOWN, Table.HOLDING, 102, [7])
 
+    assert shown["P102"].pop("name") == "not named in this manual"
     assert shown == {"P102": {"point": None, "value": 7, "unit": "", "label": None, "raw": [7]}}
     assert list(decode_words(load_profile("ssw07"), UNKNOWN, Table.HOLDING, 999, [7, 8])) == [
         "P999",

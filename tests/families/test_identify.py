@@ -27,12 +27,41 @@ def frames(family: str) -> dict[str, str]:
     return {one.tag: one.request.encode().hex(" ") for one in identify_requests(load_profile(family))}
 
 
-def test_an_ssw07_is_asked_for_its_identification_only() -> None:
-    assert frames("ssw07") == {"fc43": "2b 0e 01 00"}
+def test_an_ssw07_is_asked_for_a_register_that_every_one_has() -> None:
+    assert frames("ssw07") == {
+        "register": "03 13 89 00 01",
+        "model": "03 13 88 00 01",  # which only an SSW-06 need have
+        "fc43": "2b 0e 01 00",
+    }
+
+
+@pytest.mark.parametrize("family", ["ssw06", "ssw07", "ssw900"])
+def test_fc43_is_asked_last_since_a_device_without_it_may_be_silent_after_it(family: str) -> None:
+    assert list(frames(family))[-1] == "fc43"
+
+
+def test_an_ssw06_that_is_silent_to_function_43_is_no_ssw07() -> None:
+    assert identity("ssw07", register=(0,), model=(15,)).family_seen == "ssw06"
+    assert identity("ssw07", register=(0,), model=(7,)).family_seen is None
+    assert identity("ssw07", fc43=weg("SSW-07 85A"), model=(15,)).family_seen == "ssw07"
+
+
+@pytest.mark.parametrize("family", ["ssw06", "ssw07"])
+def test_a_device_that_names_itself_as_no_known_starter_is_of_another_family(family: str) -> None:
+    seen = identity(family, fc43=weg("CFW-11"), register=(15,))
+
+    assert why_not(load_profile(family), seen).startswith(f"it is not {family}: FC43 names 'CFW-11'")  # type: ignore[union-attr]
+    assert not identity(family, fc43=weg("")).lacks  # no name says nothing
+
+
+def test_an_ssw900_of_unknown_text_is_another_only_by_its_slots_too() -> None:
+    assert identity("ssw900", fc43=weg("SS"), slots=(0, 0)).lacks
+    assert not identity("ssw900", fc43=weg("SS")).lacks
+    assert not identity("ssw900", fc43=weg("SS"), slots=(0, 2)).lacks
 
 
 def test_an_ssw06_is_asked_for_its_fixed_register_too() -> None:
-    assert frames("ssw06") == {"fc43": "2b 0e 01 00", "model_register": "03 13 88 00 01"}
+    assert frames("ssw06") == {"fc43": "2b 0e 01 00", "register": "03 13 88 00 01"}
 
 
 def test_an_ssw900_is_asked_for_its_slots_and_never_for_half_a_serial_number() -> None:
@@ -68,19 +97,19 @@ def test_an_ssw07_or_ssw08_is_known_by_the_text_of_object_1(text: str, current_a
 
 @pytest.mark.parametrize("register", [(15,), None])
 def test_an_ssw06_is_known_by_its_text(register: tuple[int, ...] | None) -> None:
-    seen = identity("ssw06", fc43=weg("SSW-06 820A"), model_register=register)
+    seen = identity("ssw06", fc43=weg("SSW-06 820A"), register=register)
 
     assert (seen.family_seen, seen.rated_current_a) == ("ssw06", 820.0)
 
 
 def test_an_ssw06_that_is_silent_to_function_43_is_known_by_its_fixed_register() -> None:
-    seen = identity("ssw06", fc43=None, model_register=(15,))
+    seen = identity("ssw06", fc43=None, register=(15,))
 
     assert (seen.family_seen, seen.model, seen.rated_current_a) == ("ssw06", None, None)
 
 
 def test_an_ssw06_whose_fixed_register_is_not_15_is_not_believed() -> None:
-    seen = identity("ssw06", fc43=weg("SSW-06 85.0A"), model_register=(7,))
+    seen = identity("ssw06", fc43=weg("SSW-06 85.0A"), register=(7,))
 
     assert seen.family_seen is None
     assert why_not(load_profile("ssw06"), seen) == (
@@ -89,11 +118,11 @@ def test_an_ssw06_whose_fixed_register_is_not_15_is_not_believed() -> None:
 
 
 def test_the_fixed_register_does_not_outvote_another_name() -> None:
-    assert identity("ssw06", fc43=weg("SSW-07 85A"), model_register=(15,)).family_seen == "ssw07"
-    assert identity("ssw06", fc43=weg("CFW-11"), model_register=(15,)).family_seen is None
+    assert identity("ssw06", fc43=weg("SSW-07 85A"), register=(15,)).family_seen == "ssw07"
+    assert identity("ssw06", fc43=weg("CFW-11"), register=(15,)).family_seen is None
 
 
-def test_an_ssw06_where_an_ssw07_is_configured_is_told_by_name() -> None:
+def test_an_ssw06_where_an_ssw07_is_configured_is_reported_by_name() -> None:
     profile = load_profile("ssw07")
     seen = identity("ssw07", fc43=weg("SSW-06 85.0A"))
 

@@ -82,7 +82,7 @@ def test_the_rules_of_the_sst_are_decoded_from_its_coils_and_register_19(
         ({"running": True}, "the state is running"),
     ],
 )
-def test_why_a_starter_is_not_ready_is_told(change: dict[str, Any], reading: str) -> None:
+def test_why_a_starter_is_not_ready_is_reported(change: dict[str, Any], reading: str) -> None:
     (violation,) = check(load_profile("ssw900"), ["is_ready"], {**WEG_AT_REST, **change})
 
     assert violation.reading == reading
@@ -94,7 +94,7 @@ def test_a_bit_that_an_old_ssw07_does_not_have_does_not_keep_it_from_being_stopp
     assert broken("ssw07", ("is_stopped",), points) == []
 
 
-def test_a_violation_tells_what_was_read_and_what_to_do() -> None:
+def test_a_violation_says_what_was_read_and_what_to_do() -> None:
     (violation,) = check(load_profile("ssw07"), ("remote",), {"remote": False})
 
     assert violation.reading == "remote is false"

@@ -9,7 +9,8 @@ import pytest
 from gateway.families.profile.decode import Decoded, decode_points, decode_row, decode_words
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.parameters import find
-from gateway.families.profile.schema import Table, Variant
+from gateway.families.profile.rows import Table
+from gateway.families.profile.schema import Variant
 
 UNKNOWN = Variant()
 
@@ -28,10 +29,10 @@ def shown(family: str, table: Table, start: int, *words: int) -> dict[str, dict[
     [
         ("ssw900", "D1.1.1", 128, "F128 Serial communication timeout"),
         ("ssw900", "D2.1.3", 128, "A128 Serial communication timeout"),
-        ("ssw900", "D1.1.1", 999, "F999"),
+        ("ssw900", "D1.1.1", 999, "F999 (not in the manual)"),
         ("ssw900", "D1.1.1", 0, None),
         ("ssw07", "P014", 28, "E28 Serial communication inactive"),
-        ("ssw07", "P017", 5, "E05"),
+        ("ssw07", "P017", 5, "E05 Motor overload"),
     ],
 )
 def test_a_fault_or_an_alarm_is_called_by_its_code_and_its_name(
@@ -54,10 +55,10 @@ def test_a_fault_or_an_alarm_is_called_by_its_code_and_its_name(
 def test_a_coil_says_what_0_and_1_mean(
     family: str, address: int, code: str, labels: tuple[str | None, str | None]
 ) -> None:
-    told = [shown(family, Table.COIL, address, word)[code] for word in (0, 1)]
+    entries = [shown(family, Table.COIL, address, word)[code] for word in (0, 1)]
 
-    assert tuple(one["label"] for one in told) == labels
-    assert [one["value"] for one in told] == [False, True]
+    assert tuple(one["label"] for one in entries) == labels
+    assert [one["value"] for one in entries] == [False, True]
 
 
 @pytest.mark.parametrize(
@@ -98,3 +99,10 @@ def test_versions_and_the_name_of_an_sst_read_as_the_manual_writes_them(
     code: str, word: int, text: str
 ) -> None:
     assert decoded("sst", code, word) == Decoded(value=text, label=None, unit="", raw=(word,))
+
+
+def test_a_timeout_of_zero_is_off_only_where_the_manual_says_so() -> None:
+    """P314 = 0 is (ssw06-es 2.4); of C8.2.5.3 nothing is said: C8.2.5.1 = 0 is Inactive (ssw900)."""
+    assert decoded("ssw06", "P314", 0).label == "off"
+    assert decoded("ssw900", "C8.2.5.3", 0).label is None
+    assert decoded("ssw900", "C8.2.5.1", 0).label == "Inactive"

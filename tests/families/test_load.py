@@ -59,7 +59,11 @@ def test_a_family_that_is_not_shipped_is_refused_with_the_list(family: str) -> N
         load_profile(family)
 
 
-def test_every_mistake_is_told_at_once_with_its_place(ssw06: Path) -> None:
+def test_a_family_is_read_once_whether_its_language_is_named_or_not() -> None:
+    assert load_profile("ssw07") is load_profile("ssw07", "en") is load_profile("ssw07", language="en")
+
+
+def test_every_mistake_is_reported_at_once_with_its_place(ssw06: Path) -> None:
     replace(ssw06 / "parameters.csv", "^P002,(.*),holding,2,", r"P002,\1,drum,2,")
     replace(ssw06 / "enums.csv", "^P229,4,", "P229,four,")
     append(ssw06 / "bits.csv", "VB01,15,Error again")
@@ -93,7 +97,7 @@ def test_a_missing_family_file_is_a_problem(tmp_path: Path) -> None:
 
 
 def test_a_line_with_too_many_cells_is_a_problem(ssw06: Path) -> None:
-    append(ssw06 / "alarms.csv", "e31,fault,Something,else")
+    append(ssw06 / "alarms.csv", "e31,fault,Something,manual,4.2,else")
 
     assert problems_of(ssw06) == ["alarms.csv:5: more: is no known key"]
 
@@ -214,7 +218,7 @@ CONTRADICTIONS = [
 
 
 @pytest.mark.parametrize(("file", "pattern", "by", "complaint"), CONTRADICTIONS)
-def test_parts_that_contradict_each_other_are_told(
+def test_parts_that_contradict_each_other_are_reported(
     ssw06: Path, file: str, pattern: str, by: str, complaint: str
 ) -> None:
     replace(ssw06 / file, pattern, by)

@@ -183,7 +183,7 @@ def test_local_and_remote_of_an_ssw900_need_a_slot_as_their_source() -> None:
 
 
 @pytest.mark.parametrize("family", WEG)
-def test_whoever_gives_the_control_away_is_told_so(family: str) -> None:
+def test_a_command_that_gives_the_control_away_says_so(family: str) -> None:
     rows: dict[str, Any] = {"S5_1_1": REST_900} if family == "ssw900" else {"VB01": READY, "VB03": 0}
 
     assert "not even a stop" in built(family, "local_remote", LOCAL, **rows).note

@@ -111,7 +111,7 @@ def test_the_word_and_the_function_are_read_first() -> None:
 
 
 @pytest.mark.parametrize(
-    ("args", "code", "told"),
+    ("args", "code", "text"),
     [
         (to("RL9", True), "bad_arguments", "RL1, RL2, RL3, AO1, AO2"),
         (to("RL1", 50), "bad_value", "true or false"),
@@ -123,9 +123,9 @@ def test_the_word_and_the_function_are_read_first() -> None:
     ],
 )
 def test_what_is_no_output_or_no_value_of_it_is_refused_with_what_is_allowed(
-    args: dict[str, Any], code: str, told: str
+    args: dict[str, Any], code: str, text: str
 ) -> None:
     error = refusal("ssw06", args)
 
     assert error.code == code
-    assert told in error.text
+    assert text in error.text

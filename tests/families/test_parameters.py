@@ -10,7 +10,8 @@ from gateway.errors import CommandError
 from gateway.families.profile.decode import decode_row
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.parameters import find, raw_limits, read_request, to_words, write_request
-from gateway.families.profile.schema import RESERVED, Access, Confidence, Parameter, Profile, Variant
+from gateway.families.profile.rows import RESERVED, Access, Confidence, Parameter
+from gateway.families.profile.schema import Profile, Variant
 from gateway.families.profile.word_types import to_percent
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegister, WriteRegisters

@@ -1,4 +1,4 @@
-"""What the shipped profiles say, checked against figures of the manuals that stand here in their own form."""
+"""What the shipped profiles say, checked against numbers of the manuals that stand here in their own form."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ import pytest
 
 from gateway.errors import CommandError
 from gateway.families.command.interlock import RULES
+from gateway.families.profile.consistency import contradictions
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.parameters import factory_settings, to_words
-from gateway.families.profile.schema import Access, Confidence, Table
+from gateway.families.profile.rows import Access, Confidence, Table
+from gateway.families.profile.schema import Profile
 
 COMMON_POINTS = """
     running general_enabled fault alarm remote accelerating decelerating full_voltage current_limit
@@ -149,7 +151,7 @@ def test_the_rated_scaled_rows_of_the_ssw06_are_the_fifteen_of_its_manual() -> N
 
 
 @pytest.mark.parametrize(
-    ("family", "figures"),
+    ("family", "numbers"),
     [
         ("ssw06", (0.010, 0.010, 0.010, 10.0, True)),
         ("ssw07", (0.020, 0.020, 0.020, 0.0, True)),
@@ -158,11 +160,11 @@ def test_the_rated_scaled_rows_of_the_ssw06_are_the_fifteen_of_its_manual() -> N
     ],
 )
 def test_response_times_are_the_manuals_or_said_to_be_ours(
-    family: str, figures: tuple[float, float, float, float, bool]
+    family: str, numbers: tuple[float, float, float, float, bool]
 ) -> None:
     timing = load_profile(family).timing
 
-    assert figures == (
+    assert numbers == (
         timing.read_s,
         timing.write_s,
         timing.write_per_register_s,
@@ -196,3 +198,18 @@ def test_factory_settings_are_those_that_the_manual_prints(family: str, codes: d
         assert row.raw_min is not None
         assert row.raw_max is not None
         assert row.raw_min <= raw <= row.raw_max
+
+
+@pytest.mark.parametrize(
+    ("family", "point"), [("ssw07", "p050"), ("ssw900", "s4_2_1"), ("ssw06", ""), ("sst", "")]
+)
+def test_the_row_of_the_thermal_image_is_named_once_and_is_a_point(family: str, point: str) -> None:
+    assert load_profile(family).thermal_point == point
+
+
+def test_a_thermal_image_that_is_no_point_is_a_mistake_of_the_profile() -> None:
+    profile = load_profile("ssw07")
+    history = profile.history.model_copy(update={"thermal": "P015"})
+    wrong = Profile.model_construct(**{**dict(profile), "history": history})
+
+    assert contradictions(wrong) == ["history: thermal: there is no point of P015"]

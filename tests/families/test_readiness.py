@@ -40,22 +40,24 @@ def look(
     return readiness(load_profile(family), variant, rows, gap_s=gap_s, watchdog_s=watchdog_s)
 
 
-def biting(findings: tuple[Finding, ...]) -> list[str]:
+def problems(findings: tuple[Finding, ...]) -> list[str]:
     return [finding.text for finding in findings if finding.weight is not Weight.NOTE]
 
 
-def dogs(family: str, changes: dict[str, int], *, slot: int | None = 1) -> list[tuple[str, float, bool]]:
+def watchdogs_of(
+    family: str, changes: dict[str, int], *, slot: int | None = 1
+) -> list[tuple[str, float, bool]]:
     rows = {code: (number,) for code, number in {**GOOD[family], **changes}.items()}
     variant = Variant.model_validate({"slot": slot if family == "ssw900" else None})
     found = watchdogs(load_profile(family), variant, rows)
-    return [(dog.code, dog.after_s, dog.is_felt) for dog in found]
+    return [(each.code, each.after_s, each.is_felt) for each in found]
 
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_starter_that_is_set_up_for_the_network_is_ready(family: str) -> None:
     findings = look(family)
 
-    assert biting(findings) == []
+    assert problems(findings) == []
     assert not refuses_start(findings)
 
 
@@ -98,7 +100,7 @@ def test_a_setting_that_would_refuse_a_start_is_an_error_that_names_it(
 
 
 def test_an_accessory_in_slot_2_is_its_own_source() -> None:
-    assert biting(look("ssw900", {"C3.1": 12, "C3.3": 5, "S3.5.1": 0, "S3.5.2": 2}, slot=2)) == []
+    assert problems(look("ssw900", {"C3.1": 12, "C3.3": 5, "S3.5.1": 0, "S3.5.2": 2}, slot=2)) == []
     assert refuses_start(look("ssw900", slot=2))
 
 
@@ -110,7 +112,7 @@ def test_an_unknown_slot_refuses_every_command() -> None:
 def test_somebody_else_who_chooses_local_or_remote_is_noted(family: str, code: str) -> None:
     findings = look(family, {code: 4})
 
-    assert biting(findings) == []
+    assert problems(findings) == []
     assert any("somebody else chooses" in finding.text and code in finding.text for finding in findings)
 
 
@@ -125,7 +127,7 @@ def test_the_start_delay_is_noted_when_it_is_set() -> None:
 
 @pytest.mark.parametrize(("family", "code"), [("ssw07", "P230"), ("ssw900", "C3.3"), ("sst", "COIL8")])
 def test_what_could_not_be_read_is_a_warning_and_never_taken_for_good(family: str, code: str) -> None:
-    assert any(f"{code} could not be read" in text for text in biting(look(family, {code: None})))
+    assert any(f"{code} could not be read" in text for text in problems(look(family, {code: None})))
 
 
 def test_an_unread_relay_function_is_left_out() -> None:
@@ -143,7 +145,7 @@ def test_unread_watchdog_settings_are_not_taken_for_no_watchdog() -> None:
     findings = look("ssw07", {"P314": None})
 
     assert not any("no watchdog" in finding.text for finding in findings)
-    assert any("P314 could not be read" in text for text in biting(findings))
+    assert any("P314 could not be read" in text for text in problems(findings))
 
 
 @pytest.mark.parametrize(
@@ -165,23 +167,23 @@ def test_unread_watchdog_settings_are_not_taken_for_no_watchdog() -> None:
         ("sst", {"R41": 9, "R42": 4}, [("R42", 4.0, True), ("R41", 9.0, True)]),
     ],
 )
-def test_a_watchdog_is_told_with_its_time_and_whether_the_motor_feels_it(
+def test_a_watchdog_is_reported_with_its_time_and_whether_the_motor_feels_it(
     family: str, changes: dict[str, int], expected: list[tuple[str, float, bool]]
 ) -> None:
-    assert dogs(family, changes) == expected
+    assert watchdogs_of(family, changes) == expected
 
 
 def test_an_action_that_is_not_known_to_be_idle_is_taken_to_be_felt() -> None:
     rows = {"P314": (3,)}
     no_source = {"P314": (3,), "P313": (1,)}
 
-    assert [dog.is_felt for dog in watchdogs(load_profile("ssw07"), Variant(), rows)] == [True]
-    assert [dog.is_felt for dog in watchdogs(load_profile("ssw07"), Variant(), no_source)] == [True]
-    assert dogs("ssw900", {"C8.2.5.1": 2, "C8.2.5.3": 15}, slot=None) == [("C8.2.5.3", 1.5, True)]
+    assert [each.is_felt for each in watchdogs(load_profile("ssw07"), Variant(), rows)] == [True]
+    assert [each.is_felt for each in watchdogs(load_profile("ssw07"), Variant(), no_source)] == [True]
+    assert watchdogs_of("ssw900", {"C8.2.5.1": 2, "C8.2.5.3": 15}, slot=None) == [("C8.2.5.3", 1.5, True)]
 
 
 def test_a_timeout_of_zero_seconds_that_is_on_is_a_warning() -> None:
-    assert any("0.0 s" in text for text in biting(look("ssw900", {"C8.2.5.1": 1})))
+    assert any("0.0 s" in text for text in problems(look("ssw900", {"C8.2.5.1": 1})))
 
 
 @pytest.mark.parametrize(("stop_s", "restart_s", "is_warned"), [(5, 5, True), (5, 4, True), (5, 6, False)])
@@ -190,7 +192,7 @@ def test_e_23_a_restart_that_comes_before_the_stop_is_a_warning(
 ) -> None:
     findings = look("sst", {"R41": stop_s, "R42": restart_s})
 
-    assert any("R42" in text and "R41" in text for text in biting(findings)) is is_warned
+    assert any("R42" in text and "R41" in text for text in problems(findings)) is is_warned
 
 
 @pytest.mark.parametrize(
@@ -210,7 +212,7 @@ def test_a_watchdog_that_the_motor_does_not_feel_is_never_an_error() -> None:
 
 
 def test_a_configured_slot_that_the_accessory_does_not_sit_in_is_an_error() -> None:
-    found = biting(look("ssw900", {"S3.5.1": 2, "S3.5.2": 0, "C3.1": 12, "C3.3": 5}, slot=2))
+    found = problems(look("ssw900", {"S3.5.1": 2, "S3.5.2": 0, "C3.1": 12, "C3.3": 5}, slot=2))
 
     (text,) = [each for each in found if "slot = 2" in each]
     assert text.startswith(
@@ -221,7 +223,7 @@ def test_a_configured_slot_that_the_accessory_does_not_sit_in_is_an_error() -> N
 
 @pytest.mark.parametrize("contents", [(2, 0), (2, 2), (None, None), (0, 0)])
 def test_a_slot_that_is_not_contradicted_is_left_alone(contents: tuple[int | None, int | None]) -> None:
-    assert biting(look("ssw900", {"S3.5.1": contents[0], "S3.5.2": contents[1]})) == []
+    assert problems(look("ssw900", {"S3.5.1": contents[0], "S3.5.2": contents[1]})) == []
 
 
 @pytest.mark.parametrize(
@@ -251,7 +253,7 @@ def test_a_slot_that_is_not_contradicted_is_left_alone(contents: tuple[int | Non
 def test_a_configured_watchdog_that_the_starter_does_not_have_is_said(
     family: str, changes: dict[str, int | None], watchdog_s: float | None, text: str
 ) -> None:
-    said = [each for each in biting(look(family, changes, watchdog_s=watchdog_s)) if "watchdog_s" in each]
+    said = [each for each in problems(look(family, changes, watchdog_s=watchdog_s)) if "watchdog_s" in each]
 
     assert len(said) == bool(text)
     assert all(text in each for each in said)

@@ -13,7 +13,8 @@ from gateway.families.command.interlock import check
 from gateway.families.command.run_command import CLEARED
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.procedure import Procedure, WriteStep
-from gateway.families.profile.schema import Parameter, Profile, Variant
+from gateway.families.profile.rows import Parameter
+from gateway.families.profile.schema import Profile, Variant
 from gateway.modbus.writes import WriteCoil, WriteRegister
 from tests.families.starters import (
     ENABLED,
@@ -52,7 +53,7 @@ SOURCES = {
 
 
 def is_run_off(profile: Profile, step: WriteStep) -> bool:
-    """Tell from the bytes alone whether a write takes the run command back."""
+    """Return from the bytes alone whether a write takes the run command back."""
     match step.request:
         case WriteCoil(address=address, is_on=is_on):
             return address == RUN_COIL.get(profile.family) and not is_on
@@ -64,7 +65,7 @@ def is_run_off(profile: Profile, step: WriteStep) -> bool:
 
 
 def wakes(profile: Profile, step: WriteStep) -> bool:
-    """Tell from the bytes alone whether a write may let a run command act that stands."""
+    """Return from the bytes alone whether a write may let a run command act that stands."""
     pdu = step.request.encode()
     address, word = int.from_bytes(pdu[1:3], "big"), int.from_bytes(pdu[3:5], "big")
     if pdu[0] == 5:

@@ -1,4 +1,4 @@
-"""Several rows at once: one read or write for neighbours, each row told and read back."""
+"""Several rows at once: one read or write for neighbours, each row listed and read back."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def refusal(family: str, verb: str, args: dict[str, Any]) -> str:
     return caught.value.code
 
 
-def test_neighbours_are_read_in_one_request_and_told_in_the_order_asked() -> None:
+def test_neighbours_are_read_in_one_request_and_listed_in_the_order_asked() -> None:
     preparation = prepared("ssw07", "read", of("P003", "p002", "P003"))
 
     assert [(frame(read.request), read.codes) for read in preparation.reads] == [
@@ -58,7 +58,7 @@ def test_rows_may_be_named_in_one_text() -> None:
     )
 
 
-def test_one_row_in_a_list_is_told_as_several() -> None:
+def test_one_row_in_a_list_is_returned_as_several() -> None:
     assert built("ssw07", "read", of("P003")).subjects == ("P003",)
 
 
@@ -105,7 +105,7 @@ def test_a_run_is_no_longer_than_the_family_takes() -> None:
     assert len(steps) == 2
 
 
-def test_outputs_are_not_kept_and_do_not_wear() -> None:
+def test_outputs_are_not_stored_and_do_not_wear() -> None:
     assert built("ssw06", "set", {"parameter": "VB08", "value": 1}).wears == 0
     assert built("ssw900", "set", {"parameter": "S5.3.1", "value": 1}).wears == 0
     assert built("ssw06", "set", {"parameter": "P314", "value": 1}).wears == 1

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from gateway.families.devices import alarms_of
+from gateway.families.devices import device_of
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.state import STATES, hindrance, state_of
 from tests.families.at_rest import SST_AT_REST, WEG_AT_REST
@@ -96,7 +96,7 @@ def test_an_ssw900_is_not_ready_while_the_time_after_a_stop_runs() -> None:
         ("sst", SST_AT_REST, ""),
     ],
 )
-def test_what_keeps_a_motor_from_being_started_is_told_in_words(
+def test_what_keeps_a_motor_from_being_started_is_said_in_words(
     family: str, points: dict[str, Any], why: str
 ) -> None:
     assert hindrance(load_profile(family), points) == why
@@ -127,14 +127,18 @@ def test_register_19_and_three_coils_decide_the_state_of_an_sst(changes: dict[st
 
 
 def codes(family: str, points: dict[str, Any]) -> list[tuple[str, str, str]]:
-    return [(one.code, one.severity, one.text) for one in alarms_of(load_profile(family), points)]
+    profile = load_profile(family)
+    return [(one.code, one.severity, one.text) for one in device_of(profile).alarms(profile, points)]
 
 
 def test_an_ssw07_names_its_fault_by_the_number_it_gives() -> None:
     assert codes("ssw07", {"fault": True, "fault_code": 28}) == [
         ("e28", "fault", "Serial communication inactive")
     ]
-    assert codes("ssw07", {"fault": True, "fault_code": 5}) == [("e05", "fault", "Fault E05")]
+    assert codes("ssw07", {"fault": True, "fault_code": 5}) == [("e05", "fault", "Motor overload")]
+    assert codes("ssw07", {"fault": True, "fault_code": 42}) == [
+        ("e42", "fault", "Fault E42 (not in the manual)")
+    ]
 
 
 @pytest.mark.parametrize("number", [None, 0])
@@ -172,8 +176,8 @@ def alarm_text(code: str) -> str:
 
 def test_an_ssw900_fault_that_no_table_names_is_shown_by_its_number() -> None:
     assert codes("ssw900", {"fault": True, "fault_code": 999, "alarm": True, "d2_1_2": 998}) == [
-        ("f999", "fault", "Fault 999"),
-        ("a998", "alarm", "Alarm 998"),
+        ("f999", "fault", "Fault F999 (not in the manual)"),
+        ("a998", "alarm", "Alarm A998 (not in the manual)"),
     ]
 
 

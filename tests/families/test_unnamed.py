@@ -9,7 +9,8 @@ from gateway.families.command.build import build, prepare
 from gateway.families.profile.decode import decode_row
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.parameters import find
-from gateway.families.profile.schema import Table, Variant
+from gateway.families.profile.rows import Table
+from gateway.families.profile.schema import Variant
 from gateway.families.reading.bulk import rows_in
 from gateway.modbus.reads import ReadDiscreteInputs
 from gateway.sim.factory import make_unit

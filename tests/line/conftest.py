@@ -4,11 +4,18 @@ from __future__ import annotations
 
 import os
 import tty
-from collections.abc import Iterator
+from asyncio import AbstractEventLoop
+from collections.abc import Callable, Iterator, Mapping
 
 import pytest
 
+from gateway.line.port.event_loop import new_precise_loop
 from tests.line.opened import Pty
+
+
+def pytest_asyncio_loop_factories() -> Mapping[str, Callable[[], AbstractEventLoop]]:
+    """Have these tests run on the lines' own loop: ports open on no other."""
+    return {"precise": new_precise_loop}
 
 
 @pytest.fixture

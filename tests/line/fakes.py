@@ -13,8 +13,8 @@ from gateway.errors import PortError, PortLostError
 from gateway.line.client import LineClient, post_here
 from gateway.line.events import FrameSeen, LineEvent, LineFault, PollResult, PortChanged, UnitChanged
 from gateway.line.line import Line
-from gateway.line.rtu.forms import Alternate
 from gateway.line.rtu.outcome import Outcome
+from gateway.line.rtu.request import Alternate
 from gateway.line.rtu.trace import Trace
 from gateway.line.rtu.transaction import RtuMaster
 from gateway.line.scheduler.requests import Poll, Priority
@@ -44,7 +44,7 @@ class Said:
 Answer = Callable[[bytes], Iterable[Said]]
 
 
-def nobody(frame: bytes) -> Iterable[Said]:
+def no_reply(frame: bytes) -> Iterable[Said]:
     """Answer nothing."""
     return ()
 
@@ -78,8 +78,8 @@ class FakePort:
         if self._lost:
             raise PortLostError("fake", "lost")
         now_s = self._loop.time()
-        heard_s = max((at_s for at_s, _, _ in self._arrivals if at_s <= now_s), default=-inf)
-        silence_s = now_s - max(self._wire_end_s, self._last_byte_s, heard_s)
+        served_s = max((at_s for at_s, _, _ in self._arrivals if at_s <= now_s), default=-inf)
+        silence_s = now_s - max(self._wire_end_s, self._last_byte_s, served_s)
         self.shortest_silence_s = min(self.shortest_silence_s, silence_s)
         is_silent = silence_s > self.timing.silence_s - 1e-9
         assert is_silent or self.may_be_disturbed, f"sent after {silence_s} s of silence"
@@ -187,13 +187,13 @@ def words_of(request: ReadHoldingRegisters) -> tuple[int, ...]:
     return tuple((request.address + i) & 0xFFFF for i in range(request.count))
 
 
-def transactor(port: FakePort) -> RtuMaster:
+def master(port: FakePort) -> RtuMaster:
     return RtuMaster(port, port.timing, trace=Trace("line"))
 
 
 async def ask(port: FakePort, request: Request, unit: int = 1) -> Outcome:
     """Do one transaction on a line of its own."""
-    return await transactor(port).transact(unit, request, response_time_s=RESPONSE_TIME_S)
+    return await master(port).transact(unit, request, response_time_s=RESPONSE_TIME_S)
 
 
 class FakeOpener:
@@ -221,13 +221,13 @@ class FakeOpener:
 
 
 class Listener:
-    """Keeps everything that it is told."""
+    """Collects the events of a line, with their times."""
 
     def __init__(self) -> None:
         self.polls: list[tuple[float, str, int, Outcome]] = []
         self.units: list[tuple[float, int, bool, str, tuple[str, ...]]] = []
         self.ports: list[tuple[float, bool, str]] = []
-        self.troubles: list[tuple[str, int, str, tuple[str, ...]]] = []
+        self.faults: list[tuple[str, int, str, tuple[str, ...]]] = []
         self.frames: list[FrameSeen] = []
 
     def handle(self, event: LineEvent) -> None:
@@ -238,18 +238,18 @@ class Listener:
             case UnitChanged():
                 self.units.append((now_s, event.unit, event.is_answering, event.reason, event.frames))
             case LineFault():
-                self.troubles.append((event.code, event.unit, event.text, event.frames))
+                self.faults.append((event.code, event.unit, event.text, event.frames))
             case FrameSeen():
                 self.frames.append(event)
             case PortChanged():
                 self.ports.append((now_s, event.is_open, event.reason))
 
     def outcomes(self, key: str) -> list[Outcome]:
-        return [outcome for _, told_key, _, outcome in self.polls if told_key == key]
+        return [outcome for _, polled, _, outcome in self.polls if polled == key]
 
 
 class LineRig:
-    """A running scheduler on a fake line: `async with LineRig(units, polls) as rig`."""
+    """A running line on a fake port: `async with LineRig(units, polls) as rig`."""
 
     def __init__(
         self,
@@ -261,7 +261,7 @@ class LineRig:
     ) -> None:
         self.listener = Listener()
         self.opener = FakeOpener(lambda: FakePort(answer, timing))
-        self.scheduler = Line(
+        self.line = Line(
             name="pumps",
             opener=self.opener,
             timing=timing,
@@ -269,14 +269,14 @@ class LineRig:
             events=local_events(self.listener.handle),
             deaf_after_s=deaf_after_s,
         )
-        self.client = LineClient(self.scheduler, post_here)
+        self.client = LineClient(self.line, post_here)
 
     @property
     def port(self) -> FakePort:
         return self.opener.ports[-1]
 
     async def __aenter__(self) -> LineRig:
-        self.task = asyncio.create_task(self.scheduler.run())
+        self.task = asyncio.create_task(self.line.run())
         await asyncio.sleep(0.0001)  # the port has been opened, or not; nothing is sent yet
         return self
 

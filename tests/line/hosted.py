@@ -19,7 +19,7 @@ LONG_S = 10.0
 
 
 class WaitingListener(Listener):
-    """A Listener that tells when something was told, and on which thread."""
+    """A Listener that can be waited for, and checks on which thread it is called."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -40,7 +40,7 @@ class WaitingListener(Listener):
             case PortChanged():
                 self._note(f"{event.line} port {event.is_open}")
 
-    async def hear(self, text: str) -> None:
+    async def wait_for(self, text: str) -> None:
         async with asyncio.timeout(LONG_S):
             while await self.news.get() != text:
                 pass
@@ -54,5 +54,5 @@ def add(host: LineHost, opener: FakeOpener, name: str = "pumps", every_s: float 
     return host.add_line(name=name, opener=opener, timing=TIMING, polls=[poll("a", every_s=every_s)])
 
 
-async def ask(line: LineClient) -> Outcome:
-    return await line.transact(1, READ, response_time_s=RESPONSE_TIME_S, lane=Priority.COMMAND)
+async def ask(line: LineClient, *, response_time_s: float = RESPONSE_TIME_S) -> Outcome:
+    return await line.transact(1, READ, response_time_s=response_time_s, lane=Priority.COMMAND)

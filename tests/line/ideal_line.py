@@ -1,4 +1,4 @@
-"""A line in virtual time on which every transaction takes what it is said to: the plan alone is tried."""
+"""A line in virtual time on which every transaction takes as long as given: the scheduler alone is tried."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def cost_s(poll: Poll, timing: LineTiming, *, allowance_s: float = 0.0) -> float
 
 
 class IdealLine:
-    """Serves a plan; `took_s` says what a turn takes, `outcome_of` what becomes of it."""
+    """Serves a scheduler; `took_s` says what a slot takes, `outcome_of` what becomes of it."""
 
     def __init__(
         self,
@@ -38,35 +38,35 @@ class IdealLine:
         seed: int = 0,
     ) -> None:
         self.polls = tuple(polls)
-        self.plan = Scheduler(self.polls, chance=random.Random(seed))
-        self.plan.begin(0.0)
+        self.scheduler = Scheduler(self.polls, chance=random.Random(seed))
+        self.scheduler.begin(0.0)
         self.now_s = 0.0
-        self.turns: list[tuple[float, Slot]] = []  # when each began
+        self.slots: list[tuple[float, Slot]] = []  # when each began
         self.answered_s: dict[str, float] = {}
         self.gaps_s: defaultdict[str, list[float]] = defaultdict(list)  # between two answers of a poll
-        self.heard_s: dict[int, float] = {}  # the start of the latest request that a unit was reached by
-        self.unheard_s: defaultdict[int, float] = defaultdict(float)  # the longest time between two of those
+        self.served_s: dict[int, float] = {}  # the start of the latest request that a unit was reached by
+        self.unserved_s: defaultdict[int, float] = defaultdict(float)  # the longest time between two of those
         self.busy_s: defaultdict[str, float] = defaultdict(float)  # by class of outcome
         self._took_s = took_s
-        self._outcome_of = outcome_of or (lambda turn, at_s: Answered((), at_s, 0.0))
+        self._outcome_of = outcome_of or (lambda slot, at_s: Answered((), at_s, 0.0))
 
     def step(self, until_s: float = inf) -> Slot | None:
-        """Do one turn, or wait for the next, at most until then."""
-        turn = self.plan.pick(self.now_s)
-        if turn is None:
-            due_s = self.plan.next_due_s()
+        """Do one slot, or wait for the next, at most until then."""
+        slot = self.scheduler.pick(self.now_s)
+        if slot is None:
+            due_s = self.scheduler.next_due_s()
             assert due_s < inf or until_s < inf
             self.now_s = max(min(due_s, until_s), self.now_s)
             return None
-        self.turns.append((self.now_s, turn))
+        self.slots.append((self.now_s, slot))
         began_s = self.now_s
-        self.now_s += self._took_s(turn)
-        outcome = self._outcome_of(turn, self.now_s)
+        self.now_s += self._took_s(slot)
+        outcome = self._outcome_of(slot, self.now_s)
         self.busy_s[type(outcome).__name__] += self.now_s - began_s
-        self.plan.record(turn, outcome, self.now_s)
+        self.scheduler.record(slot, outcome, self.now_s)
         if not isinstance(outcome, Silent):
-            self._note_answer(turn, began_s)
-        return turn
+            self._note_answer(slot, began_s)
+        return slot
 
     def run(self, until_s: float) -> None:
         """Serve until then."""
@@ -79,14 +79,14 @@ class IdealLine:
         while (len(self.gaps_s[key]), self.answered_s.get(key)) == before:
             self.step()
 
-    def _note_answer(self, turn: Slot, began_s: float) -> None:
-        if turn.unit in self.heard_s:
-            gap_s = began_s - self.heard_s[turn.unit]
-            self.unheard_s[turn.unit] = max(self.unheard_s[turn.unit], gap_s)
-        self.heard_s[turn.unit] = began_s
-        if turn.poll is None:
+    def _note_answer(self, slot: Slot, began_s: float) -> None:
+        if slot.unit in self.served_s:
+            gap_s = began_s - self.served_s[slot.unit]
+            self.unserved_s[slot.unit] = max(self.unserved_s[slot.unit], gap_s)
+        self.served_s[slot.unit] = began_s
+        if slot.poll is None:
             return
-        key = turn.poll.key
+        key = slot.poll.key
         if key in self.answered_s:
             self.gaps_s[key].append(self.now_s - self.answered_s[key])
         self.answered_s[key] = self.now_s

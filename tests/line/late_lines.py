@@ -21,10 +21,10 @@ from gateway.families.alternates import alternates
 from gateway.families.mapped_registers import plan_with
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
-from gateway.line.rtu.forms import Alternate
+from gateway.line.rtu.bus_faults import BusFault
 from gateway.line.rtu.late_replies import LOOK_AGAIN_S, Agreed
 from gateway.line.rtu.outcome import Answered, Outcome, Refused
-from gateway.line.rtu.request import EncodedRequest
+from gateway.line.rtu.request import Alternate, EncodedRequest
 from gateway.line.rtu.trace import Trace
 from gateway.line.rtu.transaction import RtuMaster
 from gateway.modbus.codes import Function
@@ -61,7 +61,7 @@ class Tally:
     series: int = 0  # answers that counted since enough before them were equal
     wrong: int = 0  # answers that were another request's
     mixed: int = 0  # of two replies within one another, whose CRC was right by chance
-    older: int = 0  # answers to the same request, asked less than `OLDER_S` before
+    older: int = 0  # answers to the same request, sent less than `OLDER_S` before
     elapsed_s: float = 0.0
     ideal_s: float = 0.0  # what the same answers, and the deadlines of those too late, take at the least
     examples: list[str] = field(default_factory=list)
@@ -97,11 +97,11 @@ class _Asked:
     """One read of one unit, asked again and again."""
 
     unit: int
-    prepared: EncodedRequest
+    encoded: EncodedRequest
     alternates: tuple[Alternate, ...]
     every_s: float
     due_s: float
-    latest: tuple[int, float] = (0, -inf)  # the number in the latest reply, and when that was asked for
+    before: deque[tuple[int, float]] = field(default_factory=deque)  # numbers of its replies, when asked for
     is_decisive: bool = False  # it says in which state its starter is
     series_from: int = 0  # the number at the first request of a series; 0: none is under way
 
@@ -121,6 +121,7 @@ class Line:
             self.wire, self._timing, allowance_s=ALLOWANCE_S, trace=Trace("late"), time=self.wire.time
         )
         self._asked = deque(self._reads(units, every_s))
+        self._written = (b"", 0, -inf)  # the latest write, its number, when
 
     def ask(self, count: int) -> Tally:
         """Send so many requests."""
@@ -164,7 +165,7 @@ class Line:
                 await self._read(read, form)
                 return
             waits_until_s = min(
-                waits_until_s, self._line.late.free_from_s(read.unit, read.prepared.request, now_s)
+                waits_until_s, self._line.late.free_from_s(read.unit, read.encoded.request, now_s)
             )
         if len(self._asked) > MOST_LOOKS:
             waits_until_s = min(waits_until_s, now_s + 0.001)
@@ -172,7 +173,7 @@ class Line:
 
     def _form_of(self, read: _Asked) -> EncodedRequest | None:
         form = self._line.forms.choose(
-            read.prepared,
+            read.encoded,
             lambda _: read.alternates,
             self.wire.now_s,
             is_decisive=read.is_decisive,
@@ -192,9 +193,9 @@ class Line:
         self._check(read, form, outcome, began_s)
         read.series_from = 0
         read.due_s = max(read.due_s + read.every_s, self.wire.now_s)
-        self.tally.alternates += form is not read.prepared
-        silence_s = self._timing.silence_s + self._timing.wire_s(len(read.prepared.adu))
-        size = read.prepared.reply_size or 0
+        self.tally.alternates += form is not read.encoded
+        silence_s = self._timing.silence_s + self._timing.wire_s(len(read.encoded.adu))
+        size = read.encoded.reply_size or 0
         if isinstance(outcome, Answered):
             self.tally.answered += 1
             self.tally.ideal_s += silence_s + outcome.response_time_s + self._timing.wire_s(size)
@@ -217,17 +218,19 @@ class Line:
 
     def _check(self, read: _Asked, form: EncodedRequest, outcome: Outcome, began_s: float) -> None:
         """See whether what is taken for the answer is the answer to the latest request."""
-        number, (latest, read_s) = self.wire.changed, read.latest
-        part = read.prepared.request
-        read.latest = (number, began_s)
+        number, part = self.wire.changed, read.encoded.request
+        while read.before and began_s - read.before[0][1] > OLDER_S:
+            read.before.popleft()
+        before = [earlier for earlier, _ in read.before]
+        read.before.append((number, began_s))
         is_refused = (read.unit, form.request.address) in self.wire.refused  # type: ignore[attr-defined]
         if isinstance(outcome, Refused):
             is_wrong = not is_refused
         elif isinstance(outcome, Answered):
             numbers = range(read.series_from or number, number + 1)  # said while this was being read
             is_wrong = is_refused or all(outcome.value != _expected(read.unit, at, part) for at in numbers)
-            if is_wrong and began_s - read_s <= OLDER_S:
-                is_older = outcome.value == _expected(read.unit, latest, part)
+            if is_wrong and not is_refused:  # a copy may say what was so a moment before
+                is_older = any(outcome.value == _expected(read.unit, earlier, part) for earlier in before)
                 self.tally.older += is_older
                 is_wrong = not is_older
         else:
@@ -240,11 +243,20 @@ class Line:
     async def _write(self, unit: int) -> None:
         """Write one of two words: an acknowledgement may look like that of an earlier write."""
         began_s = self.wire.now_s
-        prepared = EncodedRequest.of(unit, WriteRegister(3, self._chance.randrange(2)))
-        outcome = await self._line.exchange(prepared, response_time_s=self._limit_s)
-        if isinstance(outcome, Answered) and self.wire.heard != self.wire.asked:
-            self._note_wrong(f"{self.wire.asked}: {unit} write acknowledged by {self.wire.heard}")
+        encoded = EncodedRequest.of(unit, WriteRegister(3, self._chance.randrange(2)))
+        before, self._written = self._written, (encoded.adu, self.wire.asked + 1, began_s)
+        outcome = await self._line.exchange(encoded, response_time_s=self._limit_s)
+        if isinstance(outcome, Answered) and self.wire.answered != self.wire.asked:
+            number, older_s = before[1:]
+            if before[0] == encoded.adu and self.wire.answered == number and began_s - older_s <= OLDER_S:
+                self.tally.older += 1  # the same was written a moment before
+            else:
+                self._note_wrong(f"{self.wire.asked}: {unit} write acknowledged by {self.wire.answered}")
         self.tally.ideal_s += self.wire.now_s - began_s
+
+    def faults(self) -> tuple[BusFault, ...]:
+        """Return what was recognised as wrong with the line."""
+        return self._line.bus_faults.take_news()
 
     def _note_wrong(self, text: str) -> None:
         self.tally.wrong += 1

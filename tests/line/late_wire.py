@@ -60,7 +60,7 @@ class LateWire:
         self._arrivals: list[tuple[float, int, bytes, int, int]] = []  # with bytes of the frame still to come
         self.mixed = 0  # the number of the latest request while which frames came within others
         self._rest = 0  # bytes of the frame under way still to come
-        self.heard = 0  # the number of the request that the latest bytes answer: those of a write do not tell
+        self.answered = 0  # the number of the request that the latest bytes answer: a write's do not show it
         self._serial = 0
         self._held: tuple[bytes, int] | None = None  # the reply that is swapped with the next, its number
         self._held_s = -inf
@@ -85,19 +85,19 @@ class LateWire:
         self._answer(reply, end_s, reply_s, self._limit_s + reply_s + ALLOWANCE_S)
 
     async def read(self, *, until_s: float, count: int = 1) -> bytes:
-        heard = b""
+        received = b""
         while self._arrivals and self._arrivals[0][0] <= max(until_s, self.now_s):
-            at_s, _, chunk, self.heard, rest = heapq.heappop(self._arrivals)
+            at_s, _, chunk, self.answered, rest = heapq.heappop(self._arrivals)
             if self._rest not in (0, rest + len(chunk)):
                 self.mixed = self.asked
             self._rest = rest
             self.now_s = max(self.now_s, at_s)
             self.last_byte_s = at_s
-            heard += chunk
-            if len(heard) >= count:
-                return heard
+            received += chunk
+            if len(received) >= count:
+                return received
         self.now_s = max(self.now_s, until_s)
-        return heard
+        return received
 
     def close(self) -> None: ...
 
@@ -123,13 +123,14 @@ class LateWire:
         if kind == "lost":
             return
         held, self._held = self._held, None
+        held_until_s = self._held_s + LATEST_S
         if kind == "swapped":
             self._held, self._held_s = (reply, self.asked), end_s
         else:
             self._say(reply, start_s, self.asked)
         if kind.endswith("doubled"):
             self._say(reply, start_s + reply_s + chance.uniform(0.0, COPIED_WITHIN_S), self.asked)
-        if held is not None and start_s <= self._held_s + LATEST_S:  # on a line that rests, it is lost
+        if held is not None and start_s <= held_until_s:  # on a line that rests, it is lost
             self._say(held[0], start_s + chance.choice((-reply_s, reply_s)), held[1])
 
     def _say(self, reply: bytes, start_s: float, number: int) -> None:

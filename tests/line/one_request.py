@@ -13,8 +13,8 @@ READ_ADU = adu.encode(1, READ.encode())
 REPLY = adu.encode(1, READ.encode_reply((1, 2, 3, 4)))
 
 
-def told(*said: Said) -> Outcome:
-    """Return what becomes of READ when this is said after it."""
+def outcome_after(*said: Said) -> Outcome:
+    """Return what becomes of READ when this comes after it."""
 
     async def scenario() -> Outcome:
         return await ask(FakePort(lambda frame: said), READ)

@@ -19,7 +19,7 @@ NO_PORT = Silent("port closed", is_sent=False)
 
 
 def run_for(seconds: float, answer: Answer, polls: Iterable[Poll], timing: LineTiming = TIMING) -> LineRig:
-    """Serve a line for so long and return the rig with everything that was told."""
+    """Serve a line for so long and return the rig with everything that was published."""
     rig = LineRig(answer, polls, timing)
 
     async def scenario() -> None:

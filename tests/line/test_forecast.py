@@ -1,4 +1,4 @@
-"""What a line is said to be like beforehand; test_forecast_simulation.py tells whether it then is."""
+"""What is forecast of a line; test_forecast_simulation.py compares it with what happens."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from dataclasses import replace
 from math import inf
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from gateway.line.capacity.forecast import forecast, longest_gap_s
-from gateway.line.scheduler.load import FREE_PERIOD_S
+from gateway.line.scheduler.line_time import FREE_PERIOD_S
 from gateway.line.scheduler.requests import Poll
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
@@ -26,7 +26,7 @@ def poll(number: int, every_s: float, *, registers: int = 1, response_time_s: fl
 
 def average_gaps(polls: list[Poll], run_s: float) -> dict[str, float]:
     """Return the average time between two answers of every poll, where all take what is foretold."""
-    line = IdealLine(polls, lambda turn: cost_s(turn.poll, TIMING) if turn.poll else 0.0)
+    line = IdealLine(polls, lambda slot: cost_s(slot.poll, TIMING) if slot.poll else 0.0)
     line.run(run_s / 4)
     line.gaps_s.clear()
     line.run(run_s)
@@ -127,7 +127,7 @@ def test_a_watchdog_is_promised_what_the_polls_alone_keep_when_that_is_less() ->
     assert prospect.polls[0].age_s < prospect.watchdog_gaps_s[1] < 3.0
 
 
-def test_watchdogs_that_need_more_than_the_line_has_are_not_kept() -> None:
+def test_watchdogs_that_need_more_than_the_line_has_are_not_met() -> None:
     polls = [replace(poll(number, 1.0), deadline_s=0.5) for number in range(1, 11)]
 
     prospect = forecast(polls, TIMING)
@@ -143,15 +143,17 @@ def test_an_empty_line_has_no_load() -> None:
 
 
 @settings(deadline=None, max_examples=40)
+@example([(0.0, 1), (0.1, 1), (0.1, 1), (0.5, 1), (0.5, 1), (0.5, 1)])  # without a period: after many others
+@example([(0.1, 2), (0.0, 1), (0.5, 1), (3.0, 5), (1.0, 1), (3.0, 5), (0.1, 1)])
 @given(
     st.lists(
         st.tuples(st.sampled_from([0.0, 0.1, 0.5, 1.0, 3.0]), st.integers(1, 60)), min_size=1, max_size=8
     )
 )
-def test_the_plan_keeps_what_was_foretold(shapes: list[tuple[float, int]]) -> None:
+def test_the_line_meets_what_was_forecast(shapes: list[tuple[float, int]]) -> None:
     polls = [poll(number, every_s, registers=size) for number, (every_s, size) in enumerate(shapes, 1)]
     prospect = forecast(polls, TIMING, allowance_s=0.0)
-    line = IdealLine(polls, lambda turn: cost_s(turn.poll, TIMING) if turn.poll else 0.0)
+    line = IdealLine(polls, lambda slot: cost_s(slot.poll, TIMING) if slot.poll else 0.0)
 
     line.run(3 * prospect.sweep_s)  # at the start every unit is asked once before anything else
     line.answered_s.clear()

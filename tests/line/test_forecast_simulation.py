@@ -26,7 +26,7 @@ def test_a_busy_line_that_is_left_alone_keeps_its_rhythm_all_the_same() -> None:
         for block, (count, every_s) in enumerate(((4, 1.0), (12, 1.0), (3, 10.0)))
     ]
     costs_s = {poll.key: cost_s(poll, timing) for poll in polls}
-    line = IdealLine(polls, lambda turn: costs_s[turn.poll.key] if turn.poll else 0.0)
+    line = IdealLine(polls, lambda slot: costs_s[slot.poll.key] if slot.poll else 0.0)
     line.run(60.0)
     line.gaps_s.clear()
 
@@ -44,7 +44,7 @@ def test_on_average_every_poll_comes_as_often_as_foretold(seed: int) -> None:
         polls = as_often_as_possible(polls, {1, 2})
     prospect = forecast(polls, timing)
     costs_s = {each.poll.key: each.cost_s for each in prospect.polls}
-    line = IdealLine(polls, lambda turn: costs_s[turn.poll.key] if turn.poll else 0.0)
+    line = IdealLine(polls, lambda slot: costs_s[slot.poll.key] if slot.poll else 0.0)
 
     line.run(60.0)
     line.gaps_s.clear()
@@ -61,7 +61,7 @@ def test_a_sweep_takes_as_long_as_foretold(seed: int) -> None:
     polls = [replace(poll, every_s=0.05) for poll in polls]  # the line is always full
     prospect = forecast(polls, timing)
     costs_s = {each.poll.key: each.cost_s for each in prospect.polls}
-    line = IdealLine(polls, lambda turn: costs_s[turn.poll.key] if turn.poll else 0.0)
+    line = IdealLine(polls, lambda slot: costs_s[slot.poll.key] if slot.poll else 0.0)
     line.run(5.0 + 3 * prospect.sweep_s)
     line.gaps_s.clear()
 
@@ -82,12 +82,12 @@ def test_a_stop_waits_no_longer_than_foretold_and_about_that_long_at_the_worst(s
     chance = random.Random(seed)
     waits_s = []
 
-    def take(turn: Slot) -> float:
-        if turn.poll is None:
-            waits_s.append(line.now_s + timing.silence_s - turn.since_s)
+    def take(slot: Slot) -> float:
+        if slot.poll is None:
+            waits_s.append(line.now_s + timing.silence_s - slot.since_s)
             return timing.silence_s
-        line.plan.jobs.submit(stop(), line.now_s + chance.uniform(0.0, 0.1) * silent_s[turn.poll.key])
-        return silent_s[turn.poll.key]
+        line.scheduler.jobs.submit(stop(), line.now_s + chance.uniform(0.0, 0.1) * silent_s[slot.poll.key])
+        return silent_s[slot.poll.key]
 
     line = IdealLine(polls, take)
     line.run(30.0)

@@ -1,4 +1,4 @@
-"""A unit whose replies are spoilt may hear us very well: it is asked often enough for its watchdog."""
+"""A unit whose replies are corrupted may receive every request: it is asked often enough for its watchdog."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ import pytest
 from gateway.line.rtu.outcome import Garbled, Outcome, Silent
 from gateway.line.scheduler.scheduler import Scheduler
 from tests.line.fakes import poll
-from tests.line.planned import NoChance
+from tests.line.scheduled import NoChance
 
 COST_S = 0.05
 
 
 def asked_s(outcome: Outcome, *, until_s: float) -> list[float]:
     """Return when a unit is asked whose every request ends so."""
-    plan = Scheduler([poll("a", every_s=1.0)], chance=NoChance())
-    plan.begin(0.0)
+    scheduler = Scheduler([poll("a", every_s=1.0)], chance=NoChance())
+    scheduler.begin(0.0)
     now_s, times_s = 0.0, []
     while now_s < until_s:
-        turn = plan.pick(now_s)
-        if turn is None:
-            now_s = max(plan.next_due_s(), now_s + 0.001)
+        slot = scheduler.pick(now_s)
+        if slot is None:
+            now_s = max(scheduler.next_due_s(), now_s + 0.001)
             continue
         times_s.append(now_s)
         now_s += COST_S
-        plan.record(turn, outcome, now_s)
+        scheduler.record(slot, outcome, now_s)
     return times_s
 
 

@@ -9,6 +9,7 @@ import random
 
 import pytest
 
+from gateway.line.rtu.bus_faults import LATE_OR_TWICE
 from tests.line.late_lines import BAUDS, Line, ask_for_long, efficiency
 from tests.line.late_wire import Faults
 
@@ -26,6 +27,17 @@ def test_no_late_reply_is_taken_for_another_answer(seed: int) -> None:
     assert tally.answered > 0.75 * tally.counts["in time"]  # some only show that a starter is there
     for kind in ("late", "doubled", "late and doubled", "swapped"):
         assert tally.counts[kind] > 0.003 * tally.asked
+
+
+@pytest.mark.parametrize("units", [1, 2, 8, 32])
+@pytest.mark.parametrize("stalls", [False, True])
+def test_late_doubled_and_swapped_replies_are_named_as_such_and_accuse_no_address(
+    units: int, *, stalls: bool
+) -> None:
+    line = Line(random.Random(units), Faults(0.05, stalls=stalls), units=units, baud=19200, every_s=0.0)
+    line.ask(5000)
+
+    assert {fault.text for fault in line.faults()} == {LATE_OR_TWICE}
 
 
 def test_nothing_that_a_way_over_tcp_holds_back_is_taken_for_an_answer() -> None:

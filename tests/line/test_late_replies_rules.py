@@ -104,8 +104,32 @@ def test_an_acknowledgement_that_an_earlier_equal_write_is_owed_is_not_believed(
     write, other = WriteRegister(3, 1), WriteRegister(3, 2)
     late = owing(expected_shape(write))
 
-    assert late.may_be_older(UNIT, write, expected_shape(write), 1.0)
-    assert not late.may_be_older(UNIT, other, expected_shape(other), 1.0)
+    assert late.acknowledges_since_s(UNIT, write, expected_shape(write), 1.0) < 1.0
+    assert late.acknowledges_since_s(UNIT, other, expected_shape(other), 1.0) == 1.0
+
+
+def test_after_an_answer_that_may_be_a_copy_its_own_late_reply_ends_nothing_else() -> None:
+    late = LateReplies()
+    other = STATUS.encode_reply((6,))
+    late.note_answer(UNIT, STATUS, STATUS, ONE_REPLY, 1.0, began_s=0.995)
+    late.note_answer(UNIT, STATUS, STATUS, ONE_REPLY, 1.02, began_s=1.015)  # within COPY_S
+    late.note_unanswered(UNIT, ONE_SHAPE, 1.1, 1.2)
+
+    stray(late, other, at_s=2.0)  # the true answer to the second request
+
+    assert late.owes(UNIT)
+    assert not late.is_orderly(2.0)
+
+
+def test_an_equal_answer_later_than_any_copy_is_an_answer() -> None:
+    late = LateReplies()
+    late.note_answer(UNIT, STATUS, STATUS, ONE_REPLY, 1.0, began_s=0.995)
+    late.note_answer(UNIT, STATUS, STATUS, ONE_REPLY, 1.0 + COPY_S + 0.006, began_s=1.0 + COPY_S + 0.001)
+    late.note_unanswered(UNIT, ONE_SHAPE, 1.1, 1.2)
+
+    stray(late, STATUS.encode_reply((6,)), at_s=2.0)
+
+    assert not late.owes(UNIT)
 
 
 # Copies

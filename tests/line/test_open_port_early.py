@@ -39,7 +39,7 @@ async def test_a_pseudo_terminal_that_an_earlier_gateway_left_exclusive_is_clear
     ours, theirs = os.openpty()
     tty.setraw(theirs)
     try:
-        if os.geteuid() == 0:  # nobody else may open it then
+        if os.geteuid() == 0:  # no other user may open it then
             fcntl.ioctl(theirs, termios.TIOCEXCL)
         port = await SerialOpener(os.ttyname(theirs), 19200, Framing.parse("8N1"))()
         while_open = is_exclusive(theirs)

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from gateway.line.rtu.pace import DOUBTS_ENOUGH, KEPT_ENOUGH, Pace
+from gateway.line.rtu.reply import DOUBTS_ENOUGH, TIMELY_ENOUGH, Pace
 
 REPLY_S = 0.015
 IN_TIME_S, TOO_SOON_S = -0.005, 0.004
@@ -8,7 +8,7 @@ IN_TIME_S, TOO_SOON_S = -0.005, 0.004
 
 def paced() -> Pace:
     pace = Pace()
-    for _ in range(KEPT_ENOUGH):
+    for _ in range(TIMELY_ENOUGH):
         assert not ask(pace, IN_TIME_S)
     return pace
 
@@ -38,7 +38,7 @@ def test_where_bytes_never_take_their_time_nothing_is_doubted() -> None:
 
 def test_a_line_is_trusted_only_after_some_replies_in_a_row_that_took_their_time() -> None:
     pace = Pace()
-    for _ in range(KEPT_ENOUGH - 1):
+    for _ in range(TIMELY_ENOUGH - 1):
         ask(pace, IN_TIME_S)
 
     assert not ask(pace, TOO_SOON_S)

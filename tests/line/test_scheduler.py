@@ -1,234 +1,284 @@
+"""Which poll comes next: rhythm, due times, changes."""
+
 from __future__ import annotations
 
-import asyncio
-import itertools
-import logging
+import random
 from collections import Counter
-from collections.abc import Iterable
+from math import inf
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from gateway.line.rtu.outcome import Answered, Garbled, Refused
-from gateway.modbus import adu
-from gateway.modbus.timing import Framing, LineTiming
-from tests.line.fakes import ALTERNATES, RESPONSE_TIME_S, TIMING, LineRig, Said, Units, poll
-from tests.line.served import READ, run_for
-from tests.virtual_time import run_virtually
-
-
-def asked(rig: LineRig) -> Counter[int]:
-    return Counter(frame[0] for _, frame in rig.port.sent)
+from gateway.line.rtu.outcome import Answered, Outcome, Silent
+from gateway.line.scheduler.line_time import period_of
+from gateway.line.scheduler.requests import Priority, Slot, Verdict
+from tests.line.fakes import poll
+from tests.line.ideal_line import IdealLine
+from tests.line.scheduled import ANSWERED, GARBLED, ask_times, begun, gaps, job, key_of, take
 
 
-def test_polls_are_asked_in_their_rhythm_and_their_answers_told() -> None:
-    rig = run_for(9.5, Units({1}), [poll("a", every_s=1.0), poll("b", every_s=5.0, address=50)])
+def test_an_empty_scheduler_has_nothing_to_do() -> None:
+    scheduler = begun()
 
-    assert len(rig.listener.outcomes("a")) in (10, 11)  # the phase is left to chance
-    assert len(rig.listener.outcomes("b")) in (2, 3)
-    first = rig.listener.outcomes("b")[0]
-    assert isinstance(first, Answered)
-    assert first.value == tuple(range(50, 60))
-    assert [event[1:] for event in rig.listener.ports] == [(True, "open")]
-    assert [event[1:4] for event in rig.listener.units] == [(1, True, "answers")]
+    assert scheduler.pick(0.0) is None
+    assert scheduler.next_due_s() == inf
 
 
-def test_a_refused_poll_is_told_and_its_unit_answers() -> None:
-    rig = run_for(0.5, Units({1}, refused={1: 2}), [poll("a")])
+def test_polls_come_by_their_due_time() -> None:
+    scheduler = begun(poll("a", every_s=1.0), poll("b", every_s=0.4))
 
-    assert isinstance(rig.listener.outcomes("a")[0], Refused)
-    assert rig.listener.units[0][1:3] == (1, True)
+    seen = [(at_s, key_of(take(scheduler, at_s))) for at_s in (0.0, 0.0, 0.39, 0.4, 0.8, 1.0, 1.21)]
 
-
-def test_polls_without_a_period_use_the_whole_line() -> None:
-    rig = run_for(30.0, Units({1, 2}), [poll("a", 1, 0.0), poll("b", 2, 0.0)])
-
-    a, b = len(rig.listener.outcomes("a")), len(rig.listener.outcomes("b"))
-    one_s = TIMING.silence_s + TIMING.wire_s(8 + 25) + 0.005
-    assert abs(a - b) <= 1
-    assert a + b == pytest.approx(30.0 / one_s, rel=0.01)
+    assert [key for _, key in seen] == ["a", "b", None, "b", "b", "a", "b"]
 
 
-@pytest.mark.parametrize("baud", [9600, 19200, 38400, 57600])
-def test_one_dead_unit_of_eight_costs_the_others_less_than_a_tenth(baud: int) -> None:
-    timing = LineTiming(baud, Framing.parse("8E1"))
-    polls = [poll(str(unit), unit, 0.0) for unit in range(1, 9)]
+def test_a_poll_keeps_its_rhythm_though_each_slot_is_a_little_late() -> None:
+    scheduler = begun(poll("a", every_s=1.0))
 
-    healthy = asked(run_for(60.0, Units(set(range(1, 8))), polls[:7], timing))
-    rig = run_for(60.0, Units(set(range(1, 8))), polls, timing)
+    for second in range(5):
+        assert scheduler.pick(second - 1e-6) is None
+        take(scheduler, second + 0.3)
 
-    assert asked(rig)[8] <= 9
-    for unit in range(1, 8):
-        assert asked(rig)[unit] > 0.9 * healthy[unit]
-    assert rig.port.shortest_silence_s >= timing.silence_s - 1e-9
+    assert scheduler.next_due_s() == 5.0
 
 
-def test_a_dead_unit_is_lost_after_four_misses_and_is_back_with_its_first_answer() -> None:
-    units = Units({1})
-    rig = LineRig(units, [poll("one", 1), poll("status", 2), poll("current", 2)])
+def test_polls_without_a_period_alternate() -> None:
+    scheduler = begun(poll("a", every_s=0.0), poll("b", every_s=0.0), poll("c", every_s=0.0))
 
-    async def scenario() -> None:
-        async with rig:
-            await asyncio.sleep(20.0)
-            units.alive.add(2)
-            await asyncio.sleep(30.0)  # its probes are 16 s apart by now
-
-    run_virtually(scenario())
-
-    silent, back = [event for event in rig.listener.units if event[1] == 2]
-    assert 1.0 < silent[0] < 5.0
-    assert silent[2:4] == (False, "no reply")
-    assert silent[4][-1].split()[1:4] == [">>", "02", "03"]
-    assert back[2:4] == (True, "answers")
-    assert len([outcome for outcome in rig.listener.outcomes("current") if isinstance(outcome, Answered)]) > 5
+    assert [key_of(take(scheduler, 0.0)) for _ in range(6)] == ["a", "b", "c", "a", "b", "c"]
 
 
-def test_a_garbled_poll_is_told_only_when_its_repetition_is_no_better() -> None:
-    replies = iter([b"\x01\x03\x00", None, b"\x01\x03\x00", b"\x01\x03\x00"])
+def test_a_line_that_is_too_slow_stretches_evenly_and_never_catches_up() -> None:
+    scheduler = begun(*(poll(key, every_s=1.0) for key in "abcd"))
 
-    def answer(frame: bytes) -> Iterable[Said]:
-        spoilt = next(replies, None)
-        return Units({1})(frame) if spoilt is None else [Said(spoilt)]
+    keys = [key_of(take(scheduler, 0.5 * step)) for step in range(40)]
 
-    rig = run_for(1.9, answer, [poll("a")])
-
-    first, second, *_ = rig.listener.outcomes("a")
-    assert isinstance(first, Answered)
-    assert isinstance(second, Garbled)
-    assert rig.scheduler.figures()["garbled"] == 3
+    assert keys == list("abcd") * 10
 
 
-def test_a_bug_on_the_line_ends_its_loop_with_the_port_closed_and_it_can_be_started_again() -> None:
-    def answer(frame: bytes) -> Iterable[Said]:
-        if not has_failed:
-            has_failed.append(True)
-            raise RuntimeError("bug")
-        return Units({1})(frame)
+def test_a_change_of_a_units_state_is_reported_once() -> None:
+    scheduler = begun(poll("a", every_s=0.0))
+    outcomes = [Silent(), ANSWERED, ANSWERED, Silent(), Silent(), Silent(), Silent(), ANSWERED]
 
-    has_failed: list[bool] = []
-    rig = LineRig(answer, [poll("a")])
+    reported = []
+    for outcome in outcomes:
+        now_s = max(scheduler.next_due_s(), 100.0 * len(reported))
+        slot = scheduler.pick(now_s)
+        assert slot is not None
+        reported.append(scheduler.record(slot, outcome, now_s).is_answering)
 
-    async def scenario() -> None:
-        async with rig:
-            await asyncio.wait([rig.task])
-            assert isinstance(rig.task.exception(), RuntimeError)
-            assert rig.port.is_closed
-            rig.task = asyncio.create_task(rig.scheduler.run())
-            await asyncio.sleep(3.0)
-
-    run_virtually(scenario())
-
-    assert len(rig.listener.outcomes("a")) == 4
+    assert reported == [None, True, None, None, None, None, False, True]  # two may be the line's fault
 
 
-def test_polls_can_be_added_removed_hastened_and_changed_while_the_line_idles() -> None:
-    rig = LineRig(Units({1}), [])
+def test_a_shorter_period_takes_effect_at_once_and_a_longer_one_after_the_next_slot() -> None:
+    scheduler = begun(poll("a", every_s=10.0))
+    take(scheduler, 0.0)
 
-    async def scenario() -> None:
-        async with rig:
-            await asyncio.sleep(1.25)
-            rig.client.add_poll(poll("a", every_s=100.0))
-            await asyncio.sleep(1.0)
-            rig.client.expedite("a")
-            await asyncio.sleep(1.0)
-            rig.client.set_every("a", 0.5)
-            await asyncio.sleep(0.9)
-            rig.client.remove_poll("a")
-            await asyncio.sleep(10.0)
+    scheduler.polls.set_every("a", 0.2, 1.0)
+    assert scheduler.next_due_s() == 1.2
+    take(scheduler, 1.2)
+    scheduler.polls.set_every("a", 10.0, 1.2)
 
-    run_virtually(scenario())
-
-    sent_s = [at_s for at_s, _ in rig.port.sent]
-    assert sent_s == pytest.approx([1.25, 2.25, 3.75], abs=0.001)
+    assert scheduler.next_due_s() == pytest.approx(1.4)
+    take(scheduler, 1.4)
+    assert scheduler.next_due_s() == pytest.approx(11.4)
 
 
-def test_an_expected_silence_is_not_told() -> None:
-    units = Units({1})
-    rig = LineRig(units, [poll("a", every_s=0.5)])
+def test_a_expedited_poll_is_due_now() -> None:
+    scheduler = begun(poll("a", every_s=10.0))
+    take(scheduler, 0.0)
 
-    async def scenario() -> None:
-        async with rig:
-            await asyncio.sleep(2.0)
-            rig.client.expect_silence(1, 8.0)
-            units.alive.clear()
-            await asyncio.sleep(6.0)
-            units.alive.add(1)
-            await asyncio.sleep(5.0)
+    scheduler.polls.expedite("a", 3.0)
 
-    run_virtually(scenario())
-
-    assert [event[2] for event in rig.listener.units] == [True]
+    assert scheduler.next_due_s() == 3.0
+    take(scheduler, 3.0)
+    assert scheduler.next_due_s() == 13.0
 
 
-def test_progress_grows_while_the_line_idles_and_while_its_port_is_away() -> None:
-    rig = LineRig(Units({1}), [])
+def test_a_poll_that_is_expedited_while_it_is_under_way_comes_once_more() -> None:
+    scheduler = begun(poll("a", every_s=10.0))
+    slot = scheduler.pick(0.0)
+    assert slot is not None
 
-    async def scenario() -> list[int]:
-        seen = []
-        async with rig:
-            for _ in range(3):
-                seen.append(rig.scheduler.progress)
-                await asyncio.sleep(2.5)
-            rig.opener.failure = "no such port"
-            rig.port.hang_up()
-            for _ in range(3):
-                seen.append(rig.scheduler.progress)
-                await asyncio.sleep(10.5)
-        return seen
+    scheduler.polls.expedite("a", 0.01)
+    scheduler.record(slot, ANSWERED, 0.02)
 
-    seen = run_virtually(scenario())
-
-    assert all(earlier < later for earlier, later in itertools.pairwise(seen))
+    assert scheduler.next_due_s() == 0.02
 
 
-def test_figures_count_outcomes_by_unit_and_tell_how_busy_the_line_is() -> None:
-    rig = LineRig(Units({1, 2}, refused={2: 1}), [poll("a", 1, 0.1), poll("b", 2, 1.0), poll("c", 3, 1.0)])
+def test_a_removed_poll_is_not_asked_and_its_answer_under_way_not_reported() -> None:
+    scheduler = begun(poll("a"), poll("b"))
+    slot = scheduler.pick(0.0)
+    assert slot is not None
 
-    async def scenario() -> None:
-        assert rig.client.figures()["utilisation"] == 0.0
-        async with rig:
-            await rig.transact(1, READ)
-            await asyncio.sleep(60.0)
-            figures = rig.client.figures()
-            assert figures["is_open"]
-            one_s = TIMING.silence_s + TIMING.wire_s(8 + 25) + 0.005
-            assert figures["utilisation"] == pytest.approx(10 * one_s, rel=0.1)
-            assert figures["sweep_s"] == pytest.approx(2.7 * one_s, rel=0.3)
-            assert figures["jobs"] == 1
-            assert figures["polls"] == pytest.approx(670, abs=5)
-            assert figures["answered"] == figures["units"][1]["answered"] == pytest.approx(602, abs=3)
-            assert figures["refused"] == figures["units"][2]["refused"] == 61
-            assert figures["silent"] == figures["units"][3]["silent"] == figures["units"][3]["asked"]
-            assert [figures["units"][unit]["state"] for unit in (1, 2, 3)] == [
-                "answering",
-                "answering",
-                "silent",
-            ]
-            assert figures["units"][1]["response_time_s"] == pytest.approx({"p50": 0.005, "p99": 0.005})
-            assert figures["units"][3]["response_time_s"] == {"p50": None, "p99": None}
-            assert figures["stop_latency_s"]["worst"] is None
-            assert figures["progress"] > 600
-        assert not rig.client.figures()["is_open"]
+    scheduler.polls.remove("a")
+    scheduler.polls.add(poll("a", every_s=5.0), 0.0)
 
-    run_virtually(scenario())
+    assert scheduler.record(slot, ANSWERED, 0.0) == Verdict(is_final=False, is_answering=True)
+    assert [key_of(take(scheduler, 0.0)) for _ in range(3)] == ["b", "a", None]
 
 
-def test_the_computed_stop_latency_is_the_longest_poll_unanswered() -> None:
-    rig = LineRig(Units({1}), [poll("a", count=1), poll("b", count=100)])
+def test_all_periods_are_stretched_by_one_factor_when_the_line_is_over_full() -> None:
+    scheduler = begun(poll("a", every_s=1.0), poll("b", every_s=2.0), poll("c", every_s=4.0))
+    seen = Counter[str | None]()
+    now_s = 0.0
 
-    latency_s = rig.client.figures()["stop_latency_s"]["computed"]
+    while now_s < 2000.0:
+        slot = scheduler.pick(now_s)
+        now_s = now_s + 1.0 if slot is not None else scheduler.next_due_s()
+        if slot is not None:
+            scheduler.record(slot, ANSWERED, now_s)
+            seen[key_of(slot)] += 1
 
-    wire_s = TIMING.wire_s(8 + 205 + 2 * ALTERNATES)  # asked in the longest of its alternate forms
-    assert latency_s == pytest.approx(wire_s + 2 * RESPONSE_TIME_S + 0.02 + TIMING.silence_s)
-    assert rig.client.name == "pumps"
-    assert rig.client.timing is TIMING
+    assert scheduler.polls.stretch == pytest.approx(1.75)
+    assert seen["a"] == pytest.approx(2 * seen["b"], rel=0.1)
+    assert seen["b"] == pytest.approx(2 * seen["c"], rel=0.1)
+    assert seen.total() == 2000  # no time is left idle
 
 
-def test_frames_are_logged_in_hex_at_debug_only(caplog: pytest.LogCaptureFixture) -> None:
-    caplog.set_level(logging.DEBUG, "gateway.line")
+def test_a_poll_may_get_and_lose_its_period() -> None:
+    scheduler = begun(poll("a", every_s=0.0), poll("b", every_s=0.0))
+    take(scheduler, 0.0)
 
-    rig = run_for(0.5, Units({1}), [poll("a")])
+    scheduler.polls.set_every("a", 5.0, 0.0)
+    assert [key_of(take(scheduler, 0.0)) for _ in range(4)] == ["b", "a", "b", "b"]
+    scheduler.polls.set_every("a", 0.0, 1.0)
 
-    shown = [record.getMessage() for record in caplog.records if " >> " in record.getMessage()]
-    assert len(shown) == 1
-    assert shown[0].endswith(rig.port.sent[0][1].hex(" "))
-    assert adu.decode(rig.port.sent[0][1]).unit == 1
+    assert {key_of(take(scheduler, 1.0)), key_of(take(scheduler, 1.0))} == {"a", "b"}
+
+
+def test_a_full_line_asks_all_in_one_order_from_the_first_round_on() -> None:
+    line = IdealLine([poll(str(unit), unit, 0.0) for unit in range(1, 248)], lambda slot: 0.025)
+
+    line.run(25.0)
+
+    gaps_s = [gap_s for each in line.gaps_s.values() for gap_s in each]
+    assert max(gaps_s) <= 1.02 * 247 * 0.025
+
+
+@pytest.mark.parametrize("every_s", [0.0, 1.0, 5.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_full_line_keeps_its_order_though_no_two_transactions_take_equally_long(
+    every_s: float, seed: int
+) -> None:
+    chance = random.Random(seed)
+    polls = [poll(str(unit), unit, every_s) for unit in range(1, 248)]
+    line = IdealLine(polls, lambda slot: 0.026 + chance.expovariate(2000.0), seed=seed)
+    line.run(14.0 if every_s else 0.0)  # its phases are left to chance first
+    line.gaps_s.clear()
+
+    line.run(60.0)
+
+    round_s = 247 * line.now_s / len(line.slots)
+    assert max(gap_s for each in line.gaps_s.values() for gap_s in each) <= 1.02 * round_s
+    asked = [len(each) for each in line.gaps_s.values()]
+    assert max(asked) - min(asked) <= 1
+
+
+def test_a_port_that_is_opened_again_stretches_nothing_by_itself() -> None:
+    line = IdealLine([poll(str(unit), unit, 0.3) for unit in range(1, 9)], lambda slot: 0.03)
+    line.run(5.0)
+    line.now_s += 1.0  # without a port
+    line.scheduler.begin(line.now_s)
+
+    stretched = []
+    while line.now_s < 8.0:
+        line.step()
+        stretched.append(line.scheduler.polls.stretch)
+
+    assert max(stretched) == 1.0
+
+
+def test_periods_are_as_they_were_when_an_offline_starter_or_a_poll_no_longer_costs_anything() -> None:
+    dead = set[int]()
+    polls = [poll(str(unit), unit, 0.3) for unit in range(1, 16)]
+    line = IdealLine(
+        polls,
+        lambda slot: 0.03,
+        lambda slot, at_s: Silent() if slot.unit in dead else Answered((), at_s, 0.0),
+    )
+    line.run(20.0)
+    assert line.scheduler.polls.stretch == pytest.approx(1.5)
+
+    line.scheduler.polls.set_every("15", 3.0, line.now_s)
+    line.run(40.0)
+    assert line.scheduler.polls.stretch == pytest.approx(1.41)
+    line.scheduler.polls.remove("15")
+    dead.update(range(9, 15))
+    line.run(60.0)
+
+    assert line.scheduler.polls.stretch == 1.0
+
+
+def test_a_process_that_was_stopped_for_a_minute_leaves_no_poll_out_afterwards() -> None:
+    stops_s = [60.0]
+
+    def took_s(slot: Slot) -> float:
+        return stops_s.pop() if line.now_s > 30.0 and stops_s else 0.026
+
+    line = IdealLine([poll(str(unit), unit, 1.0) for unit in range(1, 248)], took_s)
+    line.run(97.0)  # one round after that
+    line.gaps_s.clear()
+
+    line.run(250.0)
+
+    assert max(gap_s for each in line.gaps_s.values() for gap_s in each) <= 2 * 247 * 0.026
+
+
+def test_wrong_keys_are_refused() -> None:
+    scheduler = begun(poll("a"))
+
+    with pytest.raises(ValueError, match="'a' already"):
+        scheduler.polls.add(poll("a"), 0.0)
+    with pytest.raises(KeyError):
+        scheduler.polls.remove("b")
+    with pytest.raises(KeyError):
+        scheduler.polls.expedite("b", 0.0)
+    with pytest.raises(KeyError):
+        scheduler.polls.set_every("b", 1.0, 0.0)
+
+
+@settings(deadline=None)
+@given(
+    periods_s=st.lists(st.sampled_from([0.0, 0.05, 0.3, 1.0, 5.0]), min_size=1, max_size=12),
+    jobs=st.lists(
+        st.tuples(st.integers(0, 300), st.sampled_from([Priority.COMMAND, Priority.READ_BACK])), max_size=80
+    ),
+)
+def test_no_poll_starves(periods_s: list[float], jobs: list[tuple[int, Priority]]) -> None:
+    scheduler = begun(*(poll(str(at), unit=at + 1, every_s=every_s) for at, every_s in enumerate(periods_s)))
+    by_step = Counter(jobs)
+    last_s = dict.fromkeys(map(str, range(len(periods_s))), 0.0)
+    longest_s = dict(last_s)
+    most_stretched = 1.0
+
+    for step in range(600):
+        now_s = 0.03 * step
+        for (at, lane), count in by_step.items():
+            if at == step:
+                for _ in range(count):
+                    scheduler.jobs.submit(job(lane), now_s)
+        slot = take(scheduler, now_s)
+        most_stretched = max(most_stretched, scheduler.polls.stretch)
+        if slot is not None and slot.poll is not None:
+            key = slot.poll.key
+            longest_s[key] = max(longest_s[key], now_s - last_s[key])
+            last_s[key] = now_s
+
+    for key, gap_s in longest_s.items():
+        bound_s = 2 * period_of(periods_s[int(key)]) * most_stretched + 0.03 * (
+            len(jobs) + len(periods_s) + 1
+        )
+        assert gap_s <= bound_s
+        assert 600 * 0.03 - last_s[key] <= bound_s
+
+
+@given(outcomes=st.lists(st.sampled_from([ANSWERED, GARBLED, Silent()]), max_size=60))
+def test_a_unit_is_asked_for_ever_whatever_it_answers(outcomes: list[Outcome]) -> None:
+    scheduler = begun(poll("a"), poll("b"), chance=random.Random(1))
+
+    times_s = ask_times(scheduler, [*outcomes, ANSWERED, ANSWERED, ANSWERED])
+
+    assert all(gap_s <= 17.6 for gap_s in gaps(times_s))
+    assert len(scheduler.polls.asked()) == 2

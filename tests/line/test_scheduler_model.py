@@ -61,13 +61,13 @@ class Model(IdealLine):
                 self._submit(lane, 0.0)
 
     def _submit(self, lane: Priority, at_s: float) -> None:
-        self.plan.jobs.submit(Job(OTHER, READ, 0.01, lane, lambda outcome: None), at_s)
+        self.scheduler.jobs.submit(Job(OTHER, READ, 0.01, lane, lambda outcome: None), at_s)
 
     def _duration_s(self, slot: Slot) -> float:
         took_s = self._late_s[slot.poll.key] if slot.poll is not None else self.longest_s
         if slot.unit in self.site.offline:
             took_s = self.longest_s
-            if self.plan.polls.unit(slot.unit).is_silent:
+            if self.scheduler.polls.unit(slot.unit).is_silent:
                 self.offline_s += took_s
         if slot.lane is Priority.STOP:
             self.waits_s.append(self.now_s - slot.since_s)
@@ -75,7 +75,7 @@ class Model(IdealLine):
             self._submit(slot.lane, self.now_s)
         if self._stop_s <= self.now_s + took_s:
             at_s = max(self._stop_s, self.now_s)
-            self.plan.jobs.submit(Job(OTHER, STOP, 0.01, Priority.STOP, lambda outcome: None), at_s)
+            self.scheduler.jobs.submit(Job(OTHER, STOP, 0.01, Priority.STOP, lambda outcome: None), at_s)
             self._stop_s = at_s + self._chance.uniform(0.5, 1.5) * self.site.stops_every_s
         return took_s
 
@@ -85,15 +85,15 @@ class Model(IdealLine):
     def run_first_round(self) -> None:
         """Serve until every unit was asked, and what that has delayed is over."""
         while any(
-            unit not in self.heard_s for unit in {each.unit for each in self.polls} - self.site.offline
+            unit not in self.served_s for unit in {each.unit for each in self.polls} - self.site.offline
         ):
             self.step()
         self.run(self.now_s + 5.0)
-        self.unheard_s.clear()
+        self.unserved_s.clear()
 
     def used_by_jobs(self) -> float:
         """Return the share of the line's time that jobs have used."""
-        return sum(self.longest_s for _, slot in self.turns if slot.lane in FLOODS) / self.now_s
+        return sum(self.longest_s for _, slot in self.slots if slot.lane in FLOODS) / self.now_s
 
 
 def site_of(limits_s: Sequence[float | None], every_s: float, registers: int = 1, **more: object) -> Site:
@@ -114,7 +114,7 @@ def excess_s(model: Model) -> float:
     """Return by how much any promised gap was exceeded."""
     promised_s = forecast_of(model.site).watchdog_gaps_s
     found = (
-        model.unheard_s[unit] - promised_s[unit] for unit in promised_s if unit not in model.site.offline
+        model.unserved_s[unit] - promised_s[unit] for unit in promised_s if unit not in model.site.offline
     )
     return max(found, default=-inf)
 
@@ -144,7 +144,7 @@ def test_no_watchdog_is_left_for_longer_than_promised_with_commands_under_way(
     assert excess_s(model) <= 1e-9
 
 
-def test_the_case_that_was_promised_1_8570_s_and_got_1_8737_s_is_kept() -> None:
+def test_the_promise_holds_in_the_case_that_was_promised_1_8570_s_and_got_1_8737_s() -> None:
     site = site_of([1.0] * 6 + [2.0, 3.5], 0.0, floods=[Priority.COMMAND])
     site = replace(site, polls=site.polls[::2])  # one register each
     model = Model(site)

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import os
-from collections.abc import Awaitable, Callable
 
 import pytest
 
 from gateway.errors import PortLostError
 from gateway.line.port import buffered as lead
 from gateway.line.port import buffered as open_port
-from gateway.line.port.event_loop import new_precise_loop
 from tests.line.fakes import until
 from tests.line.opened import LONG_S, Pty, opener, read, read_pty, settled, write_often
 
@@ -121,7 +119,7 @@ async def test_a_tty_that_hangs_up_is_lost_for_reading_and_writing(pty: Pty) -> 
     await settled(port)
 
 
-async def test_a_write_that_meets_the_hang_up_first_is_told_too(pty: Pty) -> None:
+async def test_a_write_that_meets_the_hang_up_first_is_reported_too(pty: Pty) -> None:
     port = await opener(pty.path)()
     pty.hang_up()
 
@@ -142,7 +140,7 @@ async def test_a_tty_that_takes_no_more_bytes_is_lost_instead_of_waited_for(pty:
 async def test_a_closed_port_may_be_closed_again_and_is_lost(pty: Pty) -> None:
     port = await opener(pty.path)()
 
-    port.close()  # before asyncio has even told that it is open
+    port.close()  # before asyncio has even reported that it is open
     port.close()
 
     with pytest.raises(PortLostError, match="closed"):
@@ -150,7 +148,7 @@ async def test_a_closed_port_may_be_closed_again_and_is_lost(pty: Pty) -> None:
     await settled(port)
 
 
-async def test_unread_bytes_are_kept_up_to_a_limit(pty: Pty) -> None:
+async def test_unread_bytes_are_stored_up_to_a_limit(pty: Pty) -> None:
     port = await opener(pty.path)()
     pattern = bytes(range(256)) * 4
 
@@ -159,28 +157,5 @@ async def test_unread_bytes_are_kept_up_to_a_limit(pty: Pty) -> None:
         written_s = asyncio.get_running_loop().time()
         await until(lambda written_s=written_s: port.last_byte_s >= written_s)
 
-    assert len(await port.read(until_s=0.0)) <= open_port.KEPT_BYTES
+    assert len(await port.read(until_s=0.0)) <= open_port.UNREAD_BYTES
     await settled(port)
-
-
-@pytest.mark.parametrize(
-    "case",
-    [
-        test_a_tty_carries_bytes_both_ways,
-        test_bytes_that_come_while_a_read_is_about_to_end_are_returned,
-        test_a_tty_that_is_lost_in_the_middle_of_a_reply_gives_what_came_and_then_the_loss,
-        test_a_port_that_is_closed_while_a_reply_comes_looks_no_more,
-        test_a_reply_that_comes_byte_by_byte_wakes_its_reader_once,
-        test_a_tty_that_hangs_up_is_lost_for_reading_and_writing,
-        test_a_write_that_meets_the_hang_up_first_is_told_too,
-        test_a_tty_that_takes_no_more_bytes_is_lost_instead_of_waited_for,
-        test_a_closed_port_may_be_closed_again_and_is_lost,
-        test_unread_bytes_are_kept_up_to_a_limit,
-    ],
-)
-def test_on_the_lines_own_loop_it_is_the_same(pty: Pty, case: Callable[[Pty], Awaitable[None]]) -> None:
-    async def run() -> None:
-        await case(pty)
-
-    with asyncio.Runner(loop_factory=new_precise_loop) as runner:
-        runner.run(run())

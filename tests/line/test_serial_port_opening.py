@@ -1,4 +1,4 @@
-"""What keeps a tty from being opened, and how that is told."""
+"""What keeps a tty from being opened, and how that is reported."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_a_pseudo_terminal_is_busy_for_a_second_gateway_and_free_after_the_first
 
 
 @pytest.mark.parametrize(
-    ("path", "told"),
+    ("path", "text"),
     [
         ("/dev/serial/by-id/nowhere", "no such port (plug the adapter in"),
         ("/dev/null", "not a serial port"),
@@ -78,16 +78,16 @@ def test_a_pseudo_terminal_is_busy_for_a_second_gateway_and_free_after_the_first
         ("rfc2217://host:1", "write socket://host:port"),
     ],
 )
-async def test_what_cannot_be_opened_is_told_with_its_mend(path: str, told: str) -> None:
+async def test_what_cannot_be_opened_is_reported_with_a_hint(path: str, text: str) -> None:
     with pytest.raises(PortError) as caught:
         await opener(path)()
 
-    assert told in str(caught.value)
+    assert text in str(caught.value)
     assert caught.value.port == path
 
 
 @pytest.mark.parametrize(
-    ("error", "told"),
+    ("error", "text"),
     [
         (PermissionError(errno.EACCES, "denied"), "add the user to group dialout"),
         (serial.SerialException(errno.EBUSY, "busy"), "another program holds it"),
@@ -96,8 +96,8 @@ async def test_what_cannot_be_opened_is_told_with_its_mend(path: str, told: str)
         (ValueError("Invalid baud rate: 7"), "Invalid baud rate: 7"),
     ],
 )
-def test_errors_of_the_system_are_told_in_a_users_words(error: Exception, told: str) -> None:
-    assert told in str(port_error("/dev/ttyUSB0", error))
+def test_errors_of_the_system_are_reported_in_a_users_words(error: Exception, text: str) -> None:
+    assert text in str(port_error("/dev/ttyUSB0", error))
 
 
 async def test_a_descriptor_that_select_cannot_serve_is_refused(
@@ -134,7 +134,7 @@ async def test_a_tty_that_does_not_open_in_time_is_given_up_and_closed_when_it_d
     await until(lambda: bool(opened) and not opened[0].is_open)
 
 
-async def test_a_tty_that_fails_to_open_too_late_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_tty_that_fails_to_open_too_late_is_reported_once(monkeypatch: pytest.MonkeyPatch) -> None:
     opens = opener("/dev/ttyUSB0")
     may_fail, has_failed = threading.Event(), threading.Event()
 

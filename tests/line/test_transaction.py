@@ -24,10 +24,10 @@ from tests.line.fakes import (
     Said,
     Units,
     ask,
-    nobody,
-    transactor,
+    master,
+    no_reply,
 )
-from tests.line.one_request import READ, READ_ADU, REPLY, told
+from tests.line.one_request import READ, READ_ADU, REPLY, outcome_after
 from tests.virtual_time import run_virtually
 
 LAST_REPLY_S = DELAY_S + TIMING.wire_s(len(REPLY))
@@ -49,7 +49,7 @@ def test_a_reply_is_answered_with_its_value_and_times() -> None:
 
 @pytest.mark.parametrize("size", range(1, len(REPLY) + 1))
 def test_any_chunking_gives_the_same_answer(size: int) -> None:
-    outcome = told(Said(REPLY, in_chunks_of=size))
+    outcome = outcome_after(Said(REPLY, in_chunks_of=size))
 
     assert isinstance(outcome, Answered)
     assert outcome.value == (1, 2, 3, 4)
@@ -57,12 +57,12 @@ def test_any_chunking_gives_the_same_answer(size: int) -> None:
 
 
 def test_an_exception_reply_is_refused_with_its_code() -> None:
-    assert told(Said(adu.encode(1, b"\x83\x02"))) == Refused(2, at_s=pytest.approx(0.0143, abs=1e-3))
+    assert outcome_after(Said(adu.encode(1, b"\x83\x02"))) == Refused(2, at_s=pytest.approx(0.0143, abs=1e-3))
 
 
 def test_no_reply_is_silent_after_the_response_time_the_reply_and_the_allowance() -> None:
     async def scenario() -> tuple[Outcome, float]:
-        port = FakePort(nobody)
+        port = FakePort(no_reply)
         outcome = await ask(port, READ)
         return outcome, asyncio.get_running_loop().time() - port.sent[0][0]
 
@@ -88,7 +88,7 @@ def test_no_reply_is_silent_after_the_response_time_the_reply_and_the_allowance(
     ],
 )
 def test_what_does_not_answer_is_garbled_and_named(frame: bytes, reason: str) -> None:
-    outcome = told(Said(frame))
+    outcome = outcome_after(Said(frame))
 
     assert isinstance(outcome, Garbled)
     assert reason in outcome.reason
@@ -99,12 +99,12 @@ def test_every_single_wrong_bit_is_noticed() -> None:
     for bit in range(8 * len(REPLY)):
         wrong = bytearray(REPLY)
         wrong[bit // 8] ^= 1 << bit % 8
-        assert isinstance(told(Said(bytes(wrong))), Garbled)
+        assert isinstance(outcome_after(Said(bytes(wrong))), Garbled)
 
 
 def test_bytes_behind_a_whole_reply_are_counted_and_dropped_in_any_chunking() -> None:
     async def scenario(size: int | None) -> tuple[Outcome, int]:
-        line = transactor(port := FakePort(lambda frame: [Said(REPLY + b"\xff\xff", in_chunks_of=size)]))
+        line = master(port := FakePort(lambda frame: [Said(REPLY + b"\xff\xff", in_chunks_of=size)]))
         outcome = await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
         await asyncio.sleep(0.01)
         await line.settle()
@@ -125,7 +125,7 @@ def test_no_request_starts_before_the_silence_is_over(baud: int, size: int | Non
 
     async def scenario() -> FakePort:
         port = FakePort(Units({1, 2, 3}, in_chunks_of=size), timing)
-        line = transactor(port)
+        line = master(port)
         for _ in range(2000 if size is None else 200):
             units = Units({1, 2, 3}, chance.uniform(0.0, 0.03), size)  # some too late
             port.answer = units
@@ -143,7 +143,7 @@ def test_no_request_starts_before_the_silence_is_over(baud: int, size: int | Non
 
 def test_the_first_request_waits_out_a_silence_too() -> None:
     async def scenario() -> float:
-        port = FakePort(nobody)
+        port = FakePort(no_reply)
         await ask(port, READ)
         return port.sent[0][0]
 
@@ -152,7 +152,7 @@ def test_the_first_request_waits_out_a_silence_too() -> None:
 
 def test_stray_bytes_put_the_request_off_and_are_not_taken_for_its_reply() -> None:
     async def scenario() -> tuple[float, Outcome]:
-        port = FakePort(nobody)
+        port = FakePort(no_reply)
         port.say(Said(REPLY, 0.001, in_chunks_of=1))
         outcome = await ask(port, READ)
         return port.sent[0][0], outcome
@@ -166,9 +166,9 @@ def test_stray_bytes_put_the_request_off_and_are_not_taken_for_its_reply() -> No
 
 def test_a_line_that_never_becomes_quiet_is_given_up_unsent() -> None:
     async def scenario() -> tuple[list[Outcome], FakePort, float]:
-        port = FakePort(nobody)
+        port = FakePort(no_reply)
         port.say(Said(b"\x55" * 2000, 0.0, in_chunks_of=1, gap_s=0.001))
-        line = transactor(port)
+        line = master(port)
         outcomes: list[Outcome] = [await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)]
         given_up_s = asyncio.get_running_loop().time()
         await asyncio.sleep(3.0)
@@ -188,7 +188,7 @@ def test_a_line_that_never_becomes_quiet_is_given_up_unsent() -> None:
 def test_a_broadcast_is_sent_and_the_line_left_alone_for_the_turnaround() -> None:
     async def scenario() -> tuple[Outcome, FakePort, Outcome]:
         port = FakePort(lambda frame: [Said(b"\xff")] if frame[0] == 0 else [Said(REPLY)])
-        line = transactor(port)
+        line = master(port)
         broadcast = await line.transact(0, WriteRegister(1, 2), response_time_s=RESPONSE_TIME_S)
         return broadcast, port, await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
 
@@ -228,10 +228,10 @@ def test_an_identification_that_breaks_off_is_not_waited_for_to_the_longest_leng
     assert waited_s == pytest.approx(TIMING.silence_s + 0.02)
 
 
-def test_a_port_that_is_lost_tells_whether_the_request_was_sent() -> None:
+def test_a_port_that_is_lost_says_whether_the_request_was_sent() -> None:
     async def scenario(delay_s: float) -> bool:
-        port = FakePort(nobody)
-        line = transactor(port)
+        port = FakePort(no_reply)
+        line = master(port)
         asyncio.get_running_loop().call_later(delay_s, port.hang_up)
         with pytest.raises(PortLostError):
             await line.transact(1, READ, response_time_s=RESPONSE_TIME_S)
@@ -259,8 +259,8 @@ def test_a_frame_that_has_become_too_late_in_the_last_wait_before_it_is_not_sent
         loop = asyncio.get_running_loop()
         line = RtuMaster(port, TIMING, trace=Trace("line"), time=lambda: loop.time() + port.stopped_s)
         await asyncio.sleep(0.1)
-        prepared = EncodedRequest.of(1, READ)
-        outcome = await line.exchange(prepared, response_time_s=RESPONSE_TIME_S, until_s=until_s)
+        encoded = EncodedRequest.of(1, READ)
+        outcome = await line.exchange(encoded, response_time_s=RESPONSE_TIME_S, until_s=until_s)
         return outcome, line.is_on_wire, len(port.sent)
 
     outcome, is_on_wire, count = run_virtually(scenario())

@@ -6,6 +6,7 @@ from gateway.errors import BadFrameError
 from gateway.modbus import adu
 from gateway.modbus.codes import Function
 from gateway.modbus.writes import WriteRegister
+from tests.modbus.request_size import request_adu_size
 
 
 def frame(head: str) -> bytes:
@@ -65,7 +66,7 @@ def test_less_than_a_function_gives_no_length(size: int) -> None:
     head = b"\x01"[:size]
 
     assert adu.reply_adu_size(head) is None
-    assert adu.request_adu_size(head) is None
+    assert request_adu_size(head) is None
 
 
 @pytest.mark.parametrize("function", Function)
@@ -101,7 +102,7 @@ def test_a_function_that_no_one_asked_for_begins_no_reply_and_no_request(functio
     with pytest.raises(BadFrameError, match="function"):
         adu.reply_adu_size(head)
     with pytest.raises(BadFrameError, match="function"):
-        adu.request_adu_size(head)
+        request_adu_size(head)
 
 
 def test_a_broadcast_has_no_reply() -> None:
@@ -110,7 +111,7 @@ def test_a_broadcast_has_no_reply() -> None:
 
 
 def test_a_broadcast_is_a_request() -> None:
-    assert adu.request_adu_size(bytes.fromhex("00 06")) == 8
+    assert request_adu_size(bytes.fromhex("00 06")) == 8
 
 
 @pytest.mark.parametrize(
@@ -133,7 +134,7 @@ def test_a_broadcast_is_a_request() -> None:
     ],
 )
 def test_the_length_of_a_request_is_known_from_its_first_bytes(head: str, size: int | None) -> None:
-    assert adu.request_adu_size(bytes.fromhex(head)) == size
+    assert request_adu_size(bytes.fromhex(head)) == size
 
 
 @pytest.mark.parametrize(
@@ -141,7 +142,7 @@ def test_the_length_of_a_request_is_known_from_its_first_bytes(head: str, size: 
 )
 def test_a_request_whose_byte_count_no_frame_can_hold_is_refused(head: str) -> None:
     with pytest.raises(BadFrameError, match="byte count"):
-        adu.request_adu_size(bytes.fromhex(head))
+        request_adu_size(bytes.fromhex(head))
 
 
 def test_the_length_of_an_identification_is_known_with_its_last_object_s_length() -> None:
@@ -158,7 +159,7 @@ def test_an_identification_without_objects_ends_after_their_number() -> None:
 
 
 def test_another_encapsulated_interface_is_refused() -> None:
-    for size_of in (adu.reply_adu_size, adu.request_adu_size):
+    for size_of in (adu.reply_adu_size, request_adu_size):
         with pytest.raises(BadFrameError, match="MEI type 13"):
             size_of(bytes.fromhex("01 2B 0D"))
 

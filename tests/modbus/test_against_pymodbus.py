@@ -18,8 +18,8 @@ from pymodbus.pdu.mei_message import ReadDeviceInformationRequest, ReadDeviceInf
 
 from gateway.errors import BadFrameError, BadReplyError
 from gateway.modbus import adu
+from gateway.modbus.adu import crc16
 from gateway.modbus.codes import EXCEPTION_BIT, Function
-from gateway.modbus.crc import crc16
 from gateway.modbus.device_id import ONE_OBJECT_CODE, DeviceIdentification, ReadDeviceIdentification
 from gateway.modbus.pdu import exception_code
 from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegisters, ReadInputRegisters
@@ -32,6 +32,7 @@ from gateway.modbus.writes import (
     WriteRegister,
     WriteRegisters,
 )
+from tests.modbus.request_size import request_adu_size
 from tests.modbus.samples import random_reply, random_request, random_sibling
 
 FRAMES_PER_SEED = 25_000
@@ -251,7 +252,7 @@ def test_both_see_the_same_end_of_a_request_frame() -> None:
         frame = damaged(rng, adu.encode(rng.randint(0, 247), random_request(rng).encode()))
         theirs = theirs_whole(_SERVER, frame)
         try:
-            whole = adu.decode(frame) if adu.request_adu_size(frame) == len(frame) else None
+            whole = adu.decode(frame) if request_adu_size(frame) == len(frame) else None
         except BadFrameError:
             whole = None
 

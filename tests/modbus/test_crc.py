@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from pymodbus.framer import FramerRTU
 
-from gateway.modbus.crc import crc16
+from gateway.modbus.adu import crc16
 
 
 def test_the_check_value_of_the_catalogue_comes_out() -> None:

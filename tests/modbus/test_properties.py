@@ -13,6 +13,7 @@ from gateway.modbus.device_id import DeviceIdentification, ReadDeviceIdentificat
 from gateway.modbus.pdu import exception_code
 from gateway.modbus.server import KnownRequest, decode_request
 from gateway.modbus.writes import WriteCoils
+from tests.modbus.request_size import request_adu_size
 from tests.modbus.strategies import PROPERTY, exchanges, reply_pdus, requests, units
 
 
@@ -97,7 +98,7 @@ def test_the_length_of_a_request_is_given_right_by_every_beginning_that_gives_it
 ) -> None:
     frame = adu.encode(unit, request.encode())
 
-    sizes = [adu.request_adu_size(frame[:length]) for length in range(len(frame) + 1)]
+    sizes = [request_adu_size(frame[:length]) for length in range(len(frame) + 1)]
 
     known_from = sizes.index(len(frame))
     assert sizes[:known_from] == [None] * known_from
@@ -129,7 +130,7 @@ def test_an_identification_is_never_thought_complete_before_its_end(
 @given(st.binary(max_size=300))
 def test_any_bytes_are_a_frame_or_are_refused(received: bytes) -> None:
     bears(BadFrameError, adu.decode, received)
-    for size_of in (adu.reply_adu_size, adu.request_adu_size):
+    for size_of in (adu.reply_adu_size, request_adu_size):
         if not bears(BadFrameError, size_of, received):
             assert size_of(received) in (None, *range(5, 257))
 

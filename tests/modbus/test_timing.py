@@ -80,11 +80,6 @@ def test_no_speed_makes_the_silence_shorter_than_the_specification_wants() -> No
     assert timing(115200, "8N1").silence_s > 0.00175  # [SERIAL 2.5.1.1]
 
 
-@pytest.mark.parametrize(("baud", "t15_ms"), [(9600, 1.719), (19200, 0.859), (57600, 0.859)])
-def test_the_gap_inside_a_frame_is_counted_like_the_silence(baud: int, t15_ms: float) -> None:
-    assert timing(baud).t15_s * 1000 == pytest.approx(t15_ms, abs=0.0005)
-
-
 def test_a_frame_takes_the_wire_for_the_time_of_its_characters() -> None:
     assert timing(19200, "8N1").wire_s(8) == pytest.approx(80 / 19200)
     assert timing(57600, "8E2").wire_s(256) == pytest.approx(256 * 12 / 57600)

@@ -6,8 +6,7 @@ import json
 from typing import Any
 
 from gateway.mqtt.contract.commands import CommandParser, Incoming, Rejection
-from gateway.mqtt.contract.freshness import Moment, Tokens
-from gateway.mqtt.contract.run_token import RunToken
+from gateway.mqtt.contract.freshness import Moment, RunToken, Tokens
 from gateway.mqtt.contract.topics import Topics
 from gateway.starters.policy.request import CommandRequest
 

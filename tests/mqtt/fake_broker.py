@@ -49,6 +49,8 @@ class FakeBroker:
     acknowledges: bool = True
     answers_pings: bool = True
     tls: Certificate | None = None
+    answers_subscriptions: bool = True
+    before_suback: bytes = b""
     after_suback: bytes = b""
     closes_after_suback: bool = False
     port: int = 0
@@ -109,7 +111,8 @@ class FakeBroker:
         if packet.kind == SUBSCRIBE:
             properties = b"\x00" if self.levels[-1] == LEVEL_5 else b""
             body = packet.packet_id + properties + bytes([self.suback_code])
-            writer.write(bytes([0x90, len(body)]) + body + self.after_suback)
+            suback = bytes([0x90, len(body)]) + body if self.answers_subscriptions else b""
+            writer.write(self.before_suback + suback + self.after_suback)
             return not self.closes_after_suback
         if packet.kind == PINGREQ and self.answers_pings:
             writer.write(b"\xd0\x00")

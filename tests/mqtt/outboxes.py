@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gateway.mqtt.contract.payloads import HistoryItem, Message
+from gateway.mqtt.contract.payloads import LateValue, Message
 from gateway.mqtt.outbox.outbox import Outbox, Outgoing
 
 STATUS = "b/gateway/status"
@@ -17,17 +17,21 @@ def pack(topic: str, items: Sequence[str], boot: str) -> Message:
 
 
 def outbox(**limits: int) -> Outbox:
-    box = Outbox(last_topic=STATUS, pack=pack, boot="run", **limits)
+    box = Outbox(last_topic=STATUS, pack=pack, late=late, boot="run", **limits)
     box.grant_history(10**6)
     return box
 
 
-def latest(topic: str, text: str = "", *, qos: int = 1, history: HistoryItem | None = None) -> Message:
-    return Message(topic, text.encode(), qos=qos, retain=True, history=history)
+def late(message: Message) -> LateValue:
+    return LateValue(message.topic.replace("v/", "h/"), message.payload)
+
+
+def latest(topic: str, text: str = "", *, qos: int = 1, is_value: bool = False) -> Message:
+    return Message(topic, text.encode(), qos=qos, retain=True, is_value=is_value)
 
 
 def value(number: int, *, starter: str = "p") -> Message:
-    return latest(f"v/{starter}", str(number), history=HistoryItem(f"h/{starter}", str(number)))
+    return latest(f"v/{starter}", str(number), is_value=True)
 
 
 def event(text: str) -> Message:

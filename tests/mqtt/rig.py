@@ -9,9 +9,8 @@ from gateway.mqtt.connection.broker import BrokerConnection
 from gateway.mqtt.connection.reconnect import Notice, Version
 from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.mqtt.contract.commands import CommandParser, Incoming, Rejection
-from gateway.mqtt.contract.freshness import Moment, Tokens
+from gateway.mqtt.contract.freshness import Moment, RunToken, Tokens
 from gateway.mqtt.contract.payloads import Message, Payloads
-from gateway.mqtt.contract.run_token import RunToken
 from gateway.mqtt.contract.topics import Topics
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher

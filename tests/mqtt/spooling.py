@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from gateway.errors import StoreError
-from gateway.mqtt.contract.payloads import HistoryItem, Message
+from gateway.mqtt.contract.payloads import LateValue, Message
 from gateway.mqtt.outbox.disk_sync import DiskSync
 from gateway.mqtt.outbox.outbox import Outbox, Outgoing
 from gateway.records import Severity
 from gateway.storage.database import Connection
 from gateway.storage.outbox import FILE, OutboxDisk
-from gateway.storage.worker import Store, _Piece
+from gateway.storage.worker import OnNews, Store, _Piece
 from tests.virtual_time import VirtualClock
 
 STATUS = "b/gateway/status"
@@ -31,7 +31,8 @@ class InlineStore(Store):
     is_hanging = False
     is_failing = False
 
-    def start(self) -> None:
+    def start(self, on_news: OnNews) -> None:
+        self._on_news = on_news
         self.retry()
 
     def retry(self) -> None:
@@ -69,9 +70,12 @@ def pack(topic: str, items: Sequence[str], boot: str) -> Message:
 
 
 def value(number: int, *, starter: str = "p", point: str = "a") -> Message:
-    item = HistoryItem(f"b/{starter}/history", str(number))
     payload = str(number).encode()
-    return Message(f"b/{starter}/value/{point}", payload, qos=1, retain=True, history=item)
+    return Message(f"b/{starter}/value/{point}", payload, qos=1, retain=True, is_value=True)
+
+
+def late(message: Message) -> LateValue:
+    return LateValue(f"{message.topic.rpartition('/value/')[0]}/history", message.payload)
 
 
 def event(number: int) -> Message:
@@ -89,23 +93,23 @@ class SpoolRun:
         self.path = folder / FILE
         self.loop = asyncio.get_running_loop()
         self.clock = VirtualClock(self.loop)
-        self.outbox = Outbox(last_topic=STATUS, pack=pack, boot=boot)
+        self.outbox = Outbox(last_topic=STATUS, pack=pack, late=late, boot=boot)
         self.disk = InlineDisk(folder, most_rows=most_rows, max_bytes=max_bytes, retry_s=0.0)
         store = self.disk._store
         assert isinstance(store, InlineStore)
         self.store = store
-        self.spooler = DiskSync(
+        self.disk_sync = DiskSync(
             self.outbox, self.disk, clock=self.clock, publish_event=self._publish_event, wake=self._deliver
         )
         self.events: list[tuple[str, Mapping[str, Any]]] = []
         self.reported: list[tuple[float, Message]] = []  # what the broker has had, and when
         self.refuses: Callable[[Message], bool] = lambda message: False
         self.acknowledges = True
-        self.tasks = [asyncio.create_task(work()) for work in (self.spooler.run, self.spooler.pace)]
+        self.tasks = [asyncio.create_task(work()) for work in (self.disk_sync.run, self.disk_sync.pace)]
 
     async def begin(self) -> SpoolRun:
         """Start, and wait until it is known what was left behind."""
-        self.spooler.start()
+        self.disk_sync.start()
         await asyncio.sleep(0.3)
         return self
 
@@ -130,7 +134,7 @@ class SpoolRun:
 
     async def end(self) -> None:
         """End in order."""
-        await self.spooler.close(within_s=2.0)
+        await self.disk_sync.close(within_s=2.0)
         self.kill()
 
     def texts(self, topic: str = "") -> list[str]:

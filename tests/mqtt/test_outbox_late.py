@@ -6,6 +6,7 @@ from tests.mqtt.outboxes import (
     WIDE,
     acknowledge,
     event,
+    late,
     latest,
     outbox,
     pack,
@@ -129,7 +130,7 @@ def test_a_full_outbox_drops_history_first_then_events_and_results_last() -> Non
 
 
 def test_values_reported_late_wait_until_they_are_granted() -> None:
-    box = Outbox(last_topic=STATUS, pack=pack, boot="run")
+    box = Outbox(last_topic=STATUS, pack=pack, late=late, boot="run")
     for number in range(1, 303):
         box.put(value(number), 0.0)
     box.connected(WIDE)

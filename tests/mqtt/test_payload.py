@@ -6,7 +6,11 @@ from typing import Any
 
 import pytest
 
-from gateway.mqtt.contract.payloads import GatewayInfo, Message, Payloads, cleared
+from gateway.families.devices.device import Identity
+from gateway.families.profile.load import FAMILIES, LANGUAGES, load_profile
+from gateway.families.profile.schema import Variant
+from gateway.mqtt.connection.packet_limit import MAX_INCOMING_BYTES
+from gateway.mqtt.contract.payloads import GatewayInfo, Message, Payloads, cleared, late_value
 from gateway.mqtt.contract.topics import Topics
 from gateway.records import (
     AlarmRecord,
@@ -20,10 +24,14 @@ from gateway.records import (
     Record,
     ResultRecord,
     Severity,
+    StartRecord,
     StateRecord,
+    TripRecord,
     ValueRecord,
 )
 from gateway.starters.policy.rights import Operator
+from gateway.starters.setup import StarterSetup
+from gateway.starters.telemetry.emitter import info_of
 
 T = 1_795_222_923.456
 AT = '"2026-11-21T01:02:03.456Z"'
@@ -52,19 +60,19 @@ STATISTICS = {"qos": 0, "retain": True, "is_queued": False}
             VALUE,
             "b/starter/pump-1/value/current",
             LATEST,
-            f'{{"value":12.0,"unit":"A","quality":"good","time":{AT},"seq":4711}}',
+            f'{{"value":12.0,"unit":"A","quality":"good","time":{AT},"seq":4711,"boot":"boot-1"}}',
         ),
         (
             ValueRecord("pump-1", "S1.2.1", 3, "", Quality.STALE, T, 2, label="Remote"),
             "b/starter/pump-1/value/s1_2_1",
             LATEST,
-            f'{{"value":3,"unit":"","quality":"stale","time":{AT},"seq":2,"label":"Remote"}}',
+            f'{{"value":3,"unit":"","quality":"stale","time":{AT},"seq":2,"boot":"boot-1","label":"Remote"}}',
         ),
         (
             ValueRecord("pump-1", "p003", math.nan, "A", Quality.BAD, None, 3),
             "b/starter/pump-1/value/p003",
             LATEST,
-            '{"value":null,"unit":"A","quality":"bad","time":null,"seq":3}',
+            '{"value":null,"unit":"A","quality":"bad","time":null,"seq":3,"boot":"boot-1"}',
         ),
         (
             StateRecord(
@@ -72,7 +80,7 @@ STATISTICS = {"qos": 0, "retain": True, "is_queued": False}
             ),
             "b/starter/pump-1/state",
             LATEST,
-            f'{{"state":"running","quality":"good","time":{AT},"seq":5,"locked":null,"running":true,'
+            f'{{"state":"running","quality":"good","time":{AT},"seq":5,"boot":"boot-1","locked":null,"running":true,'
             '"fault":null}',
         ),
         (
@@ -95,7 +103,8 @@ STATISTICS = {"qos": 0, "retain": True, "is_queued": False}
             ),
             "b/starter/pump-1/alarm/f072",
             LATEST,
-            f'{{"active":true,"severity":"fault","text":"Überlast","time":{AT},"cleared":null,"count":3,"seq":9}}',
+            f'{{"active":true,"severity":"fault","text":"Überlast","time":{AT},"cleared":null,"count":3,"seq":9,'
+            '"boot":"boot-1"}',
         ),
         (
             InfoRecord(
@@ -203,11 +212,11 @@ def test_results_are_the_last_to_be_dropped() -> None:
 def test_a_value_brings_its_history_item_along() -> None:
     message = payloads().message(VALUE)
 
-    assert message.history is not None
-    assert message.history.topic == "b/starter/pump-1/history"
-    assert message.history.text == (
-        f'{{"point":"current","value":12.0,"quality":"good","time":{AT},"seq":4711}}'
-    )
+    late = late_value(message)
+
+    assert message.is_value
+    assert late.topic == "b/starter/pump-1/history"
+    assert late.item == f'{{"point":"current","value":12.0,"quality":"good","time":{AT},"seq":4711}}'.encode()
 
 
 def test_history_is_a_batch_of_items() -> None:
@@ -279,3 +288,30 @@ def test_the_packet_size_counts_everything_that_grows() -> None:
     message = Message("b/x", b"1234", qos=1, retain=False, correlation=b"56")
 
     assert message.packet_size == 20 + 3 + 4 + 2
+
+
+def test_a_start_and_a_trip_are_queued_once_and_a_trip_goes_last_when_the_outbox_is_full() -> None:
+    start = payloads().message(StartRecord("pump-1", "r-7", {"id": "r-7", "samples": {"t_s": [-1.0, 0.5]}}))
+    trip = payloads().message(TripRecord("pump-1", "r-8", {"id": "r-8", "code": "e05"}))
+
+    assert (start.topic, text(start)) == (
+        "b/starter/pump-1/start",
+        '{"id":"r-7","samples":{"t_s":[-1.0,0.5]}}',
+    )
+    assert (trip.topic, text(trip)) == ("b/starter/pump-1/trip", '{"id":"r-8","code":"e05"}')
+    for message in (start, trip):
+        assert (message.qos, message.retain, message.is_queued) == (1, False, True)
+    assert (start.is_droppable, trip.is_droppable) == (True, False)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_an_info_with_all_names_is_far_below_what_brokers_and_clients_take(family: str) -> None:
+    for language in LANGUAGES:
+        setup = StarterSetup("p" * 64, "l" * 64, 247, load_profile(family, language), Variant(model="m" * 64))
+
+        info = payloads().message(info_of(setup, setup.variant, Identity()))
+
+        assert info.packet_size < MAX_INCOMING_BYTES / 4
+        assert all(
+            point["name"] and point["meaning"] for point in json.loads(info.payload)["points"].values()
+        )

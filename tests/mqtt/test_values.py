@@ -4,19 +4,35 @@ import json
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from gateway.mqtt.contract.payloads import ValueTexts
-from gateway.mqtt.contract.strict_json import to_json
+from gateway.mqtt.contract.payloads import Payloads, late_value
+from gateway.mqtt.contract.strict_json import to_payload
 from gateway.mqtt.contract.topics import Topics
 from gateway.records import Quality, ValueRecord
 
+PAYLOADS = Payloads(Topics("b"), "r1")
+TRICKS = [
+    ',"unit":"A","quality":"bad","boot":"x"',
+    '"',
+    ',"',
+    "\\",
+    '\\"',
+    ',"boot":',
+    'unit":',
+    '{"value":1}',
+]
 
-def record(value: Any, *, label: str | None = None, time_s: float | None = 1_763_687_045.5) -> ValueRecord:
+
+def record(
+    value: Any, *, unit: str = "°C", label: str | None = None, time_s: float | None = 1_763_687_045.5
+) -> ValueRecord:
     return ValueRecord(
         starter="pump-1",
         point="S1.2.1",
         value=value,
-        unit="°C",
+        unit=unit,
         quality=Quality.GOOD,
         time_s=time_s,
         seq=7,
@@ -30,21 +46,36 @@ def record(value: Any, *, label: str | None = None, time_s: float | None = 1_763
 def test_what_is_put_together_by_hand_is_what_the_writer_of_all_else_would_say(
     value: Any, label: str | None, time_s: float | None
 ) -> None:
-    said = ValueTexts(Topics("b")).of(record(value, label=label, time_s=time_s))
+    said = PAYLOADS.message(record(value, label=label, time_s=time_s))
+    late = late_value(said)
 
     time = "2025-11-21T01:04:05.500Z" if time_s else None
-    fields = {"value": value, "unit": "°C", "quality": "good", "time": time, "seq": 7}
+    fields = {"value": value, "unit": "°C", "quality": "good", "time": time, "seq": 7, "boot": "r1"}
     item = {"point": "s1_2_1", "value": value, "quality": "good", "time": time, "seq": 7}
-    assert said.text == to_json(fields | ({} if label is None else {"label": label}))
-    assert said.item == to_json(item)
-    json.loads(said.text)
-    json.loads(said.item)
+    assert said.payload == to_payload(fields | ({} if label is None else {"label": label}))
+    assert late.item == to_payload(item)
+    json.loads(said.payload)
+    json.loads(late.item)
+
+
+@given(
+    st.sampled_from(TRICKS)
+    | st.text(st.sampled_from(',":\\{}unitboqaly'), max_size=30)
+    | st.floats()
+    | st.integers(),
+    st.sampled_from(TRICKS) | st.text(max_size=8),
+    st.sampled_from(TRICKS) | st.none(),
+)
+def test_no_text_in_a_value_is_taken_for_the_json_around_it(value: Any, unit: str, label: str | None) -> None:
+    said = PAYLOADS.message(record(value, unit=unit, label=label))
+
+    fields = json.loads(said.payload)
+    wanted = {name: fields[name] for name in ("value", "quality", "time", "seq")}
+    assert json.loads(late_value(said).item) == {"point": "s1_2_1", **wanted}
 
 
 def test_the_topics_are_those_of_the_contract_each_time() -> None:
-    texts = ValueTexts(Topics("b"))
-
     for _ in range(2):
-        said = texts.of(record(1.0))
+        said = PAYLOADS.message(record(1.0))
         assert said.topic == "b/starter/pump-1/value/s1_2_1"
-        assert said.history_topic == "b/starter/pump-1/history"
+        assert late_value(said).topic == "b/starter/pump-1/history"

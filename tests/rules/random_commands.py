@@ -18,7 +18,7 @@ from tests.rules.acting import RAW_START, Actor
 LIFE = 100  # commands that a starter gets before a new one takes its place
 STARTS = ("start", "jog on")
 STOPS = ("stop", "jog off", "general_enable off")
-DEADLY = ("R42",)  # shorter than the starter's own start-up it restarts for ever, whatever is commanded
+DEADLY = ("R42",)  # shorter than the starter's own start-up it restarts without end, whatever is commanded
 VALUES = (0, 1, 2, 5, 10, 50, 0.5, True, "on", "Serial", "nonsense", None, -1, 70000)
 
 Happening = Callable[[Actor, random.Random], None]
@@ -106,7 +106,7 @@ def send_at_random(family: str, count: int, *, keeps_run_command: bool, seed: ob
         options["keeps_run_command"] = keeps_run_command
     ends: dict[str, int] = {}
     for number in range(count):
-        if number % LIFE == 0:  # one whose settings nobody has spoilt yet
+        if number % LIFE == 0:  # one whose settings no command has corrupted yet
             actor = Actor(family, **options)
             actor.unit.keeps_run_command = keeps_run_command
         end = _send_one(actor, dice)

@@ -24,7 +24,7 @@ ON, OFF = {"value": True}, {"value": False}
 
 
 @pytest.mark.parametrize("family", WEG)
-def test_a_jog_turns_the_motor_until_it_is_taken_back(family: str) -> None:
+def test_a_jog_runs_the_motor_until_it_is_taken_back(family: str) -> None:
     actor = Actor(family)
 
     assert actor.act("jog", ON).end == "confirmed"
@@ -60,7 +60,7 @@ def test_a_motor_that_jogs_is_neither_started_nor_jogged_again(family: str, verb
 
 
 @pytest.mark.parametrize("family", WEG)
-def test_the_direction_turns_at_standstill_and_not_while_the_motor_runs(family: str) -> None:
+def test_the_direction_changes_at_standstill_and_not_while_the_motor_runs(family: str) -> None:
     actor = Actor(family)
 
     assert actor.act("direction", {"value": "reverse"}).end == "confirmed"

@@ -1,4 +1,4 @@
-"""Rules of the SSW-06 (S6-xx) and the SSW900 (S9-xx) that are not told by their simulators alone."""
+"""Rules of the SSW-06 (S6-xx) and the SSW900 (S9-xx) that do not follow from their simulators alone."""
 
 from __future__ import annotations
 

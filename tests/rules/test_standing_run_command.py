@@ -1,4 +1,4 @@
-"""No command but a start starts a motor whose starter kept a run command, also where its command bits read 0.
+"""No command but a start starts a motor whose starter retained a run command, even if its bits read 0.
 
 Simulated starters keep the run command over whatever stopped the motor; nothing is known of it from readings.
 """
@@ -117,7 +117,7 @@ def test_serial_as_the_source_again_starts_nothing(family: str) -> None:
 
 
 @pytest.mark.parametrize("family", WEG)
-def test_a_turn_of_the_direction_at_standstill_starts_nothing(family: str) -> None:
+def test_a_change_of_the_direction_at_standstill_starts_nothing(family: str) -> None:
     actor = standing(family)
     actor.unit.set_enable_input(is_on=False)
     rest(actor)
@@ -183,7 +183,7 @@ def test_without_run_0_these_simulated_starters_would_start(family: str) -> None
         ]
     ],
 )
-def test_a_motor_that_turns_is_not_stopped_by_run_0_but_the_command_refused(
+def test_a_motor_that_runs_is_not_stopped_by_run_0_but_the_command_refused(
     family: str, verb: str, args: dict[str, Any]
 ) -> None:
     actor = Actor(family)
@@ -199,10 +199,10 @@ class Deaf(Ssw07):
     """An SSW-07 that ignores every command of a source that is not active, a stop included (4.2.2)."""
 
     def _obey(self, values: int, mask: int) -> None:
-        kept = self.command & 0x01
+        retained = self.command & 0x01
         super()._obey(values, mask)
         if not self.is_in_control:
-            self.command |= kept
+            self.command |= retained
 
 
 def test_a_run_command_that_was_deaf_to_the_first_run_0_is_taken_back_at_once() -> None:

@@ -8,9 +8,9 @@ from gateway.errors import BadFrameError
 from gateway.families.profile.decode import decode_row
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.parameters import to_words
-from gateway.families.profile.schema import Table, Variant
-from gateway.modbus.adu import decode, encode
-from gateway.modbus.crc import crc16
+from gateway.families.profile.rows import Table
+from gateway.families.profile.schema import Variant
+from gateway.modbus.adu import crc16, decode, encode
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters
 from gateway.modbus.writes import WriteCoil, WriteCoils, WriteRegister, WriteRegisters
 from gateway.sim.factory import make_unit

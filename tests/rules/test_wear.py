@@ -55,7 +55,7 @@ def test_each_starter_has_its_own_count() -> None:
     assert wear.total("mixer") == 0
 
 
-def test_what_writes_nothing_that_is_kept_is_never_refused() -> None:
+def test_what_writes_nothing_that_is_stored_is_never_refused() -> None:
     wear = WriteBudget(1)
     wear.take("pump", 1, now_s=0.0)
 
@@ -66,16 +66,16 @@ def test_a_refusal_says_when_to_try_again() -> None:
     assert WriteBudget(3).refusal(61.0).endswith("try again in 2 min")
 
 
-def test_each_count_is_told_with_the_hour_and_the_total() -> None:
-    told: list[tuple[str, str]] = []
-    wear = WriteBudget(10, on_count=lambda *what: told.append(what))
+def test_each_count_is_reported_with_the_hour_and_the_total() -> None:
+    values: list[tuple[str, str]] = []
+    wear = WriteBudget(10, on_count=lambda *what: values.append(what))
     wear.restore({"writes": {"pump": 240}})
 
     wear.take("pump", 1, now_s=0.0)
     wear.take("pump", 2, now_s=1.0)
     wear.take("pump", 0, now_s=2.0)
 
-    assert told == [
+    assert values == [
         ("pump", "1 write to its non-volatile memory: 1 of 10 this hour, 241 in all"),
         ("pump", "2 writes to its non-volatile memory: 3 of 10 this hour, 243 in all"),
     ]
@@ -96,17 +96,17 @@ def precautions(memory: FakeMemory, sink: RecordingSink) -> Policy:
         sink=sink,
         clock=VirtualClock(asyncio.get_running_loop()),
         sequence=SequenceNumbers(),
-        wear_memory=memory,
+        write_budget_memory=memory,
     )
 
 
 @virtually
-async def test_the_total_is_told_in_an_event_and_outlives_the_gateway() -> None:
+async def test_the_total_is_published_in_an_event_and_outlives_the_gateway() -> None:
     memory, sink = FakeMemory(), RecordingSink()
 
-    precautions(memory, sink).wear.take("pump", 3, now_s=0.0)
+    precautions(memory, sink).write_budget.take("pump", 3, now_s=0.0)
     await asyncio.sleep(1.0)
-    precautions(memory, sink).wear.take("pump", 1, now_s=0.0)
+    precautions(memory, sink).write_budget.take("pump", 1, now_s=0.0)
     await asyncio.sleep(1.0)
 
     assert [(event.starter, event.code, event.data["total"]) for event in sink.of(EventRecord)] == [
@@ -122,7 +122,7 @@ async def test_damaged_counts_are_put_aside_and_begin_again() -> None:
 
     begun = precautions(memory, sink)
 
-    assert begun.wear.total("pump") == 0
+    assert begun.write_budget.total("pump") == 0
     assert memory.set_asides == 1
     assert sink.events() == ["memory_damaged"]
 
@@ -163,7 +163,7 @@ async def test_a_start_and_a_stop_do_not_count() -> None:
 
 
 @virtually
-async def test_several_rows_are_told_each_with_value_unit_label_and_raw_words() -> None:
+async def test_several_rows_are_reported_each_with_value_unit_label_and_raw_words() -> None:
     rig = await ready()
 
     rig.submit("set", id_="s", args={"parameters": {"P314": 30, "P313": 1}})
@@ -171,7 +171,7 @@ async def test_several_rows_are_told_each_with_value_unit_label_and_raw_words() 
     rig.submit("read", id_="r", args={"parameters": ["P314", "P313"]})
     await asyncio.sleep(2.0)
 
-    told = {
+    values = {
         "P314": {"value": 30.0, "unit": "s", "label": None, "raw": [30]},
         "P313": {
             "value": 1,
@@ -180,9 +180,9 @@ async def test_several_rows_are_told_each_with_value_unit_label_and_raw_words() 
             "raw": [1],
         },
     }
-    assert rig.sink.final("s").values == {"values": told}
-    assert rig.sink.final("r").values == {"values": told}
-    assert told["P313"]["label"]
+    assert rig.sink.final("s").values == {"values": values}
+    assert rig.sink.final("r").values == {"values": values}
+    assert values["P313"]["label"]
     assert len(rig.line.writes) == 1
 
 

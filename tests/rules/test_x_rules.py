@@ -6,7 +6,9 @@ from typing import Any
 
 import pytest
 
+from gateway.cli.scan.search import PROBES
 from gateway.families.command.build import build, prepare, verbs
+from gateway.families.diagnosis.identify import identify_requests
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Variant
 from gateway.families.reading.poll_blocks import plan_blocks
@@ -59,6 +61,19 @@ def test_x_02_a_reset_leaves_all_other_commands_as_they_are(family: str) -> None
     assert (points["general_enabled"], points["remote"], points["reverse"]) == (True, True, True)
 
 
+@pytest.mark.parametrize("family", ["ssw07", "ssw900"])
+def test_x_02_a_start_and_a_stop_leave_all_other_commands_as_they_are(family: str) -> None:
+    actor = Actor(family)
+    actor.act("direction", {"value": "reverse"})
+
+    for verb in ("start", "stop"):
+        assert actor.act(verb).end == "confirmed"
+        actor.talk.wait(30.0)
+
+        points = actor.points(actor.read(prepared_status(actor)))
+        assert (points["general_enabled"], points["remote"], points["reverse"]) == (True, True, True)
+
+
 def prepared_status(actor: Actor) -> Any:
     return prepare(actor.profile, actor.variant, "start", {}).reads
 
@@ -93,6 +108,44 @@ def test_x_05_polls_only_read(family: str) -> None:
 
     assert blocks
     assert not any(block.request.is_write for block in blocks)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_x_05_identification_and_scan_only_read(family: str) -> None:
+    questions = [question.request for question in identify_requests(load_profile(family))]
+
+    assert questions
+    assert not any(request.is_write for request in (*questions, *PROBES))
+
+
+COMMANDS = {  # what a starter takes for commands: the X-05 of the list
+    "ssw06": ["VB03", "VB07", "HR5003", "HR5007", *(f"COIL{coil}" for coil in range(100, 108))],
+    "ssw07": ["VB03", "HR5003", *(f"COIL{coil}" for coil in range(100, 108))],
+    "ssw900": ["S5.2.5", "S5.2.6", "HR685", "HR686", *(f"HR{word}" for word in range(1600, 1620))],
+    "sst": [f"COIL{number}" for number in range(1, 5)],
+}
+
+
+@pytest.mark.parametrize(("family", "code"), [(f, code) for f, codes in COMMANDS.items() for code in codes])
+@pytest.mark.parametrize("value", [0, 1, 0x0101])
+def test_x_05_set_writes_no_command(family: str, code: str, value: int) -> None:
+    done = Actor(family).act("set", {"parameter": code, "value": value})
+
+    assert (done.end, done.written) == ("not_writable", [])
+
+
+PROTECTED = {  # address, rate and format, which would cut the line off; loading of factory settings
+    "ssw06": ["P308", "P312"],
+    "ssw07": ["P308", "P312"],
+    "ssw900": ["C8.2.2", "C8.2.3", "C8.2.4"],
+}
+
+
+@pytest.mark.parametrize(("family", "code"), [(f, code) for f, codes in PROTECTED.items() for code in codes])
+def test_x_05_set_does_not_cut_the_line_off(family: str, code: str) -> None:
+    done = Actor(family).act("set", {"parameter": code, "value": 1})
+
+    assert (done.end, done.written) == ("would_cut_connection", [])
 
 
 @pytest.mark.parametrize(("verb", "args", "restarts"), [("reset", {}, True), ("start", {}, False)])
@@ -144,10 +197,11 @@ def test_x_11_frames_are_at_least_2_005_ms_apart(baud: int) -> None:
     assert LineTiming(baud, Framing.parse("8E1")).silence_s >= 0.002005
 
 
-def test_x_11_a_write_of_many_registers_is_given_its_time_for_each() -> None:
-    setup = StarterSetup("pump", "line", 1, profile=load_profile("ssw07"), variant=Variant())
+@pytest.mark.parametrize(("family", "each_s"), [("ssw06", 0.010), ("ssw07", 0.020)])
+def test_x_11_a_write_of_many_registers_is_given_its_time_for_each(family: str, each_s: float) -> None:
+    setup = StarterSetup("pump", "line", 1, profile=load_profile(family), variant=Variant())
 
-    assert setup.response_time_of(WriteRegisters(313, (0,) * 10)) >= 10 * 0.020
+    assert setup.response_time_of(WriteRegisters(313, (0,) * 10)) >= 10 * each_s
 
 
 @pytest.mark.parametrize("family", FAMILIES)

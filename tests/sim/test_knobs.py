@@ -166,4 +166,6 @@ def test_what_a_starter_does_not_have_is_refused_with_what_it_has(
 
 
 def test_every_knob_is_named() -> None:
-    assert KNOBS == ("trip", "alarm", "clear", "control", "power", "mains", "keypad")
+    by_hand = ("trip", "alarm", "clear", "control", "power", "mains", "keypad")
+    motor = ("load", "friction", "wear", "thermal", "voltage", "phase")
+    assert by_hand + motor == KNOBS

@@ -54,6 +54,16 @@ def test_s9_17_mode_2_raises_a128_and_does_what_c8_2_5_2_says(action: int, state
     assert status(talk) & 0x4000 == 0  # gone with the first telegram
 
 
+def test_s9_17_action_4_changes_to_remote() -> None:
+    talk, unit = make(settings={734: 150, 740: 2, 741: 4})
+    talk.ask(WriteRegister(WORD, 0x0002))
+    assert not unit.is_remote
+
+    talk.wait(16.0)
+
+    assert unit.is_remote
+
+
 def test_s9_18_the_time_counts_from_the_first_valid_telegram() -> None:
     talk, unit = make(settings={734: 50, 740: 1})
     talk.wait(100.0)
@@ -64,14 +74,24 @@ def test_s9_18_the_time_counts_from_the_first_valid_telegram() -> None:
     assert unit.trips == [Trip(105.0, "F128")]
 
 
-def test_s9_19_the_a128_action_has_no_effect_when_the_slot_is_not_the_source() -> None:
-    talk, unit = make(settings={230: 0, 734: 150, 740: 2, 741: 2})
-    unit.keypad_start()
+@pytest.mark.parametrize("action", [1, 2, 3, 4])
+@pytest.mark.parametrize("source", [0, 5])  # C3.3: the HMI's keys, slot 2
+def test_s9_19_the_a128_action_has_no_effect_when_the_slot_is_not_the_source(
+    source: int, action: int
+) -> None:
+    is_remote = action == 3
+    talk, unit = make(settings={220: int(is_remote), 229: source, 230: source, 734: 150, 740: 2, 741: action})
+    if source:
+        talk.ask(WriteRegister(686, 0x0003))
+    else:
+        unit.keypad_start()
+    assert unit.is_started
     status(talk)
     talk.wait(16.0)
 
-    assert unit.trips == [Trip(15.0, "A128")]
+    assert [trip.code for trip in unit.trips] == ["A128"]
     assert unit.motor.is_turned_on
+    assert unit.is_remote is is_remote
 
 
 def test_s9_20_the_counters_count_telegrams() -> None:

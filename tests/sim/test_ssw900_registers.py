@@ -29,6 +29,18 @@ def test_s9_01_coils_are_for_softplc_markers_only(request_: Any) -> None:
     assert talk.code(request_) == 2
 
 
+def test_s9_01_markers_of_the_softplc_are_coils_and_discrete_inputs() -> None:
+    talk, _ = make(coils={10: False, 11: True, 12: False}, discrete_inputs={5: True, 6: False, 7: True})
+
+    assert talk.ask(ReadDiscreteInputs(5, 3)) == (True, False, True)
+    assert talk.code(ReadDiscreteInputs(7, 2)) == 2
+    assert talk.code(ReadDiscreteInputs(10, 1)) == 2
+    talk.ask(WriteCoil(10, is_on=True))
+    talk.ask(WriteCoils(11, (False, True)))
+    assert talk.ask(ReadCoils(10, 3)) == (True, False, True)
+    assert talk.code(WriteCoil(5, is_on=True)) == 2
+
+
 def test_s9_01_there_are_no_input_registers() -> None:
     talk, _ = make()
 

@@ -1,7 +1,7 @@
 """Random histories of commands: a start goes out once at most, lawfully; every command has one end.
 
 Commands, repetitions, joined stops, stalled ways, reconnections, losses, crashes, standstills, local starts,
-locks, second instances and clock steps, also between two runs, come over a real commander with a simulated
+locks, second instances and clock steps, also between two runs, come over a real dispatcher with a simulated
 line under it, in virtual time. `tests.starters.history` says what must hold.
 """
 
@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
 
 from gateway.records import Phase, rfc3339
-from gateway.system.suspend_watch import LIMIT_S
+from gateway.system.stalls import SUSPEND_LIMIT_S
 from tests.starters.history import TTL_S, History
 from tests.starters.world import NAMES, PAUSE_S, GatewayWorld
 from tests.virtual_time import VirtualTimeLoop
@@ -134,13 +134,13 @@ class CommandMachine(RuleBasedStateMachine):
 
     @rule(
         starter=starters,
-        seconds=st.sampled_from([0.5, LIMIT_S + 0.5, 20.0]),
+        seconds=st.sampled_from([0.5, SUSPEND_LIMIT_S + 0.5, 20.0]),
         kind=st.sampled_from(["token", "issued"]),
     )
     def start_that_waited_in_the_socket(self, starter: str, seconds: float, kind: str) -> None:
         self.bring_to_rest(starter)
         id_, (proof, until_s) = self.new_id(), self.proof(kind, 0.0)
-        if seconds < LIMIT_S:
+        if seconds < SUSPEND_LIMIT_S:
             self.lawful[starter, id_] = until_s
         self.sent.append((starter, "alice", id_))
         boot, token = self.world.boot.token, self.world.token()[1]

@@ -1,4 +1,4 @@
-"""A journal in memory whose disk outlives the commander, and can be slow, away or lost."""
+"""A journal in memory whose disk outlives the dispatcher, and can be slow, away or lost."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from gateway.storage.journal import UNAVAILABLE, Remembered
 
 @dataclass
 class FakeDisk:
-    """What is kept, in order; shared by the journals of several runs."""
+    """What is stored, in order; shared by the journals of several runs."""
 
-    kept: dict[tuple[str, str], Remembered] = field(default_factory=dict)
+    stored: dict[tuple[str, str], Remembered] = field(default_factory=dict)
 
     def remembered(self) -> list[Remembered]:
-        return list(self.kept.values())
+        return list(self.stored.values())
 
     def keep(self, result: ResultRecord, *, may_be_written: bool) -> None:
         key = result.client, result.id or f"stop of {result.starter}"
         if not result.id and result.phase.is_final:
-            self.kept.pop(key, None)
+            self.stored.pop(key, None)
             return
-        before = self.kept.get(key)
+        before = self.stored.get(key)
         is_written = may_be_written or (before is not None and before.may_be_written)
-        self.kept[key] = Remembered(result, may_be_written=is_written)
+        self.stored[key] = Remembered(result, may_be_written=is_written)
 
 
 class FakeJournal:
@@ -54,11 +54,11 @@ class FakeJournal:
 
     def forget(self, keys: Sequence[tuple[str, str]]) -> None:
         for key in keys:
-            self.disk.kept.pop(key, None)
+            self.disk.stored.pop(key, None)
 
     def _land(self, result: ResultRecord, may_be_written: bool, then: Callable[[], None] | None) -> None:
         if self.is_dead:
-            return  # the process is gone: neither kept nor told
+            return  # the process is gone: neither stored nor published
         if (result.id or result.verb == "stop") and not self.is_failing:
             self.disk.keep(result, may_be_written=may_be_written)
         if then is not None:

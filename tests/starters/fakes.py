@@ -126,14 +126,21 @@ class FakeLineClient(LineClient):
         self.every_s: dict[str, float] = {}
         self.expedited: list[str] = []
         self.expected_silence: list[tuple[int, float]] = []
-        self._turn = asyncio.Lock()
+        self._bus = asyncio.Lock()
 
     @property
     def writes(self) -> list[Request]:
         return [sent.request for sent in self.sent if sent.request.is_write]
 
     def transact(
-        self, unit: int, request: Request, *, response_time_s: float, lane: Priority, until_s: float = inf
+        self,
+        unit: int,
+        request: Request,
+        *,
+        response_time_s: float,
+        lane: Priority,
+        until_s: float = inf,
+        is_literal: bool = False,
     ) -> asyncio.Future[Outcome]:
         work = self._transact(unit, request, response_time_s=response_time_s, lane=lane, until_s=until_s)
         return asyncio.ensure_future(work)
@@ -143,7 +150,7 @@ class FakeLineClient(LineClient):
     ) -> Outcome:
         assert unit == 7
         assert response_time_s > 0
-        async with self._turn:
+        async with self._bus:
             now_s = asyncio.get_running_loop().time()
             if now_s > until_s:
                 return Silent(TOO_LATE, is_sent=False)
@@ -190,14 +197,17 @@ class FakeLineClient(LineClient):
         assert key in self.polls
         self.expedited.append(key)
 
+    unit_count = 1
+    is_overloaded = False
+
+    def retry_refused(self, unit: int) -> None:
+        pass
+
     def set_deadline(self, unit: int, seconds: float | None) -> None:
         self.deadlines_s[unit] = seconds
 
     def expect_silence(self, unit: int, seconds: float) -> None:
         self.expected_silence.append((unit, seconds))
-
-    def figures(self) -> dict[str, Any]:
-        return {}
 
 
 def make_unit(family: str) -> FakeUnit:

@@ -36,10 +36,10 @@ TIMING = LineTiming(19200, Framing.parse("8N2"))
 
 @dataclass
 class Site:
-    """A running gateway floor and the simulated starters under it."""
+    """The running gateway without MQTT, and the simulated starters under it."""
 
     bus: SimulatedLine
-    commander: Dispatcher
+    dispatcher: Dispatcher
     telemetries: dict[str, StarterTelemetry]
     sink: RecordingSink = field(default_factory=RecordingSink)
     faults: list[str] = field(default_factory=list)  # codes of what is wrong on the line
@@ -48,7 +48,7 @@ class Site:
         return self.bus.unit(1 + FAMILIES.index(family))
 
     def submit(self, starter: str, verb: str, id_: str, **args: Any) -> None:
-        self.commander.submit(
+        self.dispatcher.submit(
             CommandRequest(starter, "alice", verb, id_, args, received_s=asyncio.get_running_loop().time())
         )
 
@@ -75,15 +75,15 @@ async def site() -> AsyncIterator[Site]:
         for setup in setups
     }
     rights = Rights([Operator("alice", ("*",), ("*",))])
-    commander = Dispatcher(telemetries, rights=rights, sink=sink, clock=clock, sequence=sequence)
+    dispatcher = Dispatcher(telemetries, rights=rights, sink=sink, clock=clock, sequence=sequence)
     for telemetry in telemetries.values():
         router.add(telemetry)
         telemetry.start()
     task = asyncio.create_task(scheduler.run())
     await asyncio.sleep(3.0)
     sink.clear()
-    yield Site(bus, commander, telemetries, sink, faults)
-    await commander.close()
+    yield Site(bus, dispatcher, telemetries, sink, faults)
+    await dispatcher.close()
     for telemetry in telemetries.values():
         await telemetry.close()
     task.cancel()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
-from gateway.records import Phase, StateRecord
+from gateway.records import Phase, ResultRecord, StateRecord
 from gateway.starters.policy.motor_history import MOVING, STANDING
 from tests.starters.world import NAMES, PAUSE_S, STAGGER_S, START_PDU, STARTS_PER_HOUR, STOP_PDU, GatewayWorld
 
@@ -18,7 +18,7 @@ SLACK_S = 0.3  # what a frame may be later than the decision: a few transactions
 
 
 class History:
-    """All that went over the wire and was told; `lawful` are the starts that may be, as starter and id,
+    """All that went over the wire and was published; `lawful` are the starts that may be, as starter and id,
     each with the time until which its frame may go out."""
 
     def __init__(self, world: GatewayWorld, lawful: Mapping[tuple[str, str], float]) -> None:
@@ -55,23 +55,23 @@ class History:
     def _was_locked(self, name: str, at_s: float) -> bool:
         """Return whether a lock had been confirmed, and no unlocking been accepted since."""
         is_locked = False
-        for told_s, each in self._world.results([name]):
-            if (each.verb, each.phase) == ("lock", Phase.CONFIRMED) and told_s + SLACK_S <= at_s:
+        for result_s, each in self._world.results([name]):
+            if (each.verb, each.phase) == ("lock", Phase.CONFIRMED) and result_s + SLACK_S <= at_s:
                 is_locked = True
-            elif (each.verb, each.phase) == ("unlock", Phase.ACCEPTED) and told_s <= at_s:
+            elif (each.verb, each.phase) == ("unlock", Phase.ACCEPTED) and result_s <= at_s:
                 is_locked = False
         return is_locked
 
     def _stood_for_s(self, name: str, at_s: float) -> float:
-        """Return how long the motor had been told to stand still."""
+        """Return how long the motor had been published as standing still."""
         since_s = None
-        for told_s, record in self._world.sink.of(StateRecord):
-            if record.starter != name or told_s > at_s - SLACK_S:
+        for state_s, record in self._world.sink.of(StateRecord):
+            if record.starter != name or state_s > at_s - SLACK_S:
                 continue
             if record.state in MOVING:
                 since_s = None
             elif record.state in STANDING and since_s is None:
-                since_s = told_s
+                since_s = state_s
         return 0.0 if since_s is None else at_s - since_s
 
     def _check_stagger(self) -> None:
@@ -87,7 +87,7 @@ class History:
         came_s: list[float] = []
         accepted_s: dict[tuple[str, str | None], float] = {}
         for at_s, each in self._world.results([name]):
-            if each.verb != "stop":
+            if each.verb != "stop" or _is_number_of_stops(each):
                 continue
             if each.phase is Phase.ACCEPTED:
                 accepted_s[each.client, each.id] = at_s
@@ -111,7 +111,7 @@ class History:
         unused.remove(own_s)
 
     def _is_line_there(self, at_s: float) -> bool:
-        """Return whether nothing kept the gateway from its line just then."""
+        """Return whether the gateway could use its line just then."""
         world = self._world
         plugged = [is_plugged for plug_s, is_plugged in world.plugs if plug_s <= at_s]
         is_disturbed = any(
@@ -124,17 +124,17 @@ class History:
 
         One that was refused at the door leaves no trace: sent again with a good proof it is another command.
         """
-        told = self._world.results([*NAMES, "both"])
-        groups = {(each.client, each.id) for _, each in told if each.starter == "both"}
+        results = self._world.results([*NAMES, "both"])
+        groups = {(each.client, each.id) for _, each in results if each.starter == "both"}
         accepted, ends = set(), []
-        for _, each in told:
+        for _, each in results:
             key = (each.starter, each.client, each.id)
-            if each.starter != "both" and key[1:] in groups:
+            if _is_number_of_stops(each) or (each.starter != "both" and key[1:] in groups):
                 continue
             if each.phase is Phase.ACCEPTED:
                 assert key not in accepted, "accepted twice"
                 accepted.add(key)
-            elif each.phase.is_final and each.code != "too_many":
+            elif each.phase.is_final:
                 if key in accepted:
                     ends.append(key)
                 else:
@@ -142,5 +142,10 @@ class History:
         assert accepted <= set(ends)
         for key in accepted:
             assert ends.count(key) == 1, [
-                (a, r.phase, r.code, r.text, r.is_duplicate) for a, r in told if r.id == key[2]
+                (a, r.phase, r.code, r.text, r.is_duplicate) for a, r in results if r.id == key[2]
             ]
+
+
+def _is_number_of_stops(result: ResultRecord) -> bool:
+    """Return whether this says how many more were sent with others; of the model's stops each has an id."""
+    return result.verb == "stop" and result.id is None

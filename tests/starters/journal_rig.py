@@ -1,4 +1,4 @@
-"""A commander with a journal that can be slow, away, or outlive a crash."""
+"""A dispatcher with a journal that can be slow, away, or outlive a crash."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ RIGHTS = Rights([Operator("alice", ("*",), ("*",)), Operator("victor", ("stop",)
 
 @dataclass
 class JournalRig(CommandRig):
-    """A commander with a journal; `crash` ends it as a power cut would, `restart` begins another one."""
+    """A dispatcher with a journal; `crash` ends it as a power cut would, `restart` begins another one."""
 
     disk: FakeDisk = field(default_factory=FakeDisk)
     takes_s: float = 0.002
@@ -27,7 +27,7 @@ class JournalRig(CommandRig):
 
     def begin_run(self) -> None:
         self.journal = FakeJournal(self.disk, takes_s=self.takes_s)
-        self.commander = Dispatcher(
+        self.dispatcher = Dispatcher(
             {self.setup.name: self.telemetry},
             rights=RIGHTS,
             sink=self.sink,
@@ -43,13 +43,13 @@ class JournalRig(CommandRig):
     def crash(self) -> None:
         """Nothing of this run goes on: no write, no record, no result."""
         self.journal.is_dead = True
-        for task in list(self.commander._tasks):
+        for task in list(self.dispatcher._tasks):
             task.cancel()
 
     def restart(self) -> None:
         self.sink.clear()
         self.begin_run()
-        self.commander.recall(self.disk.remembered())
+        self.dispatcher.recall(self.disk.remembered())
 
 
 async def rig_online(**options: object) -> JournalRig:

@@ -1,4 +1,4 @@
-"""Many SSW-07 on one simulated line under a commander, just started; what reaches each starter is kept."""
+"""Many SSW-07 on one simulated line under a dispatcher, just begun; what reaches each starter is recorded."""
 
 from __future__ import annotations
 
@@ -37,30 +37,37 @@ from tests.virtual_time import VirtualClock
 START_PDU, STOP_PDU = WriteCoil(RUN_COIL, True).encode(), WriteCoil(RUN_COIL, False).encode()
 MOTOR = MotorData(ramp_up_s=0.6, full_voltage_s=0.2, ramp_down_s=0.4, coast_s=0.5)
 ALL = "all"  # the group of all starters
+READING = (1, 3, 4)  # function codes
 SLACK_S = 0.001
 
 
 class TimedResults:
-    """Keeps the results with the moment they were told."""
+    """Records each command's results with the moment of their publication."""
 
     def __init__(self) -> None:
-        self.results: list[tuple[float, ResultRecord]] = []
+        self.results: dict[tuple[str | None, str], list[tuple[float, ResultRecord]]] = defaultdict(list)
 
     def put(self, record: object) -> None:
         if isinstance(record, ResultRecord):
-            self.results.append((asyncio.get_running_loop().time(), record))
+            self.results[record.id, record.starter].append((asyncio.get_running_loop().time(), record))
+
+
+def _times() -> dict[Any, list[float]]:
+    return defaultdict(list)
 
 
 @dataclass
 class LargeLine:
-    """The running floor; starters are called by their addresses."""
+    """The running gateway; starters are called by their addresses."""
 
     bus: SimulatedLine
-    commander: Dispatcher
+    dispatcher: Dispatcher
     clock: VirtualClock
     sink: TimedResults
     bound_s: float  # the longest that a stop waits for its frame
-    asked: dict[int, list[tuple[float, bytes]]]  # what reached each starter, and when
+    asked_s: dict[int, list[float]] = field(default_factory=_times)  # when a request reached each starter
+    read_s: dict[int, list[float]] = field(default_factory=_times)  # when it was a reading
+    frames_s: dict[tuple[int, bytes], list[float]] = field(default_factory=_times)  # when it was this one
     ignoring: set[int] = field(default_factory=set)  # starters that acknowledge stops and do nothing
 
     def unit(self, address: int) -> Any:
@@ -76,25 +83,24 @@ class LargeLine:
     def submit(self, verb: str, id_: str | None, address: int | str = 1, **more: Any) -> None:
         now_s = self.clock.now_s()
         fields = {"client": "alice", "received_s": now_s, **more}
-        self.commander.submit(CommandRequest(starter=str(address), verb=verb, id=id_, **fields))
+        self.dispatcher.submit(CommandRequest(starter=str(address), verb=verb, id=id_, **fields))
 
     def frames(self, address: int, pdu: bytes = STOP_PDU) -> list[float]:
-        return [at_s for at_s, each in self.asked[address] if each == pdu]
+        return list(self.frames_s[address, pdu])
 
     def readings(self, address: int) -> list[float]:
-        return [at_s for at_s, each in self.asked[address] if each[0] in (1, 3, 4)]
+        return list(self.read_s[address])
 
     def is_read_after_frame(self, address: int) -> bool:
         """Return whether a starter has been read twice since its first stop frame."""
         frames_s = self.frames(address)
         return bool(frames_s) and sum(at_s > frames_s[0] for at_s in self.readings(address)) > 1
 
-    def told(self, id_: str, address: int | str = 1) -> list[tuple[float, ResultRecord]]:
-        results = self.sink.results
-        return [(at_s, r) for at_s, r in results if (r.id, r.starter) == (id_, str(address))]
+    def results(self, id_: str, address: int | str = 1) -> list[tuple[float, ResultRecord]]:
+        return self.sink.results[id_, str(address)]
 
     def end(self, id_: str, address: int | str = 1) -> tuple[float, ResultRecord]:
-        ((at_s, final),) = [each for each in self.told(id_, address) if each[1].phase.is_final]
+        ((at_s, final),) = [each for each in self.results(id_, address) if each[1].phase.is_final]
         return at_s, final
 
     def phase(self, id_: str, address: int | str = 1) -> Phase:
@@ -107,7 +113,10 @@ class _Starter(Ssw07):
     here: LargeLine
 
     def handle(self, pdu: bytes, now_s: float) -> bytes | None:
-        self.here.asked[self.address].append((now_s, pdu))
+        self.here.asked_s[self.address].append(now_s)
+        self.here.frames_s[self.address, pdu].append(now_s)
+        if pdu[0] in READING:
+            self.here.read_s[self.address].append(now_s)
         if pdu == STOP_PDU and self.address in self.here.ignoring:
             return pdu
         return super().handle(pdu, now_s)
@@ -120,14 +129,14 @@ async def large_line(
     every_s: float = 1.0,
     baud: int = 19200,
     watchdog_s: float | None = None,
-    policy: PolicySettings | None = None,
+    settings: PolicySettings | None = None,
 ) -> AsyncIterator[LargeLine]:
     """Run them; nothing has been asked yet."""
     clock, sink, sequence = VirtualClock(asyncio.get_running_loop()), TimedResults(), SequenceNumbers()
     timing = LineTiming(baud, Framing.parse("8N2"))
     addresses = range(1, count + 1)
     units = [_Starter(address, seed=address, motor=MOTOR) for address in addresses]
-    bus = SimulatedLine(timing, units)
+    bus = SimulatedLine(timing, units, chunk_bytes=None)
     profile = load_profile("ssw07")
     setups = [
         StarterSetup(str(each), "pumps", each, profile, Variant(), every_s=every_s, watchdog_s=watchdog_s)
@@ -141,8 +150,8 @@ async def large_line(
     line = LineClient(scheduler, post_here)
     rights = Rights([Operator("alice", ("*",), ("*",))])
     names = [setup.name for setup in setups]
-    precautions = Policy(
-        policy or PolicySettings(groups={ALL: tuple(names)}),
+    policy = Policy(
+        settings or PolicySettings(groups={ALL: tuple(names)}),
         names,
         rights=rights,
         sink=sink,
@@ -152,24 +161,23 @@ async def large_line(
     telemetries = [
         StarterTelemetry(each, line=line, sink=sink, clock=clock, sequence=sequence) for each in setups
     ]
-    commander = Dispatcher(
+    dispatcher = Dispatcher(
         {telemetry.setup.name: telemetry for telemetry in telemetries},
         rights=rights,
         sink=sink,
         clock=clock,
         sequence=sequence,
-        precautions=precautions,
+        policy=policy,
     )
-    here = LargeLine(
-        bus, commander, clock, sink, worst_stop_latency_s(polls, timing) + SLACK_S, defaultdict(list)
-    )
+    bound_s = worst_stop_latency_s(polls, timing) + SLACK_S
+    here = LargeLine(bus, dispatcher, clock, sink, bound_s)
     for unit, telemetry in zip(units, telemetries, strict=True):
         unit.here = here
         router.add(telemetry)
         telemetry.start()
     task = asyncio.create_task(scheduler.run())
     yield here
-    await commander.close()
+    await dispatcher.close()
     for telemetry in telemetries:
         await telemetry.close()
     task.cancel()

@@ -6,6 +6,7 @@ import asyncio
 import random
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
@@ -25,6 +26,7 @@ TIMING = LineTiming(19200, Framing.parse("8E1"))
 ONE = ("ssw07",)
 EIGHT = ("ssw07", "ssw06", "ssw900", "sst") * 2
 LOST = NoReply()
+IN_A_ROW = 4  # lost replies of one starter take it offline, asked ever less often meanwhile
 COLD_S = 100.0  # until a line knows that it loses replies
 
 
@@ -40,14 +42,27 @@ class LateWithin:
 
 
 @dataclass(frozen=True, slots=True)
-class LossFigures:
+class LossMeasurement:
     """What came of some minutes."""
 
     answers: int
     statuses: int
-    longest_s: float  # between two answers to one status poll
+    longest_s: float  # between two answers to one status poll, unless `IN_A_ROW` were lost there
     longest_cold_s: float  # the same in the first `COLD_S`
+    longest_of_all_s: float  # however many were lost
     late_answers: int  # after that
+
+
+class _Gap(NamedTuple):
+    """Between two answers to one status poll."""
+
+    begin_s: float
+    end_s: float
+    lost: int  # replies of its starter
+
+    @property
+    def length_s(self) -> float:
+        return self.end_s - self.begin_s
 
 
 def ask(
@@ -58,7 +73,7 @@ def ask(
     every_s: float = 0.25,
     for_s: float = 600.0,
     seed: int = 1,
-) -> LossFigures:
+) -> LossMeasurement:
     """Poll starters of these families, this share of all replies being faulty."""
     setups = [
         StarterSetup(f"x{at}", "x", at, load_profile(family), Variant(), every_s=every_s, timing=TIMING)
@@ -66,14 +81,16 @@ def ask(
     ]
     polls = [poll for setup in setups for poll in polls_of(setup)]
     answered_s: dict[str, list[float]] = {poll.key: [] for poll in polls}
+    lost_s: dict[int, list[float]] = {setup.address: [] for setup in setups}
 
     def note(event: LineEvent) -> None:
-        if isinstance(event, PollResult) and isinstance(event.outcome, Answered):
-            answered_s[event.key].append(asyncio.get_running_loop().time())
+        if isinstance(event, PollResult):
+            times = answered_s[event.key] if isinstance(event.outcome, Answered) else lost_s[event.unit]
+            times.append(asyncio.get_running_loop().time())
 
     async def scenario() -> None:
         units = [make_unit(family, at) for at, family in enumerate(families, 1)]
-        bus = SimulatedLine(TIMING, units, seed=seed)
+        bus = SimulatedLine(TIMING, units, seed=seed, chunk_bytes=None if fault is LOST else 1)
         if share:
             for setup in setups:
                 bus.impair(setup.address, fault, chance=share)
@@ -85,14 +102,20 @@ def ask(
 
     run_virtually(scenario())
 
-    statuses = [answered_s[poll.key] for poll in polls if poll.group == "status"]
-    gaps = [(later - before, later) for times in statuses for before, later in pairwise([0.0, *times, for_s])]
+    statuses = [(poll.unit, answered_s[poll.key]) for poll in polls if poll.group == "status"]
+    every_gap = [
+        _Gap(before, later, sum(before < at_s <= later for at_s in lost_s[unit]))
+        for unit, times in statuses
+        for before, later in pairwise([0.0, *times, for_s])
+    ]
+    gaps = [gap for gap in every_gap if gap.lost < IN_A_ROW]
     every = [at_s for times in answered_s.values() for at_s in times]
-    return LossFigures(
+    return LossMeasurement(
         answers=len(every),
-        statuses=sum(map(len, statuses)),
-        longest_s=max(gap for gap, later in gaps if later > COLD_S),
-        longest_cold_s=max(gap for gap, later in gaps if later <= COLD_S),
+        statuses=sum(len(times) for _, times in statuses),
+        longest_s=max(gap.length_s for gap in gaps if gap.end_s > COLD_S),
+        longest_cold_s=max(gap.length_s for gap in gaps if gap.end_s <= COLD_S),
+        longest_of_all_s=max(gap.length_s for gap in every_gap),
         late_answers=sum(at_s > COLD_S for at_s in every),
     )
 
@@ -115,7 +138,7 @@ def table(*, for_s: float = 600.0) -> list[str]:
     return lines
 
 
-def _row(name: str, seen: LossFigures, whole: LossFigures) -> str:
+def _row(name: str, seen: LossMeasurement, whole: LossMeasurement) -> str:
     return (
         f"{name}: {seen.answers / whole.answers:.3f} of the answers, "
         f"{seen.statuses / whole.statuses:.3f} of the statuses, longest {seen.longest_s:.2f} s; "

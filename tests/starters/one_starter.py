@@ -1,4 +1,4 @@
-"""One simulated starter under a running gateway floor, with memory, fast words and a commander."""
+"""One simulated starter under the running gateway without MQTT, with memory, fast words and a dispatcher."""
 
 from __future__ import annotations
 
@@ -67,8 +67,8 @@ class OneStarter:
 
     bus: SimulatedLine
     telemetry: StarterTelemetry
-    commander: Dispatcher
-    precautions: Policy
+    dispatcher: Dispatcher
+    policy: Policy
     sink: RecordingSink = field(default_factory=RecordingSink)
 
     @property
@@ -89,7 +89,7 @@ class OneStarter:
         return [frame.data[1:-2] for frame in self.bus.transcript if frame.sender == 0]
 
     def submit(self, verb: str, id_: str, **args: Any) -> None:
-        self.commander.submit(
+        self.dispatcher.submit(
             CommandRequest("pump", "alice", verb, id_, args, received_s=asyncio.get_running_loop().time())
         )
 
@@ -130,26 +130,26 @@ async def one_starter(
     rights = Rights([Operator("alice", ("*",), ("*",))])
     bus_of_records = RecordBus()
     made: dict[str, Any] = {"sink": bus_of_records, "clock": clock, "sequence": sequence}
-    precautions = Policy(PolicySettings(), ["pump"], rights=rights, identities_memory=memory, **made)
+    policy = Policy(PolicySettings(), ["pump"], rights=rights, identities_memory=memory, **made)
     telemetry = StarterTelemetry(
         setup,
         line=LineClient(scheduler, post_here),
-        identities=precautions.identities,
-        lock_of=precautions.logbook.lock_of,
+        identities=policy.identities,
+        lock_of=policy.motor_history.lock_of,
         **made,
     )
-    companions = StarterServices(precautions, may_write=may_write, patrol_every_s=lap_s, **made)
-    companions.add(telemetry)
-    commander = Dispatcher({"pump": telemetry}, rights=rights, precautions=precautions, **made)
-    bus_of_records.connect(precautions, companions, sink)
+    services = StarterServices(policy, may_write=may_write, monitor_every_s=lap_s, **made)
+    services.add(telemetry)
+    dispatcher = Dispatcher({"pump": telemetry}, rights=rights, policy=policy, **made)
+    bus_of_records.connect(policy, services, sink)
     router.add(telemetry)
     telemetry.start()
-    companions.start()
+    services.start()
     task = asyncio.create_task(scheduler.run())
-    yield OneStarter(bus, telemetry, commander, precautions, sink)
-    await commander.close()
+    yield OneStarter(bus, telemetry, dispatcher, policy, sink)
+    await dispatcher.close()
     await telemetry.close()
-    await companions.close()
-    await precautions.identities.close()
+    await services.close()
+    await policy.identities.close()
     task.cancel()
     await asyncio.wait((task,))

@@ -1,4 +1,4 @@
-"""Several starters, each on a fake line of its own, under one commander with a policy and a memory."""
+"""Several starters, each on a fake line of its own, under one dispatcher with a policy and a memory."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from gateway.starters.policy.start_rules import PolicySettings, RuleSet
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.telemetry import StarterTelemetry
 from tests.starters.fakes import AT_SPEED, READY, RUN_COIL, VB01, FakeLineClient, RecordingSink, make_unit
+from tests.starters.rig import is_proved
 from tests.virtual_time import VirtualClock
 
 OPERATORS = (
@@ -73,8 +74,9 @@ class Machine:
             sink=plant.bus,
             clock=plant.clock,
             sequence=plant.sequence,
-            lock_of=plant.precautions.logbook.lock_of,
+            lock_of=plant.policy.motor_history.lock_of,
         )
+        self.telemetry.prove = is_proved  # type: ignore[method-assign]
         for poll in self.telemetry.polls():
             self.line.add_poll(poll)
 
@@ -84,7 +86,7 @@ class Machine:
             at_s = asyncio.get_running_loop().time()
             self.telemetry.on_poll(key, self.line.outcome_of(request, at_s=at_s))
 
-    def turn(self, is_on: bool) -> None:
+    def set_motor(self, is_on: bool) -> None:
         """Switch the motor at the machine, and let that be read."""
         self.unit.holding[VB01] = AT_SPEED if is_on else READY
         self.poll()
@@ -116,7 +118,7 @@ class Plant:
         self.memory = memory or FakeMemory()
         places = [place.partition("@") for place in names or ("pump-1", "pump-2", "pump-3")]
         rights = Rights(operators)
-        self.precautions = Policy(
+        self.policy = Policy(
             policy or PolicySettings(rules=rules or {}),
             [name for name, _, _ in places],
             rights=rights,
@@ -125,15 +127,15 @@ class Plant:
             sequence=self.sequence,
             memory=self.memory,
         )
-        self.bus.connect(self.precautions, self.sink)
+        self.bus.connect(self.policy, self.sink)
         self.machines = {name: Machine(name, self, line or f"line-{name}") for name, _, line in places}
-        self.commander = Dispatcher(
+        self.dispatcher = Dispatcher(
             {name: machine.telemetry for name, machine in self.machines.items()},
             rights=rights,
             sink=self.bus,
             clock=self.clock,
             sequence=self.sequence,
-            precautions=self.precautions,
+            policy=self.policy,
         )
 
     async def online(self) -> Plant:
@@ -161,7 +163,7 @@ class Plant:
 
     def submit(self, verb: str, id_: str | None = "1", *, starter: str = "pump-1", **more: Any) -> None:
         fields = {"client": "alice", "args": {}, "received_s": self.clock.now_s(), **more}
-        self.commander.submit(CommandRequest(starter=starter, verb=verb, id=id_, **fields))
+        self.dispatcher.submit(CommandRequest(starter=starter, verb=verb, id=id_, **fields))
 
     async def do(self, verb: str, id_: str | None = "1", *, starter: str = "pump-1", **more: Any) -> str:
         """Send a command, wait for its end, and return its code."""
@@ -176,6 +178,6 @@ class Plant:
         return self.machines[starter].writes(is_start=False)
 
     def locks(self, starter: str = "pump-1") -> list[str | None]:
-        """Return by whom the starter was locked in each state that was told."""
-        told = [each for each in self.sink.of(StateRecord) if each.starter == starter]
-        return [None if each.lock is None else each.lock.by for each in told]
+        """Return by whom the starter was locked in each state that was published."""
+        states = [each for each in self.sink.of(StateRecord) if each.starter == starter]
+        return [None if each.lock is None else each.lock.by for each in states]

@@ -1,4 +1,4 @@
-"""One starter on a fake line, read by hand, with and without a commander."""
+"""One starter on a fake line, read by hand, with and without a dispatcher."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Any
 
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
+from gateway.line.scheduler.requests import Priority
 from gateway.modbus.pdu import Request
 from gateway.modbus.writes import WriteCoil, WriteRegister
 from gateway.records import SequenceNumbers
@@ -46,13 +47,13 @@ def virtually(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., N
 
 @dataclass
 class Rig:
-    """One starter of a family on a fake line, read by hand: `poll` is one turn of all its polls."""
+    """One starter of a family on a fake line, read by hand: `poll` is one round of all its polls."""
 
     family: str = "ssw07"
     variant: Variant = field(default_factory=Variant)
     every_s: float = 1.0
     is_enabled: bool = True
-    told_faults: PublishedFaults | None = None
+    published_faults: PublishedFaults | None = None
 
     def __post_init__(self) -> None:
         self.clock = VirtualClock(asyncio.get_running_loop())
@@ -75,7 +76,7 @@ class Rig:
             sink=self.sink,
             clock=self.clock,
             sequence=self.sequence,
-            told_faults=self.told_faults,
+            published_faults=self.published_faults,
         )
         for poll in self.telemetry.polls():
             self.line.add_poll(poll)
@@ -91,15 +92,15 @@ class Rig:
         return self
 
     def poll(self, *keys: str) -> None:
-        """Let these polls (or all) have their turn now, in no time."""
+        """Answer these polls (or all) now, in no time."""
         for key in keys or tuple(self.line.polls):
             if key not in self.line.polls:
-                continue  # another answer of this turn has replaced it
+                continue  # another answer of this round has replaced it
             outcome = self.line.outcome_of(self.line.polls[key].request, at_s=self.clock.now_s())
             self.telemetry.on_poll(key, outcome)
 
     async def poll_for(self, seconds: float) -> None:
-        """Let all polls have their turn again and again, as often as configured for the status."""
+        """Answer all polls again and again, as often as configured for the status."""
         until_s = self.clock.now_s() + seconds
         while self.clock.now_s() < until_s:
             self.poll()
@@ -109,9 +110,13 @@ class Rig:
         self.telemetry.on_unit(is_answering=False, reason=reason, frames=frames)
 
 
+async def is_proved(*, lane: Priority) -> None:
+    """Stand for the questions before a write, which tests/starters/identity/test_swaps.py is about."""
+
+
 @dataclass
 class CommandRig(Rig):
-    """The same with a commander; alice may do everything, victor only stop."""
+    """The same with a dispatcher; alice may do everything, victor only stop."""
 
     operators: tuple[Operator, ...] = (
         Operator("alice", ("*",), ("*",)),
@@ -123,7 +128,7 @@ class CommandRig(Rig):
         rights = Rights(self.operators)
         self.tasks: list[asyncio.Future[None]] = []  # which the tests keep alive
         self.stood_still_s = -inf  # when the latest standstill ended
-        self.commander = Dispatcher(
+        self.dispatcher = Dispatcher(
             {self.setup.name: self.telemetry},
             rights=rights,
             sink=self.sink,
@@ -131,12 +136,13 @@ class CommandRig(Rig):
             sequence=self.sequence,
             stood_still_s=lambda: self.stood_still_s,
         )
+        self.telemetry.prove = is_proved  # type: ignore[method-assign]  # a command's own requests are counted
         if self.family in ("ssw06", "ssw07"):
             self.unit.on_write = self._obey
 
     def submit(self, verb: str, id_: str | None = "1", **more: Any) -> None:
         fields = {"starter": "pump-1", "client": "alice", "args": {}, **more}
-        self.commander.submit(CommandRequest(verb=verb, id=id_, received_s=self.clock.now_s(), **fields))
+        self.dispatcher.submit(CommandRequest(verb=verb, id=id_, received_s=self.clock.now_s(), **fields))
 
     def starts(self) -> int:
         """Return how many start frames went out."""

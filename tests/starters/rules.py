@@ -66,7 +66,7 @@ def forget_coil_2(rig: CommandRig, request: Request) -> None:
         rig.unit.coils[1] = False
 
 
-def turn_direction(rig: CommandRig, request: Request) -> None:
+def change_direction_bit(rig: CommandRig, request: Request) -> None:
     """Change a bit of the status word, from which the command word is built, with each reading."""
     if isinstance(request, ReadHoldingRegisters) and request.address <= 680:
         rig.unit.holding[680] ^= 0x0800

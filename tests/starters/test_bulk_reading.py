@@ -81,10 +81,10 @@ def test_a_lost_port_ends_it_at_once() -> None:
         read(Starter(script=[Silent("port closed", is_sent=False)]))
 
 
-def test_each_request_is_told_when_it_is_done() -> None:
-    told: list[tuple[str, ...]] = []
-    hear: Callable[[object], None] = lambda each: told.append(each.codes)  # type: ignore[attr-defined]  # noqa: E731
+def test_each_request_is_reported_when_it_is_done() -> None:
+    done: list[tuple[str, ...]] = []
+    note: Callable[[object], None] = lambda each: done.append(each.codes)  # type: ignore[attr-defined]  # noqa: E731
 
-    run_virtually(read_in_bulk(Starter().ask, PROFILE, bulk_reads(PROFILE, CODES), on_read=hear))
+    run_virtually(read_in_bulk(Starter().ask, PROFILE, bulk_reads(PROFILE, CODES), on_read=note))
 
-    assert told == [CODES]
+    assert done == [CODES]

@@ -19,7 +19,7 @@ LONGEST_TRANSACTION_S = 0.15  # of the polls of these four, at 19200 bit/s
 
 
 class Watch:
-    """Hears when each poll is answered."""
+    """Notes when each poll is answered."""
 
     def __init__(self, here: Site) -> None:
         self.times_s: defaultdict[tuple[str, str], list[float]] = defaultdict(list)
@@ -29,11 +29,11 @@ class Watch:
     def _listen(self, name: str, telemetry: object) -> None:
         on_poll = telemetry.on_poll  # type: ignore[attr-defined]  # of a StarterTelemetry
 
-        def heard(key: str, outcome: Outcome) -> None:
+        def note(key: str, outcome: Outcome) -> None:
             self.times_s[name, key].append(asyncio.get_running_loop().time())
             on_poll(key, outcome)
 
-        telemetry.on_poll = heard  # type: ignore[attr-defined]
+        telemetry.on_poll = note  # type: ignore[attr-defined]
 
     def rates(self, since_s: float, until_s: float) -> dict[tuple[str, str], float]:
         return {

@@ -1,4 +1,4 @@
-"""The whole floor on a simulated line with a starter of each family, in virtual time."""
+"""All but MQTT on a simulated line with a starter of each family, in virtual time."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ TRIPS = {"ssw06": 5, "ssw07": 5, "ssw900": 5, "sst": 12}
 
 @pytest.mark.parametrize("family", FAMILIES)
 @virtually
-async def test_a_fault_is_told_and_can_be_reset_without_starting_the_motor(family: str) -> None:
+async def test_a_fault_is_published_and_can_be_reset_without_starting_the_motor(family: str) -> None:
     async with site() as here:
         await bring_to_ready(here, family)
         here.submit(family, "start", "1")

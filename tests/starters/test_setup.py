@@ -9,7 +9,7 @@ from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegisters
 from gateway.records import SequenceNumbers
-from gateway.starters.setup import LEARNT_FLOOR_S, UNSTATED_FLOOR_S, StarterSetup, merged
+from gateway.starters.setup import LEARNT_MINIMUM_S, UNSTATED_MINIMUM_S, StarterSetup, merged
 
 
 def setup(response_time_s: float | None = None) -> StarterSetup:
@@ -59,13 +59,13 @@ def test_a_sequence_counts_up_from_one() -> None:
     ("family", "learns", "configured_s", "expected_s"),
     [
         ("ssw07", False, None, None),  # the manual's 20 ms stand
-        ("ssw07", True, None, LEARNT_FLOOR_S),
-        ("ssw900", False, None, UNSTATED_FLOOR_S),  # its manual names no time
-        ("ssw900", False, 0.2, None),  # whoever configures a time means it
-        ("ssw900", True, 0.2, LEARNT_FLOOR_S),
+        ("ssw07", True, None, LEARNT_MINIMUM_S),
+        ("ssw900", False, None, UNSTATED_MINIMUM_S),  # its manual names no time
+        ("ssw900", False, 0.2, None),  # a configured time counts
+        ("ssw900", True, 0.2, LEARNT_MINIMUM_S),
     ],
 )
-def test_a_manuals_response_time_is_shortened_only_when_the_line_is_told_to_learn(
+def test_a_manuals_response_time_is_shortened_only_when_the_line_may_learn_it(
     family: str, *, learns: bool, configured_s: float | None, expected_s: float | None
 ) -> None:
     starter = StarterSetup(
@@ -78,5 +78,5 @@ def test_a_manuals_response_time_is_shortened_only_when_the_line_is_told_to_lear
         learns_response_times=learns,
     )
 
-    assert starter.response_floor_of(ReadHoldingRegisters(0, 1)) == expected_s
-    assert starter.response_floor_of(WriteCoil(100, True)) is None
+    assert starter.shortest_response_of(ReadHoldingRegisters(0, 1)) == expected_s
+    assert starter.shortest_response_of(WriteCoil(100, True)) is None

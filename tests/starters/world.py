@@ -1,4 +1,4 @@
-"""A whole gateway floor over two simulated starters that outlive it, with every record and its moment."""
+"""A whole gateway without MQTT over two simulated starters that outlive it; every record with its moment."""
 
 from __future__ import annotations
 
@@ -23,8 +23,7 @@ from gateway.modbus.adu import decode
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil
 from gateway.mqtt.contract.commands import Incoming
-from gateway.mqtt.contract.freshness import EVERY_S, Tokens
-from gateway.mqtt.contract.run_token import RunToken
+from gateway.mqtt.contract.freshness import EVERY_S, RunToken, Tokens
 from gateway.mqtt.contract.topics import Topics
 from gateway.records import Record, ResultRecord, SequenceNumbers
 from gateway.sim.bus.faults import Reply
@@ -43,7 +42,7 @@ from gateway.storage.journal import Remembered
 from gateway.system.clock import ClockWatch
 from gateway.system.clock_steps import ClockReading
 from gateway.system.instance_lock import instance_lock
-from gateway.system.suspend_watch import SuspendWatch
+from gateway.system.stalls import SuspendWatch
 from tests.local_host import local_events
 from tests.starters.fakes import RUN_COIL
 from tests.starters.four_starters import LostWrites
@@ -61,7 +60,7 @@ START_PDU, STOP_PDU = WriteCoil(RUN_COIL, True).encode(), WriteCoil(RUN_COIL, Fa
 
 
 class TimedSink:
-    """Keeps all records with the moment they were told."""
+    """Keeps all records with the moment of their publication."""
 
     def __init__(self) -> None:
         self.records: list[tuple[float, Record]] = []
@@ -79,26 +78,26 @@ class MemoryJournal:
     trouble = ""
 
     def __init__(self) -> None:
-        self.kept: dict[tuple[str, str], Remembered] = {}
+        self.stored: dict[tuple[str, str], Remembered] = {}
         self.disk_s = 0.0  # how long the disk takes
 
     def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:
         if result.id:
             key = (result.client, result.id)
-            earlier = self.kept.get(key, Remembered(result, may_be_written=False))
-            self.kept[key] = replace(earlier, result=result)
+            earlier = self.stored.get(key, Remembered(result, may_be_written=False))
+            self.stored[key] = replace(earlier, result=result)
         if then is not None:
             then()
 
     def forget(self, keys: Iterable[tuple[str, str]]) -> None:
         for key in keys:
-            self.kept.pop(key, None)
+            self.stored.pop(key, None)
 
     async def intend(self, result: ResultRecord) -> None:
         assert result.id
         await asyncio.sleep(self.disk_s)
         key = (result.client, result.id)
-        self.kept[key] = replace(self.kept[key], may_be_written=True)
+        self.stored[key] = replace(self.stored[key], may_be_written=True)
 
 
 class LostReplies:
@@ -157,7 +156,7 @@ class GatewayWorld:
         clock_watch.recall(self.clock_document)
         self.clock_document = clock_watch.document()
         bus = RecordBus()
-        self.precautions = Policy(
+        self.policy = Policy(
             PolicySettings(rules=dict.fromkeys(NAMES, RULES), groups={"both": NAMES}),
             NAMES,
             rights=rights,
@@ -166,7 +165,7 @@ class GatewayWorld:
             sequence=sequence,
             memory=self.memory,
         )
-        bus.connect(self.precautions, self.sink)
+        bus.connect(self.policy, self.sink)
         profile = load_profile("ssw07")
         setups = [StarterSetup(name, "x", number, profile, Variant()) for number, name in enumerate(NAMES, 1)]
         polls = [poll for setup in setups for poll in polls_of(setup)]
@@ -180,20 +179,20 @@ class GatewayWorld:
                 sink=bus,
                 clock=self.clock,
                 sequence=sequence,
-                lock_of=self.precautions.logbook.lock_of,
+                lock_of=self.policy.motor_history.lock_of,
             )
             for setup in setups
         }
-        self.commander = Dispatcher(
+        self.dispatcher = Dispatcher(
             self.telemetries,
             rights=rights,
             sink=bus,
             clock=self.clock,
             sequence=sequence,
             journal=self.journal,
-            precautions=self.precautions,
+            policy=self.policy,
         )
-        self.commander.recall(list(self.journal.kept.values()))
+        self.dispatcher.recall(list(self.journal.stored.values()))
         for telemetry in self.telemetries.values():
             router.add(telemetry)
             telemetry.start()
@@ -201,12 +200,12 @@ class GatewayWorld:
         self.reception = IncomingCommands(
             Topics("t"),
             self._tokens,
-            commander=self.commander,
+            dispatcher=self.dispatcher,
             clock=self.clock,
             clock_watch=clock_watch,
             restate=lambda: None,
-            tell=lambda *event: None,
-            standstill=SuspendWatch(self.clock.now_s, up_s=self.clock.now_s, utc_s=self.clock.utc_s),
+            publish_event=lambda *event: None,
+            suspend_watch=SuspendWatch(self.clock.now_s, up_s=self.clock.now_s, utc_s=self.clock.utc_s),
         )
         self._looking = asyncio.create_task(self.reception.run())
 
@@ -257,7 +256,7 @@ class GatewayWorld:
         self._boot()
 
     async def close(self) -> None:
-        await self.commander.close()
+        await self.dispatcher.close()
         for telemetry in self.telemetries.values():
             await telemetry.close()
         self._serving.cancel()
@@ -319,6 +318,6 @@ class GatewayWorld:
         return [at_s for at_s, pdu in self._asked[starter] if pdu[0] in READS]
 
     def results(self, starters: Iterable[str]) -> list[tuple[float, ResultRecord]]:
-        """Return what was told first-hand, without what was only sent again."""
-        told = self.sink.of(ResultRecord)
-        return [(at_s, each) for at_s, each in told if each.starter in starters and not each.is_duplicate]
+        """Return the results, without what was only sent again."""
+        results = self.sink.of(ResultRecord)
+        return [(at_s, each) for at_s, each in results if each.starter in starters and not each.is_duplicate]

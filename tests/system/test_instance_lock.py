@@ -9,16 +9,18 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
 
 from gateway.errors import StartError
-from gateway.system.instance_lock import FILE, instance_lock
+from gateway.system.instance_lock import FILE, instance_lock, is_locked, may_use
 from tests.ordinary_user import give
 
 HOLD = """
 import sys
+import tempfile
 from pathlib import Path
 from gateway.errors import StartError
 from gateway.system.instance_lock import instance_lock
@@ -107,6 +109,18 @@ def test_a_folder_of_another_user_is_reported_in_one_line_with_its_remedy(tmp_pa
     assert f"sudo install -d -m 700 -o {os.getuid() or 65534} {locked}" in line
 
 
+def test_a_lock_file_of_another_user_is_named_with_its_remedy(tmp_path: Path) -> None:
+    make_reachable(tmp_path)
+    (tmp_path / FILE).touch()
+    (tmp_path / FILE).chmod(0o000)  # as after a run by root
+
+    with holder(tmp_path) as process:
+        line = said(process)
+
+    assert line.startswith(f"{tmp_path / FILE} is another user's: user ")
+    assert line.endswith(f"(sudo chown -R {os.getuid() or 65534} {tmp_path})")
+
+
 def test_a_folder_in_the_files_place_is_locked_instead(tmp_path: Path) -> None:
     (tmp_path / FILE).mkdir()
 
@@ -142,5 +156,27 @@ def make_reachable(folder: Path) -> None:
     give(folder)
     if os.geteuid() == 0:
         for above in folder.parents[:3]:
-            if above.stat().st_uid == 0 and str(above).startswith("/tmp/"):
+            if above.stat().st_uid == 0 and Path(tempfile.gettempdir()) in above.parents:
                 above.chmod(above.stat().st_mode | 0o011)
+
+
+def test_a_port_across_a_network_counts_as_held_where_that_cannot_be_seen(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert may_use("socket://server:4001", tmp_path)
+
+    def refuse(*_: object) -> int:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(os, "open", refuse)
+
+    assert not may_use("socket://server:4001", tmp_path)
+    assert may_use("/dev/ttyUSB0", tmp_path)  # it has a lock of its own
+
+
+def test_a_folder_says_whether_a_gateway_runs_there(tmp_path: Path) -> None:
+    assert not is_locked(tmp_path / "nowhere")
+    with instance_lock(tmp_path):
+        assert is_locked(tmp_path)
+        assert is_locked(tmp_path)  # to ask changes nothing
+    assert not is_locked(tmp_path)

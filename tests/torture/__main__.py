@@ -13,12 +13,12 @@ from collections.abc import Callable
 from typing import Any
 
 from tests.mosquitto import missing_programs
-from tests.torture import big_reload, clocks, fuzz, noise, of_commands, soak
+from tests.torture import big_reload, clocks, fuzz, noise, of_commands, of_history, soak
 from tests.torture.of_disk import may_mount
 from tests.torture.runner import SCENARIOS, run_place
 from tests.torture.scenario import Much, Place, Row
 
-IN_PROCESS = (*noise.SCENARIOS, *fuzz.SCENARIOS, *soak.SCENARIOS)
+IN_PROCESS = (*noise.SCENARIOS, *fuzz.SCENARIOS, *soak.SCENARIOS, *of_history.SCENARIOS)
 
 
 def main() -> int:
@@ -32,17 +32,17 @@ def main() -> int:
     args = parser.parse_args()
     rows: list[Row] = []
 
-    def tell(row: Row) -> None:
+    def report(row: Row) -> None:
         print("\n    ".join([str(row), *row.failures]), flush=True)
         rows.append(row)
 
-    _run_all(args, tell)
+    _run_all(args, report)
     failed = [row.name for row in rows if row.failures]
     print(f"\n{len(rows)} scenarios, {len(failed)} fail: {', '.join(failed) or 'none'}")
     return 1 if failed or not rows else 0
 
 
-def _run_all(args: argparse.Namespace, tell: Callable[[Row], None]) -> None:
+def _run_all(args: argparse.Namespace, report: Callable[[Row], None]) -> None:
     for place in Place:
         chosen = [
             each
@@ -54,18 +54,18 @@ def _run_all(args: argparse.Namespace, tell: Callable[[Row], None]) -> None:
         if not chosen:
             continue
         if missing := missing_programs():
-            tell(Row(place.value, "-", [f"not installed: {', '.join(missing)}"]))
+            report(Row(place.value, "-", [f"not installed: {', '.join(missing)}"]))
         elif place is Place.DISK and not may_mount():
-            tell(Row(place.value, "-", ["only root can mount a small disk"]))
+            report(Row(place.value, "-", ["only root can mount a small disk"]))
         else:
             much = Much.QUICK if args.quick else Much.SHORT if args.short else Much.WHOLE
             how: dict[str, Any] = {"much": much, "seed": args.seed, "count": args.count}
-            asyncio.run(run_place(place, chosen, tell=tell, **how))
+            asyncio.run(run_place(place, chosen, report=report, **how))
     if args.quick:
         return
     for each in (*big_reload.SCENARIOS, *clocks.SCENARIOS, *IN_PROCESS, *of_commands.SCENARIOS):
         if _is_wanted(each.name, args.names):
-            tell(each.row(args.count or (each.short if args.short else each.whole), args.seed))
+            report(each.row(args.count or (each.short if args.short else each.whole), args.seed))
 
 
 def _is_wanted(name: str, names: list[str]) -> bool:

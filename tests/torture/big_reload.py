@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gateway.app.gateway import App
+from gateway.app.parts import Parts
 from gateway.app.reload import Reload
 from gateway.app.site import Site
 from gateway.system.systemd import Notifier
@@ -67,7 +68,7 @@ async def simulators(path: Path) -> AsyncIterator[None]:
         await process.wait()
 
 
-class _Told:
+class _EndOfReload:
     """Waits for the end of a reload in systemd's place."""
 
     def __init__(self) -> None:
@@ -82,7 +83,7 @@ class _Told:
 
 @dataclass(frozen=True)
 class BigReload:
-    """Rights, one starter and all starters are changed in turn; no broker."""
+    """Rights, one starter and all starters are changed, one after the other; no broker."""
 
     name: str = "reload, 247 starters"
     whole: int = 9
@@ -108,37 +109,37 @@ class BigReload:
         site = Site.read(path, {})
         ending: asyncio.Future[str] = asyncio.get_running_loop().create_future()
         async with simulators(path):
-            app = App(site, notifier=Notifier({}))
+            app = App(Parts(site, notifier=Notifier({})))
             running = asyncio.create_task(app.run(ending))
             await asyncio.sleep(SETTLED_S)
-            told = _Told()
-            reload = Reload(lambda: Site.read(path, os.environ), app, told)  # type: ignore[arg-type] # as it is used
+            end = _EndOfReload()
+            reload = Reload(lambda: Site.read(path, os.environ), app, end)  # type: ignore[arg-type] # as it is used
             for number in range(count):
                 what = tuple(CHANGES)[number % len(CHANGES)]
                 path.write_text(site_text(folder, CHANGES[what]), "utf-8")
-                await self._measured(row, what, reload, told)
+                await self._measured(row, what, reload, end)
                 path.write_text(site_text(folder), "utf-8")
-                await self._measured(row, f"{what}, back", reload, told)
+                await self._measured(row, f"{what}, back", reload, end)
             ending.set_result("done")
             await running
-        if max(row.figures.values()) > LONGEST_S:
-            row.failures.append("a reload kept the gateway's own loop from its work for too long")
+        if max(row.measurements.values()) > LONGEST_S:
+            row.failures.append("a reload blocked the gateway's own loop for too long")
 
-    async def _measured(self, row: Row, what: str, reload: Reload, told: _Told) -> None:
+    async def _measured(self, row: Row, what: str, reload: Reload, end: _EndOfReload) -> None:
         """Reload and note the longest time for which the loop did nothing else."""
-        ticking = asyncio.create_task(_longest_stall_s(told))
+        ticking = asyncio.create_task(_longest_stall_s(end))
         await asyncio.sleep(10 * TICK_S)
-        told.is_over.clear()
+        end.is_over.clear()
         reload.begin()
         stalled_s = await ticking
-        row.figures[what] = max(row.figures.get(what, 0.0), round(stalled_s, 3))
+        row.measurements[what] = max(row.measurements.get(what, 0.0), round(stalled_s, 3))
         await asyncio.sleep(1.0)
 
 
-async def _longest_stall_s(told: _Told) -> float:
+async def _longest_stall_s(end: _EndOfReload) -> float:
     loop, longest_s = asyncio.get_running_loop(), 0.0
-    told.is_over.clear()
-    while not told.is_over.is_set():
+    end.is_over.clear()
+    while not end.is_over.is_set():
         due_s, held_s = loop.time() + TICK_S, _held_s()
         await asyncio.sleep(TICK_S)
         longest_s = max(longest_s, loop.time() - due_s - (_held_s() - held_s))

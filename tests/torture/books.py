@@ -1,4 +1,4 @@
-"""What a consumer can tell from `boot` and `seq`: what came twice, out of order, or not at all."""
+"""What a consumer can derive from `boot` and `seq`: what came twice, out of order, or not at all."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ class Books:
         self.first: dict[tuple[str, int], dict[str, Any]] = {}  # events by boot and seq
         self.repeated = 0  # events that came again, the same
         self.wrong: list[str] = []
-        self.told_late = 0  # values, in histories
+        self.published_late = 0  # values, in histories
         self.declared: list[dict[str, Any]] = []  # losses
         self._latest: dict[str, int] = {}  # seq of the latest new event, by boot
         self._history: defaultdict[tuple[str, str, str], int] = defaultdict(int)  # seq, by topic, boot, point
         self._live: set[tuple[str, str, int, str | None]] = set()  # starter, point, seq, time
-        self._items: set[tuple[str, str, int]] = set()  # values told late: topic, boot, seq
+        self._items: set[tuple[str, str, int]] = set()  # values published late: topic, boot, seq
 
     def event(self, body: dict[str, Any]) -> None:
         """Take an event: new ones of one run come in order, old ones again word for word."""
@@ -39,7 +39,7 @@ class Books:
             self.declared.append(body["data"])
 
     def value(self, starter: str, point: str, body: dict[str, Any]) -> None:
-        """Take a value that was told live; a broken connection may make the history tell it again."""
+        """Take a value that was published live; after a broken connection the history may repeat it."""
         if body["time"] is not None:  # before the first reading all runs say the same
             self._live.add((starter, point, body["seq"], body["time"]))
 
@@ -56,7 +56,7 @@ class Books:
                 self.wrong.append(f"{topic} {item['point']}: {item['seq']} came after {self._history[line]}")
             self._history[line] = item["seq"]
             self._items.add(key)
-            self.told_late += 1
+            self.published_late += 1
 
     def count(self, code: str, *, starter: str) -> int:
         """Return how many different events of this code there were."""
@@ -65,7 +65,7 @@ class Books:
 
 
 def unfinished(results: list[dict[str, Any]]) -> list[str]:
-    """Return the ids that were told to be accepted, but never what became of them."""
+    """Return the ids of commands that were accepted, but have no final result."""
     phases: defaultdict[str, Counter[str]] = defaultdict(Counter)
     for each in results:
         phases[each["id"]][each["phase"]] += 1

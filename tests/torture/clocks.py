@@ -58,7 +58,7 @@ class ClockScenario:
             ):
                 if not is_right:
                     row.failures.append(what)
-            row.figures = {"transactions": line.transactions, "confirmed": confirmed}
+            row.measurements = {"transactions": line.transactions, "confirmed": confirmed}
 
     async def _transactions(self, line: VirtualLine) -> int:
         """Return how many there are in a minute."""

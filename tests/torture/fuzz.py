@@ -19,14 +19,14 @@ from pymodbus.pdu import DecodePDU
 from gateway.config.load import parse
 from gateway.errors import CodecError, ConfigError, GatewayError
 from gateway.families.profile.load import FAMILIES
-from gateway.modbus.adu import decode, encode, reply_adu_size, request_adu_size
+from gateway.modbus.adu import decode, encode, reply_adu_size
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.server import decode_request
 from gateway.mqtt.contract.commands import CommandParser, Incoming
-from gateway.mqtt.contract.freshness import Moment, Tokens
-from gateway.mqtt.contract.run_token import RunToken
+from gateway.mqtt.contract.freshness import Moment, RunToken, Tokens
 from gateway.mqtt.contract.topics import Topics
 from gateway.storage.database import Database
+from tests.modbus.request_size import request_adu_size
 from tests.rules.random_commands import send_at_random
 from tests.torture.of_disk import damage
 from tests.torture.scenario import Row
@@ -53,7 +53,7 @@ class FuzzScenario:
         began_s = time.monotonic()
         logging.disable(logging.CRITICAL)
         try:
-            row.figures = dict(self.feed(random.Random(seed), count))
+            row.measurements = dict(self.feed(random.Random(seed), count))
         except Exception as error:  # noqa: BLE001 - any exception is what we are looking for
             row.failures.append(f"{type(error).__name__}: {error}")
         finally:

@@ -1,10 +1,10 @@
-"""What the machine itself does to our clocks: the time for which it kept our processes from running.
+"""What the machine itself does to our clocks: the time for which it did not run our processes.
 
 A promise in seconds holds for a gateway that gets a processor when it wants one. On a machine with other
 work gateway, starters and broker wait for it, as do the kernel's workers that carry the bytes of pseudo
 terminals. The kernel counts for how long each thread was ready to run and did not (run_delay,
 [sched-stats.rst]), and for how long the host had taken the processors away (steal, [proc_stat(5)]). Of each
-process the thread that waited longest counts. That much is taken off before anything is judged, and told in
+process the thread that waited longest counts. That much is taken off before anything is judged, and shown in
 the report; a step in which it comes to half of what a line allows for a late reply is lost as a whole, and a
 time of which more than half is lost proves nothing.
 """
@@ -21,7 +21,7 @@ from contextlib import suppress
 from pathlib import Path
 
 STEP_S = 0.05
-KEPT = 200_000  # steps: some hours
+RETAINED = 200_000  # steps: some hours
 TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 LOST_FROM_S = 0.01  # half of gateway.line.rtu.timeouts.ALLOWANCE_S
 STEAL = 8  # the field in /proc/stat
@@ -37,7 +37,9 @@ class DelayMeter:
         self._thread: threading.Thread | None = None
         self._delays_s: dict[tuple[int, int], float] = {}  # by process and thread
         self._stolen_s = 0.0
-        self._sums_s: deque[tuple[float, float]] = deque(maxlen=KEPT)  # a time; held up until then, in all
+        self._sums_s: deque[tuple[float, float]] = deque(
+            maxlen=RETAINED
+        )  # a time; held up until then, in all
         self._sum_s = 0.0
         self._workers: list[int] = []
         self._workers_due_s = 0.0
@@ -83,7 +85,7 @@ class DelayMeter:
             before_s = now_s
 
     def _look(self, passed_s: float) -> None:
-        """Take over what has come since the last look."""
+        """Add what has come since the last look."""
         if time.monotonic() >= self._workers_due_s:
             self._workers, self._workers_due_s = _workers(), time.monotonic() + WORKERS_EVERY_S
         children = _children()

@@ -16,18 +16,20 @@ from tests.torture.truth import Truth
 from tests.torture.virtual_line import VirtualLine, virtual_line, virtual_row
 
 RUN_S, REST_S = 15.0, 165.0  # more starts would trip the overload
-UNDETECTED = 20_000  # one of so many spoilt frames passes a CRC-16 (1 in 51,000 of those with 1-6 wrong bits)
+UNDETECTED = (
+    20_000  # one of so many corrupted frames passes a CRC-16 (1 in 51,000 of those with 1-6 wrong bits)
+)
 STARTED = "ssw07"
 
 
 @dataclass(frozen=True)
 class NoiseScenario:
-    """A fault of the line; `spoil` brings it about."""
+    """A fault of the line; `corrupt` brings it about."""
 
     name: str
-    spoil: Callable[[VirtualLine], None]
-    spoilt_share: float = 0.0  # of the replies
-    names: str = ""  # the trouble that must be told
+    corrupt: Callable[[VirtualLine], None]
+    corrupted_share: float = 0.0  # of the replies
+    names: str = ""  # the trouble that must be reported
     is_legible: bool = True  # commands can be carried out
     whole: int = 100_000
     short: int = 1_500
@@ -38,7 +40,7 @@ class NoiseScenario:
 
     async def _run(self, row: Row, count: int, seed: int) -> None:
         async with virtual_line(seed) as line:
-            self.spoil(line)
+            self.corrupt(line)
             starts: list[str] = []
             while line.transactions < count or not starts:
                 line.judge.never_on -= {STARTED}
@@ -54,7 +56,9 @@ class NoiseScenario:
 
     def _judge(self, row: Row, line: VirtualLine, starts: list[str]) -> None:
         judge = line.judge
-        allowed = 1 + int(self.spoilt_share * line.transactions / UNDETECTED) if self.spoilt_share else 0
+        allowed = (
+            1 + int(self.corrupted_share * line.transactions / UNDETECTED) if self.corrupted_share else 0
+        )
         false_values = {what: number for what, number in judge.false.items() if what.startswith("value")}
         false_states = {what: number for what, number in judge.false.items() if what.startswith("state")}
         finals = [judge.finals[id_][0] for id_ in starts if id_ in judge.finals]
@@ -66,7 +70,7 @@ class NoiseScenario:
             (not line.trips(), f"watchdogs tripped: {line.trips()[:3]}"),
             (frames <= len(starts), f"{frames} start frames for {len(starts)} commands"),
             (all(len(each) == 1 for each in judge.finals.values()), "a command with several final results"),
-            (not self.names or judge.codes[self.names] > 0, f"{self.names} was not told"),
+            (not self.names or judge.codes[self.names] > 0, f"{self.names} was not reported"),
             (confirmed > 0 or not self.is_legible, "no start was confirmed"),
         ):
             if not is_right:
@@ -75,8 +79,8 @@ class NoiseScenario:
         collisions = kinds <= {"collision"} and not self.is_legible
         if kinds and not (collisions or self.names):
             row.failures.append(f"line violations: {line.bus.violations[:3]}")
-        row.figures = {"transactions": line.transactions, "starts": len(starts), "confirmed": confirmed}
-        row.figures |= {"false values": sum(false_values.values()), "watchdog_s": line.watchdog_s}
+        row.measurements = {"transactions": line.transactions, "starts": len(starts), "confirmed": confirmed}
+        row.measurements |= {"false values": sum(false_values.values()), "watchdog_s": line.watchdog_s}
 
 
 def _started(line: VirtualLine) -> int:
@@ -84,17 +88,17 @@ def _started(line: VirtualLine) -> int:
 
 
 def errors(share: float) -> Callable[[VirtualLine], None]:
-    """Spoil this share of all replies."""
+    """Corrupt this share of all replies."""
 
-    def spoil(line: VirtualLine) -> None:
+    def corrupt(line: VirtualLine) -> None:
         for unit in line.bus.units:
             line.bus.impair(unit.address, Noisy(0.02), chance=share)
 
-    return spoil
+    return corrupt
 
 
 def late(line: VirtualLine) -> None:
-    """Let one reply in twenty come when nobody waits for it any more."""
+    """Let one reply in twenty come after its time-out."""
     for unit in line.bus.units:
         line.bus.impair(unit.address, Late(2.0), chance=0.05)
 
@@ -113,9 +117,9 @@ def twins(line: VirtualLine) -> None:
 
 
 SCENARIOS = (
-    NoiseScenario("errors 1 %", errors(0.01), spoilt_share=0.01),
-    NoiseScenario("errors 3 %", errors(0.03), spoilt_share=0.03),
-    NoiseScenario("errors 10 %", errors(0.10), spoilt_share=0.10),
+    NoiseScenario("errors 1 %", errors(0.01), corrupted_share=0.01),
+    NoiseScenario("errors 3 %", errors(0.03), corrupted_share=0.03),
+    NoiseScenario("errors 10 %", errors(0.10), corrupted_share=0.10),
     NoiseScenario("late replies", late),
     NoiseScenario("babbling starter", babbling, names="babbling"),
     NoiseScenario("two with one address", twins, names="address_conflict"),

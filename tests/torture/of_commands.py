@@ -12,8 +12,9 @@ import time
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from tests.torture.command_site import CommandSite, command_site
+from tests.torture.command_site import CommandSite, ResultListener, command_site
 from tests.torture.of_flood import flood
 from tests.torture.of_kills import kills, stops_at_start_up
 from tests.torture.of_malformed import malformed_in_process, malformed_through_broker
@@ -35,6 +36,7 @@ class Proof:
     unit: str  # of the count
     every_s: float = 0.2  # of the polls; more often than this line can
     is_old: bool = False  # the broker speaks MQTT 3.1.1 only
+    make_listener: Callable[[int], ResultListener] = ResultListener  # of the broker's port
 
     def row(self, count: int, seed: int) -> Row:
         """Try it and return what came of it."""
@@ -44,13 +46,14 @@ class Proof:
     async def on_site(self, folder: Path, count: int, seed: int) -> Row:
         """Try it in a folder."""
         begun_s = time.monotonic()
-        async with command_site(folder, every_s=self.every_s, is_old=self.is_old) as site:
+        options: dict[str, Any] = {"is_old": self.is_old, "make_listener": self.make_listener}
+        async with command_site(folder, every_s=self.every_s, **options) as site:
             try:
                 await self.prove(site, count, seed)
             except TimeoutError as error:
                 site.check(False, str(error) or "something never came about")
         took_s = time.monotonic() - begun_s
-        return Row(self.name, f"{count} {self.unit}", site.failures, site.figures, took_s)
+        return Row(self.name, f"{count} {self.unit}", site.failures, site.measurements, took_s)
 
 
 @dataclass(frozen=True)
@@ -66,8 +69,8 @@ class PureProof:
     def row(self, count: int, seed: int) -> Row:
         """Try it and return what came of it."""
         begun_s = time.monotonic()
-        failures, figures = self.prove(count, seed)
-        return Row(self.name, f"{count} {self.unit}", failures, figures, time.monotonic() - begun_s)
+        failures, measurements = self.prove(count, seed)
+        return Row(self.name, f"{count} {self.unit}", failures, measurements, time.monotonic() - begun_s)
 
 
 KILLS = Proof("SIGKILL around a start", kills, 200, 8, "times")

@@ -1,4 +1,4 @@
-"""The disk is full or read-only, and what is kept there is damaged."""
+"""The disk is full or read-only, and what is stored there is damaged."""
 
 from __future__ import annotations
 
@@ -88,8 +88,8 @@ async def damaged(w: World, count: int) -> None:
         await w.right(since_s=w.gateway.lives[-1].began_s)
         await w.stop("fan")
         held += await _is_held(w)
-    w.recorder.results.clear()  # a ledger that was thrown back may tell an outcome once more
-    w.figures |= {"ledger lost": held, "files": len(list(w.state_dir.rglob("*")))}
+    w.recorder.results.clear()  # a ledger that was set back may publish an outcome once more
+    w.measurements |= {"ledger lost": held, "files": len(list(w.state_dir.rglob("*")))}
 
 
 def damage(path: Path, dice: random.Random) -> None:
@@ -124,9 +124,9 @@ async def _without_a_disk(w: World, seconds: int) -> None:
     await w.stop("pump")
     result = await w.recorder.final(w.begin_start("mill"))
     w.check(result["phase"] == "rejected", f"a start without a ledger ended as {result}")
-    w.figures["start refused"] = result["code"]
+    w.measurements["start refused"] = result["code"]
     await w.right_still()
-    await w.check_line_kept_time("the line waited for the disk")
+    await w.check_line_timing("the line waited for the disk")
 
 
 async def _is_held(w: World) -> bool:
@@ -151,11 +151,11 @@ async def _usable_again(w: World) -> None:
             break
         await asyncio.sleep(0.5)
     w.check(result["phase"] == "confirmed", f"commands are still refused: {result}")
-    w.figures["usable again s"] = round(time.monotonic() - begun_s, 2)
+    w.measurements["usable again s"] = round(time.monotonic() - begun_s, 2)
 
 
 def _remount(folder: Path, how: str) -> None:
-    """Remount a disk; read-only is possible only while nobody has a file open there."""
+    """Remount a disk; read-only is possible only while no process has a file open there."""
     subprocess.run(["mount", "-o", f"remount,{how}", folder], check=True)
 
 

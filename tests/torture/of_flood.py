@@ -19,7 +19,7 @@ WHOLE_S = 60  # from here on a thousand a second
 CALM_S = 6.0
 BATCH_S = 0.01
 GROWTH_KB = 20_000
-RATE_KEPT = 0.8  # of every poll's rate in calm; commands that are within the limits need the line as well
+RATE_HELD = 0.8  # of every poll's rate in calm; commands that are within the limits need the line as well
 READ_SIZE = 5  # of the PDU that asks for registers or coils
 READ_WORDS = 3
 STATUS_WORD = bytes.fromhex("0313890001")  # VB01
@@ -58,16 +58,21 @@ async def flood(site: CommandSite, seconds: int, seed: int) -> None:
     site.check(
         max(memory_kb) - memory_kb[0] < GROWTH_KB, f"memory grew: {memory_kb[0]} -> {max(memory_kb)} KB"
     )
-    kept = _kept(site, calm, flooded)
+    held = _held_rates(site, calm, flooded)
     half = memory_kb[len(memory_kb) // 2]
-    site.figures |= {"sent": sent, "results": len(results), "stop s": round(stop_s, 3), "polls kept": kept}
-    site.figures |= {"bound s": round(bound_s, 3), "KB": f"{memory_kb[0]}, {half}, {max(memory_kb)}"}
+    site.measurements |= {
+        "sent": sent,
+        "results": len(results),
+        "stop s": round(stop_s, 3),
+        "polls held": held,
+    }
+    site.measurements |= {"bound s": round(bound_s, 3), "KB": f"{memory_kb[0]}, {half}, {max(memory_kb)}"}
     codes = Counter(each["code"] for each in results)
-    site.figures["refused"] = codes["too_many"]
+    site.measurements["refused"] = codes["too_many"]
     site.check(codes["too_many"] > 0, f"nothing was refused as too many: {codes}")
     answered = len({each["id"] for each in results if each["id"]})
     counted = sum(each.get("count", 0) for each in results)
-    site.figures["accounted for"] = answered + counted
+    site.measurements["accounted for"] = answered + counted
     site.check(len(site.gateway.lives) == 1, "the gateway died")
 
 
@@ -118,7 +123,7 @@ async def _polls(site: CommandSite, seconds: float, also: Collection[Read] = ())
     await asyncio.sleep(seconds)
     times: dict[Read, list[float]] = {}
     for name, mark in marks.items():
-        for at_s, pdu in site.ears[name].heard[mark:]:
+        for at_s, pdu in site.ears[name].received[mark:]:
             if pdu[0] not in WRITES:
                 times.setdefault((name, pdu), []).append(at_s)
     return {poll: _rate_and_gap(times, poll, seconds) for poll in times.keys() | set(also)}
@@ -143,7 +148,7 @@ def _covers(read: Read, poll: Read) -> bool:
     return bool(start <= first and first + wanted <= start + count)
 
 
-def _kept(site: CommandSite, calm: Polls, flooded: Polls) -> str:
+def _held_rates(site: CommandSite, calm: Polls, flooded: Polls) -> str:
     """Compare the polls that come about once a second in calm; return the worst share and gap.
 
     A motor that stands is asked for its current less often: the stop in the flood must not count as a loss.
@@ -157,11 +162,11 @@ def _kept(site: CommandSite, calm: Polls, flooded: Polls) -> str:
         gap_s, calm_gap_s = max(gap_s, now_gap_s), max(calm_gap_s, longest_s)
         name, pdu = key
         site.check(
-            now_rate >= RATE_KEPT * rate, f"{name} {pdu.hex()}: {rate:.2f} polls a second -> {now_rate:.2f}"
+            now_rate >= RATE_HELD * rate, f"{name} {pdu.hex()}: {rate:.2f} polls a second -> {now_rate:.2f}"
         )
     return f"{worst:.2f} (longest gap {calm_gap_s:.2f} -> {gap_s:.2f} s)"
 
 
 def computed_s(site: CommandSite) -> float:
-    figures = site.listener.latest.get("gateway/line/hall", {})
-    return float(figures.get("stop_latency_s", {}).get("computed", 1.0))
+    statistics = site.listener.latest.get("gateway/line/hall", {})
+    return float(statistics.get("stop_latency_s", {}).get("computed", 1.0))

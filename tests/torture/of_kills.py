@@ -15,12 +15,11 @@ from tests.torture.world import STOP_WITHIN_S
 
 # After publishing: before the ledger, around it, around the write, in the read-back, and after all.
 WINDOWS_S = ((0.0, 0.004), (0.004, 0.02), (0.02, 0.1), (0.1, 0.4), (0.4, 1.2))
-RECOVERY_S = (0.0, 1.5)  # after it is up again: before the end of what was cut short is told, and after
+RECOVERY_S = (0.0, 1.5)  # after it is up again: before the end of what was cut short is published, and after
 KILLED_AGAIN = 0.25  # of the times
 NOT_YET = ("crashed", "no_ledger")  # no answers to what is sent again
 CLEAN = "clean"
 CONFIRMED_WITHIN_S = 1.5  # after a stop's frame: both readings, of motors that stop in a third of it
-IDENTIFIED_S = 2.0  # after a restart; before that a start is refused
 
 
 async def kills(site: CommandSite, count: int, seed: int) -> None:
@@ -32,28 +31,27 @@ async def kills(site: CommandSite, count: int, seed: int) -> None:
     for number in range(count):
         starter, id_ = dice.choice(STARTERS), f"kill-{number}"
         ids.append((starter, id_))
-        heard = site.mark(starter)
+        received = site.mark(starter)
         ends[await _kill(site, starter, id_, dice)] += 1
-        written = site.written(starter, since=heard)
-        site.check(written <= once[starter], f"{id_}: {starter} has heard {written} for one start")
+        written = site.written(starter, since=received)
+        site.check(written <= once[starter], f"{id_}: {starter} has received {written} for one start")
         await site.stop(starter)
     await _send_all_again(site, ids)
     frames = {name: len(ear.unit.start_frames) for name, ear in site.ears.items()}
     commanded = Counter([*STARTERS, *(starter for starter, _ in ids)])
     for name in STARTERS:
         site.check(frames[name] <= commanded[name], f"{name}: {frames[name]} start frames, {commanded}")
-    site.figures |= dict(sorted(ends.items()))
-    site.figures |= {"start frames": sum(frames.values()), "commanded": commanded.total()}
+    site.measurements |= dict(sorted(ends.items()))
+    site.measurements |= {"start frames": sum(frames.values()), "commanded": commanded.total()}
 
 
 async def stops_at_start_up(site: CommandSite, count: int, seed: int) -> None:
-    """Kill the gateway while a motor runs, and stop that as soon as the next one hears commands."""
+    """Kill the gateway while a motor runs, and stop that as soon as the next one takes commands."""
     dice = random.Random(seed)
     frames_s, ends_s = [0.0], [0.0]
     for number in range(count):
         starter, lives = STARTERS[number % len(STARTERS)], len(site.gateway.lives)
         await site.ready((starter,))
-        await asyncio.sleep(IDENTIFIED_S)
         site.listener.command(starter, "start", f"run-{number}")
         run = await site.listener.final(f"run-{number}")
         site.check(run["phase"] == "confirmed", f"a start ended as {run}")
@@ -65,21 +63,21 @@ async def stops_at_start_up(site: CommandSite, count: int, seed: int) -> None:
         sent_s = time.monotonic()
         await site.stop(starter)
         end_s = site.listener.received_s[f"result/{starter}/alice"] - sent_s
-        heard_s = [at_s for at_s, _ in site.ears[starter].writes() if at_s >= sent_s]
-        frames_s.append(heard_s[0] - sent_s)
+        written_s = [at_s for at_s, _ in site.ears[starter].writes() if at_s >= sent_s]
+        frames_s.append(written_s[0] - sent_s)
         ends_s.append(end_s - frames_s[-1])
     site.check(max(frames_s) <= STOP_WITHIN_S, f"a stop's frame came after {max(frames_s):.2f} s")
     site.check(max(ends_s) <= CONFIRMED_WITHIN_S, f"a stop was confirmed {max(ends_s):.2f} s after its frame")
-    site.figures |= {"frame s": round(max(frames_s), 3), "confirmed s later": round(max(ends_s), 3)}
+    site.measurements |= {"frame s": round(max(frames_s), 3), "confirmed s later": round(max(ends_s), 3)}
 
 
 async def _clean_start(site: CommandSite, starter: str) -> Counter[bytes]:
     """Start and stop without any trouble; return what a start writes."""
-    heard = site.mark(starter)
+    received = site.mark(starter)
     site.listener.command(starter, "start", f"{CLEAN}-{starter}")
     result = await site.listener.final(f"{CLEAN}-{starter}")
     site.check(result["phase"] == "confirmed", f"a start in peace ended as {result}")
-    written = site.written(starter, since=heard)
+    written = site.written(starter, since=received)
     await site.stop(starter)
     return written
 
@@ -96,16 +94,16 @@ async def _kill(site: CommandSite, starter: str, id_: str, dice: random.Random) 
         await asyncio.sleep(dice.uniform(*RECOVERY_S))
         site.gateway.signal(signal.SIGKILL)
         await site.gateway.until_up(lives=lives + 2)
-        site.figures["killed again"] = site.figures.get("killed again", 0) + 1
+        site.measurements["killed again"] = site.measurements.get("killed again", 0) + 1
     began_s = site.gateway.lives[-1].began_s
-    told = site.listener.of(id_)
-    told = [each for each in told if each["code"] != "crashed"]
+    first_life = site.listener.of(id_)
+    first_life = [each for each in first_life if each["code"] != "crashed"]
     await site.listener.until("gateway/status", since_s=began_s, within_s=20.0, state="online")
     await site.listener.until(f"starter/{starter}/state", since_s=began_s, within_s=20.0, quality="good")
     frames = len(site.ears[starter].unit.start_frames) - frames
     answer = await _ask_again(site, starter, id_)
-    await _judge(site, id_, told, answer, frames)
-    return f"{told[-1]['phase'] if told else 'nothing'}>{_short(answer)}"
+    await _judge(site, id_, first_life, answer, frames)
+    return f"{first_life[-1]['phase'] if first_life else 'nothing'}>{_short(answer)}"
 
 
 async def _ask_again(site: CommandSite, starter: str, id_: str) -> dict[str, Any]:
@@ -122,13 +120,13 @@ async def _ask_again(site: CommandSite, starter: str, id_: str) -> dict[str, Any
 
 
 async def _judge(
-    site: CommandSite, id_: str, told: list[dict[str, Any]], answer: dict[str, Any], frames: int
+    site: CommandSite, id_: str, first_life: list[dict[str, Any]], answer: dict[str, Any], frames: int
 ) -> None:
-    """Check one command's story: what the first life told, what the second says, what the starter heard."""
+    """Check one command's story: what both lives published, what the starter received."""
     site.check(frames <= 1, f"{id_}: {frames} start frames")
-    story = f"{id_}: told {told}, then {answer}, {frames} start frames"
+    story = f"{id_}: first {first_life}, then {answer}, {frames} start frames"
     if not answer["duplicate"]:
-        site.check(not told and not frames, f"forgotten: {story}")
+        site.check(not first_life and not frames, f"forgotten: {story}")
         return
     if answer["code"] == "crashed":
         await site.result(
@@ -138,9 +136,9 @@ async def _judge(
         )
         site.check(answer["phase"] in ("unconfirmed", "rejected"), f"not honest: {story}")
         site.check(answer["phase"] == "unconfirmed" or not frames, f"it was written: {story}")
-    elif told and is_final(told[-1]):
-        same = (told[-1]["phase"], told[-1]["code"]) == (answer["phase"], answer["code"])
-        site.check(same, f"told differently: {story}")
+    elif first_life and is_final(first_life[-1]):
+        same = (first_life[-1]["phase"], first_life[-1]["code"]) == (answer["phase"], answer["code"])
+        site.check(same, f"published differently: {story}")
     site.check(answer["phase"] != "confirmed" or frames == 1, f"never started: {story}")
 
 
@@ -159,7 +157,7 @@ async def _send_all_again(site: CommandSite, ids: list[tuple[str, str]]) -> None
         )
     for starter, mark in marks.items():
         written = site.written(starter, since=mark)
-        site.check(not written, f"repetitions made {starter} hear {written}")
+        site.check(not written, f"after repetitions {starter} received {written}")
 
 
 def _short(answer: dict[str, Any]) -> str:

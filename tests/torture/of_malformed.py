@@ -12,8 +12,7 @@ from paho.mqtt.enums import CallbackAPIVersion
 
 from gateway.errors import GatewayError
 from gateway.mqtt.contract.commands import CommandParser, Incoming, Rejection
-from gateway.mqtt.contract.freshness import Moment, Tokens
-from gateway.mqtt.contract.run_token import RunToken
+from gateway.mqtt.contract.freshness import Moment, RunToken, Tokens
 from gateway.mqtt.contract.topics import Topics
 from gateway.records import Phase, ResultRecord
 from gateway.starters.policy.start_rules import PolicySettings, RateLimits
@@ -60,9 +59,9 @@ def _take(plant: Plant, intake: CommandParser, incoming: Incoming) -> None:
     now_s = plant.clock.now_s()
     verdict = intake.judge(incoming, Moment(now_s, 1.8e9))
     if isinstance(verdict, Rejection):
-        plant.commander.reject(verdict, verdict.code, verdict.text)
+        plant.dispatcher.reject(verdict, verdict.code, verdict.text)
     elif verdict is not None:
-        plant.commander.submit(verdict)
+        plant.dispatcher.submit(verdict)
 
 
 async def _settle(
@@ -117,13 +116,13 @@ async def malformed_through_broker(site: CommandSite, count: int, seed: int) -> 
     site.check(len(site.gateway.lives) == 1, "the gateway died")
     codes = Counter(each["code"] for each in finals)
     site.check("too_many" not in codes, f"{codes['too_many']} got no reason of their own")
-    site.figures |= dict(codes.most_common())
-    site.figures |= {
+    site.measurements |= dict(codes.most_common())
+    site.measurements |= {
         "longest gap s": round(max(gaps_s.values()), 2),
         "took s": round(time.monotonic() - begun_s),
     }
 
 
 def _longest_gap_s(site: CommandSite, starter: str, since: int) -> float:
-    times_s = [at_s for at_s, _ in site.ears[starter].heard[since:]]
+    times_s = [at_s for at_s, _ in site.ears[starter].received[since:]]
     return max(later - earlier for earlier, later in pairwise(times_s))

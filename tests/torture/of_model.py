@@ -11,7 +11,7 @@ STEPS = 30  # of a history
 
 
 def histories(count: int, chance: int) -> tuple[list[str], dict[str, int]]:
-    """Try so many; return what failed, with its steps, and figures. The same seed tries the same ones."""
+    """Try so many; return what failed, with its steps, and counts. The same seed tries the same."""
     machine = type("Histories", (CommandMachine,), {})
     seed(chance)(machine)
     how = settings(

@@ -19,7 +19,7 @@ BLOCKED_S = 30.0
 ABORTED = "Aborted"  # [faulthandler]; in pieces, between which those of another dump may stand
 BLOCKS_IN = "tests/torture/blockable.py"
 DUMPED = "Timeout ("  # [faulthandler.dump_traceback_later]
-TOLD_EVERY_S = 30.0  # a state that does not change
+STATE_EVERY_S = 30.0  # a state that does not change
 PIPE_BYTES = 4096
 F_SETPIPE_SZ = 1031  # [linux/fcntl.h]
 
@@ -39,7 +39,7 @@ async def sigkill(w: World, count: int) -> None:
         if is_starting:
             await w.stop(starter)
     await w.stop("pump")
-    w.figures["right again s"] = round(longest_s, 2)
+    w.measurements["right again s"] = round(longest_s, 2)
     await w.check_gap(w.gaps.crash_s, "a crash's gap was longer than computed")
 
 
@@ -84,8 +84,8 @@ async def stumble(w: World, count: int) -> None:
         await w.gateway.until_up(lives=lives)
         await w.right_still()
     w.check(DUMPED in w.gateway.log, "a stumble dumped no stacks")
-    w.check("stood still" in w.gateway.log, "a stumble was not told in the log")
-    w.check(" s late" in w.gateway.log, "no loop's delay was told in the log")
+    w.check("stood still" in w.gateway.log, "a suspension was not logged")
+    w.check(" s late" in w.gateway.log, "no loop's delay was logged")
 
 
 async def _hang(w: World, begin: Callable[[], None]) -> None:
@@ -97,13 +97,13 @@ async def _hang(w: World, begin: Callable[[], None]) -> None:
 
 
 async def unread_log(w: World, seconds: int) -> None:
-    """There is much to say, but the log's pipe is full and nobody reads it."""
+    """There is much to log, but the log's pipe is full and no process reads it."""
     end_s = time.monotonic() + seconds
     while time.monotonic() < end_s:
         await asyncio.to_thread(w.broker.restart)
         await asyncio.sleep(1.0)
-    await w.right(since_s=end_s - 1.0, within_s=TOLD_EVERY_S)
-    await w.check_line_kept_time("the line waited for the log")
+    await w.right(since_s=end_s - 1.0, within_s=STATE_EVERY_S)
+    await w.check_line_timing("the line waited for the log")
 
 
 def full_pipe() -> tuple[int, int]:

@@ -34,8 +34,8 @@ async def soak(w: World, seconds: int) -> None:
     settled = [each for each in used if each[0] >= WARM_UP * seconds]
     hours = max(settled[-1][0] - settled[0][0], 1.0) / 3600.0
     growth = (settled[-1][1] - settled[0][1]) / hours
-    w.figures |= {"growth KB/h": round(growth), "RSS KB": used[-1][1]}
-    await w.check_line_kept_time("somebody had to wait longer than computed")
+    w.measurements |= {"growth KB/h": round(growth), "RSS KB": used[-1][1]}
+    await w.check_line_timing("somebody had to wait longer than computed")
     if seconds >= JUDGED_FROM_S:
         w.check(growth < GROWTH_KB_PER_H, f"memory grows by {growth:.0f} KB in an hour")
 

@@ -13,17 +13,17 @@ from contextlib import AsyncExitStack
 
 from gateway.mqtt.contract.freshness import DEFAULT_TTL_S
 from gateway.records import rfc3339
-from gateway.system.suspend_watch import LIMIT_S
+from gateway.system.stalls import SUSPEND_LIMIT_S
 from tests.torture.command_site import PACE_S, STARTERS, USERS, CommandSite, Pipe
 from tests.torture.recorder import BASE, is_final
 from tests.torture.waiting import until
 
 VERSIONS = ("mqttv311", "mqttv5")
-SETTLED_S = 6.0  # four starts, one after another on their line, each with its readings
+LATE_S = 6.0  # in which four starts, one after another on their line, would be carried out
 EXPIRY = ("-D", "publish", "message-expiry-interval", "1")
 TTL_S = 60  # the longest that is allowed
 STALLS_S = (1, 6, 8, 12, 30, 60)
-KEPT_ALIVE_S = 20.0  # longer than this, and the gateway may have given the connection up
+KEEPALIVE_S = 20.0  # longer than this, and the gateway may have given the connection up
 AGAIN_S = 5.0  # until client and gateway are connected again, at the latest
 AT_ONCE = 40  # commands that wait for a gateway that stands still; more would be too many
 
@@ -31,15 +31,17 @@ AT_ONCE = 40  # commands that wait for a gateway that stands still; more would b
 async def stale(site: CommandSite, count: int, seed: int) -> None:
     """Try every kind, sent with both versions of MQTT, on a gateway that speaks 5."""
     await _try_all(site, count, (_retained, _expired, _replayed, _queued, _waiting))
+    await _nothing_comes_late(site)
 
 
 async def stale_to_old(site: CommandSite, count: int, seed: int) -> None:
     """The same on a gateway that has to speak 3.1.1."""
     assert site.old_broker is not None
     site.check("MQTT 3.1.1" in site.gateway.log, "the gateway does not speak 3.1.1")
-    site.check(site.old_broker.refused > 0, "nobody tried 5")
+    site.check(site.old_broker.refused > 0, "no client tried 5")
     await _try_all(site, count, (_retained_before, _expired, _replayed, _queued, _waiting))
     await _retained_live(site)
+    await _nothing_comes_late(site)
 
 
 async def stalled(site: CommandSite, longest_s: int, seed: int) -> None:
@@ -51,6 +53,7 @@ async def stalled(site: CommandSite, longest_s: int, seed: int) -> None:
     for seconds in (each for each in STALLS_S if each <= longest_s):
         starts, since = site.starts(), len(site.listener.results)
         boot = site.listener.boot
+        await site.listener.until("gateway/fresh", since_s=time.monotonic())  # the commands' proof is new
         site.broker.stand_still()
         sending = asyncio.gather(
             *(
@@ -72,42 +75,52 @@ async def stalled(site: CommandSite, longest_s: int, seed: int) -> None:
         await asyncio.sleep(seconds)
         site.broker.go_on()
         await sending
-        await asyncio.sleep(AGAIN_S if seconds > KEPT_ALIVE_S else SETTLED_S)
+        if seconds > KEEPALIVE_S:
+            await asyncio.sleep(AGAIN_S)
+        await site.settled()
         acted = site.starts() - starts
         if seconds > DEFAULT_TTL_S:
             late += len(STARTERS)
             site.check(acted == 0, f"{acted} start frames after {seconds} s")
-            codes = {each["code"] for each in site.listener.results[since:] if is_final(each)}
+            codes = {each["code"] for each in site.results(since=since) if is_final(each)}
             site.check(codes <= {"expired", "not_fresh", "wrong_boot"}, f"after {seconds} s: {codes}")
         else:
             early += len(STARTERS)
-            site.check(acted == len(STARTERS), f"{acted} start frames after {seconds} s")
+            ends = [each["code"] for each in site.results(since=since) if is_final(each)]
+            site.check(acted == len(STARTERS), f"{acted} start frames after {seconds} s: {ends}")
         for starter in STARTERS:
             await site.stop(starter)
         await site.ready()
-    site.figures |= {"late": late, "in time": early, "start frames": site.starts()}
+    site.check(site.starts() == early, f"{site.starts()} start frames, {early} starts were in time")
+    site.measurements |= {"late": late, "in time": early, "start frames": site.starts()}
 
 
 async def _try_all(
     site: CommandSite, count: int, kinds: tuple[Callable[[CommandSite, str, int], object], ...]
 ) -> None:
-    told = wanted = 0
+    answered = wanted = 0
     for version in VERSIONS:
         for kind in kinds:
             starts = site.starts()
             expected = await kind(site, version, count)  # type: ignore[misc] # all are coroutines
-            told, wanted = told + count, wanted + expected
+            answered, wanted = answered + count, wanted + expected
             name = f"{kind.__name__.strip('_')} {version}"
             site.check(site.starts() == starts + expected, f"{name}: {site.starts() - starts} start frames")
-    site.figures |= {"commands": told, "start frames": site.starts(), "wanted starts": wanted}
+    site.measurements |= {"commands": answered, "start frames": site.starts(), "wanted starts": wanted}
+
+
+async def _nothing_comes_late(site: CommandSite) -> None:
+    starts = site.starts()
+    await asyncio.sleep(LATE_S)
+    site.check(site.starts() == starts, f"{site.starts() - starts} start frames came late")
 
 
 async def _retained(site: CommandSite, version: str, count: int) -> int:
-    """Published with the retained flag, half of them heard live, the last of each found at a restart."""
+    """Published with the retained flag, half of them received live, the last of each found at a restart."""
     ids = await _publish(site, version, count, lambda id_: site.payload(id_), "-r")
     await _refused(site, ids, ("retained",))
     await site.restart()
-    await asyncio.sleep(SETTLED_S)
+    await site.settled()
     _forget_retained(site)
     return 0
 
@@ -116,9 +129,9 @@ async def _retained_before(site: CommandSite, version: str, count: int) -> int:
     """Retained while the gateway was cut off; in MQTT 3.1.1 the flag shows in these only [MQTT-3.3.1-9]."""
     assert site.old_broker is not None
     places = [(starter, user) for starter in STARTERS for user in USERS]
-    for turn in range(math.ceil(count / len(places))):
+    for lap in range(math.ceil(count / len(places))):
         site.old_broker.cut()
-        ids = [f"kept-{version}-{turn}-{number}" for number in range(len(places))]
+        ids = [f"retained-{version}-{lap}-{number}" for number in range(len(places))]
         for id_, (starter, user) in zip(ids, places, strict=True):
             payload = site.payload(id_, issued_at=rfc3339(time.time()), ttl_s=TTL_S)
             _publish_one(site, version, f"{starter}/{user}", payload)
@@ -129,7 +142,7 @@ async def _retained_before(site: CommandSite, version: str, count: int) -> int:
 
 
 async def _retained_live(site: CommandSite) -> None:
-    """Told in docs/precautions.md: what 3.1.1 delivers live shows no flag; its copy is refused ever after."""
+    """In docs/precautions.md: what 3.1.1 delivers live shows no flag; its copy is refused ever after."""
     assert site.old_broker is not None
     starts, id_ = site.starts(), "live"
     _publish_one(site, "mqttv311", "pump/alice", site.payload(id_))
@@ -143,7 +156,7 @@ async def _retained_live(site: CommandSite) -> None:
         await site.result(
             lambda each: each["id"] == id_ and each["duplicate"], "the copy's answer", since=since
         )
-        await asyncio.sleep(SETTLED_S)
+        await site.settled()
     site.check(site.starts() == starts + 1, f"a retained copy made {site.starts() - starts - 1} more starts")
     _forget_retained(site)
 
@@ -174,10 +187,10 @@ async def _replayed(site: CommandSite, version: str, count: int) -> int:
         for _ in range(half):
             pipe.say(original)
             await asyncio.sleep(PACE_S)
-    await asyncio.sleep(SETTLED_S)
+    await site.settled()
     repeated = site.listener.of(id_, since=since)
     site.check(len(repeated) == half, f"{len(repeated)} answers to {half} repetitions")
-    site.check(all(each["duplicate"] for each in repeated), "a repetition was not told as one")
+    site.check(all(each["duplicate"] for each in repeated), "a repetition was not marked as one")
     old_boot, old_token = site.listener.boot, site.listener.token
     await site.restart()
     site.check(site.listener.boot != old_boot, "the boot token is the same after a restart")
@@ -201,9 +214,9 @@ async def _queued(site: CommandSite, version: str, count: int) -> int:
     await _publish(site, version, half, payload, pace_s=0.0)
     await _publish(site, version, count - half, payload, "-r", pace_s=0.0)
     await site.begin()
-    await asyncio.sleep(SETTLED_S)
-    told = [each["code"] for each in site.listener.results[since:]]
-    site.check(set(told) <= {"retained"}, f"commands of before were judged: {told[:3]}")
+    await site.settled()
+    answered = [each["code"] for each in site.results(since=since)]
+    site.check(set(answered) <= {"retained"}, f"commands of before were judged: {answered[:3]}")
     _forget_retained(site)
     return 0
 
@@ -221,11 +234,11 @@ async def _waiting(site: CommandSite, version: str, count: int) -> int:
             return json.dumps({"id": id_, "boot": boot, "token": token, "ttl_s": TTL_S, **issued_at})
 
         ids = await _publish(site, version, now, payload, pace_s=0.0)
-        await asyncio.sleep(LIMIT_S + 0.5)
+        await asyncio.sleep(SUSPEND_LIMIT_S + 0.5)
         site.gateway.signal(signal.SIGCONT)
         await _refused(site, ids, ("wrong_boot", "before_connection"))
         await until(lambda boot=boot: site.listener.boot != boot, "a new boot", within_s=5.0)  # type: ignore[misc] # a default
-        await asyncio.sleep(2 * SETTLED_S)  # lest the next ones be too many
+        await site.settled()
     return 0
 
 
@@ -259,7 +272,7 @@ async def _publish(
     *options: str,
     pace_s: float = PACE_S,
 ) -> list[str]:
-    """Publish starts for all starters in turn, slowly enough for each to get an answer; return their ids."""
+    """Publish starts, slowly enough for each to get an answer; return their ids."""
     ids = [f"{version}-{time.monotonic_ns()}-{number}" for number in range(count)]
     async with AsyncExitStack() as stack:
         pipes = [

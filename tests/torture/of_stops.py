@@ -62,7 +62,7 @@ async def stops_in_a_large_flood(site: CommandSite, seconds: int, seed: int) -> 
     await asyncio.sleep(SETTLED_S)
     judge_flooded(site, flooded)
     refused = sum(each.get("count", 1) for each in site.listener.results if each["code"] == "too_many")
-    site.figures["refused"] = refused
+    site.measurements["refused"] = refused
     site.check(refused > 0, "nothing was refused as too many")
     site.check(len(site.gateway.lives) == 1, "the gateway died")
 
@@ -103,7 +103,7 @@ def judge_flooded(site: CommandSite, flooded: list[FloodedStop]) -> None:
     site.check(late_s <= bound_s, f"a frame came {late_s:.3f} s after its stop was taken, {bound_s:.3f} s")
     most = LOST_SHARE * len(messages)
     site.check(len(lost) <= most, f"{len(lost)} of {len(messages)} messages never arrived")
-    site.figures |= {
+    site.measurements |= {
         "stops": len(flooded),
         "messages": len(messages),
         "lost by the broker": len(lost),
@@ -139,12 +139,12 @@ async def second_stops(site: CommandSite, count: int, seed: int) -> None:
         final = await site.result(
             lambda each, id_=id_: each["id"] == id_ and is_final(each), f"the end of {id_}"
         )  # type: ignore[misc]  # mypy knows no lambda with a default
-        read = [at_s for at_s, pdu in site.ears[PUMP].heard if at_s > frame_s and pdu[0] in (1, 3, 4)]
+        read = [at_s for at_s, pdu in site.ears[PUMP].received if at_s > frame_s and pdu[0] in (1, 3, 4)]
         site.check(final["phase"] == "confirmed", f"a stop ended as {final}")
         site.check(len(read) >= READINGS, f"{id_} was confirmed by readings from before its frame")
         site.check(not unit.motor.is_turned_on, f"{id_} was confirmed, and the motor is on")
     site.check(max(waited_s) <= bound_s, f"a stop's frame took {max(waited_s):.3f} s, bound {bound_s:.3f} s")
-    site.figures |= {
+    site.measurements |= {
         "joined": together,
         "frame s, worst": round(max(waited_s), 3),
         "bound s": round(bound_s, 3),
@@ -154,7 +154,7 @@ async def second_stops(site: CommandSite, count: int, seed: int) -> None:
 async def _frame_of_a_stop(site: CommandSite, payload: str = "", *, within_s: float = NEVER_S) -> float:
     """Send a stop; return after what time a frame of it was at the starter, NEVER_S when it was not."""
     ear, begun_s = site.ears[PUMP], time.monotonic()
-    since = len(ear.heard)
+    since = len(ear.received)
     site.listener.publish(f"command/{PUMP}/alice/stop", payload)
     while time.monotonic() - begun_s < within_s:
         await asyncio.sleep(0.002)

@@ -14,7 +14,7 @@ UNACCEPTABLE = b"\x20\x02\x00\x01"  # CONNACK: unacceptable protocol version [MQ
 
 
 class OldBroker:
-    """Passes everything on, but refuses MQTT 5 as brokers do that have never heard of it."""
+    """Passes everything on, but refuses MQTT 5 as brokers do that do not know it."""
 
     def __init__(self, behind: int) -> None:
         self.port = free_port()

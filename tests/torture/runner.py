@@ -36,7 +36,7 @@ async def run_place(
     much: Much,
     seed: int,
     count: int | None = None,
-    tell: Callable[[Row], None],
+    report: Callable[[Row], None],
 ) -> None:
     """Run the scenarios of one place in one world, with their own counts unless one is given."""
     restart = restart_of_unit() if much is Much.WHOLE else SHORT_RESTART
@@ -59,12 +59,12 @@ async def run_place(
             stack.callback(os.close, writing)
         here = await stack.enter_async_context(world(folder, restart, **options))
         for each in scenarios:
-            tell(await _row(here, each, count or each.count(much)))
+            report(await _row(here, each, count or each.count(much)))
 
 
 async def _row(here: World, scenario: Scenario, count: int) -> Row:
     """Run one scenario and judge it."""
-    here.failures, here.figures, here.samples, here.stops_s = [], {}, [], []
+    here.failures, here.measurements, here.samples, here.stops_s = [], {}, [], []
     await here.starters.order("mark")
     begun_s = time.monotonic()
     try:
@@ -73,4 +73,4 @@ async def _row(here: World, scenario: Scenario, count: int) -> Row:
     except TimeoutError as error:
         here.check(False, str(error) or "something never came about")
     took_s = time.monotonic() - begun_s
-    return Row(scenario.name, f"{count} {scenario.unit}", here.failures, here.figures, took_s)
+    return Row(scenario.name, f"{count} {scenario.unit}", here.failures, here.measurements, took_s)

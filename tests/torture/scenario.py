@@ -17,8 +17,8 @@ class Place(enum.Enum):
     BROKER = "broker"  # the same, with a broker that keeps its sessions over a stop
     HANG = "hang"  # watchdogs outlast 1.5 times a hang's gap
     PORT = "port"  # a deaf port is noticed early; the line itself may be cut off, so watchdogs may act
-    DISK = "disk"  # the state is kept on a small disk of its own
-    LOG = "log"  # nobody reads the log
+    DISK = "disk"  # the state is stored on a small disk of its own
+    LOG = "log"  # no process reads the log
 
 
 class Much(enum.Enum):
@@ -54,10 +54,10 @@ class Row:
     name: str
     count: str
     failures: list[str] = field(default_factory=list)
-    figures: dict[str, Any] = field(default_factory=dict)
+    measurements: dict[str, Any] = field(default_factory=dict)
     took_s: float = 0.0
 
     def __str__(self) -> str:
-        shown = ", ".join(f"{key} {value}" for key, value in self.figures.items())
+        shown = ", ".join(f"{key} {value}" for key, value in self.measurements.items())
         verdict = "FAILS" if self.failures else "holds"
         return f"{self.name:22} {self.count:>12}  {verdict}  {self.took_s:6.1f} s  {shown}"

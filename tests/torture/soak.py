@@ -54,15 +54,15 @@ class SoakScenario:
                 line.judge.finals.clear()  # the judge's own books are not what is weighed
                 gc.collect()
                 used_kb.append(_used_kb())
-            row.figures = {"transactions": line.transactions, "tasks": len(asyncio.all_tasks())}
-            row.figures["wrong after a doubled reply"] = doubled
+            row.measurements = {"transactions": line.transactions, "tasks": len(asyncio.all_tasks())}
+            row.measurements["wrong after a doubled reply"] = doubled
             if len(asyncio.all_tasks()) > tasks + 2:
                 row.failures.append(f"tasks {tasks} -> {len(asyncio.all_tasks())}")
             if line.judge.false:
                 row.failures.append(f"false: {line.judge.false.most_common(3)}")
         settled = used_kb[int(len(used_kb) * WARM_UP) :]
         growth = (settled[-1] - settled[0]) / max(len(settled) - 1, 1)
-        row.figures["growth KB/h"] = round(growth, 1)
+        row.measurements["growth KB/h"] = round(growth, 1)
         if count >= 24 and growth > GROWTH_KB_PER_H:
             row.failures.append(f"memory grows by {growth:.0f} KB in an hour")
 

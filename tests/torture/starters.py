@@ -35,7 +35,7 @@ ALARM_ONLY = 2  # C8.2.5.1
 LATE_TICK_S = 0.005
 LATE_S = 0.004  # more than this and the silences on our line are not what they seem
 LATE_AROUND_S = 0.3
-GAPS_TOLD = 20  # of each starter, the longest
+GAPS_REPORTED = 20  # of each starter, the longest
 
 
 class TortureLine(PtyLine):
@@ -47,7 +47,7 @@ class TortureLine(PtyLine):
     _flood: asyncio.Task[None] | None = None
 
     def go_deaf(self) -> None:
-        """Hear nothing until whoever has the port open closes it: a driver's reset helps."""
+        """Receive nothing until the process that has the port open closes it: a driver's reset helps."""
         self.is_deaf = True
         os.close(self._theirs)
 
@@ -147,7 +147,7 @@ class StarterLine:
         return {}
 
     async def deafen(self) -> dict[str, Any]:
-        """Let the port hear nothing until it is opened afresh."""
+        """Let the port receive nothing until it is opened afresh."""
         assert self._line is not None
         self._line.go_deaf()
         return {}
@@ -177,7 +177,7 @@ class StarterLine:
         return {}
 
     async def report(self, values: bool = False) -> dict[str, Any]:
-        """Tell what has happened since the mark (start frames: since the beginning)."""
+        """Report what has happened since the mark (start frames: since the beginning)."""
         self.bus.advance()
         now_s = asyncio.get_running_loop().time()
         found: dict[str, Any] = {
@@ -201,7 +201,7 @@ class StarterLine:
         ]
 
     async def watch_own_lateness(self) -> None:
-        """Note when this process did not get its time, for ever."""
+        """Note when this process did not get its time, until cancelled."""
         loop = asyncio.get_running_loop()
         while True:
             due_s = loop.time() + LATE_TICK_S
@@ -211,17 +211,17 @@ class StarterLine:
 
     def _of(self, name: str, now_s: float) -> dict[str, Any]:
         unit, truth = self.units[name], self.truths[name]
-        heard_s = [at_s for at_s in truth.heard_s if at_s >= self._marked_s]
-        before_s = [at_s for at_s in truth.heard_s if at_s < self._marked_s][-1:]
+        requests_s = [at_s for at_s in truth.requests_s if at_s >= self._marked_s]
+        before_s = [at_s for at_s in truth.requests_s if at_s < self._marked_s][-1:]
         return {
             "trips": [
                 [t.at_s, t.code] for t in unit.trips if t.at_s >= self._marked_s and t.code in SILENCE_TRIPS
             ],
             "start_frames": len(unit.start_frames),
-            "heard": len(heard_s),
-            "gaps": _longest_gaps([*before_s, *heard_s, now_s]),
-            "first_s": heard_s[0] if heard_s else None,
-            "last_s": truth.heard_s[-1] if truth.heard_s else None,
+            "requests": len(requests_s),
+            "gaps": _longest_gaps([*before_s, *requests_s, now_s]),
+            "first_s": requests_s[0] if requests_s else None,
+            "last_s": truth.requests_s[-1] if truth.requests_s else None,
             "writes": [[w.at_s, w.pdu.hex()] for w in unit.writes if w.at_s >= self._marked_s],
             "is_on": unit.motor.is_turned_on,
         }
@@ -242,7 +242,7 @@ def watching_unit(family: str, address: int, watchdog_s: int) -> SimulatedUnit:
 
 def _longest_gaps(times_s: Iterable[float]) -> list[tuple[float, float]]:
     """Return the begin and the end of the longest gaps."""
-    return sorted(pairwise(times_s), key=lambda gap: gap[0] - gap[1])[:GAPS_TOLD]
+    return sorted(pairwise(times_s), key=lambda gap: gap[0] - gap[1])[:GAPS_REPORTED]
 
 
 async def serve(config: str, watchdog_s: int, kind: type[StarterLine] = StarterLine) -> None:

@@ -147,7 +147,7 @@ class Supervisor:
         return (self.folder / "gateway.log").open("ab")
 
     def _listen(self, notify: socket.socket, life: Life) -> None:
-        """Hear everything that the gateway has said until now."""
+        """Read everything that the gateway has logged until now."""
         with contextlib.suppress(BlockingIOError):
             while words := notify.recv(4096).decode().splitlines():
                 if "READY=1" in words:
@@ -165,6 +165,6 @@ class Supervisor:
         await until(is_starved, "the watchdog is starved", within_s=inf)
         life.is_hung = True
         self.signal(signal.SIGABRT)
-        self.signal(signal.SIGCONT)  # as systemd does, or a stopped process would never hear
+        self.signal(signal.SIGCONT)  # as systemd does, or a stopped process would never receive it
         await asyncio.sleep(self.restart.abort_s)
         self.signal(signal.SIGKILL)

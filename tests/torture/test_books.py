@@ -56,18 +56,18 @@ def test_a_history_may_come_again_but_not_out_of_order() -> None:
     books.history("starter/mill/history", history(4))
 
     assert is_right
-    assert books.told_late == 5
+    assert books.published_late == 5
     assert len(books.wrong) == 1
 
 
-def test_a_value_that_was_told_live_may_come_again_in_a_history() -> None:
+def test_a_value_that_was_published_live_may_come_again_in_a_history() -> None:
     books = Books()
 
     books.value("mill", "current", value(1))
     books.history("starter/mill/history", history(2))
     books.history("starter/mill/history", history(1))
 
-    assert (books.told_late, books.repeated, books.wrong) == (1, 1, [])
+    assert (books.published_late, books.repeated, books.wrong) == (1, 1, [])
 
 
 def test_a_command_that_was_accepted_and_never_ended_is_unfinished() -> None:
@@ -79,7 +79,7 @@ def test_a_command_that_was_accepted_and_never_ended_is_unfinished() -> None:
     assert unfinished(results) == ["1"]
 
 
-def test_a_machine_that_nobody_watches_has_held_nobody_up() -> None:
+def test_a_machine_that_is_not_watched_has_held_nothing_up() -> None:
     machine = DelayMeter()
 
     assert machine.held_s(0.0) == 0.0

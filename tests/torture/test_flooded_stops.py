@@ -29,7 +29,7 @@ class Site:
         time = datetime.fromtimestamp(NOW_S, UTC).isoformat()
         self.listener = Listener({id_: [{"time": time}] for id_ in taken})
         self.failures: list[str] = []
-        self.figures: dict[str, Any] = {}
+        self.measurements: dict[str, Any] = {}
 
     def check(self, is_right: bool, what: str) -> None:
         if not is_right:
@@ -49,14 +49,14 @@ def test_stops_whose_frames_follow_at_once_hold() -> None:
     site = Site("1", "2")
 
     assert judged(site, obeyed("1"), obeyed("2")) == []
-    assert (site.figures["messages"], site.figures["lost by the broker"]) == (2, 0)
+    assert (site.measurements["messages"], site.measurements["lost by the broker"]) == (2, 0)
 
 
 def test_a_lost_message_is_excused_where_the_next_one_stops_the_motor() -> None:
     site = Site("1", "2", "3b")
 
     assert judged(site, obeyed("1"), obeyed("2"), obeyed("3a", "3b")) == []
-    assert site.figures["lost by the broker"] == 1
+    assert site.measurements["lost by the broker"] == 1
 
 
 def test_when_all_are_lost_it_fails() -> None:

@@ -8,7 +8,8 @@ from typing import Any
 from gateway.errors import GatewayError
 from gateway.families.diagnosis.identify import identify, identify_requests
 from gateway.families.profile.load import load_profile
-from gateway.families.profile.schema import Table, Variant
+from gateway.families.profile.rows import Table
+from gateway.families.profile.schema import Variant
 from gateway.modbus.codes import EXCEPTION_BIT, Function
 from gateway.modbus.server import decode_request
 from gateway.mqtt.contract.topics import to_level
@@ -26,13 +27,13 @@ _TABLES = {
 
 
 class Truth:
-    """Listens to one unit's requests and replies, before anything on the line can spoil them."""
+    """Listens to one unit's requests and replies, before anything on the line can corrupt them."""
 
     def __init__(self, unit: SimulatedUnit, name: str, family: str, twin: SimulatedUnit) -> None:
         """Wrap the unit's `handle`; `twin` is one like it that may be asked who it is."""
         self.name = name
         self.values: dict[str, set[Any]] = {}
-        self.heard_s: deque[float] = deque(maxlen=_REMEMBERED)  # when requests came
+        self.requests_s: deque[float] = deque(maxlen=_REMEMBERED)  # when requests came
         self._profile = load_profile(family)
         self._sources = PointSources(self._profile)
         self._variants = (Variant(), self._identified(twin))
@@ -43,7 +44,7 @@ class Truth:
     def handle(self, pdu: bytes, now_s: float) -> bytes | None:
         reply = self._handle(pdu, now_s)
         if reply is not None:
-            self.heard_s.append(now_s)
+            self.requests_s.append(now_s)
             if not reply[0] & EXCEPTION_BIT:
                 self._learn(pdu, reply)
         return reply
@@ -63,8 +64,8 @@ class Truth:
         rows |= _words_of_bits(rows)
         self._known.update(rows)
         for variant in self._variants:
-            told, _ = self._sources.tell(variant, rows, known=self._known)
-            for point, decoded in told.items():
+            found = self._sources.decode(variant, rows, known=self._known)
+            for point, decoded in found.points.items():
                 self.values.setdefault(to_level(point), set()).add(decoded.value)
 
     def _identified(self, twin: SimulatedUnit) -> Variant:

@@ -1,4 +1,4 @@
-"""The gateway's floors on a simulated line in virtual time, and a judge of everything they say."""
+"""The gateway's layers on a simulated line in virtual time, and a judge of everything they say."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ from gateway.line.capacity.forecast import forecast, longest_gap_s
 from gateway.line.capacity.outage import WIDE_FACTOR, first_request_s, gaps_of, start_order
 from gateway.line.client import LineClient, post_here
 from gateway.line.line import Line
-from gateway.line.port_recovery import DEAF_AFTER_S
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.mqtt.contract.topics import to_level
 from gateway.records import Quality, Record, ResultRecord, SequenceNumbers, StateRecord, ValueRecord
@@ -51,7 +50,7 @@ class JudgingSink:
     false: Counter[str] = field(default_factory=Counter)
     codes: Counter[str] = field(default_factory=Counter)
     finals: dict[str, list[ResultRecord]] = field(default_factory=dict)
-    value_time_s: float = 0.0  # that the latest good value tells
+    value_time_s: float = 0.0  # of the latest good value
 
     def put(self, record: Record) -> None:
         match record:
@@ -74,7 +73,7 @@ class VirtualLine:
     """A running line with a starter of each family, named after it."""
 
     bus: SimulatedLine
-    commander: Dispatcher
+    dispatcher: Dispatcher
     judge: JudgingSink
     clock: VirtualClock
     watchdog_s: int
@@ -86,7 +85,7 @@ class VirtualLine:
 
     def command(self, starter: str, verb: str) -> str:
         self.ids += 1
-        self.commander.submit(
+        self.dispatcher.submit(
             CommandRequest(
                 starter, "alice", verb, f"{verb}-{self.ids}", {}, received_s=asyncio.get_running_loop().time()
             )
@@ -126,7 +125,7 @@ async def virtual_line(seed: int, *, every_s: float = 1.0) -> AsyncIterator[Virt
         polls=polls,
         events=local_events(ear.handle),
         seed=seed,
-        deaf_after_s=DEAF_AFTER_S,
+        deaf_after_s=15.0,
     )
     line = LineClient(scheduler, post_here)
     telemetries = {
@@ -134,15 +133,15 @@ async def virtual_line(seed: int, *, every_s: float = 1.0) -> AsyncIterator[Virt
         for setup in setups
     }
     rights = Rights([Operator("alice", ("*",), ("*",))])
-    commander = Dispatcher(telemetries, rights=rights, sink=judge, clock=clock, sequence=sequence)
+    dispatcher = Dispatcher(telemetries, rights=rights, sink=judge, clock=clock, sequence=sequence)
     for telemetry in telemetries.values():
         ear.add(telemetry)
         telemetry.start()
     task = asyncio.create_task(scheduler.run())
     await asyncio.sleep(SETTLED_S)
     judge.never_on = set(FAMILIES)
-    yield VirtualLine(bus, commander, judge, clock, watchdog_s)
-    await commander.close()
+    yield VirtualLine(bus, dispatcher, judge, clock, watchdog_s)
+    await dispatcher.close()
     for telemetry in telemetries.values():
         await telemetry.close()
     task.cancel()

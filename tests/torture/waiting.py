@@ -27,7 +27,7 @@ async def sleep_fairly(seconds: float) -> None:
 async def until(is_true: Callable[[], bool], what: str, *, within_s: float) -> None:
     """Return once something is true; TimeoutError says what never came about.
 
-    The limit does not count the time for which the machine kept us from running.
+    The limit does not count the time for which the machine did not run us.
     """
     MACHINE.start()
     begun_s, end_s = time.monotonic(), MACHINE.fair_s() + within_s

@@ -27,7 +27,7 @@ from tests.torture.waiting import sleep_fairly, until
 RIGHT_WITHIN_S = 5.0  # after a recovery
 QUIET_S = 4.0  # what is asked after a change has been asked by then
 ONLINE_WITHIN_S = 5.0
-LOOK_S = 0.5  # more than the longest regular gap, and whoever looks must have seen it
+LOOK_S = 0.5  # more than the longest regular gap, and a look must have seen it
 STOP_WITHIN_S = 1.0  # over MQTT, beside what the line needs
 
 
@@ -53,7 +53,7 @@ class World:
     dice: random.Random
     commanded: dict[str, int] = field(default_factory=lambda: dict.fromkeys(STARTERS, 0))
     failures: list[str] = field(default_factory=list)
-    figures: dict[str, Any] = field(default_factory=dict)
+    measurements: dict[str, Any] = field(default_factory=dict)
     stops_s: list[float] = field(default_factory=list)  # from publishing to the frame on the line, fairly
     ids: int = 0
     samples: list[Sample] = field(default_factory=list)
@@ -94,8 +94,8 @@ class World:
         await self.right(since_s=self.gateway.lives[-1].began_s)
         return time.monotonic() - begun_s
 
-    async def check_line_kept_time(self, why: str) -> None:
-        """Check that nobody waited longer than computed."""
+    async def check_line_timing(self, why: str) -> None:
+        """Check that no starter waited longer than computed."""
         await self.check_gap(self.gaps.regular_s, why)
 
     async def check_gap(self, computed_s: float, why: str) -> None:
@@ -104,23 +104,23 @@ class World:
         gaps = [gap for each in starters for gap in each["gaps"]]
         fair_s = max(_fair_s(from_s, to_s) for from_s, to_s in gaps)
         longest_s = max(to_s - from_s for from_s, to_s in gaps)
-        self.figures |= {"gap s": round(longest_s, 2), "computed s": round(computed_s, 2)}
+        self.measurements |= {"gap s": round(longest_s, 2), "computed s": round(computed_s, 2)}
         if longest_s > computed_s:
-            self.figures["of the gateway s"] = round(fair_s, 2)
+            self.measurements["of the gateway s"] = round(fair_s, 2)
         self.check(fair_s <= computed_s, f"{why}: {fair_s:.2f} s")
 
     async def rate(self, seconds: float) -> Rate:
         """Return how many requests a second the line carries."""
-        before = sum(each["heard"] for each in (await self.report())["starters"].values())
+        before = sum(each["requests"] for each in (await self.report())["starters"].values())
         begun_s = time.monotonic()
         await asyncio.sleep(seconds)
-        after = sum(each["heard"] for each in (await self.report())["starters"].values())
+        after = sum(each["requests"] for each in (await self.report())["starters"].values())
         took_s = time.monotonic() - begun_s
         return Rate((after - before) / took_s, MACHINE.held_s(begun_s) / took_s)
 
     def check_rates(self, before: Rate, during: Rate, *, tolerance: float) -> None:
         """Check that the line was asked as often as before, but for what the machine took."""
-        self.figures |= {"polls/s before": round(before.per_s, 2), "during": round(during.per_s, 2)}
+        self.measurements |= {"polls/s before": round(before.per_s, 2), "during": round(during.per_s, 2)}
         ratio = during.per_s / before.per_s
         is_same = 1 - tolerance - during.held <= ratio <= 1 + tolerance + before.held
         self.check(is_same, f"the line's rate changed: {before} -> {during}")
@@ -145,7 +145,7 @@ class World:
         return await self.starters.order("report", **options)
 
     async def right(self, *, since_s: float, within_s: float = RIGHT_WITHIN_S) -> float:
-        """Wait until all states are told as they are, in messages from after `since_s`; return how long.
+        """Wait until all states are published as they are, in messages from after `since_s`; return how long.
 
         Take `since_s` from before whatever makes the gateway speak: it may be quicker than we are.
         """
@@ -160,7 +160,7 @@ class World:
         return time.monotonic() - begun_s
 
     async def fault(self, starter: str) -> bool:
-        """Let a fault happen and be reset; return whether the starter was heard all the time."""
+        """Let a fault happen and be reset; return whether the starter was answering all the time."""
         before = self._voices(starter)
         await self.starters.order("fault", starter=starter, number=5)
         await sleep_fairly(self.gaps.regular_s + LOOK_S)
@@ -169,7 +169,7 @@ class World:
         return self._voices(starter) == before and before[-1:] == ["answers"]
 
     def _voices(self, starter: str) -> list[str]:
-        """Return when the gateway began to hear a starter, and when it no longer did."""
+        """Return when the gateway began to receive a starter, and when it no longer did."""
         return re.findall(rf" gateway: {starter} (answers|went silent)", self.gateway.log)
 
     async def calm(self) -> None:
@@ -244,7 +244,7 @@ async def world(
     here = World(
         folder, state_dir, broker, starters, gateway, recorder, gaps, watchdog_s, random.Random(seed)
     )
-    here.figures["watchdog_s"] = watchdog_s
+    here.measurements["watchdog_s"] = watchdog_s
     try:
         await starters.start()
         recorder.start()

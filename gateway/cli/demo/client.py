@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import uuid
-from collections.abc import Callable
 
 from gateway.errors import BrokerError
 from gateway.mqtt.connection.command_client import connected
-from gateway.mqtt.connection.session import Session
 from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.payloads import Message
@@ -19,7 +17,7 @@ REFUSED = 0x80  # reason codes from here on [MQTT5 2.4]
 
 async def watch(port: int, topic: str) -> None:
     """Print topic and payload of each message that comes, until the connection is lost or Ctrl-C."""
-    session = await _connected(port, on_incoming=_show, acknowledged=None)
+    session, _ = await connected(_settings(port), on_incoming=_show)
     try:
         if not await session.subscribe(topic, with_retained=True):
             raise BrokerError(f"the broker on port {port} does not let {topic} be read")
@@ -31,11 +29,11 @@ async def watch(port: int, topic: str) -> None:
 
 async def publish(port: int, topic: str, payload: str) -> None:
     """Publish one message, not retained; BrokerError unless the broker has taken it."""
-    acknowledged: asyncio.Future[int] = asyncio.get_running_loop().create_future()
-    session = await _connected(port, on_incoming=lambda _: None, acknowledged=acknowledged)
+    acknowledged: asyncio.Queue[int] = asyncio.Queue()
+    session, _ = await connected(_settings(port), on_ack=lambda _, code: acknowledged.put_nowait(code))
     try:
         session.publish(1, Message(topic, payload.encode(), qos=1, retain=False))
-        code = await asyncio.wait_for(acknowledged, ACKNOWLEDGED_WITHIN_S)
+        code = await asyncio.wait_for(acknowledged.get(), ACKNOWLEDGED_WITHIN_S)
     except TimeoutError:
         raise BrokerError(f"the broker on port {port} has not taken the message") from None
     finally:
@@ -44,16 +42,8 @@ async def publish(port: int, topic: str, payload: str) -> None:
         raise BrokerError(f"the broker on port {port} does not let {topic} be written")
 
 
-async def _connected(
-    port: int, *, on_incoming: Callable[[Incoming], None], acknowledged: asyncio.Future[int] | None
-) -> Session:
-    def note(_number: int, code: int) -> None:
-        if acknowledged is not None and not acknowledged.done():
-            acknowledged.set_result(code)
-
-    settings = BrokerSettings("127.0.0.1", port, f"starter-gateway-demo-{uuid.uuid4().hex[:8]}")
-    session, _ = await connected(settings, on_incoming=on_incoming, on_ack=note)
-    return session
+def _settings(port: int) -> BrokerSettings:
+    return BrokerSettings("127.0.0.1", port, f"starter-gateway-demo-{uuid.uuid4().hex[:8]}")
 
 
 def _show(message: Incoming) -> None:

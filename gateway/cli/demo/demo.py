@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import importlib.util
 import shlex
 import shutil
 import sys
 import tempfile
-from contextlib import AsyncExitStack
+import uuid
+from collections.abc import Coroutine
+from contextlib import AsyncExitStack, suppress
 from pathlib import Path
 
 from gateway.cli.command import Subparsers
-from gateway.cli.demo.broker import PORT, DemoBroker
 from gateway.cli.demo.client import publish, watch
-from gateway.cli.demo.simulator import DemoSimulator
+from gateway.cli.demo.plant_day import BASE, run_plant
+from gateway.cli.demo.processes import PORT, DemoBroker, DemoSimulator, free_port
 from gateway.cli.run import log_to_stderr, serve
+from gateway.cli.watch.watch import Watching, new_console
 from gateway.config.load import load
-from gateway.errors import UsageError
+from gateway.errors import GatewayError, UsageError
+from gateway.mqtt.connection.settings import BrokerSettings
+from gateway.system.password_hash import password_line
 
 CONFIG = """\
 [gateway]
@@ -61,9 +67,26 @@ may = ["*"]
 starters = ["*"]
 """
 
+PAGE_PORT = 8480
+PAGE_USER = "demo"  # and its password: the motors are simulated, and only this machine sees the page
+PAGE = """
+[web]
+listen = "127.0.0.1:{port}"
+
+[[web.user]]
+name = "{user}"
+password = "{line}"
+operator = "demo"
+"""
+METRICS = """
+[metrics]
+all_points = true
+"""
+
 GUIDE = """\
 Starter Gateway demo. Simulated motors only; Ctrl-C ends everything.
 
+  page    {page}
   line    four starters on {pty}, 19200 8N2: pump (SSW-07), fan (SSW-06), mill (SSW900), belt (SST330i)
   broker  {broker} on 127.0.0.1:{port}
   config  {config}
@@ -94,7 +117,10 @@ mosquitto_pub -p {port} -q 1 -t starters/demo/command/fan/demo/start \\
 mosquitto_pub -p {port} -q 1 -t starters/demo/command/fan/demo/stop -n
 """
 
-KNOB_GUIDE = "trip E05, alarm A05, clear, control local|remote, power off|on, mains off|on, keypad start|stop"
+KNOB_GUIDE = (
+    "trip E05, alarm A05, clear, control local|remote, power off|on, mains off|on, keypad start|stop, "
+    "load 80, friction 20, wear 2, thermal 90, voltage 85 2.5, phase r|s|t|on"
+)
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -102,7 +128,14 @@ def add_parser(subparsers: Subparsers) -> None:
     parser = subparsers.add_parser(
         "demo", description="Four simulated starters, a broker on loopback and the gateway. Ctrl-C ends it."
     )
-    parser.add_argument("-v", "--verbose", action="store_true", help="log every frame")
+    parser.add_argument(
+        "-v", "--verbose", action="store_true", help="log every frame, instead of showing the table"
+    )
+    parser.add_argument(
+        "--plant",
+        action="store_true",
+        help="the motors run a small plant's day by themselves, again and again",
+    )
     parser.add_argument(
         "--broker",
         metavar="PORT",
@@ -128,17 +161,21 @@ def run(args: argparse.Namespace) -> int:
             raise UsageError(f"--publish {args.publish!r} is not TOPIC=PAYLOAD")
         asyncio.run(publish(args.broker, topic, payload))
         return 0
-    log_to_stderr(is_verbose=args.verbose)
-    with tempfile.TemporaryDirectory(prefix="starter-gateway-demo-") as folder:
-        asyncio.run(_demo(Path(folder)))
+    has_table = not args.verbose and sys.stdout.isatty() and importlib.util.find_spec("rich") is not None
+    with tempfile.TemporaryDirectory(prefix="starter-gateway-demo-") as name:
+        folder = Path(name)
+        with (folder / "gateway.log").open("ab") as log:
+            log_to_stderr(is_verbose=args.verbose, instead=log.fileno() if has_table else None)
+            asyncio.run(_demo(folder, has_table=has_table, has_plant=args.plant))
     return 0
 
 
-def guide(config: Path, pty: str, broker: str, port: int, *, has_clients: bool) -> str:
+def guide(config: Path, pty: str, broker: str, port: int, *, page: str, has_clients: bool) -> str:
     """Return what can be done with the demo, as lines to paste; without Mosquitto's clients by our own."""
     program = program_words()
     return GUIDE.format(
         config=config,
+        page=page,
         pty=pty,
         broker=broker,
         port=port,
@@ -158,19 +195,49 @@ def program_words() -> str:
     return shlex.quote(str(script)) if script.exists() else f"{shlex.quote(sys.executable)} -m gateway"
 
 
-async def _demo(folder: Path) -> None:
+def page_of() -> tuple[str, str]:
+    """Return where the page is, with its login, and its part of the configuration; none without packages."""
+    if any(importlib.util.find_spec(name) is None for name in ("starlette", "uvicorn")):
+        return "none here: pip install 'starter-gateway[web]'", ""
+    port = free_port(PAGE_PORT)
+    table = PAGE.format(port=port, user=PAGE_USER, line=password_line(PAGE_USER))
+    if importlib.util.find_spec("prometheus_client") is not None:
+        table += METRICS
+    return f"http://127.0.0.1:{port}/ (to operate, log in as {PAGE_USER}, password {PAGE_USER})", table
+
+
+async def _demo(folder: Path, *, has_table: bool, has_plant: bool) -> None:
     async with AsyncExitStack() as stack:
         broker = DemoBroker(folder)
         await broker.start()
         stack.push_async_callback(broker.stop)
         path = folder / "demo.toml"
-        path.write_text(CONFIG.format(folder=folder, port=broker.port), "utf-8")
+        page, table = page_of()
+        path.write_text(CONFIG.format(folder=folder, port=broker.port) + table, "utf-8")
         config = load(path)
         simulator = DemoSimulator(path, broker_port=broker.port)
         await simulator.start()
         stack.push_async_callback(simulator.stop)
         has_clients = all(shutil.which(name) for name in ("mosquitto_sub", "mosquitto_pub"))
         print(
-            guide(path, config.lines[0].port, broker.title, broker.port, has_clients=has_clients), flush=True
+            guide(path, config.lines[0].port, broker.title, broker.port, page=page, has_clients=has_clients),
+            flush=True,
         )
+        if has_plant:
+            _beside(stack, run_plant(broker.port))
+        if has_table:
+            settings = BrokerSettings("127.0.0.1", broker.port, f"demo-table-{uuid.uuid4().hex[:8]}")
+            print(f"The gateway's log is in {folder}/gateway.log\n", flush=True)
+            _beside(stack, Watching(settings, BASE).show(new_console(), is_full_screen=False))
         await serve(path, config, None)
+
+
+def _beside(stack: AsyncExitStack, work: Coroutine[None, None, None]) -> None:
+    task = asyncio.ensure_future(work)
+
+    async def end() -> None:
+        task.cancel()
+        with suppress(asyncio.CancelledError, GatewayError):
+            await task
+
+    stack.push_async_callback(end)

@@ -126,7 +126,7 @@ class BrokerAccess:
 
 async def _log_in(settings: BrokerSettings) -> str:
     """Connect once and leave; return the version that the broker takes."""
-    session, version = await connected(settings, on_incoming=lambda _: None, on_ack=lambda _, __: None)
+    session, version = await connected(settings)
     await session.disconnect()
     return version.value
 

@@ -1,4 +1,4 @@
-"""`starter-gateway doctor`: looks for problems of the machine and the starters' settings; changes nothing."""
+"""`starter-gateway doctor`: looks for problems of the machine and the starters' settings."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ import asyncio
 from pathlib import Path
 
 from gateway.app.capacity import prospects_of
-from gateway.cli.command import Subparsers
+from gateway.cli.command import Subparsers, counted
+from gateway.cli.doctor.box import box_remarks
 from gateway.cli.doctor.broker import OWN_NAME, BrokerAccess
 from gateway.cli.doctor.finding import DoctorFinding
 from gateway.cli.doctor.machine import clock_remark, latency_remark, state_dir_remark, wear_remarks
@@ -26,9 +27,10 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command's parser."""
     parser = subparsers.add_parser(
         "doctor",
-        description="Look for problems: ports, adapters, clock, state directory, broker, and in the starters"
-        " command sources and communication watchdogs. Nothing is changed; exit code 1 when there is a"
-        " problem. Run it as the gateway's user.",
+        description="Look for problems: speed of this machine and its disk, ports, adapters, clock, state"
+        " directory, broker, and in the starters command sources and communication watchdogs. Nothing is"
+        " changed, but the speed is stored in state_dir, for `check`; exit code 1 when there is a problem."
+        " Run it as the gateway's user.",
     )
     parser.add_argument("config", metavar="CONFIG", help="the gateway's configuration")
     who = f"the operator as whom a running gateway is asked, else --username, else {OWN_NAME}"
@@ -59,7 +61,7 @@ def verdict(remarks: list[DoctorFinding]) -> int:
     if not any(remark.is_problem for remark in remarks):
         print("no problems")
         return 0
-    print(f"{_count(errors, 'error')}, {_count(warnings, 'warning')}")
+    print(f"{counted(errors, 'error')}, {counted(warnings, 'warning')}")
     return 1
 
 
@@ -74,18 +76,15 @@ async def _examine(config: Config, folder: Path, broker: BrokerAccess) -> list[D
     report(clock_remark())
     state_dir = folder / config.gateway.state_dir
     report(state_dir_remark(state_dir))
-    for remark in wear_remarks(state_dir):
+    prospects = prospects_of(config)
+    for remark in (*await box_remarks(state_dir, prospects), *wear_remarks(state_dir)):
         report(remark)
     for remark in await broker.remarks():
         report(remark)
-    for prospect in prospects_of(config):
+    for prospect in prospects:
         table = prospect.table
         opener = SerialOpener(table.port, table.baud, timing_of(table).framing)
         checkup = LineCheckup(prospect, opener, broker=broker, clock=SystemClock(), state_dir=state_dir)
         await checkup.run(report)
         report(latency_remark(table.port, f"line {table.name}"))
     return remarks
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from gateway.cli.doctor.finding import DoctorFinding
 from gateway.errors import DamagedError
 from gateway.families.devices.findings import Weight
 from gateway.starters.policy.write_budget import WEAR_FILE, WRITES_BORNE, totals_in
+from gateway.storage.audit.segments import FOLDER as AUDIT
+from gateway.storage.formats.catalogue import FORMATS
 from gateway.storage.json_file import JsonFile
+from gateway.storage.upkeep.state_copy import own_files
+from gateway.system.clock import kernel_says_synchronised
 
+OWN_FOLDERS = frozenset({AUDIT, *(Path(each.name).parent.name for each in FORMATS.values())})
 SYSFS_TTY = Path("/sys/class/tty")
 LONGEST_LATENCY_MS = 2  # a driver's timer above this delays every reply by as much
-
-_TIME_ERROR = 5  # adjtimex(2): the clock is not synchronised
-_TIMEX_BYTES = 512  # more than struct timex has anywhere
 
 
 def latency_remark(port: str, where: str, *, sysfs: Path = SYSFS_TTY) -> DoctorFinding | None:
@@ -36,22 +38,12 @@ def latency_remark(port: str, where: str, *, sysfs: Path = SYSFS_TTY) -> DoctorF
     )
 
 
-def clock_state() -> int | None:
-    """Return what adjtimex(2) says of the clock, None where there is no such call; nothing is changed."""
-    try:
-        adjtimex = ctypes.CDLL(None, use_errno=True).adjtimex
-    except (OSError, AttributeError):
-        return None
-    state = adjtimex(ctypes.create_string_buffer(_TIMEX_BYTES))  # modes = 0: only read
-    return None if state < 0 else int(state)
-
-
-def clock_remark(read: Callable[[], int | None] = clock_state) -> DoctorFinding:
+def clock_remark(ask: Callable[[], bool | None] = kernel_says_synchronised) -> DoctorFinding:
     """Return whether the clock is synchronised: times in topics and `issued_at` of commands depend on it."""
-    state = read()
-    if state is None:
+    is_synchronised = ask()
+    if is_synchronised is None:
         return DoctorFinding("clock", "whether it is synchronised is unknown here", Weight.NOTE)
-    if state == _TIME_ERROR:
+    if not is_synchronised:
         what = "is not synchronised: time stamps are wrong, commands need `token`, not `issued_at`"
         return DoctorFinding(
             "clock", f"{what} (install chrony, or switch systemd-timesyncd on)", Weight.WARNING
@@ -80,12 +72,32 @@ def _wear_remark(starter: str, count: int) -> DoctorFinding:
 
 
 def state_dir_remark(folder: Path) -> DoctorFinding:
-    """Return whether the state directory is there and may be written."""
-    if folder.is_dir():
-        if os.access(folder, os.W_OK | os.X_OK):
-            return DoctorFinding("state_dir", f"{folder} may be written")
+    """Return whether the state directory, and all that is the gateway's in it, may be written."""
+    if not folder.exists():
+        what = "is not there (make it for the gateway's user)"
+        return DoctorFinding("state_dir", f"{folder} {what}", Weight.ERROR)
+    if not folder.is_dir():
+        return DoctorFinding("state_dir", f"{folder} is no folder (choose another one)", Weight.ERROR)
+    if not os.access(folder, os.R_OK | os.W_OK | os.X_OK):
         what = "may not be written by this user"
         return DoctorFinding("state_dir", f"{folder} {what} (chown it to the gateway's user)", Weight.ERROR)
-    if folder.exists():
-        return DoctorFinding("state_dir", f"{folder} is no folder (choose another one)", Weight.ERROR)
-    return DoctorFinding("state_dir", f"{folder} is not there (make it for the gateway's user)", Weight.ERROR)
+    foreign = [str(path) for path in _foreign_in(folder)]
+    if foreign:
+        more = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
+        what = f"{foreign[0]}{more} in it may not be written by the gateway's user"
+        return DoctorFinding("state_dir", f"{what} (chown -R that user: {folder})", Weight.ERROR)
+    return DoctorFinding("state_dir", f"{folder} may be written")
+
+
+def _foreign_in(folder: Path) -> Iterator[Path]:
+    """Yield what this user may not write; for root, who may, what is not the folder's owner's."""
+    owner = folder.stat().st_uid
+    for path in (each for each in folder.iterdir() if each.is_dir() and not each.is_symlink()):
+        if path.name in OWN_FOLDERS and not os.access(path, os.R_OK | os.W_OK | os.X_OK):
+            yield path
+            return
+    for path in own_files(folder):
+        with suppress(OSError):  # removed meanwhile
+            is_another = os.geteuid() == 0 and path.lstat().st_uid != owner
+            if is_another or (path.exists() and not os.access(path, os.R_OK | os.W_OK)):
+                yield path

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from gateway.app.capacity import LineCapacity
@@ -21,10 +21,10 @@ from gateway.families.reading.bulk import bulk_reads
 from gateway.line.client import LineClient
 from gateway.line.direct import exclusive_line
 from gateway.line.port.base import PortOpener
-from gateway.records import Record, SequenceNumbers
 from gateway.starters.parameters.offline_starter import OfflineStarter
 from gateway.starters.setup import StarterSetup, merged
 from gateway.system.clock import Clock
+from gateway.system.instance_lock import may_use
 
 BUSY = "busy"  # PortError's reason when another program holds the port
 
@@ -54,6 +54,9 @@ class LineCheckup:
     async def run(self, report: Callable[[DoctorFinding], None]) -> None:
         """Examine each starter; `report` gets each finding at once."""
         setups = [setup for setup in setups_of(self._table) if setup.is_enabled]
+        if not may_use(self._table.port, self._state_dir):
+            await self._ask_for_all(setups, report)
+            return
         try:
             async with exclusive_line(
                 self._table.name,
@@ -70,18 +73,19 @@ class LineCheckup:
             if error.reason != BUSY:
                 report(DoctorFinding(self._where, str(error), Weight.ERROR))
                 return
-            report(
-                DoctorFinding(self._where, f"{self._table.port} is in use; the gateway is asked over MQTT")
-            )
-            for setup in setups:
-                await self._ask_the_gateway(setup, report)
+            await self._ask_for_all(setups, report)
+
+    async def _ask_for_all(
+        self, setups: Iterable[StarterSetup], report: Callable[[DoctorFinding], None]
+    ) -> None:
+        report(DoctorFinding(self._where, f"{self._table.port} is in use; the gateway is asked over MQTT"))
+        for setup in setups:
+            await self._ask_the_gateway(setup, report)
 
     async def _ask_directly(
         self, setup: StarterSetup, line: LineClient, report: Callable[[DoctorFinding], None]
     ) -> None:
-        bench = OfflineStarter(
-            setup, line=line, sink=_NullSink(), clock=self._clock, sequence=SequenceNumbers()
-        )
+        bench = OfflineStarter(setup, line=line, clock=self._clock)
         where = f"starter {setup.name}"
         try:
             await bench.identify()
@@ -134,10 +138,3 @@ class LineCheckup:
         delivered = as_delivered(setup.profile, variant, rows)
         if delivered:
             report(DoctorFinding(f"starter {setup.name}", delivered))
-
-
-class _NullSink:
-    """Discards every record: the findings contain it all."""
-
-    def put(self, record: Record) -> None:
-        """Leave a record."""

@@ -11,11 +11,10 @@ from functools import partial
 from pathlib import Path
 from typing import Self
 
-from gateway.cli.progress import Progress
+from gateway.cli.command import Progress, place_of
 from gateway.config.convert import setups_of, timing_of
 from gateway.config.load import load
-from gateway.config.schema import LineTable
-from gateway.errors import PortError, UsageError
+from gateway.errors import PortError
 from gateway.families.alternates import alternates
 from gateway.families.profile.procedure import Read
 from gateway.families.reading.bulk import bulk_reads, readable_codes
@@ -25,14 +24,16 @@ from gateway.line.port.event_loop import new_precise_loop
 from gateway.line.port.opener import SerialOpener
 from gateway.line.rtu.timeouts import request_wire_s
 from gateway.modbus.timing import LineTiming
-from gateway.records import Record, SequenceNumbers
 from gateway.starters.bulk_read import BulkReading
 from gateway.starters.parameters.model import ParameterSet, entries_of
 from gateway.starters.parameters.offline_starter import OfflineStarter
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from gateway.system.clock import Clock, SystemClock
+from gateway.system.instance_lock import may_use
 
+_HELD = "a gateway or another program holds it"
+_STOP_IT = "stop the gateway for the time being: this command needs the port for itself"
 _ADU_EXTRA = 3  # bytes around a PDU: unit and CRC
 
 
@@ -52,25 +53,24 @@ class LiveStarter:
     def find(cls, config_path: str, name: str) -> Self:
         """Return a starter of a configuration; ConfigError, UsageError when there is none of that name."""
         config = load(config_path)
-        state_dir = Path(config_path).parent / config.gateway.state_dir
-        for line in config.lines:
-            for setup in setups_of(line):
-                if setup.name == name:
-                    return cls.on(line, setup, state_dir=state_dir)
-        names = [starter.name for line in config.lines for starter in line.starters]
-        raise UsageError(f"no starter {name!r} (one of {', '.join(names)})")
-
-    @classmethod
-    def on(cls, line: LineTable, setup: StarterSetup, *, state_dir: Path) -> Self:
-        """Return a starter of a line."""
-        timing = timing_of(line)
-        opener = SerialOpener(line.port, line.baud, timing.framing)
-        return cls(setup, opener, timing, line.adapter_allowance_s, SystemClock(), state_dir, setups_of(line))
+        line, _ = place_of(config, name)
+        setups, timing = setups_of(line), timing_of(line)
+        return cls(
+            next(each for each in setups if each.name == name),
+            SerialOpener(line.port, line.baud, timing.framing),
+            timing,
+            line.adapter_allowance_s,
+            SystemClock(),
+            Path(config_path).parent / config.gateway.state_dir,
+            setups,
+        )
 
     @asynccontextmanager
     async def bench(self, watchdogs: KnownWatchdogs | None = None) -> AsyncIterator[OfflineStarter]:
         """Open the port and identify the starter; PortError, CommandError."""
         name, allowance_s = self.setup.line, self.allowance_s
+        if not may_use(self.opener.name, self.state_dir):
+            raise PortError(self.opener.name, _HELD, _STOP_IT)
         try:
             async with exclusive_line(
                 name,
@@ -82,9 +82,7 @@ class LiveStarter:
                 bench = OfflineStarter(
                     self.setup,
                     line=line,
-                    sink=_NoRecords(),
                     clock=self.clock,
-                    sequence=SequenceNumbers(),
                     watchdogs=watchdogs,
                 )
                 await bench.identify()
@@ -92,15 +90,7 @@ class LiveStarter:
         except PortError as error:
             if error.reason != "busy":
                 raise
-            hint = "stop the gateway for the time being: this command needs the port for itself"
-            raise PortError(error.port, "a gateway or another program holds it", hint) from error
-
-
-class _NoRecords:
-    """Discards every record: the command prints what happens."""
-
-    def put(self, record: Record) -> None:
-        """Leave a record."""
+            raise PortError(error.port, _HELD, _STOP_IT) from error
 
 
 def save_live(live: LiveStarter, progress: Progress, *, with_unnamed: bool = False) -> ParameterSet:

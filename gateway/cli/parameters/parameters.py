@@ -5,10 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gateway.cli.command import Subparsers
+from gateway.cli.command import Progress, Subparsers
 from gateway.cli.parameters.live import LiveStarter, save_live
 from gateway.cli.parameters.restore import run_restore
-from gateway.cli.progress import Progress
 from gateway.errors import UsageError
 from gateway.families.profile.load import load_profile
 from gateway.starters.parameters.model import ParameterSet, differences, of_factory
@@ -23,14 +22,20 @@ def add_parser(subparsers: Subparsers) -> None:
         " that runs on it must be stopped before.",
     )
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
-    save = actions.add_parser("save", help="read everything that can be read into a file")
+    save = actions.add_parser(
+        "save",
+        help="read everything that can be read into a file",
+        description="Read everything that can be read of a starter into a file.",
+    )
     _add_starter(save)
     save.add_argument("file", metavar="FILE", help="a new TOML file; - for the standard output")
     save.add_argument(
         "--unnamed", action="store_true", help="P000 to P999 too, as raw words (SSW-06, SSW-07)"
     )
     diff = actions.add_parser(
-        "diff", help="print the settings in which two sets differ; exit code 1 when there are any"
+        "diff",
+        help="print the settings in which two sets differ; exit code 1 when there are any",
+        description="Print the settings in which two sets differ; exit code 1 when there are any.",
     )
     diff.add_argument("a", metavar="A", help="a saved file, or CONFIG:STARTER for a live one")
     diff.add_argument("b", metavar="B", nargs="?", help="another one")
@@ -40,7 +45,11 @@ def add_parser(subparsers: Subparsers) -> None:
         help="instead of B: what the starter is delivered with, as far as its serial manual prints it",
     )
     diff.add_argument("--all", action="store_true", help="measured values too, not the settings alone")
-    restore = actions.add_parser("restore", help="write the settings that differ, at standstill only")
+    restore = actions.add_parser(
+        "restore",
+        help="write the settings that differ, at standstill only",
+        description="Write the settings that differ to a starter, at standstill only.",
+    )
     _add_starter(restore)
     restore.add_argument("file", metavar="FILE", help="a file of `parameters save`")
     restore.add_argument(

@@ -20,31 +20,31 @@ from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 from pathlib import Path
 
+from gateway.cli.command import Progress
 from gateway.cli.parameters.live import LiveStarter, read_with_progress
-from gateway.cli.progress import Progress
 from gateway.errors import CommandError, DamagedError, StoreError, UsageError
 from gateway.families.devices.device import Identity
 from gateway.families.reading.bulk import bulk_reads
 from gateway.line.port.event_loop import new_precise_loop
-from gateway.starters.identity.registry import IDENTITIES_FILE, stranger_in
+from gateway.starters.identity.registry import IDENTITIES_FILE, mismatch_in
 from gateway.starters.parameters.model import ParameterSet
 from gateway.starters.parameters.offline_starter import OfflineStarter
 from gateway.starters.parameters.restore import Restore, RestoreEnd
 from gateway.starters.parameters.restore_plan import PlannedWrite, RestorePlan, plan_restore, restore_codes
-from gateway.starters.policy.lock import refusal
 from gateway.starters.policy.motor_history import PRECAUTIONS_FILE, MotorHistory
+from gateway.starters.policy.preconditions import refusal
 from gateway.starters.policy.write_budget import WEAR_FILE, totals_in
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.known_watchdogs import WATCHDOGS_FILE, KnownWatchdogs
-from gateway.storage.json_file import JsonFile, JsonStore, NoStore
-from gateway.storage.private_files import keep_private
+from gateway.storage.json_file import JsonFile, ReadOnlyStore
+from gateway.storage.state_dir import keep_private
 from gateway.system.clock import read_clocks
 
 
 def identity_trouble(state_dir: Path, setup: StarterSetup, identity: Identity) -> str:
     """Return why this may be another starter; empty when it is the known one, or the first one seen here."""
     try:
-        mismatch = stranger_in(JsonFile(state_dir / IDENTITIES_FILE).load() or {}, setup, identity)
+        mismatch = mismatch_in(JsonFile(state_dir / IDENTITIES_FILE).load() or {}, setup, identity)
     except DamagedError as error:
         return f"whether it is the starter that the gateway knows is unknown: {error}"
     return "" if mismatch is None else mismatch.text
@@ -80,16 +80,9 @@ def lock_trouble(state_dir: Path, starter: str) -> CommandError | None:
     return None if lock is None else refusal(lock)
 
 
-class _ReadOnly(NoStore):
-    """Reads a file and writes nothing; `save_watchdogs` writes it once, at the end."""
-
-    def __init__(self, memory: JsonStore) -> None:
-        self.load = memory.load  # type: ignore[method-assign] # all else is nothing
-
-
 def known_watchdogs(state_dir: Path, starters: Iterable[StarterSetup]) -> KnownWatchdogs:
     """Return what the gateway knew last of the starters of a line."""
-    watchdogs = KnownWatchdogs(memory=_ReadOnly(JsonFile(state_dir / WATCHDOGS_FILE)))
+    watchdogs = KnownWatchdogs(memory=ReadOnlyStore(JsonFile(state_dir / WATCHDOGS_FILE)))
     for setup in starters:
         watchdogs.add(setup)
     return watchdogs

@@ -10,9 +10,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import get_args
 
-from gateway.cli.arguments import whole_number
-from gateway.cli.command import Subparsers
-from gateway.cli.progress import Progress
+from gateway.cli.command import Progress, Subparsers, whole_number
 from gateway.cli.scan.config_text import config_text, described
 from gateway.cli.scan.search import (
     ADDRESSES,

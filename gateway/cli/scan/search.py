@@ -36,7 +36,7 @@ ADDRESSES = range(1, 248)
 
 # VB01 of SSW-06 and SSW-07; others answer it with an exception, and an exception is an answer.
 _PROBE = ReadHoldingRegisters(5001, 1)
-_PROBES: tuple[Request, ...] = (
+PROBES: tuple[Request, ...] = (
     _PROBE,
     ReadDeviceIdentification(read_code=1, object_id=0),
     ReadInputRegisters(0, 1),
@@ -115,7 +115,7 @@ class Search:
         self._on_find = on_find
         self._due: dict[int, tuple[float, float]] = {}  # by address: when to ask again, and how often
         self._legs = list(_legs(settings))
-        self._probes = _PROBES if settings.is_thorough else _PROBES[:1]
+        self._probes = PROBES if settings.is_thorough else PROBES[:1]
         self._spent_s = 0.0
         self._was_open = False  # the port, at least once
 
@@ -175,7 +175,6 @@ class Search:
         return sum(silent_cost_s(each, timing, response_time_s=response_time_s) for each in self._probes)
 
     async def _look(self, survey: Survey, address: int) -> Find | None:
-        """Return the device at an address, None when there is none."""
         garbled = ""
         for probe in self._probes:
             outcome = await self._ask_twice(survey, address, probe)

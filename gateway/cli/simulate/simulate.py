@@ -16,12 +16,16 @@ from gateway.cli.command import Subparsers
 from gateway.cli.simulate.topics import simulator_topics
 from gateway.config.convert import timing_of
 from gateway.config.load import load
-from gateway.config.schema import Config, LineTable, StarterTable, split_url
+from gateway.config.schema import Config, LineTable, SimulatedMotorTable, StarterTable
+from gateway.config.values import split_url
 from gateway.errors import UsageError
 from gateway.families.profile.load import load_profile
+from gateway.families.profile.parameters import find
+from gateway.families.profile.rows import Table
 from gateway.sim.bus.bus import Bus
 from gateway.sim.bus.pty import PtyLine
 from gateway.sim.controls import KNOBS
+from gateway.sim.core.motor import PHASES
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
 
@@ -91,7 +95,6 @@ async def simulate(
 
 
 def _by_name(config: Config, lines: Mapping[str, PtyLine]) -> dict[str, SimulatedUnit]:
-    """Return the simulated starters by their names in the configuration."""
     return {
         starter.name: lines[table.name].line.unit(starter.address)
         for table in config.lines
@@ -111,20 +114,40 @@ def _broker(url: str | None) -> tuple[str, int] | None:
 
 
 def simulated_unit(starter: StarterTable) -> SimulatedUnit:
-    """Return a starter as the configuration describes it: model, slot, and its table `simulated`."""
+    """Return a starter as the configuration describes it: model, slot, its table `simulated`; UsageError."""
     simulated = starter.simulated
-    rows = load_profile(starter.family).parameters
+    profile = load_profile(starter.family)
+    rows = profile.parameters
     options: dict[str, Any] = {
         "settings": {rows[code].address: value for code, value in simulated.parameters.items()}
     }
     if simulated.firmware is not None:
         options["firmware"] = simulated.firmware
+    if simulated.markers:
+        markers = [(find(profile, code), is_on) for code, is_on in simulated.markers.items()]
+        options["coils"] = {row.address: is_on for row, is_on in markers if row.table is Table.COIL}
+        options["discrete_inputs"] = {
+            row.address: is_on for row, is_on in markers if row.table is Table.DISCRETE
+        }
     if starter.slot is not None:
         options["slot"] = starter.slot
-    unit = make_unit(starter.family, starter.address, seed=starter.address, model=starter.model, **options)
+    try:
+        unit = make_unit(
+            starter.family, starter.address, seed=starter.address, model=starter.model, **options
+        )
+    except ValueError as error:
+        raise UsageError(f"{starter.name} cannot be simulated: {error}") from None
     if simulated.braking_s:
         unit.motor.data = replace(unit.motor.data, braking_s=simulated.braking_s)
+    _fit_motor(unit, simulated.motor)
     return unit
+
+
+def _fit_motor(unit: SimulatedUnit, table: SimulatedMotorTable) -> None:
+    supply = {"line_voltage_pct", "lost_phase"}
+    unit.motor.become(replace(unit.motor.data, **table.model_dump(exclude=supply, exclude_none=True)))
+    unit.motor.set_line_voltage(table.line_voltage_pct)
+    unit.motor.lost_phase = None if table.lost_phase is None else PHASES.index(table.lost_phase)
 
 
 def _bus(table: LineTable) -> Bus:
@@ -141,7 +164,6 @@ def _beside_a_real_port(table: LineTable, path: str) -> str:
 
 
 def _link(table: LineTable) -> Path | None:
-    """Return where to link the pty to: the line's port, unless something real stands there."""
     path = Path(table.port)
     if "://" in table.port or (path.exists() and not path.is_symlink()):
         return None

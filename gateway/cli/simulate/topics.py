@@ -8,18 +8,18 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import time
 import uuid
-from collections import deque
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
 
-from gateway.config.schema import is_loopback
+from gateway.config.values import is_loopback
 from gateway.errors import UsageError
 from gateway.mqtt.connection.broker import BrokerConnection
 from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.payloads import Message
-from gateway.mqtt.outbox.outbox import Outgoing
+from gateway.mqtt.outbox.outbox import Outbox
 from gateway.sim.controls import set_knob
 from gateway.sim.core.unit import SimulatedUnit
 
@@ -42,13 +42,13 @@ async def simulator_topics(
         raise UsageError(
             f"broker {host}: the knobs of simulated starters stay on loopback (mqtt://127.0.0.1)"
         )
-    answers = _Answers()
+    answers = Outbox(last_topic="", pack=_not_packed, max_rows=MOST_WAITING)
     settings = BrokerSettings(host=host, port=port, client_id=f"simulator-{uuid.uuid4().hex[:8]}")
 
     def take(incoming: Incoming) -> None:
         answer = answer_to(units, incoming)
         if answer is not None:
-            answers.put(answer)
+            answers.put(answer, time.monotonic())
             connection.wake()
 
     connection = BrokerConnection(
@@ -76,7 +76,8 @@ def answer_to(units: Mapping[str, SimulatedUnit], incoming: Incoming) -> Message
     except UsageError as error:
         answer["error"] = str(error)
         log.warning("simulated starter=%s %s: %s", starter, knob, error)
-    return Message(f"{TREE}/{starter}/{DONE}", json.dumps(answer).encode(), qos=1, retain=False)
+    payload = json.dumps(answer).encode()
+    return Message(f"{TREE}/{starter}/{DONE}", payload, qos=1, retain=False, is_queued=True)
 
 
 def _apply(
@@ -90,38 +91,10 @@ def _apply(
     return set_knob(unit, knob, setting)
 
 
+def _not_packed(topic: str, _items: Sequence[str], _boot: str) -> Message:
+    """Take what no answer has: replaced values."""
+    raise AssertionError(topic)
+
+
 def _log_link(is_connected: bool, trouble: str) -> None:  # noqa: FBT001 - the connection's signature
     log.debug("knobs: connected=%s %s", is_connected, trouble)
-
-
-class _Answers:
-    """Answers about knobs that were set, until the broker has them (`mqtt.connection.broker.Source`)."""
-
-    def __init__(self) -> None:
-        self._waiting: deque[Message] = deque(maxlen=MOST_WAITING)
-        self._ticket = 0
-
-    def put(self, message: Message) -> None:
-        """Have one more sent."""
-        self._waiting.append(message)
-
-    def connected(self, window: int) -> None:
-        """Begin a connection."""
-
-    def disconnected(self) -> None:
-        """End a connection."""
-
-    def take(self) -> Outgoing | None:
-        """Return the next one; its acknowledgement is not awaited."""
-        if not self._waiting:
-            return None
-        self._ticket += 1
-        return Outgoing(self._ticket, self._waiting.popleft(), None)
-
-    def acked(self, ticket: int, reason_code: int) -> None:
-        """Note the broker's answer."""
-
-    @property
-    def is_idle(self) -> bool:
-        """Return whether all are sent."""
-        return not self._waiting

@@ -1,8 +1,7 @@
 """What a family's verbs read, demand, write and read back; nothing is written that no profile names.
 
-`prepare` says what to read freshly and which rules must hold on it, `build` turns what was seen into steps.
-
-How a command is seen to have acted: an accepted write is not an executed command.
+`prepare` says what to read freshly and which rules must hold on it, `build` makes steps of what was seen,
+`verification` says how a command is seen to have acted: an accepted write is not an executed command.
 """
 
 from __future__ import annotations
@@ -41,8 +40,8 @@ def verification(profile: Profile, variant: Variant, verb: str, command: Command
     reads = reads_for(profile, rows_of_points(profile, names))
     # A ramp says as much as its end, and only the SSW-06 is known to drop `running` at once (ssw06-es 4.2.2).
     # So does the time before a start, which may be set to a quarter of an hour (ssw900 S5.1, C5.7.1).
-    telling = {"start": ("accelerating", *profile.state.starting), "stop": ("decelerating",)}.get(verb, ())
-    or_else = tuple(Expect(reads, each, (True,), within_s) for each in telling if each in profile.points)
+    signs = {"start": ("accelerating", *profile.state.starting), "stop": ("decelerating",)}.get(verb, ())
+    or_else = tuple(Expect(reads, each, (True,), within_s) for each in signs if each in profile.points)
     also = tuple(Expect(reads, name, (False,), within_s) for name in names[1:])
     return Expect(reads, point, (becomes,), within_s, or_else=or_else, also=also)
 
@@ -148,7 +147,6 @@ def _check_verb(profile: Profile, verb: str) -> None:
 
 
 def _entry(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> str:
-    """Return the name of the profile's entry that a verb and its arguments stand for."""
     command = profile.commands[verb]
     check_names(args, command.args, command.flags)
     flags = [flag for flag in command.flags if flag in args and switch(args, flag)]

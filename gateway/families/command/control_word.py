@@ -10,7 +10,8 @@ from collections.abc import Sequence
 
 from gateway.families.profile.decode import decode_points
 from gateway.families.profile.procedure import Seen, refused
-from gateway.families.profile.schema import Profile, Table, Variant, Write
+from gateway.families.profile.rows import Table
+from gateway.families.profile.schema import Profile, Variant, Write
 from gateway.modbus.pdu import Request
 from gateway.modbus.writes import WriteCoil, WriteRegister
 
@@ -79,7 +80,7 @@ def word_in_force(profile: Profile, code: str, seen: Seen) -> int | None:
     """Return the command word that would change nothing, None when neither it nor the status word was seen.
 
     The device shows only a part of the word (SSW900 S5.2), so what the status says counts for more. A run or
-    jog command is kept only while the motor obeys it. With the last word alone, that word is taken as it is.
+    jog command stays only while the motor obeys it. With the last word alone, that word is taken as it is.
     """
     last, flags = seen.get(code), flags_of(profile, seen)
     if last is None and not flags:

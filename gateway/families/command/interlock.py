@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from gateway.errors import CommandError
 from gateway.families.profile.schema import Profile
 from gateway.families.profile.state import IS_UNKNOWN, hindrance, is_decisive, moving, state_of
 
@@ -88,6 +89,13 @@ def check(profile: Profile, rules: Sequence[str], points: Mapping[str, Any]) -> 
         if reading is not None:
             violations.append(_violation(profile, rule, reading, points))
     return tuple(violations)
+
+
+def demand(profile: Profile, rules: Sequence[str], points: Mapping[str, Any]) -> None:
+    """Raise CommandError, with the first broken rule's code, unless all these rules hold on these points."""
+    violations = check(profile, rules, points)
+    if violations:
+        raise CommandError(violations[0].code, "; ".join(violation.text for violation in violations))
 
 
 def _violation(profile: Profile, rule: str, reading: str, points: Mapping[str, Any]) -> Violation:

@@ -2,7 +2,7 @@
 
 A relay is one bit of a word without mask. Where the family has FC22 the starter itself changes that one bit;
 elsewhere the word is built from the one just read. An output whose function is not set to the serial line
-ignores what it is told without an error.
+ignores what is written to it, without an error.
 """
 
 from __future__ import annotations

@@ -2,10 +2,10 @@
 
 A fault, a general disable, a time in local mode or under another command source end the motion, but the
 manuals do not say that they end the run command. It may still stand, also where its bit reads back as 0
-(ssw900 S5.2), and whatever takes away what kept it from acting would then start the motor. So for every such
+(ssw900 S5.2), and whatever takes away what prevented it would then start the motor. So for every such
 command of every family, in this order:
 
-1. it is read that the motor stands (run = 0 would stop one that turns);
+1. it is read that the motor stands (run = 0 would stop one that runs);
 2. run = 0 is written, always, and must be acknowledged; where the bit can be read it must read 0;
 3. jog = 0 is written where there is a jog; a starter whose jog is not set up may refuse it;
 4. what was commanded is written; where it changes the command source, run = 0 once more: a starter ignores
@@ -68,7 +68,7 @@ def run_rows(profile: Profile, variant: Variant, *, is_source: bool) -> tuple[st
 def with_run_cleared(
     profile: Profile, variant: Variant, procedure: Procedure, *, seen: Seen, is_source: bool
 ) -> Procedure:
-    """Return a procedure with run = 0 before its writes; CommandError when the motor was seen to turn.
+    """Return a procedure with run = 0 before its writes; CommandError when the motor was seen to run.
 
     `is_source`: it chooses who commands the motor.
     """

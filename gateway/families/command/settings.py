@@ -12,7 +12,8 @@ from gateway.families.devices import device_of
 from gateway.families.profile.arguments import asked_codes, asked_values
 from gateway.families.profile.parameters import RowWords, find, is_volatile, settable_words, writes_for
 from gateway.families.profile.procedure import Preparation, Procedure, Read, Seen, WriteStep, refused
-from gateway.families.profile.schema import Parameter, Profile, Variant
+from gateway.families.profile.rows import Parameter
+from gateway.families.profile.schema import Profile, Variant
 from gateway.families.profile.word_types import in_order_of
 from gateway.families.reading.bulk import holds, read_back, read_of, reads_for, rows_of_points
 

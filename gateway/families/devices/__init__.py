@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping
-from typing import Any
 
 from gateway.families.devices.device import Device
 from gateway.families.profile.load import FAMILIES
-from gateway.families.profile.schema import Alarm, Profile
+from gateway.families.profile.schema import Profile
 
 DEVICES: dict[str, Device] = {
     family: importlib.import_module(f"gateway.families.devices.{family}").DEVICE for family in FAMILIES
@@ -20,8 +18,3 @@ _PLAIN = Device()
 def device_of(profile: Profile) -> Device:
     """Return the device of a profile's family; a profile that is not shipped has nothing of its own."""
     return DEVICES.get(profile.family, _PLAIN)
-
-
-def alarms_of(profile: Profile, points: Mapping[str, Any]) -> tuple[Alarm, ...]:
-    """Return the faults and alarms that are active now, faults first, each code once."""
-    return tuple({each.code: each for each in device_of(profile).alarms(profile, points)}.values())

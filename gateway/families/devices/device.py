@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from gateway.families.devices.findings import Finding, Settings, Watchdog
-from gateway.families.profile.decode import alarm_code
+from gateway.families.profile.decode import NOT_IN_MANUAL, alarm_code
 from gateway.families.profile.procedure import Preparation, Procedure, Seen, refused
-from gateway.families.profile.schema import Alarm, Profile, Variant
+from gateway.families.profile.rows import Alarm
+from gateway.families.profile.schema import Profile, Variant
 from gateway.modbus.device_id import ReadDeviceIdentification
 from gateway.modbus.pdu import Request
 
@@ -25,8 +26,12 @@ from gateway.modbus.pdu import Request
 class Question:
     """One request of an identification; the answer is handed to `identify` under its tag."""
 
-    tag: str  # fc43, model_register, slots, firmware, model, name
+    tag: str  # fc43, register, slots, firmware, model, name
     request: Request
+    is_always_there: bool = False  # the registers: a device without them is of another family
+    is_asked_once: bool = False  # its answer stands as long as it is online, a lasting refusal too
+    is_for_doubt: bool = False  # not in the first round: the other answers mostly settle it
+    is_distinctive: bool = False  # its answer shows another family where the polls might look plausible
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +52,7 @@ class Identity:
 
 
 class Device:
-    """A family; its methods here are those of one without habits of its own."""
+    """A family; its methods here are those of a family without special rules."""
 
     # How object 1 of FC43 names the family (None: it has no FC43), and whether with the rated current.
     product: re.Pattern[str] | None = None
@@ -61,7 +66,10 @@ class Device:
     watchdog_action = ""  # the one of these that only says what it does
 
     def questions(self, profile: Profile) -> tuple[Question, ...]:
-        """Return what to ask a unit that is configured as this family; any may stay without answer."""
+        """Return what to ask a unit that is configured as this family; any may stay without answer.
+
+        FC43 comes last: a device that does not know it may be silent for a while after it.
+        """
         return (Question("fc43", ReadDeviceIdentification(read_code=1, object_id=0)),)
 
     def identity(self, profile: Profile, seen: Identity, answers: Mapping[str, Any]) -> Identity:
@@ -69,7 +77,7 @@ class Device:
         return seen
 
     def alarms(self, profile: Profile, points: Mapping[str, Any]) -> list[Alarm]:
-        """Return the faults and alarms that are active, faults first: `fault`, its number, `alarm`.
+        """Return the active faults and alarms, faults first, each once: `fault`, its number, `alarm`.
 
         The number may be that of the last fault, active or not (ssw07 P014): it counts while there is one.
         """
@@ -77,13 +85,13 @@ class Device:
         if points.get("fault"):
             number = points.get("fault_code")
             code = alarm_code("e", number) if number else ""
-            found.append(alarm(profile, code, "fault", f"Fault {code.upper()}") if code else fault(profile))
+            found.append(alarm(profile, code, "fault") if code else fault(profile))
         if points.get("alarm"):
             found.append(some_alarm(profile))
         return found
 
     def start_findings(self, settings: Settings) -> Iterable[Finding]:
-        """Return what the settings mean for a start from afar."""
+        """Return what the settings mean for a remote start."""
         return ()
 
     def watchdogs(self, settings: Settings) -> Iterable[Watchdog]:
@@ -101,17 +109,29 @@ class Device:
         raise refused("unknown_verb", f"{profile.title} has no procedure of its own")
 
 
+def denied_by_name(seen: Identity) -> Identity:
+    """Return an identity that FC43 names as a product of no known family as one that contradicts any."""
+    is_named_otherwise = seen.family_seen is None and seen.model is not None
+    return replace(seen, lacks=seen.lacks or seen.reason) if is_named_otherwise else seen
+
+
 def fault(profile: Profile) -> Alarm:
     """Return a fault without a number."""
-    return alarm(profile, "fault", "fault", "Fault, its number is not known")
+    return _unnumbered(profile, "fault")
 
 
 def some_alarm(profile: Profile) -> Alarm:
     """Return an alarm without a number."""
-    return alarm(profile, "alarm", "alarm", "Alarm, its number is not known")
+    return _unnumbered(profile, "alarm")
 
 
-def alarm(profile: Profile, code: str, severity: str, text: str) -> Alarm:
-    """Return the profile's alarm of this code, else one with this text."""
+def alarm(profile: Profile, code: str, severity: Literal["fault", "alarm"]) -> Alarm:
+    """Return the profile's fault or alarm of this code, else one that says that the manual has none."""
     named = next((each for each in profile.alarms if each.code == code), None)
-    return named or Alarm.model_validate({"code": code, "severity": severity, "text": text})
+    text = f"{severity.capitalize()} {code.upper()} {NOT_IN_MANUAL}"
+    return named or Alarm(code=code, severity=severity, text=text)
+
+
+def _unnumbered(profile: Profile, severity: Literal["fault", "alarm"]) -> Alarm:
+    why = "is not known" if profile.alarm_points else "can be read at the starter only"
+    return Alarm(code=severity, severity=severity, text=f"{severity.capitalize()}, its number {why}")

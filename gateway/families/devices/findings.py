@@ -1,4 +1,4 @@
-"""What a starter's own settings mean for those who run it from afar: findings, and its watchdogs."""
+"""What a starter's own settings mean for remote control: findings, and its watchdogs."""
 
 from __future__ import annotations
 

@@ -13,7 +13,8 @@ from gateway.families.devices.device import Device, Identity, Question, alarm, f
 from gateway.families.devices.findings import Finding, Settings, Topic, Watchdog, Weight, start, unread
 from gateway.families.profile.parameters import find, settable_words, write_request
 from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep, refused
-from gateway.families.profile.schema import Alarm, Profile, Type, Variant
+from gateway.families.profile.rows import Alarm, Type
+from gateway.families.profile.schema import Profile, Variant
 from gateway.families.profile.word_types import serial_of, text_of, to_text, version_of
 from gateway.families.reading.bulk import holds, read_back, read_of, reads_for
 from gateway.modbus.reads import ReadInputRegisters
@@ -27,7 +28,7 @@ _MODE_WITHIN_S = 2.0  # until coil 2 shows the configuration mode
 _FLASH_WITHIN_S = 5.0  # until coil 5 shows that the configuration is in flash (NOTES)
 
 
-class Sst(Device):
+class SstDevice(Device):
     """SST330i, SST360i, SST130i."""
 
     start_rows = (_COMPLETE, _USB, _INPUTS, _READY)
@@ -35,7 +36,8 @@ class Sst(Device):
 
     def questions(self, profile: Profile) -> tuple[Question, ...]:
         """Model, versions and serial number; the name, which old firmware refuses (erratum E-25)."""
-        return Question("model", ReadInputRegisters(0, 12)), Question("name", ReadInputRegisters(22, 8))
+        model = Question("model", ReadInputRegisters(0, 12), is_always_there=True)
+        return model, Question("name", ReadInputRegisters(22, 8))
 
     def identity(self, profile: Profile, seen: Identity, answers: Mapping[str, Any]) -> Identity:
         """Register 0 is the number of a model."""
@@ -56,11 +58,7 @@ class Sst(Device):
 
     def alarms(self, profile: Profile, points: Mapping[str, Any]) -> list[Alarm]:
         """Coil 9 says that there is an error, coils 10-21 which one."""
-        found = [
-            alarm(profile, f"coil{coil}", "fault", f"Error of coil {coil}")
-            for coil in _ERRORS
-            if points.get(f"coil{coil}")
-        ]
+        found = [alarm(profile, f"coil{coil}", "fault") for coil in _ERRORS if points.get(f"coil{coil}")]
         return found or ([fault(profile)] if points.get("fault") else [])
 
     def start_findings(self, settings: Settings) -> Iterator[Finding]:
@@ -142,4 +140,4 @@ def _is_set(profile: Profile, code: str, *, within_s: float) -> Expect:
     return Expect((read_of(profile, code),), name=code, is_one_of=((1,),), within_s=within_s)
 
 
-DEVICE = Sst()
+DEVICE = SstDevice()

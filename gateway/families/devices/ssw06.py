@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from gateway.families.devices.device import Identity, Question
+from gateway.families.devices.device import Device, Identity, Question, denied_by_name
 from gateway.families.devices.findings import Finding, Settings, Weight, start
-from gateway.families.devices.ssw07 import Ssw07
+from gateway.families.devices.ssw07 import MODEL_ADDRESS, SSW06_MODEL, Ssw07Device
 from gateway.families.profile.arguments import check_names, choice
 from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep, refused
 from gateway.families.profile.schema import Profile, Variant
@@ -17,40 +17,41 @@ from gateway.families.reading.bulk import read_of, reads_for
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteRegister
 
-_MODEL_ROW, _MODEL_VALUE = "VB00", 15  # 4.2.1
+_MODEL_ROW = "VB00"
 _MODES = {"factory": 0, "P202": 1}  # bits of VB06 and VB07 [4.2.4, 4.2.5]
 _SHOWN, _LEAVING = "VB06", "VB07"
 _LEFT_WITHIN_S = 5.0  # beside the time of the restart
 
 
-class Ssw06(Ssw07):
+class Ssw06Device(Ssw07Device):
     """SSW-06."""
 
     product = re.compile(r"SSW[- ]?0?6(?![0-9])", re.IGNORECASE)  # "SSW-06 820.0A" [5.4.7]
     relays = ("P277", "P278", "P279")
-    start_rows = (*Ssw07.source_rows, *relays, "P630", _SHOWN)
+    start_rows = (*Ssw07Device.source_rows, *relays, "P630", _SHOWN)
 
     def questions(self, profile: Profile) -> tuple[Question, ...]:
-        """FC43, and VB00."""
-        request = ReadHoldingRegisters(profile.parameters[_MODEL_ROW].address, 1)
-        return (*super().questions(profile), Question("model_register", request))
+        """VB00, which every SSW-06 has, and FC43 [4.2.1, 5.4.7]."""
+        model = ReadHoldingRegisters(MODEL_ADDRESS, 1)
+        register = Question("register", model, is_always_there=True, is_distinctive=True)
+        return (register, *Device.questions(self, profile))
 
     def identity(self, profile: Profile, seen: Identity, answers: Mapping[str, Any]) -> Identity:
         """VB00 is 15 on every SSW-06: it proves one that is silent to FC43, and any other value denies it."""
-        answer = answers.get("model_register")
+        answer = answers.get("register")
         if answer is None:
-            return seen
+            return denied_by_name(seen)
         reading = f"{seen.reason}; {_MODEL_ROW} is {answer[0]}"
         family, lacks = seen.family_seen, ""
-        if answer[0] == _MODEL_VALUE and family is None and seen.model is None:
+        if answer[0] == SSW06_MODEL and family is None and seen.model is None:
             family = profile.family
-        elif answer[0] != _MODEL_VALUE and family in (None, profile.family):
+        elif answer[0] != SSW06_MODEL and family in (None, profile.family):
             family = None
-            lacks = reading = f"{reading} and should be {_MODEL_VALUE}"
-        return replace(seen, family_seen=family, reason=reading, lacks=lacks)
+            lacks = reading = f"{reading} and should be {SSW06_MODEL}"
+        return denied_by_name(replace(seen, family_seen=family, reason=reading, lacks=lacks))
 
     def start_findings(self, settings: Settings) -> Iterator[Finding]:
-        """See `Ssw07`, and 4.3."""
+        """See `Ssw07Device`, and 4.3."""
         yield from super().start_findings(settings)
         if settings.number(_SHOWN):
             what = "the motor cannot be run in an adjusting mode"
@@ -91,4 +92,4 @@ def _mode(args: Mapping[str, Any]) -> str:
     return choice(args, "leave", tuple(_MODES))
 
 
-DEVICE = Ssw06()
+DEVICE = Ssw06Device()

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any
 
-from gateway.families.devices.device import Device
+from gateway.families.devices.device import Device, Identity, Question, denied_by_name
 from gateway.families.devices.findings import (
     Finding,
     Settings,
@@ -17,13 +19,16 @@ from gateway.families.devices.findings import (
     start,
     unread,
 )
+from gateway.families.profile.schema import Profile
+from gateway.modbus.reads import ReadHoldingRegisters
 
+MODEL_ADDRESS, SSW06_MODEL = 5000, 15  # VB00 of every SSW-06 [ssw06-es 4.2.1]
 _SERIAL = 2  # P229, P230 [ssw06-es 2.6, 2.7; ssw07 2.6, 2.7]
 _MODE_BY_SERIAL = (5, 6)  # P220 [ssw06-es 2.5; ssw07 2.5]
 _RAMP_STOP, _DISABLE, _TO_LOCAL, _FATAL = 1, 2, 3, 5  # P313; 5 on the SSW-06 only [ssw06-es 2.3; ssw07 2.3]
 
 
-class Ssw07(Device):
+class Ssw07Device(Device):
     """SSW-07 or SSW-08; what the SSW-08 says to FC43 is not stated [ssw07 5.4.7]."""
 
     product = re.compile(r"SSW[- ]?0?[78](?![0-9])", re.IGNORECASE)  # "SSW-07 85.0A"
@@ -32,6 +37,26 @@ class Ssw07(Device):
     watchdog_action = "P313"
     relays: tuple[str, ...] = ("P277", "P278")
     start_rows: tuple[str, ...] = (*source_rows, *relays, "P630")
+
+    def questions(self, profile: Profile) -> tuple[Question, ...]:
+        """VB01, which every one has, VB00, and FC43, which an SSW-08 may refuse [4.2.1, 5.3.1, 5.4.7].
+
+        VB00 is not described for these (erratum B-05): only 15 says something.
+        """
+        status = ReadHoldingRegisters(profile.parameters["VB01"].address, 1)
+        model = ReadHoldingRegisters(MODEL_ADDRESS, 1)
+        return (
+            Question("register", status, is_always_there=True),
+            Question("model", model, is_asked_once=True, is_for_doubt=True, is_distinctive=True),
+            *super().questions(profile),
+        )
+
+    def identity(self, profile: Profile, seen: Identity, answers: Mapping[str, Any]) -> Identity:
+        """FC43 proves it; where that is not answered, VB00 = 15 denies it."""
+        model = answers.get("model")
+        if model is None or model[0] != SSW06_MODEL or seen.family_seen or seen.model:
+            return denied_by_name(seen)
+        return replace(seen, family_seen="ssw06", reason=f"{seen.reason}; VB00 is {model[0]}")
 
     def start_findings(self, settings: Settings) -> Iterator[Finding]:
         """See [ssw06-es 2.5-2.7, 4.2.3-4.3; ssw07 2.5-2.7, 4.2.2-4.3]."""
@@ -71,4 +96,4 @@ class Ssw07(Device):
         return (Watchdog("P314", float(after_s), does, is_felt),)
 
 
-DEVICE = Ssw07()
+DEVICE = Ssw07Device()

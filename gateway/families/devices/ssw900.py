@@ -7,7 +7,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, Literal
 
-from gateway.families.devices.device import Device, Identity, Question, alarm, fault, some_alarm
+from gateway.families.devices.device import (
+    Device,
+    Identity,
+    Question,
+    alarm,
+    denied_by_name,
+    fault,
+    some_alarm,
+)
 from gateway.families.devices.findings import (
     Finding,
     Settings,
@@ -20,7 +28,8 @@ from gateway.families.devices.findings import (
     unread,
 )
 from gateway.families.profile.decode import alarm_code
-from gateway.families.profile.schema import Alarm, Profile, Variant
+from gateway.families.profile.rows import Alarm
+from gateway.families.profile.schema import Profile, Variant
 from gateway.modbus.reads import ReadHoldingRegisters
 
 _SLOT_CONTENTS = range(9)  # S3.5.1, S3.5.2: 0 without .. 8 external current acquisition [table A.2]
@@ -34,7 +43,7 @@ _ALARM_ACTIONS = {  # C8.2.5.2, carried out through the command word of the acce
 }
 
 
-class Ssw900(Device):
+class Ssw900Device(Device):
     """SSW900; the text of its FC43 is not printed [7.1]."""
 
     product = re.compile(r"SSW[- ]?900(?![0-9])", re.IGNORECASE)
@@ -46,16 +55,16 @@ class Ssw900(Device):
     watchdog_action = "C8.2.5.2"
 
     def questions(self, profile: Profile) -> tuple[Question, ...]:
-        """FC43, the slots' contents, the firmware, and S3.3.1 to S3.3.4.
+        """The slots' contents, the firmware, S3.3.1 to S3.3.4, and FC43.
 
         The serial number's two words must stay together [7.3].
         """
         row = profile.parameters
         return (
-            *super().questions(profile),
-            Question("slots", ReadHoldingRegisters(row["S3.5.1"].address, 2)),
+            Question("slots", ReadHoldingRegisters(row["S3.5.1"].address, 2), is_always_there=True),
             Question("firmware", ReadHoldingRegisters(row["S3.2.1"].address, 1)),
             Question("model", ReadHoldingRegisters(row["S3.3.1"].address, 6)),
+            *super().questions(profile),
         )
 
     def identity(self, profile: Profile, seen: Identity, answers: Mapping[str, Any]) -> Identity:
@@ -64,7 +73,7 @@ class Ssw900(Device):
         is_plausible = all(content in _SLOT_CONTENTS for content in slots) and _RS485 in slots
         is_named_otherwise = seen.family_seen not in (None, profile.family)
         if is_named_otherwise or not (seen.family_seen or is_plausible):
-            return seen
+            return denied_by_name(seen) if slots else seen  # without them the name may be its own
         firmware, model = answers.get("firmware"), answers.get("model")
         return replace(
             seen,
@@ -81,17 +90,17 @@ class Ssw900(Device):
     def alarms(self, profile: Profile, points: Mapping[str, Any]) -> list[Alarm]:
         """Bits 15 and 14 of S5.1.1 say that there is something, D1.1.1 and D2.1.1-D2.1.5 what [S5.1].
 
-        Whether gaps occur in the five places of the alarms is not stated, so all of them are looked at.
+        Whether gaps or repetitions occur in the five places of the alarms is not stated: all are looked at.
         """
         found = []
         number, *numbers = (points.get(name) for name in profile.alarm_points)
         if points.get("fault") is not False and number:
-            found.append(alarm(profile, alarm_code("f", number), "fault", f"Fault {number}"))
+            found.append(alarm(profile, alarm_code("f", number), "fault"))
         elif points.get("fault"):
             found.append(fault(profile))
-        known = [each for each in numbers if each]
+        known = dict.fromkeys(each for each in numbers if each)
         if points.get("alarm") is not False and known:
-            found += [alarm(profile, alarm_code("a", each), "alarm", f"Alarm {each}") for each in known]
+            found += [alarm(profile, alarm_code("a", each), "alarm") for each in known]
         elif points.get("alarm"):
             found.append(some_alarm(profile))
         return found
@@ -152,4 +161,4 @@ def _source(variant: Variant) -> int | None:
     return None if variant.slot is None else 3 + variant.slot
 
 
-DEVICE = Ssw900()
+DEVICE = Ssw900Device()

@@ -101,5 +101,4 @@ def _from_text(answer: DeviceIdentification | None) -> Identity:
 
 
 def _printable(text: str) -> str:
-    """Return a text up to its first character that is not printable ASCII, such as what fills it up."""
     return "".join(itertools.takewhile(lambda each: each.isascii() and each.isprintable(), text)).strip()

@@ -1,4 +1,4 @@
-"""Is a starter ready to be run from afar: what would refuse a start, and which watchdog acts when."""
+"""Is a starter ready for remote control: what would refuse a start, and which watchdog acts when."""
 
 from __future__ import annotations
 
@@ -7,13 +7,16 @@ from collections.abc import Iterable, Iterator, Mapping
 from gateway.families.devices import device_of
 from gateway.families.devices.findings import Finding, Settings, Topic, Watchdog, Weight, unread
 from gateway.families.profile.parameters import factory_settings
-from gateway.families.profile.schema import Profile, Table, Variant
+from gateway.families.profile.per_profile import once_per_profile
+from gateway.families.profile.rows import Table
+from gateway.families.profile.schema import Profile, Variant
 from gateway.modbus.pdu import Request
 from gateway.modbus.writes import WriteRegister, WriteRegisters
 
 SAFE_FACTOR = 1.5  # a watchdog below this many longest gaps leaves little room for commands and retries
 
 
+@once_per_profile
 def watchdog_codes(profile: Profile) -> tuple[str, ...]:
     """Return the rows that `watchdogs` looks at, as far as the family has them."""
     device = device_of(profile)
@@ -73,9 +76,9 @@ def readiness(
     gap_s: float | None = None,
     watchdog_s: float | None = None,
 ) -> tuple[Finding, ...]:
-    """Return what these rows (raw words by code) mean for remote control, the gravest first.
+    """Return what these rows (raw words by code) mean for remote control, errors first.
 
-    `gap_s` is the longest time between two requests to this starter; None when nobody polls it. The
+    `gap_s` is the longest time between two requests to this starter; None when it is not polled. The
     configuration's `watchdog_s`, and its slot in `variant`, are held against what is set in the starter.
     """
     settings = Settings(profile, variant, rows)

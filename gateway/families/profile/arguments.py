@@ -1,8 +1,7 @@
 """The arguments of a command: exactly those of its verb, each of its kind, or `bad_arguments`.
 
-Which rows a `read` or `set` asks for: one as `parameter` (and `value`), several as `parameters`.
-
-Several are a list or a table; a command line writes them as one text: P003,P002 or P314=30,P313=1.
+A `read` or `set` names one row as `parameter` (and `value`), or several as `parameters`: a list or a table. A
+command line writes them as one text: P003,P002 or P314=30,P313=1.
 """
 
 from __future__ import annotations

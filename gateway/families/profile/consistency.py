@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import pairwise
 
-from gateway.families.profile.schema import Access, Output, Parameter, Point, Profile, Table, Type, Write
+from gateway.families.profile.rows import Access, Parameter, Table, Type
+from gateway.families.profile.schema import Output, Point, Profile, Write
 from gateway.families.profile.word_types import TYPE_LIMITS, TYPE_WORDS
 
 _READ_FUNCTIONS = {Table.COIL: 1, Table.DISCRETE: 2, Table.HOLDING: 3, Table.INPUT: 4}
@@ -26,6 +27,7 @@ def contradictions(profile: Profile) -> list[str]:
         *(problem for name, output in profile.outputs.items() for problem in _output(profile, name, output)),
         *_limits(profile),
         *_fast_words(profile),
+        *_history(profile),
     ]
 
 
@@ -57,8 +59,8 @@ def _is_alias(profile: Profile, row: Parameter) -> bool:
 def _range(row: Parameter, low: int | None, high: int | None) -> Iterator[str]:
     if low is None and high is None:
         return
-    floor, ceiling = TYPE_LIMITS.get(row.type, (0, -1))
-    if low is None or high is None or not floor <= low <= high <= ceiling:
+    lowest, highest = TYPE_LIMITS.get(row.type, (0, -1))
+    if low is None or high is None or not lowest <= low <= high <= highest:
         yield f"{row.code}: limits {low}..{high} do not fit {row.type}"
 
 
@@ -181,3 +183,12 @@ def _fast_words(profile: Profile) -> Iterator[str]:
         rows = profile.rows_at.get((Table.HOLDING, address), ())
         if not rows or rows[0].words != 1 or rows[0].access is not Access.RW:
             yield f"fast_words: register {address} of the map is no writable row of one word"
+
+
+def _history(profile: Profile) -> Iterator[str]:
+    for code in profile.history.codes:
+        row = profile.parameters.get(code)
+        if row is None or row.access is Access.NONE:
+            yield f"history: {code} is no row that can be read"
+    if profile.history.thermal and not profile.thermal_point:
+        yield f"history: thermal: there is no point of {profile.history.thermal}"

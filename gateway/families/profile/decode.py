@@ -9,10 +9,13 @@ from functools import lru_cache
 from typing import Any
 
 from gateway.families.profile.parameters import raw_row, unnamed_code
-from gateway.families.profile.schema import OFF, RESERVED, Parameter, Point, Profile, Table, Type, Variant
+from gateway.families.profile.rows import OFF, RESERVED, Parameter, Table, Type
+from gateway.families.profile.schema import Point, Profile, Variant
 from gateway.families.profile.word_types import JOINS, TYPE_LIMITS, from_words, to_percent, to_text
 
 Value = bool | int | float | str | None
+
+NOT_IN_MANUAL = "(not in the manual)"  # of a fault or an alarm that it does not name
 
 _DIVIDED_FROM_A = 820.0  # ssw06-es 4.4: models of this current and up send whole amperes
 _CURRENT = re.compile(r"[A-Za-z]+[- ]?[0-9]+[A-Za-z]*[- ]+([0-9]+(?:[.,][0-9]+)?)")
@@ -21,7 +24,7 @@ _VERSION = re.compile(r"([0-9]+)\.([0-9]+)")
 
 @dataclass(frozen=True, slots=True)
 class Decoded:
-    """What words mean; `value` is None when it cannot be told, `raw` is always there."""
+    """What words mean; `value` is None when it cannot be known, `raw` is always there."""
 
     value: Value
     label: str | None  # of an enum's number; "off"; hh:mm:ss of a time
@@ -53,7 +56,7 @@ def decode_points(
     *,
     names: Iterable[str] | None = None,
 ) -> dict[str, Decoded]:
-    """Return the points that can be told from these rows (raw words by code), by name: all, or of `names`."""
+    """Return the points that these rows (raw words by code) give, by name: all, or of `names`."""
     points = profile.points if names is None else {name: profile.points[name] for name in names}
     parts = {part: profile.points[part] for point in points.values() for part in point.none_of}
     found = {
@@ -97,7 +100,7 @@ def _joined(profile: Profile, found: Mapping[str, Mapping[str, Any]]) -> dict[st
         if all(code in found for code in join.codes):
             raw = [word for code in join.codes for word in found[code]["raw"]]
             value = JOINS[join.how](raw, join.begins)
-            as_json = {"point": name, "value": value, "unit": "", "label": None, "raw": raw}
+            as_json = {"name": name, "point": name, "value": value, "unit": "", "label": None, "raw": raw}
             shown[f"{join.codes[0]}-{join.codes[-1]}"] = as_json
     return shown
 
@@ -125,8 +128,8 @@ def _label(profile: Profile, row: Parameter, number: int) -> str | None:
     letter = profile.alarm_rows.get(row.code)
     if letter is not None:
         code = alarm_code(letter, number)
-        text = next((alarm.text for alarm in profile.alarms if alarm.code == code), "")
-        return f"{code.upper()} {text}".rstrip() if number else None
+        text = next((alarm.text for alarm in profile.alarms if alarm.code == code), NOT_IN_MANUAL)
+        return f"{code.upper()} {text}" if number else None
     if number == row.off:
         return OFF
     if row.type is Type.TIME:
@@ -178,6 +181,7 @@ def _rows_at(profile: Profile, table: Table, address: int) -> tuple[Parameter, .
 
 def _as_json(profile: Profile, row: Parameter, decoded: Decoded) -> dict[str, Any]:
     shown: dict[str, Any] = {
+        "name": row.name,
         "point": _point_of(profile, row),
         "value": decoded.value,
         "unit": decoded.unit,
@@ -209,7 +213,7 @@ def _point_of(profile: Profile, row: Parameter) -> str | None:
 
 def _raw_json(table: Table, word: int) -> dict[str, Any]:
     value = bool(word) if table.is_bits else word
-    return {"point": None, "value": value, "unit": "", "label": None, "raw": [word]}
+    return {"name": None, "point": None, "value": value, "unit": "", "label": None, "raw": [word]}
 
 
 @lru_cache(maxsize=256)  # asked for every point of every reply

@@ -20,12 +20,16 @@ from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError
 
 from gateway.errors import ProfileError, UsageError
 from gateway.families.profile.consistency import contradictions
-from gateway.families.profile.schema import Alarm, ModelRange, Parameter, Preset, Profile
+from gateway.families.profile.names import Translation, translated
+from gateway.families.profile.rows import Alarm, ModelRange, Parameter, Preset
+from gateway.families.profile.schema import Profile
 from gateway.system.value_demands import demand_of
 
 _PROFILES = resources.files("gateway.families") / "profiles"
 
 FAMILIES = tuple(sorted(each.name for each in _PROFILES.iterdir() if (each / "family.toml").is_file()))
+ENGLISH = "en"
+LANGUAGES = (ENGLISH, "es", "pt")  # of the names; a family has those that a manual of it is written in
 
 _Row = TypeVar("_Row", bound=BaseModel)
 
@@ -52,15 +56,31 @@ class _Preset(Preset):
     code: str
 
 
-@functools.cache
-def load_profile(family: str) -> Profile:
-    """Return a shipped profile by its family's name, one of `FAMILIES`; UsageError for any other name."""
+def load_profile(family: str, language: str = ENGLISH) -> Profile:
+    """Return a shipped profile by its family's name, one of `FAMILIES`; UsageError for any other name.
+
+    What has no name in one of `LANGUAGES` is named in English.
+    """
     if family not in FAMILIES:
         raise UsageError(f"no family {family!r}; there are {', '.join(FAMILIES)}")
-    return read_profile(_PROFILES / family)
+    if language not in LANGUAGES:
+        raise UsageError(f"no language {language!r}; there are {', '.join(LANGUAGES)}")
+    return _shipped(family, language)
 
 
-def read_profile(directory: Traversable) -> Profile:
+@functools.cache
+def _shipped(family: str, language: str) -> Profile:
+    return read_profile(_PROFILES / family, language)
+
+
+def languages_of(family: str) -> tuple[str, ...]:
+    """Return the languages in which a shipped family has names, English first."""
+    return tuple(
+        each for each in LANGUAGES if each == ENGLISH or (_PROFILES / family / f"{each}.csv").is_file()
+    )
+
+
+def read_profile(directory: Traversable, language: str = ENGLISH) -> Profile:
     """Return the profile in `directory`; ProfileError with all its mistakes."""
     problems: list[str] = []
     content = _read_toml(directory / "family.toml", problems)
@@ -75,6 +95,8 @@ def read_profile(directory: Traversable) -> Profile:
         problems += _explain("family.toml", error)
     if profile is not None:
         problems += contradictions(profile)
+        rows = _read_rows(directory / f"{language}.csv", Translation, problems)
+        profile = translated(profile, rows, problems)
     if profile is None or problems:
         raise ProfileError(directory.name, problems)
     return profile

@@ -8,17 +8,8 @@ from decimal import Decimal, InvalidOperation
 from typing import TypeVar
 
 from gateway.families.profile.procedure import refused
-from gateway.families.profile.schema import (
-    OFF,
-    RESERVED,
-    Access,
-    Confidence,
-    Parameter,
-    Profile,
-    Table,
-    Type,
-    Variant,
-)
+from gateway.families.profile.rows import OFF, RESERVED, Access, Confidence, Parameter, Table, Type
+from gateway.families.profile.schema import Profile, Variant
 from gateway.families.profile.word_types import SPELT, from_text, of_percent, to_number_words, to_percent
 from gateway.modbus.codes import Function
 from gateway.modbus.pdu import Request
@@ -262,7 +253,7 @@ def _why_not(profile: Profile, parameter: Parameter) -> str:
     if parameter.access is not Access.RW:
         return "read-only"
     if parameter.code in profile.protected.password:
-        return "no password is needed over the serial line, and none would be kept"
+        return "no password is needed over the serial line, and none would be stored"
     if not parameter.is_sure:
         return "its row is not legible in the manual"
     return "not used on this model" if parameter.ranges else "its range is not stated"

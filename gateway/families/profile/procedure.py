@@ -1,4 +1,4 @@
-"""A command as a list of steps that the commander carries out, or the reason why there is none: data."""
+"""A command as a list of steps that the dispatcher carries out, or the reason why there is none: data."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Expect:
 
     Of a row that carries its value in the low byte only, `mask` leaves the rest out of the comparison. Ask
     `is_met`: it also counts the alternatives in `or_else` and the further demands in `also`, all of which
-    are told from the same reads and within the same time.
+    are judged by the same reads and within the same time.
     """
 
     reads: tuple[Read, ...]

@@ -1,143 +1,17 @@
-"""The shape of a family's profile: frozen models into which `family.toml` and its tables are loaded.
+"""The shape of a family's profile: frozen models into which `family.toml` is loaded; its tables: `rows`.
 
-Everything readable in a starter is a `Parameter` row, named by the manual's code (P003, VB01, S1.1.4, R19,
-COIL26). A `Point` gives a row, one of its bits or a test of its value a name that all families share.
+A `Point` gives a row, one of its bits or a test of its value a name that all families share; a `Command` says
+what a verb requires, writes and reads back.
 """
 
 from __future__ import annotations
 
-import enum
 from functools import cached_property
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-RESERVED = "Reserved"  # the label of members and bits that the manuals give no meaning
-
-
-OFF = "off"  # the label of a number that switches something off, and a value that sets it
-
-
-class Model(BaseModel):
-    """What all profile models share: nothing unknown, nothing changes after loading."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Table(enum.StrEnum):
-    """The Modbus table a row lives in [APP 4.3]."""
-
-    HOLDING = "holding"
-    INPUT = "input"
-    COIL = "coil"
-    DISCRETE = "discrete"
-
-    @property
-    def is_bits(self) -> bool:
-        """Return whether its addresses hold a bit each, not a register."""
-        return self in (Table.COIL, Table.DISCRETE)
-
-
-class Type(enum.StrEnum):
-    """How the words of a row are read; 32-bit types and longer are low word first (SSW900 7.2.4)."""
-
-    U16 = "u16"
-    S16 = "s16"
-    U8 = "u8"  # one word, high byte 0 (SSW900, table A.3)
-    LOW_U8 = "low_u8"  # only the low byte carries the value (SST)
-    LOW_S8 = "low_s8"  # two's complement of the low byte (SST register 13)
-    U32 = "u32"
-    S32 = "s32"
-    ENUM = "enum"
-    LOW_ENUM = "low_enum"  # an enum in the low byte (SST)
-    BITS = "bits"
-    BIT = "bit"  # a coil
-    TIME = "time"  # u32 of seconds
-    DATE = "date"
-    IP_ADDRESS = "ip_address"
-    MAC_ADDRESS = "mac_address"
-    STRING = "string"
-    VERSION_LOW = "version_low"  # low byte before the point, high byte after it (SST registers 1-2)
-    VERSION_HIGH = (
-        "version_high"  # high byte before the point, low byte as two digits after it (SST register 7)
-    )
-
-
-class Access(enum.StrEnum):
-    """What the manual allows; only `RW` rows can be set, only verbs write `COMMAND` rows."""
-
-    RO = "ro"
-    RW = "rw"
-    COMMAND = "command"  # moves or stops the motor (VB03, S5.2.5, COIL1): no `set` may name it
-    NONE = "none"  # exists, but cannot be reached over the serial line
-
-
-class Confidence(enum.StrEnum):
-    """How sure the row is; only what the manual's text shows, perhaps repaired, may be written."""
-
-    MANUAL = "manual"
-    REPAIRED = "repaired"  # legible, but not printed intact
-    INFERRED = "inferred"  # not legible: readable, never writable
-    EXTRA = "extra"  # from other public documents: readable, never writable
-
-
-class Preset(Model):
-    """What the manuals print of a row beside its range."""
-
-    factory: int | None = None  # the raw number as delivered; None = not printed
-    off: int | None = None  # the raw number that switches it off
-    full_scale: int | None = Field(default=None, ge=1)  # the raw number of 100 %: read and set in per cent
-    longest: int | None = Field(default=None, ge=1)  # characters of a text
-
-
-class ModelRange(Model):
-    """The raw limits of a row on one model (SST register table); none at all: not used there."""
-
-    model: str  # how the model's name begins, e.g. SST130i-75
-    raw_min: int | None = None
-    raw_max: int | None = None
-
-
-class Parameter(Preset):
-    """One row of a manual's table."""
-
-    code: str  # as printed: P003, VB01, S1.1.4, R41, COIL26
-    name: str
-    table: Table
-    address: int = Field(ge=0, le=0xFFFF)  # on the wire, zero-based
-    words: int = Field(default=1, ge=1, le=16)
-    type: Type
-    decimals: int | None = Field(default=0, ge=0, le=4)  # value = raw / 10**decimals; None = not stated
-    unit: str = ""
-    raw_min: int | None = None
-    raw_max: int | None = None
-    access: Access
-    ranges: tuple[ModelRange, ...] = ()  # where limits differ by model; raw_min, raw_max serve the others
-    enum: str = ""  # key into `Profile.enums`; empty for none; a coil's members say what 0 and 1 mean
-    alias_of: str = ""  # another code that the manual gives the same register
-    confidence: Confidence = Confidence.MANUAL
-    is_stopped_only: bool | None = None  # the manual's property "Stopped"; None = not stated
-    is_rated_scaled: bool = False  # SSW-06 4.4: divided by ten on models of 820 A and up
-    is_configuration: bool = False  # SST 4-6, 30-42: written in configuration mode only
-    note: str = ""
-    source: str = ""
-
-    @property
-    def is_sure(self) -> bool:
-        """Return whether the manual's text shows that the row is there, and where."""
-        return self.confidence in (Confidence.MANUAL, Confidence.REPAIRED)
-
-    @property
-    def is_writable(self) -> bool:
-        """Return whether a `set` may name this row: allowed, surely read, its range known."""
-        is_allowed = self.access is Access.RW and self.is_sure
-        is_number = self.raw_min is not None and self.raw_max is not None
-        return is_allowed and (is_number or self.is_settable_text)
-
-    @property
-    def is_settable_text(self) -> bool:
-        """Return whether it is set by a text: a date, an address, or characters whose number is printed."""
-        return self.type in (Type.DATE, Type.IP_ADDRESS) or bool(self.longest)
+from gateway.families.profile.rows import Access, Alarm, Model, Parameter, Table
 
 
 class Point(Model):
@@ -160,7 +34,7 @@ class Timing(Model):
     write_s: float
     write_per_register_s: float  # FC16, for each written register
     restart_s: float = 0.0  # silence to be expected while the whole device restarts (S6-09)
-    is_stated: bool = True  # False: the manual is silent, the figures are ours
+    is_stated: bool = True  # False: the manual is silent, the numbers are ours
 
 
 class Limits(Model):
@@ -242,14 +116,6 @@ class Output(Model):
     option: int | None = None  # its number for the serial line; None = the manual does not print it
 
 
-class Alarm(Model):
-    """A fault (latched, stops the motor) or an alarm (warns only)."""
-
-    code: str  # lower case, as in the topic, digits as the manual prints them: e28, f005, a128, coil13
-    severity: Literal["fault", "alarm"]
-    text: str
-
-
 class Join(Model):
     """A text that lies over several rows."""
 
@@ -274,7 +140,7 @@ class Rows(Model):
     settings: tuple[str, ...] = ()  # what people set, neither readings nor outputs
     clock: tuple[str, ...] = ()  # settings that go on by themselves
     automatic: tuple[str, ...] = ()  # settings that the gateway or the starter's own program may write
-    volatile: tuple[str, ...] = ()  # not kept in non-volatile memory
+    volatile: tuple[str, ...] = ()  # not stored in non-volatile memory
 
 
 class Timeout(Model):
@@ -300,7 +166,7 @@ class Protected(Model):
     waking: dict[str, str] = {}  # may let a run command act that stands, without choosing its source
     connection: dict[str, str] = {}  # to set one cuts the connection to the starter: refused
     actions: dict[str, str] = {}  # no settings: they load, copy or erase whole sets of parameters: refused
-    password: dict[str, str] = {}  # not needed over the serial line, and not kept: refused
+    password: dict[str, str] = {}  # not needed over the serial line, and not stored: refused
     timeout: Timeout | None = None
 
     def wakes(self, code: str) -> bool:
@@ -334,6 +200,26 @@ class MappedWords(Model):
         return range(self.write, self.write + self.write_words)
 
 
+class HistoryRows(Model):
+    """Rows in which the starter itself says what has happened to it; by code, empty where it has none."""
+
+    fault_history: tuple[str, ...] = ()  # newest first
+    at_fault: tuple[str, ...] = ()  # what it stores of a fault, and what its cause shows in just after it
+    thermal: str = ""  # level of its thermal image of the motor, in its own %; it must be a point too
+    thermal_trip: float = 100.0  # at which it trips
+    cooling: str = ""  # setting: time constant of cooling, min
+    after_stop: str = ""  # setting: pause between a stop and a start, s
+    between_starts: str = ""  # setting: pause between two starts, s
+    hours: str = ""  # its own count of the time in operation, s
+    energy: str = ""  # its own count, kWh
+
+    @property
+    def codes(self) -> tuple[str, ...]:
+        """All rows that are named here."""
+        one = (self.thermal, self.cooling, self.after_stop, self.between_starts, self.hours, self.energy)
+        return (*self.fault_history, *self.at_fault, *(code for code in one if code))
+
+
 class Profile(Model):
     """A family, whole."""
 
@@ -346,6 +232,7 @@ class Profile(Model):
     bauds: tuple[int, ...]  # empty: the manual does not say
     state: State
     rows: Rows = Rows()
+    history: HistoryRows = HistoryRows()
     status_word: str = ""  # code of the status row
     command_word: tuple[str, ...] = ()  # code of the command word per slot (SSW900), one otherwise
     command_bits: CommandBits = CommandBits()  # needed of a word that is written whole, without a mask
@@ -398,6 +285,11 @@ class Profile(Model):
         """The name of the point that is this row, or this bit of it; tests of a row's value are left out."""
         named = ((name, point) for name, point in self.points.items() if point.code and not point.true_when)
         return {(point.code, point.bit): name for name, point in named}
+
+    @cached_property
+    def thermal_point(self) -> str:
+        """The name of the point with the level of the motor's thermal image; empty without one."""
+        return self.points_of.get((self.history.thermal, None), "")
 
     @cached_property
     def alarm_points(self) -> tuple[str, ...]:

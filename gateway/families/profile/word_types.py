@@ -1,9 +1,7 @@
-"""Words on the wire and the whole number they carry: sign, low bytes, low word first.
+"""Words on the wire and what they carry: whole numbers, dates, addresses, texts, versions.
 
-Rows that are no numbers: dates, addresses and strings of the SSW900, names and versions of the SST.
-
-How their bytes lie in the words is not stated (table A.3). The natural reading is tried first, the other byte
-order next; what is plausible in neither is None, and the raw words stand beside it in any case.
+How the bytes of a text lie in its words is not stated (ssw900 table A.3, SST). The natural reading is tried
+first, the other byte order next; what is plausible in neither is None, and the raw words stand beside it.
 """
 
 from __future__ import annotations
@@ -14,7 +12,7 @@ from datetime import datetime, timedelta
 from decimal import Decimal
 from ipaddress import IPv4Address
 
-from gateway.families.profile.schema import Parameter, Type
+from gateway.families.profile.rows import Parameter, Type
 
 _BYTE = (0, 0xFF)
 _WORD = (0, 0xFFFF)

@@ -1,7 +1,4 @@
-"""Few requests that read a given set of rows, and how their answers are taken apart again.
-
-Which rows there are to read, whether one holds a value, and how it is read back.
-"""
+"""Few requests that read a given set of rows, how answers are taken apart, how a row is read back."""
 
 from __future__ import annotations
 
@@ -10,7 +7,8 @@ from dataclasses import replace
 
 from gateway.families.profile.parameters import find, raw_row, read_request, read_run, runs_of
 from gateway.families.profile.procedure import Expect, Read, Seen
-from gateway.families.profile.schema import Access, Parameter, Profile, Table, Type
+from gateway.families.profile.rows import Access, Parameter, Table, Type
+from gateway.families.profile.schema import Profile
 from gateway.families.profile.word_types import shown_within
 
 SET_WITHIN_S = 2.0  # until a written row reads back as written
@@ -26,12 +24,12 @@ def reads_for(profile: Profile, codes: Iterable[str]) -> tuple[Read, ...]:
 
 
 def rows_of_points(profile: Profile, names: Iterable[str]) -> tuple[str, ...]:
-    """Return the codes of the rows from which these points are told."""
+    """Return the codes of the rows from which these points are decoded."""
     codes: dict[str, None] = {}
     for name in names:
         point = profile.points[name]
-        told_from = rows_of_points(profile, point.none_of) if point.none_of else (point.code,)
-        codes.update(dict.fromkeys(told_from))
+        sources = rows_of_points(profile, point.none_of) if point.none_of else (point.code,)
+        codes.update(dict.fromkeys(sources))
     return tuple(codes)
 
 

@@ -1,7 +1,4 @@
-"""Which requests a family's points need: neighbouring rows in one read, within what the family takes.
-
-Which registers are read together: those between which less time is lost than with another request.
-"""
+"""Which registers are read together for a family's points: where a gap costs less than another request."""
 
 from __future__ import annotations
 
@@ -14,7 +11,9 @@ from typing import Any
 
 from gateway.families.profile.decode import is_known
 from gateway.families.profile.parameters import read_run, runs_of
-from gateway.families.profile.schema import Limits, Parameter, Profile, Table, Variant
+from gateway.families.profile.per_profile import ProfileMemo
+from gateway.families.profile.rows import Parameter, Table
+from gateway.families.profile.schema import Limits, Profile, Variant
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
 
@@ -53,6 +52,7 @@ def cheapest_runs(rows: Sequence[Parameter], timing: LineTiming, *, longest: int
 
 
 GROUPS = ("status", "values", "slow")
+_Place = tuple[str | None, frozenset[str], LineTiming | None]  # firmware, rows read in another way, timing
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +79,23 @@ class Block:
         """The first address that is read."""
         return self.rows[0].address
 
+    def rows_in(self, profile: Profile, value: Sequence[Any]) -> dict[str, tuple[int, ...]] | None:
+        """Return the raw words by code from what its request decoded, aliases of its rows included.
+
+        None when the answer shows that it is not of these rows.
+        """
+        found: dict[str, tuple[int, ...]] = {}
+        first = self.address
+        for row in self.rows:
+            offset = row.address - first
+            words = tuple(int(word) for word in value[offset : offset + row.words])
+            for same in profile.rows_at[row.table, row.address]:
+                found[same.code] = words
+        return found
+
+
+_plans: ProfileMemo[_Place, tuple[Block, ...]] = ProfileMemo()
+
 
 def plan_blocks(
     profile: Profile, variant: Variant, *, without: Collection[str] = (), timing: LineTiming | None = None
@@ -86,11 +103,18 @@ def plan_blocks(
     """Return the reads that cover every point of this starter, in the order of `GROUPS`.
 
     Rows `without` which it is planned are read in another way. On a line of this timing reads are joined over
-    registers that nobody wants where those take less time than another request.
+    registers that are not wanted where those take less time than another request.
 
     A row is never cut, and never shares a read with one that the manual does not vouch for: where a single
     unknown register refuses a read, it must not take known ones with it.
     """
+    key = variant.firmware, frozenset(without), timing
+    return _plans.get(profile, key, lambda: _planned(profile, variant, without=key[1], timing=timing))
+
+
+def _planned(
+    profile: Profile, variant: Variant, *, without: frozenset[str], timing: LineTiming | None
+) -> tuple[Block, ...]:
     planned: list[Block] = []
     seen: set[str] = set(without)
     for group in GROUPS:
@@ -108,17 +132,6 @@ def plan_blocks(
 def split(block: Block) -> tuple[Block, ...]:
     """Return one block for each row of a block that was refused; a single row stays as it is."""
     return tuple(_block(block.group, [row]) for row in block.rows)
-
-
-def rows_of(profile: Profile, block: Block, value: Sequence[Any]) -> dict[str, tuple[int, ...]]:
-    """Return the raw words by code from what the block's request decoded, aliases of its rows included."""
-    found: dict[str, tuple[int, ...]] = {}
-    for row in block.rows:
-        offset = row.address - block.address
-        words = tuple(int(word) for word in value[offset : offset + row.words])
-        for same in profile.rows_at[row.table, row.address]:
-            found[same.code] = words
-    return found
 
 
 def _block(group: str, rows: Sequence[Parameter]) -> Block:

@@ -1,6 +1,6 @@
 """Whether a line keeps its units from their watchdogs: the one rule for `check`, `set` and reload; pure.
 
-A watchdog is kept when the longest time between two requests to its unit with commands under way, as
+A watchdog is met when the longest time between two requests to its unit with commands under way, as
 `forecast` promises it, is not longer than the watchdog's time.
 """
 
@@ -80,16 +80,16 @@ def shortest_limit_s(
 ) -> float | None:
     """Return the shortest watchdog in whole seconds that a unit may be given; None when it is none at all."""
 
-    def is_kept(limit_s: int) -> bool:
+    def is_met(limit_s: int) -> bool:
         after_s = {**before_s, unit: float(limit_s)}
         return not newly_missed(polls, timing, allowance_s=allowance_s, before_s=before_s, after_s=after_s)
 
     low, high = 0, LONGEST_LIMIT_S
-    if not is_kept(high):
+    if not is_met(high):
         return None
     while high - low > 1:
         middle = (low + high) // 2
-        low, high = (low, middle) if is_kept(middle) else (middle, high)
+        low, high = (low, middle) if is_met(middle) else (middle, high)
     return float(high)
 
 

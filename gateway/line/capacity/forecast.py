@@ -18,8 +18,8 @@ from math import ceil, inf
 
 from gateway.line.capacity.demand import Demand
 from gateway.line.rtu.timeouts import ALLOWANCE_S, longest_s, reply_within_s, request_wire_s
-from gateway.line.scheduler.job_queue import JOBS_BURST_S, JOBS_SHARE
-from gateway.line.scheduler.load import FREE_PERIOD_S, overload_factor, period_of
+from gateway.line.scheduler.job_queue import JOBS_BURST_S
+from gateway.line.scheduler.line_time import FREE_PERIOD_S, JOBS_SHARE, overload_factor, period_of
 from gateway.line.scheduler.requests import Poll
 from gateway.line.scheduler.scheduler import IN_ROW
 from gateway.line.scheduler.watchdogs import ASKED_AFTER
@@ -67,21 +67,22 @@ def forecast(
     late_s = [_cost_s(poll, timing, allowance_s=allowance_s) for poll in polls]
     longest = worst_stop_latency_s(polls, timing, allowance_s=allowance_s)
     periods_s = _periods_s(polls, costs_s)
-    dogs = _watchdogs(polls, late_s)
-    demand = Demand((cost_s + longest / IN_ROW, asked_s) for cost_s, asked_s in dogs.values())
-    in_flood_s = _in_flood_s(polls, late_s, dogs.values(), longest)
+    ages_s = _ages_s(polls, late_s, periods_s)
+    watchdogs = _watchdogs(polls, late_s)
+    demand = Demand((cost_s + longest / IN_ROW, asked_s) for cost_s, asked_s in watchdogs.values())
+    in_flood_s = _in_flood_s(polls, late_s, watchdogs.values(), longest)
     return Forecast(
         load=sum(cost_s / poll.every_s for cost_s, poll in zip(costs_s, polls, strict=True) if poll.every_s),
         sweep_s=sum(costs_s),
-        stop_latency_s=worst_stop_latency_s((*polls, *jobs), timing, allowance_s=allowance_s),
+        stop_latency_s=max(longest, worst_stop_latency_s(jobs, timing, allowance_s=allowance_s)),
         polls=tuple(
-            PollForecast(poll, cost_s, period_s, period_s + sum(late_s))
-            for poll, cost_s, period_s in zip(polls, costs_s, periods_s, strict=True)
+            PollForecast(poll, cost_s, period_s, age_s)
+            for poll, cost_s, period_s, age_s in zip(polls, costs_s, periods_s, ages_s, strict=True)
         ),
         watchdog_load=demand.load,
         watchdog_gaps_s={
             unit: min(asked_s + longest + demand.response_s(asked_s), in_flood_s[unit])
-            for unit, (_, asked_s) in dogs.items()
+            for unit, (_, asked_s) in watchdogs.items()
         },
     )
 
@@ -99,10 +100,14 @@ def worst_stop_latency_s(
 
     It waits for the one transaction that is on the wire, in its longest form.
     """
-    waits_s = (
-        longest_s(request, timing, response_time_s=poll.response_time_s, allowance_s=allowance_s)
+    forms = {  # most starters of a line are asked alike
+        (request, poll.response_time_s)
         for poll in polls
         for request in (poll.request, *(other for other, _ in poll.alternates_of(poll.request)))
+    }
+    waits_s = (
+        longest_s(request, timing, response_time_s=response_time_s, allowance_s=allowance_s)
+        for request, response_time_s in forms
     )
     return max(waits_s, default=0.0) + timing.silence_s
 
@@ -135,7 +140,7 @@ def _watchdogs(polls: Sequence[Poll], costs_s: Sequence[float]) -> dict[int, tup
 
 
 def _in_flood_s(
-    polls: Sequence[Poll], costs_s: Sequence[float], dogs: Iterable[tuple[float, float]], longest: float
+    polls: Sequence[Poll], costs_s: Sequence[float], watchdogs: Iterable[tuple[float, float]], longest: float
 ) -> dict[int, float]:
     """Return by unit the longest time between two requests by its fastest poll while jobs take all they may.
 
@@ -143,22 +148,46 @@ def _in_flood_s(
     become due meanwhile, and everything else once.
     """
     factor = overload_factor(_load(polls, costs_s), others=JOBS_SHARE)
-    urgent = list(dogs)
-    once_s = 2 * longest + JOBS_BURST_S + sum(costs_s)
-    wait_s = 0.0
-    while wait_s < _ENDLESS_S:
-        dogs_s = sum(cost_s * ceil(wait_s / asked_s + 1.0) for cost_s, asked_s in urgent)
-        longer_s = once_s + dogs_s + JOBS_SHARE * wait_s
-        if longer_s - wait_s < 1e-6:
-            break
-        wait_s = longer_s
-    else:
-        wait_s = inf
+    urgent = list(watchdogs)
+    once_s = 2 * longest + JOBS_BURST_S + sum(costs_s) + sum(cost_s for cost_s, _ in urgent)
+    wait_s = _lasts_s(once_s, urgent, share=JOBS_SHARE)
     gaps_s: dict[int, float] = {}
     for poll in polls:
         gap_s = period_of(poll.every_s) * factor + wait_s
         gaps_s[poll.unit] = min(gap_s, gaps_s.get(poll.unit, inf))
     return gaps_s
+
+
+def _ages_s(polls: Sequence[Poll], costs_s: Sequence[float], periods_s: Sequence[float]) -> list[float]:
+    """Return the age that each poll's values reach: everything else goes first once.
+
+    A poll without a period goes when no other is due: those may have been asked several times by then.
+    """
+    once_s = sum(costs_s)
+    regular = [(cost_s, poll.every_s) for cost_s, poll in zip(costs_s, polls, strict=True) if poll.every_s]
+    free_s = once_s - sum(cost_s for cost_s, _ in regular)
+    factor = overload_factor(_load(polls, costs_s))
+    ages_s = []
+    for poll, cost_s, period_s in zip(polls, costs_s, periods_s, strict=True):
+        age_s = period_s + once_s
+        if not poll.every_s:
+            due_s = FREE_PERIOD_S * factor + once_s
+            age_s = max(age_s, min(_lasts_s(cost_s + free_s, regular) - cost_s, due_s))
+        ages_s.append(age_s)
+    return ages_s
+
+
+def _lasts_s(once_s: float, asked: Sequence[tuple[float, float]], *, share: float = 0.0) -> float:
+    """Return how long work lasts while requests (cost, period) and a share of the time go first."""
+    time_s = 0.0
+    while time_s < _ENDLESS_S:
+        longer_s = (
+            once_s + share * time_s + sum(cost_s * ceil(time_s / period_s) for cost_s, period_s in asked)
+        )
+        if longer_s - time_s < 1e-6:
+            return time_s
+        time_s = longer_s
+    return inf
 
 
 def _load(polls: Sequence[Poll], costs_s: Sequence[float]) -> float:

@@ -1,8 +1,8 @@
-"""How long a unit hears nothing when the gateway crashes or hangs, from numbers alone.
+"""How long a unit receives nothing when the gateway crashes or hangs, from numbers alone.
 
 Units with a watchdog of their own stop their motors when no valid request comes for too long. The gap after a
 failure is: what had passed since the last request, until the failure is noticed, until the program runs
-again, and until the unit's turn comes in the first round.
+again, and until the unit's slot comes in the first round.
 """
 
 from __future__ import annotations

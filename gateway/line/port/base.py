@@ -46,7 +46,7 @@ class PortOpener(Protocol):
         ...
 
     async def __call__(self) -> Port:
-        """Open the port; raise PortError with the reason and the mend when it cannot be had."""
+        """Open the port; raise PortError with the reason and a hint when it cannot be opened."""
         ...
 
 
@@ -73,5 +73,5 @@ class ClosesLate(Protocol):
     """An opener whose port is not quite closed when `close` returns, and cannot be opened by others yet."""
 
     async def wait_closed(self) -> None:
-        """Return once the port that was opened last is closed; it must have been told to."""
+        """Return once the port that was opened last is closed; `close` must have been called."""
         ...

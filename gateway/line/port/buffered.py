@@ -1,7 +1,4 @@
-"""Ports that are open: bytes that wait for their reader, waits that end on time.
-
-How early a wait must be woken on this machine, so that it ends on time.
-"""
+"""Ports that are open: bytes that wait for their reader, waits that end on time (`EarlyWakeUp`)."""
 
 from __future__ import annotations
 
@@ -11,6 +8,7 @@ from math import inf
 from typing import cast
 
 from gateway.errors import PortLostError
+from gateway.line.port.event_loop import PreciseLoop
 
 FIRST_S, LEAST_S, MOST_S = 0.0001, 0.00005, 0.0004
 
@@ -24,32 +22,32 @@ class EarlyWakeUp:
         self.seconds = FIRST_S
 
     def learn(self, left_s: float) -> None:
-        """Take over how much time was left when all was ready, negative when it was too late."""
+        """Record how much time was left when all was ready, negative when it was too late."""
         if left_s < 0.0:
             self.seconds = min(self.seconds + _EARLIER_S, MOST_S)
         else:
             self.seconds = max(self.seconds - _LATER_S, LEAST_S)
 
 
-KEPT_BYTES = 4096  # unread; more than the longest frame many times over
+UNREAD_BYTES = 4096  # stored at most; more than the longest frame many times over
 CLOSED_BY_OTHER = "lost: closed by the other side"
 
 _AT_ONCE_S = 0.00004
 
 
 class OpenPort(asyncio.Protocol, abc.ABC):
-    """A Port that is fed by an asyncio transport."""
+    """A Port that is fed by an asyncio transport, on a PreciseLoop."""
 
     def __init__(self, name: str) -> None:
         self._name = name
-        self._loop = asyncio.get_running_loop()
+        self._loop = cast(PreciseLoop, asyncio.get_running_loop())
         self._time = self._loop.time
         self._transport: asyncio.Transport | None = None
         self._received = bytearray()
-        self._wanted = 1  # bytes for which whoever reads is woken
+        self._wanted = 1  # bytes for which the reader is woken
         self.last_byte_s = -inf  # when the latest were handed over: never before they arrived
         self._waiter: asyncio.Future[None] | None = None
-        self._lead = EarlyWakeUp()  # a read ends so long before its time: waking up and writing take as long
+        self._early = EarlyWakeUp()  # a read ends so long before its time: waking up and writing take as long
         self._was_woken = False  # the latest read, by the time
         self._hold_s = -inf  # until then nothing is written
         self._lost: str | None = None  # the reason
@@ -70,18 +68,19 @@ class OpenPort(asyncio.Protocol, abc.ABC):
                 if not self._received:
                     raise PortLostError(self._name, self._lost)
                 break
-            if until_s - self._time() <= self._lead.seconds:
+            if until_s - self._time() <= self._early.seconds:
                 self._look_once()
                 self._hold_s = until_s
                 break
             self._wanted = count
             self._waiter = asyncio.Future(loop=self._loop)
-            self._await_rest()
-            timer = self._loop.call_at(until_s - self._lead.seconds, self._wake)
+            if count > 1:
+                self._await_rest()
+            self._loop.alarms[self._wake] = until_s - self._early.seconds
             try:
                 await self._waiter
             finally:
-                timer.cancel()
+                self._loop.alarms.pop(self._wake, None)
                 self._waiter = None
                 self._wanted = 1
             self._was_woken = len(self._received) < count and self._lost is None
@@ -110,7 +109,7 @@ class OpenPort(asyncio.Protocol, abc.ABC):
             self._transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Hear that the port is gone; asyncio calls this, right before it closes the descriptor."""
+        """Note that the port is gone; asyncio calls this, right before it closes the descriptor."""
         self._lost = self._lost or (f"lost: {exc}" if exc else CLOSED_BY_OTHER)
         self._loop.call_soon(self._wake)  # not from within the transport's own end
         self._loop.call_soon(self._closed.set)
@@ -121,13 +120,13 @@ class OpenPort(asyncio.Protocol, abc.ABC):
         # What is here was here when we asked, unless that took us so long that more can have come meanwhile.
         self.last_byte_s = asked_s if now_s - asked_s < _AT_ONCE_S else now_s
         self._received += data
-        del self._received[:-KEPT_BYTES]
+        del self._received[:-UNREAD_BYTES]
 
     def hold(self) -> None:
         """Wait for the end of a read that ended early without letting go: no sleep ends as exactly."""
         time, until_s = self._time, self._hold_s
         if self._was_woken:
-            self._lead.learn(until_s - time())
+            self._early.learn(until_s - time())
             self._was_woken = False
         while time() < until_s:
             pass

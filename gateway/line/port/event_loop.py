@@ -1,4 +1,4 @@
-"""A selector for the lines' loop: exact waits, and it knows how late the loop is.
+"""A selector for the lines' loop: exact waits, alarms without a round of the loop; it knows how late that is.
 
 select() takes its timeout in microseconds where epoll takes whole milliseconds.
 """
@@ -13,6 +13,7 @@ from collections.abc import Callable
 from typing import Any
 
 DESCRIPTOR_LIMIT = 1024  # FD_SETSIZE
+HELD_UP_S = 0.001  # an alarm that is so late waits for one more look at what can be read
 
 NoteDelay = Callable[[float, float], None]  # so many seconds too late, and when that was
 
@@ -24,6 +25,7 @@ class PreciseSelector(selectors.SelectSelector):
         super().__init__()
         self._note_delay = note_delay
         self._quick: dict[int, Callable[[], None]] = {}  # by descriptor: called here, not by the loop
+        self.alarms: dict[Callable[[], None], float] = {}  # what is called here as soon as it is time
         self._returned_s = math.inf
 
     def register(self, fileobj: Any, events: int, data: Any = None) -> selectors.SelectorKey:
@@ -45,8 +47,11 @@ class PreciseSelector(selectors.SelectSelector):
         return key
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        """Return what is ready, as every selector does, but for the quick readers, which are called."""
+        """Return what is ready, as every selector does; quick readers and alarms are called."""
         asked_s = time.monotonic()
+        alarms = self.alarms
+        for due_s in alarms.values():  # one for each line at most
+            timeout = due_s - asked_s if timeout is None else min(timeout, due_s - asked_s)
         found = super().select(timeout)
         now_s = time.monotonic()
         if self._note_delay is not None:
@@ -59,6 +64,12 @@ class PreciseSelector(selectors.SelectSelector):
                 ready.append((key, events))
             else:
                 call()
+        for alarm, due_s in tuple(alarms.items()):
+            # Then what came meanwhile is read first.
+            is_held_up = now_s - due_s > HELD_UP_S and due_s > asked_s
+            if due_s <= now_s and not is_held_up:
+                del alarms[alarm]
+                alarm()
         self._returned_s = now_s
         return ready
 
@@ -70,6 +81,7 @@ class PreciseLoop(asyncio.SelectorEventLoop):
 
     def __init__(self, note_delay: NoteDelay | None = None) -> None:
         self._precise = PreciseSelector(note_delay)
+        self.alarms = self._precise.alarms  # by what is to be called: when; what it wakes goes on at once
         super().__init__(self._precise)
 
     def add_quick_reader(self, number: int, call: Callable[[], None]) -> None:
@@ -84,6 +96,6 @@ class PreciseLoop(asyncio.SelectorEventLoop):
 def new_precise_loop(note_delay: NoteDelay | None = None) -> PreciseLoop:
     """Return an event loop with exact timers for the calling thread.
 
-    `note_delay` is told after each wait how long what ran before it took, or how late it ended.
+    `note_delay` is called after each wait: how long what ran before it took, or how late it ended.
     """
     return PreciseLoop(note_delay)

@@ -16,11 +16,8 @@ import contextlib
 import errno
 import fcntl
 import os
-import socket
 import stat
-import struct
 import termios
-from urllib.parse import urlsplit
 
 import serial
 import serial_asyncio
@@ -28,33 +25,16 @@ import serial_asyncio
 from gateway.errors import PortError
 from gateway.line.port.base import Port
 from gateway.line.port.buffered import OpenPort
-from gateway.line.port.tcp import SocketPort
+from gateway.line.port.tcp import connect
 from gateway.line.port.tty import TtyPort
 from gateway.modbus.timing import Framing, LineTiming
 
-OPEN_LIMIT_S = 5.0  # for the driver to open a tty, or the other side to accept a connection
+OPEN_LIMIT_S = 5.0  # for the driver
 
 _PSEUDO_TERMINALS = range(136, 144)  # majors of /dev/pts/* [Linux devices.txt]
 _SELECT_LIMIT = 1024  # FD_SETSIZE
-SOCKET_SCHEME = "socket"
 _PARITIES = {"N": serial.PARITY_NONE, "E": serial.PARITY_EVEN, "O": serial.PARITY_ODD}
 _STOP_BITS = {1: serial.STOPBITS_ONE, 2: serial.STOPBITS_TWO}
-_KEEP_ALIVE = (  # a serial server that was switched off is noticed within about 30 s
-    (socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1),
-    (socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 10),
-    (socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, 5),
-    (socket.IPPROTO_TCP, socket.TCP_KEEPCNT, 4),
-)
-# What a closed connection still holds is dropped (RST), and what the other side's kernel has not acknowledged
-# after so long is too [tcp(7)]: no frame is to arrive when it has long been given up.
-_NO_LINGER = struct.pack("ii", 1, 0)
-_UNACKNOWLEDGED_MS = 2000
-_NOTHING_LATE: tuple[tuple[int, int, int | bytes], ...] = (
-    (socket.SOL_SOCKET, socket.SO_LINGER, _NO_LINGER),
-    (socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _UNACKNOWLEDGED_MS),
-    (socket.IPPROTO_TCP, socket.TCP_NODELAY, 1),
-)
-_OPTIONS = (*_KEEP_ALIVE, *_NOTHING_LATE)
 _NO_SUCH_PORT = ("no such port", "plug the adapter in, or correct the name: see /dev/serial/by-id")
 _NOT_PERMITTED = ("not permitted", "add the user to group dialout")
 _BUSY = ("busy", "another program holds it: stop that one")
@@ -91,9 +71,9 @@ class SerialOpener:
         return None if self._latest is None else self._latest.uart_errors()
 
     async def __call__(self) -> Port:
-        """Open the port, once the one opened before is closed; PortError tells the reason and the mend."""
+        """Open the port, once the one opened before is closed; PortError has the reason and a hint."""
         await self.wait_closed()
-        self._latest = await (self._connect() if "://" in self._name else self._open_tty())
+        self._latest = await (connect(self._name) if "://" in self._name else self._open_tty())
         return self._latest
 
     async def wait_closed(self) -> None:
@@ -147,25 +127,9 @@ class SerialOpener:
             device.set_low_latency_mode(True)
         return device
 
-    async def _connect(self) -> OpenPort:
-        host, number = socket_address(self._name)
-        port = SocketPort(self._name)
-        loop = asyncio.get_running_loop()
-        try:
-            async with asyncio.timeout(OPEN_LIMIT_S):
-                transport, _ = await loop.create_connection(lambda: port, host, number)
-        except TimeoutError as error:
-            raise PortError(self._name, f"no connection within {OPEN_LIMIT_S:g} s") from error
-        except OSError as error:
-            raise PortError(self._name, error.strerror or str(error), "is the serial server on?") from error
-        connection = transport.get_extra_info("socket")
-        for level, option, setting in _OPTIONS:
-            connection.setsockopt(level, option, setting)
-        return port
-
 
 def port_error(name: str, error: BaseException) -> PortError:
-    """Return the error that tells in a user's words why a port did not open, and the mend."""
+    """Return the error that says in a user's words why a port did not open, with a hint."""
     number = _errno_of(error)
     if number in _HINTS:
         return PortError(name, *_HINTS[number])
@@ -173,7 +137,7 @@ def port_error(name: str, error: BaseException) -> PortError:
 
 
 def _close_late(opening: asyncio.Future[serial.Serial]) -> None:
-    """Close a tty that opened when nobody waited for it any more."""
+    """Close a tty that opened after the wait for it had ended."""
     if not opening.cancelled() and opening.exception() is None:
         opening.result().close()
 
@@ -185,16 +149,3 @@ def _errno_of(error: BaseException | None) -> int | None:
             return error.args[0]
         error = error.__context__
     return None
-
-
-def socket_address(name: str) -> tuple[str, int]:
-    """Return host and port of socket://host:port; PortError for anything else."""
-    wrong = PortError(name, "not an address", "write socket://host:port")
-    try:
-        url = urlsplit(name)
-        host, number = url.hostname, url.port
-    except ValueError as error:
-        raise wrong from error
-    if url.scheme != SOCKET_SCHEME or not host or not number:
-        raise wrong
-    return host, number

@@ -1,9 +1,10 @@
 """An open tty: bytes taken with as few wake-ups as possible.
 
-What pyserial-asyncio 0.6 leaves open is closed here: it reads through select() and writes a loop's turn late,
-so bytes go to and from the descriptor directly; its graceful close may never end, so ports are aborted.
+What pyserial-asyncio 0.6 leaves open is closed here: it reads through select() and writes one round of the
+loop late, so bytes go to and from the descriptor directly; its graceful close may never end, so ports are
+aborted.
 
-What the UART itself has counted: it tells a bad line from a mute starter. Not every driver counts.
+`uart_errors` are the UART's own counts, by which a bad line differs from a mute starter.
 """
 
 from __future__ import annotations
@@ -21,7 +22,6 @@ import serial
 
 from gateway.errors import PortLostError
 from gateway.line.port.buffered import CLOSED_BY_OTHER, OpenPort
-from gateway.line.port.event_loop import PreciseLoop
 
 _TIOCGICOUNT = 0x545D  # [linux/asm-generic/ioctls.h]
 _ICOUNTER = struct.Struct("20i")  # struct serial_icounter_struct [linux/serial.h]: 11 counters, 9 reserved
@@ -61,18 +61,18 @@ class TtyPort(OpenPort):
         self._device = device
         self._fd = device.fileno()
         self._character_s = character_s
-        self._is_watched = False  # the loop tells each arrival
+        self._is_watched = False  # the loop reports each arrival
         self._look_timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Take the transport; asyncio calls this, and gives it the descriptor right afterwards."""
         super().connection_made(transport)
         if self._lost is None:
-            with contextlib.suppress(termios.error):  # gone already: the first read will tell
+            with contextlib.suppress(termios.error):  # gone already: the first read will show it
                 attributes = termios.tcgetattr(self._fd)
                 attributes[6][termios.VMIN] = 1  # or an empty read could mean both "nothing yet" and "gone"
                 termios.tcsetattr(self._fd, termios.TCSANOW, attributes)
-            self._loop.call_soon(self._take_over)
+            self._loop.call_soon(self._replace_reader)
 
     def write(self, frame: bytes) -> None:
         """Hand one whole frame to the wire; raise PortLostError when the port is gone or stuck."""
@@ -98,7 +98,7 @@ class TtyPort(OpenPort):
         super().close()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Hear that the tty is gone; asyncio calls this."""
+        """Note that the tty is gone; asyncio calls this."""
         self._look_away()
         super().connection_lost(exc)
 
@@ -106,7 +106,7 @@ class TtyPort(OpenPort):
         """Return what the UART has counted; None where its driver does not."""
         return uart_errors(self._fd) if self._lost is None else None
 
-    def _take_over(self) -> None:
+    def _replace_reader(self) -> None:
         """Read in the transport's place."""
         if self._lost is None:
             cast(asyncio.Transport, self._transport).pause_reading()
@@ -159,10 +159,7 @@ class TtyPort(OpenPort):
 
     def _watch(self) -> None:
         self._look_timer = None
-        if isinstance(self._loop, PreciseLoop):
-            self._loop.add_quick_reader(self._fd, self._on_readable)
-        else:
-            self._loop.add_reader(self._fd, self._on_readable)
+        self._loop.add_quick_reader(self._fd, self._on_readable)
         self._is_watched = True
 
     def _look_away(self) -> None:
@@ -171,7 +168,4 @@ class TtyPort(OpenPort):
             self._look_timer = None
         if self._is_watched:
             self._is_watched = False
-            if isinstance(self._loop, PreciseLoop):
-                self._loop.remove_quick_reader(self._fd)
-            else:
-                self._loop.remove_reader(self._fd)
+            self._loop.remove_quick_reader(self._fd)

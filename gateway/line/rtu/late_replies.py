@@ -9,7 +9,8 @@ Invariants
  1. What a unit did not answer in time it *owes*: until it comes late, or `LATE_S` have passed.
  2. For `COPY_S` after a reply its copy may begin: nothing is asked in that shape meanwhile, and nothing of
     its function after a refusal. Only on a calm line the same read may follow at once: a copy says what was
-    so a moment before.
+    so a moment before. The answer that it was taken for may come itself: for `LATE_S` no other frame of that
+    shape ends what is owed.
  3. A line is *disturbed* for `DISTURBED_S` after anything late, doubled or foreign. Two readings in a row
     that decide something have different shapes meanwhile, where another is free: so the rule that a change
     is an event after two equal readings (`telemetry/transitions.py`) nearly always means two of different
@@ -19,8 +20,9 @@ Invariants
     *orderly*: there an answer ends what its unit owed before. One reply that comes out of order makes the
     line strict again, for `STRICT_S`.
  5. A write is never held back. Where an equal reply is owed its acknowledgement is not believed: the read-
-    back decides. A refusal shows its function only: it is not believed while the unit owes a reply to that
-    function, and what it refused is asked again after that.
+    back decides. What is known is since when such a write was acknowledged, enough for one that is repeated.
+    A refusal shows its function only: it is not believed while the unit owes a reply to that function, and
+    what it refused is asked again after that.
  6. Identification replies (FC43) name what they answer: they are always believed.
  7. What is owed outlives the port: a serial server may deliver it to the next connection.
 
@@ -38,6 +40,7 @@ Precedence of the forms of a read
 from __future__ import annotations
 
 import enum
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
@@ -64,10 +67,11 @@ _ADDRESSED_SIZE = 3  # function and address
 _COUNTED_SIZE = 2  # function and byte count
 
 Shape = bytes
+_NO_SHAPES: set[Shape] = set()
 
 
 def shape_of(pdu: bytes) -> Shape:
-    """Return what of a reply tells it from others of its unit."""
+    """Return what of a reply distinguishes it from others of its unit."""
     function = pdu[0]
     if function in _NAMED:
         return pdu
@@ -106,6 +110,7 @@ class _Debt:
     shape: Shape
     asked_s: float
     likely_until_s: float
+    asked: Request | None = None
     is_passed: bool = False  # its unit has answered a later request
     is_lost: bool = False  # so far
 
@@ -115,11 +120,8 @@ class _Copy(NamedTuple):
 
     until_s: float
     pdu: bytes
+    shape: Shape
     request: Request | None  # that it answers; None: not known
-
-    @property
-    def shape(self) -> Shape:
-        return shape_of(self.pdu)
 
 
 @dataclass(slots=True)
@@ -135,7 +137,12 @@ class LateReplies:
     """What the units of one line may still send; times in seconds on the line's clock."""
 
     def __init__(self) -> None:
+        self.came_late: Counter[int] = Counter()  # replies by unit, since the start
+        self.just_came: list[
+            int
+        ] = []  # units that owed something, of whom a frame came; the reader clears it
         self._debts: dict[int, list[_Debt]] = {}  # by unit, the oldest first
+        self._copied_s: dict[tuple[int, Shape], float] = {}  # when the latest answer came that may be a copy
         self._copies: dict[int, list[_Copy]] = {}  # by unit: of its latest replies
         self._refused: set[tuple[int, Request]] = set()  # as it seemed
         self._latest: dict[tuple[int, Request], Shape] = {}  # of the answers on a disturbed line
@@ -166,14 +173,24 @@ class LateReplies:
         """Return whether anyone owes anything."""
         return any(self._owed(unit, now_s) for unit in list(self._debts))
 
-    def may_be_older(self, unit: int, request: Request, shape: Shape, now_s: float) -> bool:
-        """Return whether the acknowledgement of a write sent now may be that of an earlier one."""
-        is_owed = any(debt.shape == shape for debt in self._believed(unit, now_s))
-        return is_owed or self._is_near(unit, shape, request, now_s)
+    def acknowledges_since_s(self, unit: int, request: Request, shape: Shape, now_s: float) -> float:
+        """Return how long ago the write may have been sent that the next acknowledgement of one is for.
 
-    def is_refusal_sure(self, unit: int, function: int, now_s: float) -> bool:
-        """Return whether a refusal can only be the answer to what was asked last."""
-        return all(debt.shape[0] != function for debt in self._believed(unit, now_s))
+        That of the oldest whose own is owed; `now_s` where it can only be the one sent now.
+        """
+        if shape in self._near(unit, request, now_s)[1]:
+            return -inf
+        owed_s = [debt.asked_s for debt in self._believed(unit, now_s) if debt.shape == shape]
+        return min(owed_s, default=now_s)
+
+    def is_refusal_sure(
+        self, unit: int, function: int, now_s: float, *, literal: Request | None = None
+    ) -> bool:
+        """Return whether a refusal can only be the answer to what was asked last, or to `literal` before."""
+        return all(
+            debt.shape[0] != function or (literal is not None and debt.asked == literal)
+            for debt in self._believed(unit, now_s)
+        )
 
     def choose(
         self,
@@ -184,21 +201,25 @@ class LateReplies:
         *,
         is_decisive: bool = True,
         is_patient: bool = False,
+        is_literal: bool = False,
     ) -> Choice | None:
         """Return which form of a read may be sent; None while there is none. The first is the request itself.
 
-        What `is_patient` rests after a series, as polls do and commands do not.
+        What `is_patient` rests after a series, as polls do and commands do not. What `is_literal` is asked
+        again at once after a refusal in doubt: who asks it knows what several of them say.
         """
         owed = self._owed(unit, now_s)
         if asked.function == Function.ENCAPSULATED:
             return Choice(0)
         is_varied = is_decisive and len(shapes) > 1 and self.is_disturbed(now_s)
-        if self._is_refused(unit, asked, now_s) or self._is_near(unit, _refusal(asked), None, now_s):
+        near, near_asked = self._near(unit, asked, now_s)
+        is_refused = not is_literal and self._is_refused(unit, asked, now_s)
+        if is_refused or _refusal(asked) in near:
             return None
         latest = self._latest.get((unit, asked)) if is_varied else None
         is_last = not is_decisive and owed and not self.is_orderly(now_s)  # others need its own shape
         order = (*range(1, len(shapes)), 0) if is_last else range(len(shapes))
-        calm = [at for at in order if not self._is_near(unit, shapes[at], None if at else asked, now_s)]
+        calm = [at for at in order if shapes[at] not in (near if at else near_asked)]
         since_s = now_s - LOST_AFTER_S if self.is_orderly(now_s) else -inf
         newest_s = {debt.shape: debt.asked_s for debt in owed if debt.asked_s > since_s or not debt.is_passed}
         free = [at for at in order if shapes[at] not in newest_s]
@@ -228,27 +249,43 @@ class LateReplies:
 
     def note_sent(self, unit: int, asked: Request, shape: Shape) -> None:
         """Record a request: of the answers to a series in its shape, one may now be its own."""
-        self._end_series(unit, shape, but=asked)
+        if self._series:
+            self._end_series(unit, shape, but=asked)
 
     def note_answer(
-        self, unit: int, request: Request, asked: Request, pdu: bytes, at_s: float, *, is_sure: bool = True
+        self,
+        unit: int,
+        request: Request,
+        asked: Request,
+        pdu: bytes,
+        at_s: float,
+        *,
+        began_s: float = inf,
+        is_sure: bool = True,
     ) -> None:
         """Record the reply to the latest request, a form of `asked`; an answer in a series is not sure."""
-        self._add_copy(unit, _Copy(at_s + COPY_S, pdu, request))
+        if self._add_copy(unit, pdu, at_s, began_s=began_s, request=request):
+            self._copied_s[unit, shape_of(pdu)] = at_s
         if is_sure:
             for debt in self._debts.get(unit, ()):
                 debt.is_passed = True
             self._note_latest(unit, asked, shape_of(pdu), at_s)
 
-    def note_unanswered(self, unit: int, shape: Shape, asked_s: float, now_s: float) -> None:
+    def note_unanswered(
+        self, unit: int, shape: Shape, asked_s: float, now_s: float, asked: Request | None = None
+    ) -> None:
         """Record that the reply to a request was not in time."""
-        debt = _Debt(shape, asked_s, asked_s + LIKELY * (now_s - asked_s))
+        debt = _Debt(shape, asked_s, asked_s + LIKELY * (now_s - asked_s), asked)
         self._debts.setdefault(unit, []).append(debt)
         self._end_series(unit, shape)
 
     def note_refusal_doubted(self, unit: int, asked: Request) -> None:
         """Record that an exception came which may answer an earlier request."""
         self._refused.add((unit, asked))
+
+    def retry_refused(self, unit: int) -> None:
+        """Ask again at once what a unit seemed to refuse: another device answers there now."""
+        self._refused = {each for each in self._refused if each[0] != unit}
 
     def note_stray(
         self, unit: int, pdu: bytes, *, began_s: float, at_s: float, awaited: Shape | None = None
@@ -258,21 +295,24 @@ class LateReplies:
         It began at `began_s` or later. A refusal may be the answer after all: it says nothing about the line.
         """
         shape = shape_of(pdu)
+        if unit in self._debts:
+            self.just_came.append(unit)
         if awaited is not None and pdu[0] == awaited[0] | EXCEPTION_BIT:
-            self._add_copy(unit, _Copy(at_s + COPY_S, pdu, None))
+            self._add_copy(unit, pdu, at_s, began_s=began_s)
             return
         self._disturbed_until_s = at_s + DISTURBED_S
-        may_be_copy = any(each.pdu == pdu and each.until_s >= began_s for each in self._copies.get(unit, ()))
-        self._add_copy(unit, _Copy(at_s + COPY_S, pdu, None))
-        if may_be_copy:
+        if self._add_copy(unit, pdu, at_s, began_s=began_s):
             return
         debts = self._debts.get(unit, [])
-        if pdu[0] & EXCEPTION_BIT:
+        if at_s < self._copied_s.get((unit, shape), -inf) + LATE_S:
+            came = None  # or what that copy was taken for
+        elif pdu[0] & EXCEPTION_BIT:
             possible = [debt for debt in debts if debt.shape[0] == pdu[0] & ~EXCEPTION_BIT]
             came = possible[0] if len(possible) == 1 else None
         else:
             came = next((debt for debt in debts if debt.shape == shape != awaited), None)
         if came is not None:
+            self.came_late[unit] += 1
             debts.remove(came)
             if not debts:
                 del self._debts[unit]
@@ -298,8 +338,11 @@ class LateReplies:
         return Agreed.YES
 
     def forget(self, unit: int) -> None:
-        """Drop what was noted of a unit's refusals: it is another one now. What it owes may still come."""
-        self._refused = {each for each in self._refused if each[0] != unit}
+        """Drop what was noted of a unit's requests: it is another one now. What it owes may still come."""
+        self.retry_refused(unit)
+        self._latest = {key: shape for key, shape in self._latest.items() if key[0] != unit}
+        self._series = {key: series for key, series in self._series.items() if key[0] != unit}
+        self._rests = {key: until_s for key, until_s in self._rests.items() if key[0] != unit}
 
     def _note_latest(self, unit: int, asked: Request, shape: Shape, at_s: float) -> None:
         """Record the shape of a reading that counts: a series under way keeps its own."""
@@ -346,18 +389,15 @@ class LateReplies:
         owed = self._owed(unit, now_s)
         return [debt for debt in owed if not debt.is_passed] if self.is_orderly(now_s) else owed
 
-    def _is_near(self, unit: int, shape: Shape, request: Request | None, now_s: float) -> bool:
-        """Return whether a copy may still begin that would pass for the reply of this shape to a request."""
-        copies = self._copies.get(unit)
-        if copies is None:
-            return False
-        is_same_harmless = request is not None and not self.is_disturbed(now_s)
-        return any(
-            each.until_s > now_s
-            and each.shape == shape
-            and not (is_same_harmless and each.request == request)
-            for each in copies
-        )
+    def _near(self, unit: int, asked: Request, now_s: float) -> tuple[set[Shape], set[Shape]]:
+        """Return the shapes of copies that may still begin: of any, and of those that harm `asked` itself."""
+        copies = [each for each in self._copies.get(unit, ()) if each.until_s > now_s]
+        if not copies:
+            return _NO_SHAPES, _NO_SHAPES
+        near = {each.shape for each in copies}
+        if self.is_disturbed(now_s):
+            return near, near
+        return near, {each.shape for each in copies if each.request != asked}
 
     def _is_refused(self, unit: int, asked: Request, now_s: float) -> bool:
         if (unit, asked) not in self._refused:
@@ -367,11 +407,19 @@ class LateReplies:
         self._refused.discard((unit, asked))
         return False
 
-    def _add_copy(self, unit: int, copy: _Copy) -> None:
+    def _add_copy(
+        self, unit: int, pdu: bytes, at_s: float, *, began_s: float, request: Request | None = None
+    ) -> bool:
+        """Record a reply whose copy may come; return whether it may itself be one."""
         copies = self._copies.setdefault(unit, [])
+        may_be_copy = False
+        if copies and copies[-1].until_s >= began_s:
+            may_be_copy = any(each.until_s >= began_s and each.pdu == pdu for each in copies)
+        copy = _Copy(at_s + COPY_S, pdu, shape_of(pdu), request)
         while copies and copies[0].until_s + LONGEST_REPLY_S < copy.until_s:
             del copies[0]
         copies.append(copy)
+        return may_be_copy
 
 
 def _refusal(request: Request) -> Shape:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 from gateway.modbus.codes import ExceptionCode
@@ -47,7 +48,7 @@ class Refused:
 class Silent:
     """Nothing came before the deadline; after a write this says nothing about success."""
 
-    reason: str = "no reply"  # "port lost" and "port closed" too; is_sent tells whether the request went out
+    reason: str = "no reply"  # "port lost" and "port closed" too; is_sent says whether the request went out
     is_sent: bool = True
     is_over_babble: bool = False
 
@@ -60,6 +61,7 @@ class Garbled:
     received: bytes
     is_sent: bool = True
     is_over_babble: bool = False
+    acknowledges_since_s: float = -inf  # it acknowledges an equal write: this one, or one since then
 
 
 Outcome = Answered | Refused | Silent | Garbled

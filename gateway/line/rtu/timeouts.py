@@ -1,6 +1,14 @@
-"""How long a transaction can take on a line, from numbers alone."""
+"""How long a reply is waited for: at most, from numbers alone; and by what the units have shown.
+
+The response times of each unit and function are counted in classes of 5 %, old ones at half their weight from
+time to time, so that the memory is bounded and follows a starter that changes.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from math import ceil, log
 
 from gateway.modbus.adu import MAX_ADU_SIZE
 from gateway.modbus.pdu import Request
@@ -9,6 +17,17 @@ from gateway.modbus.timing import LineTiming
 ALLOWANCE_S = 0.02  # for adapters, drivers and this machine, on top of the unit's own response time
 
 _ADU_EXTRA = 3  # bytes around a PDU: unit and CRC
+
+ENOUGH = 100  # answers before anything is concluded
+FACTOR = 1.5  # of the time within which all but one answer in a thousand come,
+MARGIN_S = 0.005  # plus this: so long is waited at least
+
+_CLASS = log(1.05)
+_SHORTEST_S = 0.0001  # what is shorter counts as this
+_FORGET_FROM = 4096  # answers, then each counts half
+_CONCLUDE_EVERY = 64  # answers
+
+Quantiles = dict[str, float | None]
 
 
 def request_wire_s(request: Request, timing: LineTiming) -> float:
@@ -31,3 +50,125 @@ def longest_s(
     """Return how long this request can keep others from the line: no reply, then listening for a late one."""
     within_s = reply_within_s(request, timing, response_time_s=response_time_s, allowance_s=allowance_s)
     return request_wire_s(request, timing) + within_s + max(response_time_s, timing.silence_s)
+
+
+@dataclass(slots=True)
+class _Class:
+    """The answers whose times lie within 5 %."""
+
+    count: int = 0
+    sum_s: float = 0.0
+
+
+class ResponseTimes:
+    """A running distribution of response times."""
+
+    def __init__(self) -> None:
+        self._classes: dict[int, _Class] = {}
+        self._total = 0
+        self._concluded = 0  # how many more answers the conclusion holds for
+        self._usual_s = 0.0
+
+    @property
+    def classes(self) -> Iterable[tuple[int, int, float]]:
+        """What was counted: class, answers in it, the sum of their times."""
+        return ((at, each.count, each.sum_s) for at, each in self._classes.items())
+
+    def note(self, response_time_s: float) -> None:
+        """Count one answer."""
+        at = int(log(max(response_time_s, _SHORTEST_S)) / _CLASS)
+        each = self._classes.get(at)
+        if each is None:
+            each = self._classes[at] = _Class()
+        each.count += 1
+        each.sum_s += response_time_s
+        self._total += 1
+        self._concluded -= 1
+        if self._total >= _FORGET_FROM:
+            self._forget()
+
+    def usual_s(self) -> float | None:
+        """Return the time within which all but one in a thousand answered; None while there are too few."""
+        if self._total < ENOUGH:
+            return None
+        if self._concluded <= 0:
+            self._usual_s = quantile_s((self,), 0.999) or 0.0
+            self._concluded = _CONCLUDE_EVERY
+        return self._usual_s
+
+    def _forget(self) -> None:
+        left = {
+            at: _Class(each.count // 2, each.sum_s / each.count * (each.count // 2))
+            for at, each in self._classes.items()
+            if each.count > 1
+        }
+        self._classes = left
+        self._total = sum(each.count for each in left.values())
+
+
+def quantile_s(distributions: Iterable[ResponseTimes], share: float) -> float | None:
+    """Return the time within which this share of all answers came, to about 5 %; None of nothing."""
+    return _quantiles(distributions, {"": share})[""]
+
+
+def _quantiles(distributions: Iterable[ResponseTimes], shares: Mapping[str, float]) -> Quantiles:
+    """Return the times within which these shares of all answers came; the least share first."""
+    joined = sorted(each for times in distributions for each in times.classes)
+    total = sum(count for _, count, _ in joined)
+    found: Quantiles = dict.fromkeys(shares)
+    wanted = [(max(ceil(share * total), 1), name) for name, share in shares.items()]
+    passed = 0
+    for _, count, sum_s in joined:
+        passed += count
+        while wanted and wanted[0][0] <= passed:
+            found[wanted.pop(0)[1]] = sum_s / count
+    return found
+
+
+class ResponseTimeEstimator:
+    """What the units of a line have shown, by unit and function."""
+
+    def __init__(self) -> None:
+        self._times: dict[int, dict[int, ResponseTimes]] = {}
+        self._missing: set[int] = set()  # units whose latest request was not answered
+
+    def note_answer(self, unit: int, function: int, response_time_s: float) -> None:
+        """Count an answer of a unit."""
+        self._missing.discard(unit)
+        functions = self._times.setdefault(unit, {})
+        times = functions.get(function)
+        if times is None:
+            times = functions[function] = ResponseTimes()
+        times.note(response_time_s)
+
+    def note_miss(self, unit: int) -> None:
+        """Record that a unit did not answer: until it does it is waited for as long as it may take."""
+        self._missing.add(unit)
+
+    def forget(self, unit: int) -> None:
+        """Know nothing of a unit any more."""
+        self._times.pop(unit, None)
+        self._missing.discard(unit)
+
+    def response_time_s(self, unit: int, function: int, *, limit_s: float, least_s: float | None) -> float:
+        """Return how long to wait for a reply's first byte: `limit_s`, or less where that is allowed.
+
+        `least_s` is the least that may be concluded from what was learnt; None where nothing may.
+        """
+        if least_s is None or unit in self._missing:
+            return limit_s
+        times = self._times.get(unit, {}).get(function)
+        usual_s = None if times is None else times.usual_s()
+        return limit_s if usual_s is None else min(limit_s, max(least_s, usual_s * FACTOR + MARGIN_S))
+
+    def quantiles(self, unit: int) -> Quantiles:
+        """Return p50 and p99 of a unit's response times, all functions together; None of nothing."""
+        return _quantiles(self._times.get(unit, {}).values(), {"p50": 0.50, "p99": 0.99})
+
+    def functions(self, unit: int) -> dict[int, Quantiles]:
+        """Return p50, p99 and p99.9 of a unit by function."""
+        shares = {"p50": 0.50, "p99": 0.99, "p999": 0.999}
+        return {
+            int(function): _quantiles((times,), shares)
+            for function, times in self._times.get(unit, {}).items()
+        }

@@ -1,4 +1,4 @@
-"""The last frames of a line, for the moment when somebody asks what happened."""
+"""The last frames of a line, for reports of what happened."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from collections.abc import Callable
 
 LONGEST_SHOWN = 256  # bytes, the longest frame; a flood is longer
 
-Tap = Callable[[float, str, bytes], None]  # the line's clock; >> sent, << received, ?? not waited for; bytes
+SENT, RECEIVED, STRAY = ">>", "<<", "??"  # the directions; what was not waited for is a stray
+
+Tap = Callable[[float, str, bytes], None]  # the line's clock, direction, bytes
 
 logger = logging.getLogger(__name__)
 
@@ -22,25 +24,14 @@ class Trace:
         self._is_logged = logger.isEnabledFor(logging.DEBUG)
         self.tap: Tap | None = None  # is given every frame too
 
-    def sent(self, at_s: float, frame: bytes) -> None:
-        """Keep a request."""
-        self._keep(at_s, ">>", frame)
-
-    def received(self, at_s: float, frame: bytes) -> None:
-        """Keep what came in answer, right or wrong."""
-        self._keep(at_s, "<<", frame)
-
-    def strayed(self, at_s: float, stray: bytes) -> None:
-        """Keep bytes that nobody waited for."""
-        self._keep(at_s, "??", stray)
-
-    def frames(self) -> tuple[str, ...]:
-        """Return the frames as text, oldest first: seconds on the line's clock, direction, hex."""
-        return tuple(f"{at_s:.6f} {direction} {frame.hex(' ')}" for at_s, direction, frame in self._ring)
-
-    def _keep(self, at_s: float, direction: str, frame: bytes) -> None:
+    def note(self, at_s: float, direction: str, frame: bytes) -> None:
+        """Store a frame, or whatever came instead of one."""
         self._ring.append((at_s, direction, frame[:LONGEST_SHOWN]))
         if self.tap is not None:
             self.tap(at_s, direction, frame)
         if self._is_logged:
             logger.debug("line=%s %.6f %s %s", self._line, at_s, direction, frame.hex(" "))
+
+    def frames(self) -> tuple[str, ...]:
+        """Return the frames as text, oldest first: seconds on the line's clock, direction, hex."""
+        return tuple(f"{at_s:.6f} {direction} {frame.hex(' ')}" for at_s, direction, frame in self._ring)

@@ -10,17 +10,15 @@ from math import inf
 from gateway.errors import BadReplyError
 from gateway.line.port.base import DeliversLate, HoldsBack, Port
 from gateway.line.rtu.bus_faults import BusFaults, whole_frame
-from gateway.line.rtu.forms import Forms
 from gateway.line.rtu.late_replies import Agreed, LateReplies, Shape
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.rtu.pace import Pace
-from gateway.line.rtu.reply import ReplyAssembler, judge, pieces
-from gateway.line.rtu.request import EncodedRequest
+from gateway.line.rtu.reply import Pace, ReplyAssembler, judge, pieces
+from gateway.line.rtu.request import EncodedRequest, Forms
 from gateway.line.rtu.timeouts import ALLOWANCE_S
-from gateway.line.rtu.trace import Trace
+from gateway.line.rtu.trace import RECEIVED, SENT, STRAY, Trace
 from gateway.modbus import adu
+from gateway.modbus.adu import crc16
 from gateway.modbus.codes import EXCEPTION_BIT, Function
-from gateway.modbus.crc import crc16
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import BROADCAST_TURNAROUND_S, LineTiming
 
@@ -29,7 +27,7 @@ STOP_PATIENCE_S = 0.25  # nor, for a stop, one that is busy for longer than this
 
 _FRAME_GAP = 1.5  # characters
 _HEAD = 2  # unit and function
-_KEPT_STRAY = 4096  # bytes; what a port keeps, so that all late replies in it are seen
+_STRAY_BYTES = 4096  # bytes; what a port keeps, so that all late replies in it are seen
 _FIRST_CHUNK_SIZE = 64  # bytes of a reply of unknown length that an adapter may hold back at first
 
 
@@ -49,7 +47,7 @@ class RtuMaster:
         self._port = port
         self._timing = timing
         self._silence_s = timing.silence_s
-        self._character_s = timing.character_s
+        self.character_s = self._character_s = timing.character_s
         self._stop_patience_s = max(STOP_PATIENCE_S, adu.MAX_ADU_SIZE * timing.character_s)
         self._allowance_s = allowance_s
         self._trace = trace
@@ -57,9 +55,10 @@ class RtuMaster:
         self._own_end_s = self._time()  # who knows what was on the wire before the port was opened
         self.forms = forms or Forms(LateReplies())
         self.late = self.forms.late
-        self._line_until_s = -inf  # nobody is asked before, so that a reply just too late can end
+        self._line_until_s = -inf  # no request before, so that a reply just too late can end
         self._line_unit = adu.BROADCAST  # the unit that is waited for
-        self._may_be_older = False  # the acknowledgement of the write under way
+        self._may_be_older = False  # the acknowledgement of the write under way:
+        self._acknowledges_since_s = inf  # it is of one that was written then or later
         self._awaited: Shape | None = None  # of the reply to the latest request, until it has come
         self._stray = bytearray()
         self._pace = Pace()
@@ -67,10 +66,10 @@ class RtuMaster:
         self._asked = adu.BROADCAST  # the unit of the latest request
         self._is_echoing = False
         self._began_s = inf  # the first byte of the reply under way
-        self.suspicions = BusFaults()
+        self.bus_faults = BusFaults()
         self.is_on_wire = False  # from the moment a request is written until its outcome is known
         self.written_s = -inf  # when the latest request was written
-        self.stray_bytes = 0  # that nobody waited for, since the port was opened
+        self.stray_bytes = 0  # that were not waited for, since the port was opened
 
     def reset(self) -> bool:
         """Let nothing that was written reach the wire later; return whether the port is closed for that."""
@@ -83,13 +82,13 @@ class RtuMaster:
         """Return when the line will have been silent for long enough, if nothing more comes."""
         return max(self._own_end_s, self._port.last_byte_s) + self._silence_s
 
-    async def hush(self) -> bool:
-        """Wait for the silence that must be; False when there is more to wait for, which `settle` does."""
-        quiet_s = self.quiet_from_s()
+    async def hush(self, quiet_s: float) -> bool:
+        """Wait for the silence until then; False when there is more to wait for, which `settle` does."""
         if self._stray or self._line_until_s > quiet_s:
             return False
         stray = await self._port.read(until_s=quiet_s)
-        self._drop(stray)
+        if stray:
+            self._drop(stray)
         return not stray
 
     async def settle(
@@ -117,7 +116,7 @@ class RtuMaster:
             if now_s >= began_s + limit_s and now_s < self.quiet_from_s():
                 tail = bytes(self._stray[-adu.MAX_ADU_SIZE :])
                 self._stray.clear()
-                self.suspicions.note_never_quiet(tail, now_s=now_s)
+                self.bus_faults.note_never_quiet(tail, now_s=now_s)
                 return Garbled("the line is never quiet", tail, is_sent=False)
 
     async def find_gap(self, within_s: float) -> None:
@@ -135,15 +134,15 @@ class RtuMaster:
     async def transact(self, unit: int, request: Request, *, response_time_s: float) -> Outcome:
         """Send a request as soon as the line allows, and return what became of it by its deadline.
 
-        Raises PortLostError; `is_on_wire` then tells whether the request may have been sent.
+        Raises PortLostError; `is_on_wire` then says whether the request may have been sent.
         """
-        prepared = EncodedRequest.of(unit, request)
+        encoded = EncodedRequest.of(unit, request)
         until_s = -inf
         while True:
             noise = await self.settle(until_s)
             if noise is not None:
                 return noise
-            form = self.forms.choose(prepared, lambda _: (), self._time())
+            form = self.forms.choose(encoded, lambda _: (), self._time())
             if form is not None:
                 outcome = await self.exchange(form, response_time_s=response_time_s)
                 if (
@@ -162,7 +161,7 @@ class RtuMaster:
 
     async def exchange(
         self,
-        prepared: EncodedRequest,
+        encoded: EncodedRequest,
         *,
         response_time_s: float,
         until_s: float = inf,
@@ -176,43 +175,47 @@ class RtuMaster:
         if until_s < inf and self._is_past(until_s):
             return Silent(TOO_LATE, is_sent=False)
         self.is_on_wire = True
-        wire_s = len(prepared.adu) * self._character_s
+        wire_s = len(encoded.adu) * self._character_s
         self._earliest_s = self._time() + wire_s
-        self._port.write(prepared.adu)
+        self._port.write(encoded.adu)
         self.written_s = self._time()
         self._own_end_s = self.written_s + wire_s
-        self._asked = prepared.unit
-        self.suspicions.note_asked(prepared.unit)
-        self._pace.note_asked(prepared.unit)
-        self._trace.sent(self.written_s, prepared.adu)
+        self._asked = encoded.unit
+        self.bus_faults.note_asked(encoded.unit)
+        self._pace.note_asked(encoded.unit)
+        self._trace.note(self.written_s, SENT, encoded.adu)
         try:
             if meanwhile is not None:
                 meanwhile()
-            if prepared.unit == adu.BROADCAST:
-                outcome = await self._turn_around()
+            if encoded.unit == adu.BROADCAST:
+                outcome = await self._await_turnaround()
             else:
-                self._expect_shape(prepared)
-                outcome = await self._hear(prepared, response_time_s)
+                self._expect_shape(encoded)
+                outcome = await self._receive(encoded, response_time_s)
         finally:
             if self._awaited is not None:
-                self.late.note_unanswered(prepared.unit, self._awaited, self.written_s, self._time())
+                self.late.note_unanswered(
+                    encoded.unit, self._awaited, self.written_s, self._time(), encoded.request
+                )
                 self._awaited = None
         self.is_on_wire = False
-        if prepared.cut is None:
+        if encoded.cut is None:
             return outcome
         if isinstance(outcome, Refused) and outcome.is_lasting:
-            self.forms.give_up(prepared)
+            self.forms.give_up(encoded)
         return (
-            replace(outcome, value=prepared.cut(outcome.value)) if isinstance(outcome, Answered) else outcome
+            replace(outcome, value=encoded.cut(outcome.value)) if isinstance(outcome, Answered) else outcome
         )
 
-    def _expect_shape(self, prepared: EncodedRequest) -> None:
+    def _expect_shape(self, encoded: EncodedRequest) -> None:
         """Await a reply of this request's shape from now on."""
-        self._awaited = prepared.shape
-        self.late.note_sent(prepared.unit, prepared.asked, prepared.shape)
-        self._may_be_older = prepared.request.is_write and self.late.may_be_older(
-            prepared.unit, prepared.request, prepared.shape, self.written_s
-        )
+        self._awaited = encoded.shape
+        self.late.note_sent(encoded.unit, encoded.asked, encoded.shape)
+        if encoded.request.is_write:
+            self._acknowledges_since_s = self.late.acknowledges_since_s(
+                encoded.unit, encoded.request, encoded.shape, self.written_s
+            )
+        self._may_be_older = encoded.request.is_write and self._acknowledges_since_s < self.written_s
 
     def _is_past(self, until_s: float) -> bool:
         """Return whether a frame that is written now would be late."""
@@ -220,189 +223,208 @@ class RtuMaster:
             self._port.hold()
         return self._time() > until_s
 
-    async def _hear(self, prepared: EncodedRequest, response_time_s: float) -> Outcome:
-        """Wait for the reply; judge it when it is whole, or whatever there is at the deadline."""
-        sent_end_s = self._own_end_s
-        reply_s = (prepared.reply_size or adu.MAX_ADU_SIZE) * self._character_s
-        deadline_s = sent_end_s + response_time_s + reply_s + self._allowance_s
-        heard = b""
-        if prepared.reply_size is not None and not (prepared.is_mirrored or self._is_echoing):
-            heard = await self._expect(prepared, prepared.reply_size, deadline_s)
-            answered = self._plain_answer(prepared, heard, sent_end_s)
+    async def _receive(self, encoded: EncodedRequest, response_time_s: float) -> Outcome:
+        """Wait for the reply; judge it when it is whole, or whatever there is at the deadline.
+
+        Nearly all come as they should: those are read here, up to the size of the normal reply.
+        """
+        size, character_s = encoded.reply_size, self._character_s
+        deadline_s = self._own_end_s + response_time_s + (size or adu.MAX_ADU_SIZE) * character_s
+        deadline_s += self._allowance_s
+        received = b""
+        self._began_s = inf
+        if size is not None and not (encoded.is_mirrored or self._is_echoing):
+            read = self._port.read
+            received = await read(until_s=deadline_s, count=_HEAD)
+            self._began_s = self._port.last_byte_s - len(received) * character_s
+            while _HEAD <= len(received) < size and received[:_HEAD] == encoded.adu[:_HEAD]:
+                more = await read(until_s=deadline_s, count=size - len(received))
+                if not more:
+                    break
+                received += more
+            answered = self._plain_answer(encoded, received, self._own_end_s)
             if answered is not None:
                 return answered
+        return await self._receive_any(encoded, received, response_time_s, deadline_s)
+
+    async def _receive_any(
+        self, encoded: EncodedRequest, received: bytes, response_time_s: float, deadline_s: float
+    ) -> Outcome:
+        """Wait for a reply of any form among echoes and other frames; part of it is `received`."""
         first_by_s = deadline_s
-        if prepared.reply_size is None:
-            first_by_s += _FIRST_CHUNK_SIZE * self._character_s - reply_s
-        hearing = ReplyAssembler(prepared.adu, is_mirrored=prepared.is_mirrored, is_echoing=self._is_echoing)
-        hearing.feed(heard)
+        if encoded.reply_size is None:
+            first_by_s += (_FIRST_CHUNK_SIZE - adu.MAX_ADU_SIZE) * self._character_s
+        sent_end_s = self._own_end_s
+        assembler = ReplyAssembler(encoded.adu, is_mirrored=encoded.is_mirrored, is_echoing=self._is_echoing)
+        assembler.feed(received)
         foreign: Outcome | None = None
+        began_s = self._began_s  # of the first frame, at the latest
         while True:
-            await self._listen(hearing, first_by_s=first_by_s, deadline_s=deadline_s)
-            frame, outcome = self._judge(prepared, hearing, sent_end_s=sent_end_s)
+            await self._listen(assembler, first_by_s=first_by_s, deadline_s=deadline_s)
+            began_s = min(began_s, self._began_s)
+            frame, outcome = self._judge(encoded, assembler, sent_end_s=sent_end_s)
             if isinstance(outcome, Answered | Refused):
                 if foreign is not None:
-                    self._pace.note_stray(prepared.unit)
+                    self._pace.note_stray(encoded.unit)
                 return outcome
             whole = whole_frame(frame)
             if whole is None:
                 break
-            self._set_aside(prepared, whole, frame)
-            hearing.skip(len(frame))
+            self._set_aside(encoded, whole, frame, began_s)
+            assembler.skip(len(frame))
+            began_s = inf
             foreign = outcome
         if isinstance(outcome, Silent) and foreign is not None:
             outcome = foreign
-        self._line_unit, self._line_until_s = prepared.unit, deadline_s + response_time_s
-        if isinstance(outcome, Garbled) and foreign is None and self._is_own_reply(prepared, outcome):
+        self._line_unit, self._line_until_s = encoded.unit, deadline_s + response_time_s
+        if isinstance(outcome, Garbled) and foreign is None and self._is_own_reply(encoded, outcome):
             self._line_until_s = deadline_s
             self._awaited = None
         return outcome
 
-    async def _expect(self, prepared: EncodedRequest, size: int, until_s: float) -> bytes:
-        """Return what is heard as soon as it has the size of the normal reply, or cannot become one."""
-        heard = await self._port.read(until_s=until_s, count=_HEAD)
-        self._began_s = self._port.last_byte_s - len(heard) * self._character_s
-        while _HEAD <= len(heard) < size and heard[:_HEAD] == prepared.adu[:_HEAD]:
-            more = await self._port.read(until_s=until_s, count=size - len(heard))
-            if not more:
-                break
-            heard += more
-        return heard
-
-    def _plain_answer(self, prepared: EncodedRequest, frame: bytes, sent_end_s: float) -> Answered | None:
+    def _plain_answer(self, encoded: EncodedRequest, frame: bytes, sent_end_s: float) -> Answered | None:
         """Return the answer that a frame is beyond doubt, as nearly all are; None leaves it to the judge."""
-        if len(frame) != prepared.reply_size or frame[0] != prepared.unit or crc16(frame):
+        if len(frame) != encoded.reply_size or frame[0] != encoded.unit or crc16(frame):
             return None
-        unit = prepared.unit
-        if self._may_be_older or self._is_too_soon(unit, frame):
+        unit = encoded.unit
+        early_s, reply_s = self._earliest_s - self._began_s, len(frame) * self._character_s
+        if self._may_be_older or self._pace.is_too_soon(unit, early_s=early_s, reply_s=reply_s):
             return None
         try:
-            value = prepared.request.decode_reply(frame[1:-2])
+            value = encoded.request.decode_reply(frame[1:-2])
         except BadReplyError:
             return None
         at_s = self._port.last_byte_s
-        self._trace.received(at_s, frame)
-        self._note_answer(prepared, frame, at_s)
+        self._trace.note(at_s, RECEIVED, frame)
+        self._note_answer(encoded, frame, at_s)
         return Answered(value, at_s, max(self._began_s - sent_end_s, 0.0))
 
     def _judge(
-        self, prepared: EncodedRequest, hearing: ReplyAssembler, *, sent_end_s: float
+        self, encoded: EncodedRequest, assembler: ReplyAssembler, *, sent_end_s: float
     ) -> tuple[bytes, Outcome]:
-        """Return the first frame that was heard, or whatever there is, and what it says to this request."""
-        whole = hearing.whole_reply()
-        reply = hearing.reply()
+        """Return the first frame received, or whatever there is, and what it says to this request."""
+        whole = assembler.whole_reply()
+        reply = assembler.reply()
         frame = reply if whole is None else whole
         at_s = self._port.last_byte_s
-        if hearing.has_echo:
+        if assembler.has_echo:
             self._is_echoing = True
-        if hearing.received:
-            self._trace.received(at_s, hearing.received)
+        if assembler.received:
+            self._trace.note(at_s, RECEIVED, assembler.received)
         if not frame:
             return frame, Silent()
         took_s = max(self._began_s - sent_end_s, 0.0)
-        outcome = judge(frame, prepared.unit, prepared.request, at_s=at_s, response_time_s=took_s)
+        outcome = judge(frame, encoded.unit, encoded.request, at_s=at_s, response_time_s=took_s)
         if not isinstance(outcome, Garbled):
-            doubt = self._doubt(prepared, frame)
-            outcome = outcome if doubt is None else Garbled(doubt, frame)
-        if isinstance(outcome, Answered) and not (prepared.is_mirrored or hearing.has_echo):
+            outcome = self._doubt(encoded, frame) or outcome
+        if isinstance(outcome, Answered) and not (encoded.is_mirrored or assembler.has_echo):
             self._is_echoing = False
         if isinstance(outcome, Garbled):
             received = reply if whole_frame(frame) is None else frame
-            self.suspicions.note_garbled(
-                prepared.unit,
+            self.bus_faults.note_garbled(
+                encoded.unit,
                 received,
-                reply_size=prepared.reply_size,
+                reply_size=encoded.reply_size,
                 owes=self.late.owes,
                 now_s=self._time(),
             )
         else:
-            self._note_answer(prepared, frame, at_s)
+            self._note_answer(encoded, frame, at_s)
             if len(reply) > len(frame):
                 self.stray_bytes += len(reply) - len(frame)
                 self._judge_strays(reply[len(frame) :])
         return frame, outcome
 
-    def _doubt(self, prepared: EncodedRequest, frame: bytes) -> str | None:
+    def _doubt(self, encoded: EncodedRequest, frame: bytes) -> Garbled | None:
         """Return why a right frame may answer an earlier request; None when it cannot."""
-        unit, function = prepared.unit, prepared.request.function
-        if self._is_too_soon(unit, frame):
-            return "it began before the request was over"
+        unit, function = encoded.unit, encoded.request.function
+        early_s, reply_s = self._earliest_s - self._began_s, len(frame) * self._character_s
+        if self._pace.is_too_soon(unit, early_s=early_s, reply_s=reply_s):
+            return Garbled("it began before the request was over", frame)
         if frame[1] & EXCEPTION_BIT:
-            if self.late.is_refusal_sure(unit, function, self._time()) and not self._may_be_older:
+            literal = encoded.request if encoded.is_literal else None
+            is_sure = self.late.is_refusal_sure(unit, function, self._time(), literal=literal)
+            if is_sure and not self._may_be_older:
                 return None
-            if prepared.cut is None:
-                self.late.note_refusal_doubted(unit, prepared.asked)
+            if encoded.request.is_write or encoded.is_literal:
+                pass  # its read-back decides; who asks literally asks again
+            elif encoded.cut is None:
+                self.late.note_refusal_doubted(unit, encoded.asked)
             else:
-                self.forms.give_up(prepared)
-            return "it may be the refusal of an earlier request"
+                self.forms.give_up(encoded)
+            return Garbled("it may be the refusal of an earlier request", frame)
         if self._may_be_older and function != Function.READ_WRITE_REGISTERS:
-            return "it may be the acknowledgement of an earlier write"
+            since_s = self._acknowledges_since_s
+            return Garbled(
+                "it may be the acknowledgement of an earlier write", frame, acknowledges_since_s=since_s
+            )
         return None
 
-    def _set_aside(self, prepared: EncodedRequest, frame: adu.Adu, received: bytes) -> None:
+    def _set_aside(self, encoded: EncodedRequest, frame: adu.Adu, received: bytes, began_s: float) -> None:
         """Take note of a whole frame that is not the answer, while that is still awaited."""
         self.stray_bytes += len(received)
-        awaited = prepared.shape if frame.unit == prepared.unit else None
+        awaited = encoded.shape if frame.unit == encoded.unit else None
         self.late.note_stray(
             frame.unit,
             frame.pdu,
-            began_s=self.written_s,  # how long before the latest byte it began is not known
+            began_s=min(self.written_s, began_s),  # the earliest: it may be older than this request
             at_s=self._port.last_byte_s,
             awaited=awaited,
         )
 
-    def _note_answer(self, prepared: EncodedRequest, frame: bytes, at_s: float) -> None:
+    def _note_answer(self, encoded: EncodedRequest, frame: bytes, at_s: float) -> None:
         """Take note of the answer."""
-        self.suspicions.note_answer(prepared.unit, frame, at_s=at_s)
+        self.bus_faults.note_answer(encoded.unit, frame, at_s=at_s)
         self._awaited = None
         self.late.note_answer(
-            prepared.unit, prepared.request, prepared.asked, frame[1:-2], at_s, is_sure=prepared.times == 1
+            encoded.unit,
+            encoded.request,
+            encoded.asked,
+            frame[1:-2],
+            at_s,
+            began_s=self._began_s,
+            is_sure=encoded.times == 1,
         )
 
-    async def _listen(self, hearing: ReplyAssembler, *, first_by_s: float, deadline_s: float) -> None:
+    async def _listen(self, assembler: ReplyAssembler, *, first_by_s: float, deadline_s: float) -> None:
         """Read on until the reply is whole or will not come, and note when its first byte began.
 
         Where the first byte is due before the deadline, only further bytes keep us listening so long.
         """
         gap_s = self._silence_s + self._allowance_s
         self._began_s = inf
-        if hearing.received and not hearing.may_be_echo():
-            self._began_s = self._port.last_byte_s - len(hearing.reply()) * self._character_s
+        if assembler.received and not assembler.may_be_echo():
+            self._began_s = self._port.last_byte_s - len(assembler.reply()) * self._character_s
         until_s = first_by_s
-        while self._time() < until_s and hearing.whole_reply() is None:
-            chunk = await self._port.read(until_s=until_s, count=hearing.lacking())
+        while self._time() < until_s and assembler.whole_reply() is None:
+            chunk = await self._port.read(until_s=until_s, count=assembler.lacking())
             if chunk:
-                hearing.feed(chunk)
+                assembler.feed(chunk)
                 last_byte_s = self._port.last_byte_s
                 until_s = min(deadline_s, max(until_s, last_byte_s + gap_s))
-                if self._began_s == inf and not hearing.may_be_echo():
-                    self._began_s = last_byte_s - len(hearing.reply()) * self._character_s
+                if self._began_s == inf and not assembler.may_be_echo():
+                    self._began_s = last_byte_s - len(assembler.reply()) * self._character_s
 
-    async def _turn_around(self) -> Outcome:
+    async def _await_turnaround(self) -> Outcome:
         """Give every unit the time to act on a broadcast; none answers [SERIAL 2.4.1]."""
         end_s = self._own_end_s + BROADCAST_TURNAROUND_S
         while self._time() < end_s:
             self._drop(await self._port.read(until_s=end_s))
         return Silent("broadcast")
 
-    def _is_own_reply(self, prepared: EncodedRequest, garbled: Garbled) -> bool:
-        """Return whether this can only be the reply itself, damaged: nobody is late, or it is as long."""
+    def _is_own_reply(self, encoded: EncodedRequest, garbled: Garbled) -> bool:
+        """Return whether this can only be the reply itself, damaged: no reply is late, or it is as long."""
         now_s = self._own_end_s
         is_alone = not self.late.is_anyone_late(now_s)
-        return is_alone or len(garbled.received) == prepared.reply_size
-
-    def _is_too_soon(self, unit: int, frame: bytes) -> bool:
-        """Return whether a right reply answers an earlier request: it began before this one was over."""
-        reply_s = len(frame) * self._character_s
-        return self._pace.is_too_soon(unit, early_s=self._earliest_s - self._began_s, reply_s=reply_s)
+        return is_alone or len(garbled.received) == encoded.reply_size
 
     def _judge_strays(self, stray: bytes) -> None:
-        """Find out who said what nobody waited for; several frames may have come at once."""
+        """Find out who sent what was not waited for; several frames may have come at once."""
         for piece in pieces(stray):
             frame = whole_frame(piece)
             if frame is not None:
                 self._pace.note_stray(frame.unit)
-            self.suspicions.note_stray(piece, asked=self._asked, owes=self.late.owes, now_s=self._time())
+            self.bus_faults.note_stray(piece, asked=self._asked, owes=self.late.owes, now_s=self._time())
             if frame is not None:
                 at_s = self._port.last_byte_s
                 began_s = at_s - len(stray) * self._character_s
@@ -411,9 +433,9 @@ class RtuMaster:
                     self._line_until_s = -inf
 
     def _drop(self, stray: bytes) -> None:
-        """Count and forget bytes that nobody waited for; the last of them are judged once it is quiet."""
+        """Count and forget bytes that were not waited for; the last of them are judged once it is quiet."""
         if stray:
             self.stray_bytes += len(stray)
-            self._trace.strayed(self._port.last_byte_s, stray)
+            self._trace.note(self._port.last_byte_s, STRAY, stray)
             self._stray += stray
-            del self._stray[:-_KEPT_STRAY]
+            del self._stray[:-_STRAY_BYTES]

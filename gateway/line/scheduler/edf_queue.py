@@ -53,12 +53,18 @@ class EdfQueue(Generic[T]):
             _, place, thing = heapq.heappop(waiting)
             if thing.place == place:
                 heapq.heappush(ready, (thing.deadline_s, place, thing))
-        return _head(ready)
+        while ready and ready[0][2].place != ready[0][1]:
+            heapq.heappop(ready)
+        return ready[0][2] if ready else None
 
     def next_s(self) -> float:
         """Return the release of what `first` returns next; never later than that."""
-        thing = _head(self._ready) or _head(self._waiting)
-        return inf if thing is None else thing.release_s
+        for heap in (self._ready, self._waiting):
+            while heap and heap[0][2].place != heap[0][1]:
+                heapq.heappop(heap)
+            if heap:
+                return heap[0][2].release_s
+        return inf
 
     def _clean(self) -> None:
         """Drop the stale records, so that putting a thing often costs no memory."""
@@ -66,9 +72,3 @@ class EdfQueue(Generic[T]):
             heap[:] = [record for record in heap if record[2].place == record[1]]
             heapq.heapify(heap)
         self._clean_at = 2 * (len(self._waiting) + len(self._ready)) + _SPARE_RECORDS
-
-
-def _head(heap: list[tuple[float, int, T]]) -> T | None:
-    while heap and heap[0][2].place != heap[0][1]:
-        heapq.heappop(heap)
-    return heap[0][2] if heap else None

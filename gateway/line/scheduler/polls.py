@@ -6,11 +6,10 @@ import random
 from math import inf
 
 from gateway.line.rtu.outcome import Garbled, Outcome, Silent
-from gateway.line.scheduler.budget import LineTimeBudget
 from gateway.line.scheduler.edf_queue import EdfQueue
-from gateway.line.scheduler.load import LoadControl, period_of
+from gateway.line.scheduler.line_time import LineTimeBudget, LoadControl, period_of
 from gateway.line.scheduler.requests import Poll, Slot
-from gateway.line.scheduler.units import ScheduledPoll, Unit, UnitState
+from gateway.line.scheduler.units import ScheduledPoll, Unit
 from gateway.line.scheduler.watchdogs import ASKED_AFTER, Watchdogs
 from gateway.modbus.adu import BROADCAST
 
@@ -45,22 +44,22 @@ class PollTable:
             unit.is_online = None
             if unit.polls and not unit.is_silent:
                 self.watchdogs.begin(unit, now_s)
-        for each in self._polls.values():
-            if self._is_asked(each) and not now_s < each.deadline_s < inf:
-                each.cost_s = 0.0
-                self._put(each, now_s)
+            for each in unit.asked:
+                if not now_s < each.deadline_s < inf:
+                    self._load.set_cost(each, 0.0)
+                    self._put(each, now_s)
 
     def add(self, poll: Poll, now_s: float) -> None:
         """Repeat a request from now on; ValueError when its key is taken."""
         if poll.key in self._polls:
             raise ValueError(f"there is a poll {poll.key!r} already")
         unit = self.unit(poll.unit)
-        entry = self._polls[poll.key] = ScheduledPoll(poll=poll, unit=unit, every_s=poll.every_s)
+        entry = ScheduledPoll(poll=poll, unit=unit, every_s=poll.every_s, period_s=period_of(poll.every_s))
+        self._polls[poll.key] = entry
         unit.polls.append(entry)
-        self._load.change()
         if poll.deadline_s is not None or not unit.place:
             self.watchdogs.set(unit, unit.limit_s if poll.deadline_s is None else poll.deadline_s)
-        if self._is_asked(entry):
+        if not unit.is_silent or entry is unit.polls[0]:
             self._put(entry, now_s)
 
     def remove(self, key: str) -> None:
@@ -70,20 +69,22 @@ class PollTable:
         was_probe = unit.is_silent and unit.polls[0] is entry
         unit.polls.remove(entry)
         entry.leave()
-        self._load.change()
+        self._load.set_cost(entry, 0.0)
         if not unit.polls:
             unit.leave()
         elif was_probe:
-            self._put(unit.polls[0], entry.deadline_s)
+            self._put(unit.polls[0], entry.deadline_s if entry.deadline_s < inf else -inf)  # inf: under way
 
     def set_every(self, key: str, every_s: float, now_s: float) -> None:
         """Change a poll's period; a shorter one takes effect at once. KeyError when there is no such poll."""
         entry = self._polls[key]
-        entry.every_s = every_s
-        self._load.change()
+        cost_s = entry.cost_s
+        self._load.set_cost(entry, 0.0)
+        entry.every_s, entry.period_s = every_s, period_of(every_s)
+        self._load.set_cost(entry, cost_s)
         if entry.place and not entry.unit.is_silent:
             entry.release_s = min(entry.release_s, now_s + every_s)
-            entry.deadline_s = min(entry.deadline_s, now_s + period_of(every_s) * self.stretch)
+            entry.deadline_s = min(entry.deadline_s, now_s + entry.period_s * self.stretch)
             self._queue(entry)
 
     def expedite(self, key: str, now_s: float) -> None:
@@ -106,10 +107,6 @@ class PollTable:
         """Reach a unit within its watchdog's time from now on; None or 0 when it has none."""
         self.watchdogs.set(self.unit(unit), limit_s)
 
-    def expect_silence(self, unit: int, until_s: float) -> None:
-        """Take a unit that does not answer until then for one that restarts, not for an offline one."""
-        self.unit(unit).forgiven_until_s = max(self.unit(unit).forgiven_until_s, until_s)
-
     def forget(self, unit: int) -> None:
         """Know nothing of a unit any more, whose polls are removed; one that has polls stays."""
         known = self._units.get(unit)
@@ -119,23 +116,16 @@ class PollTable:
 
     def asked(self) -> tuple[Poll, ...]:
         """Return the polls that are asked at present: of a silent unit only the probe."""
-        return tuple(each.poll for each in self._polls.values() if self._is_asked(each))
-
-    def probe_of(self, unit: int) -> Poll | None:
-        """Return a unit's first poll; None when it has none."""
-        known = self._units.get(unit)
-        return known.polls[0].poll if known is not None and known.polls else None
-
-    def state_of(self, unit: int) -> UnitState:
-        """Return what is known of a unit."""
-        return self._units[unit].state if unit in self._units else UnitState.NEW
+        return tuple([each.poll for unit in self._units.values() for each in unit.asked])
 
     def watchdog_statistics(self, now_s: float) -> dict[str, float | int]:
         """Return what the units' watchdogs need of the line, and the worst lately: 1 and more is missed."""
         load = 0.0
         for unit in self._units.values():
-            asked_s, periods_s = ASKED_AFTER * unit.limit_s, [period_of(each.every_s) for each in unit.polls]
-            if asked_s and unit.reached_s > -inf and periods_s and min(periods_s) * self.stretch > asked_s:
+            asked_s = ASKED_AFTER * unit.limit_s
+            if not asked_s or unit.reached_s == -inf or not unit.polls:
+                continue
+            if min([each.period_s for each in unit.polls]) * self.stretch > asked_s:
                 load += unit.polls[0].cost_s / asked_s
         share, worst = self.watchdogs.worst(now_s)
         return {"load": round(load, 4), "longest_share": round(share, 4), "unit": worst}
@@ -154,9 +144,16 @@ class PollTable:
 
     def first(self, now_s: float) -> ScheduledPoll | None:
         """Return the poll that is next; after a miss those of units that answer come first."""
-        if self._is_after_miss:
-            return self._answering.first(now_s) or self._first_doubtful(now_s)
-        return self._first_doubtful(now_s) or self._answering.first(now_s)
+        answering = self._answering.first(now_s)
+        if answering is not None and self._is_after_miss:
+            return answering
+        while (entry := self._doubtful.first(now_s)) is not None:
+            unit = entry.unit
+            if not unit.is_silent or unit.is_fading(now_s) or self._offline.has_room(now_s):
+                return entry
+            entry.release_s = self._offline.room_at_s()
+            self._queue(entry)
+        return answering
 
     def next_s(self) -> float:
         """Return when `first` or a watchdog has a poll; a little early at times, never late."""
@@ -177,18 +174,34 @@ class PollTable:
             self._put(entry, max(min(slot.since_s, entry.deadline_s), until_s))
 
     def record(
-        self, slot: Slot, outcome: Outcome, *, sent_s: float, took_s: float, now_s: float, is_repeated: bool
+        self,
+        slot: Slot,
+        entry: ScheduledPoll | None,
+        outcome: Outcome,
+        *,
+        sent_s: float,
+        took_s: float,
+        now_s: float,
+        is_repeated: bool,
+        is_unsure: bool = False,
     ) -> bool | None:
-        """Learn what became of a slot, and plan on; return whether its unit is online when that is new."""
-        entry = self.entry_of(slot.poll)
-        is_in_rhythm = entry is not None and not entry.unit.is_silent
-        self._load.update(self._polls.values(), others_s=0.0 if is_in_rhythm else took_s, now_s=now_s)
+        """Learn what became of a slot, and plan on; return whether its unit is online when that is new.
+
+        `entry` is that of the slot's poll; None for jobs, and for a poll that was removed. What is unsure may
+        be a late reply, and is no answer yet.
+        """
+        unit = self.unit(slot.unit) if entry is None else entry.unit
+        before, was_silent = unit.misses, unit.is_silent
+        is_in_rhythm = entry is not None and not was_silent
+        self._load.update(others_s=0.0 if is_in_rhythm else took_s, now_s=now_s)
         if slot.unit == BROADCAST:
             return None
-        unit = self.unit(slot.unit)
-        before, was_silent = unit.misses, unit.is_silent
         is_retried = is_repeated and isinstance(outcome, Garbled)
-        is_answer = None if is_retried else unit.note(outcome, sent_s=sent_s, now_s=now_s)
+        is_answer = None
+        if is_unsure:
+            unit.note_late(now_s)
+        elif not is_retried:
+            is_answer = unit.note(outcome, sent_s=sent_s, now_s=now_s)
         self._is_after_miss = is_answer is False
         if is_answer:
             self.watchdogs.reached(unit, sent_s)
@@ -199,7 +212,7 @@ class PollTable:
         if unit.misses != before:
             self._regroup(unit, now_s, was_silent=was_silent)
         if entry is not None and not is_repeated:
-            self._plan_next(entry, slot, now_s, cost_s=0.0 if isinstance(outcome, Silent) else took_s)
+            self._plan_next(entry, slot, sent_s, now_s, cost_s=0.0 if isinstance(outcome, Silent) else took_s)
         return unit.news()
 
     def _regroup(self, unit: Unit, now_s: float, *, was_silent: bool) -> None:
@@ -208,6 +221,7 @@ class PollTable:
             for each in unit.polls:
                 each.leave()
                 each.deadline_s = inf
+                self._load.set_cost(each, 0.0)
             if unit.polls:
                 self._put_probe(unit, now_s)
         elif was_silent and not unit.is_silent:
@@ -221,37 +235,28 @@ class PollTable:
                 if each.place:
                     self._queue(each)
 
-    def _plan_next(self, entry: ScheduledPoll, slot: Slot, now_s: float, *, cost_s: float) -> None:
-        """Keep a poll's rhythm; its phase is left to chance once, when it was answered for the first time."""
+    def _plan_next(
+        self, entry: ScheduledPoll, slot: Slot, sent_s: float, now_s: float, *, cost_s: float
+    ) -> None:
+        """Keep a poll's rhythm; its phase is left to chance at its first answer, also after a silence."""
         if entry.unit.is_silent:
             if entry is entry.unit.polls[0]:
                 self._put_probe(entry.unit, now_s)
             return
         is_expedited = entry.deadline_s < inf and not entry.place
-        period_s = period_of(entry.every_s) * self.stretch
+        factor = self._load.factor
+        period_s = entry.period_s * factor
         if cost_s:
-            if not entry.cost_s:
-                period_s *= self._chance.random() if entry.every_s and self.stretch == 1.0 else 1.0
-                self._load.change()
-            entry.cost_s = cost_s
-        entry.deadline_s = now_s if is_expedited else max(slot.since_s + period_s, now_s)
-        entry.release_s = min(max(slot.since_s + entry.every_s, now_s), entry.deadline_s)
+            if not entry.cost_s and entry.every_s and factor == 1.0:
+                period_s *= self._chance.random()
+            self._load.set_cost(entry, cost_s)
+        since_s = slot.since_s if factor == 1.0 else sent_s
+        entry.deadline_s = now_s if is_expedited else max(since_s + period_s, now_s)
+        entry.release_s = min(max(since_s + entry.every_s, now_s), entry.deadline_s)
         self._queue(entry)
 
     def _put_probe(self, unit: Unit, now_s: float) -> None:
         self._put(unit.polls[0], now_s + unit.pause_s(now_s) * self._chance.uniform(0.9, 1.1))
-
-    def _first_doubtful(self, now_s: float) -> ScheduledPoll | None:
-        while (entry := self._doubtful.first(now_s)) is not None:
-            unit = entry.unit
-            if not unit.is_silent or unit.is_fading(now_s) or self._offline.has_room(now_s):
-                return entry
-            entry.release_s = self._offline.room_at_s()
-            self._queue(entry)
-        return None
-
-    def _is_asked(self, entry: ScheduledPoll) -> bool:
-        return not entry.unit.is_silent or entry is entry.unit.polls[0]
 
     def _put(self, entry: ScheduledPoll, due_s: float) -> None:
         entry.release_s = entry.deadline_s = due_s

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import inf
 
-from gateway.line.rtu.forms import Alternate
 from gateway.line.rtu.outcome import Outcome
+from gateway.line.rtu.request import Alternate, EncodedRequest
 from gateway.modbus.adu import BROADCAST
 from gateway.modbus.pdu import Request
 
@@ -32,7 +32,9 @@ class Poll:
     request: Request
     every_s: float  # 0 = as often as the line allows
     response_time_s: float  # the starter's longest time from the request's end to the reply's first byte
-    response_floor_s: float | None = None  # what was learnt may shorten that down to this; None = not at all
+    shortest_response_s: float | None = (
+        None  # what was learnt may shorten that down to this; None = not at all
+    )
     deadline_s: float | None = (
         None  # its unit's watchdog: the longest time without a request; None or 0: none
     )
@@ -40,6 +42,10 @@ class Poll:
     is_urgent: bool = False  # an answer that differs from the one before is published at once
     # Other reads that say the same as one of this unit; called on the line's loop.
     alternates_of: Callable[[Request], tuple[Alternate, ...]] = field(default=lambda _: (), compare=False)
+    encoded: EncodedRequest = field(init=False, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "encoded", EncodedRequest.of(self.unit, self.request))
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +58,7 @@ class Job:
     lane: Priority
     finish: Callable[[Outcome], None]
     until_s: float = inf  # on the line's clock: never sent later than this
+    is_literal: bool = False  # never sent in another form: what is asked is whether there is this one
 
     @property
     def must_not_act_late(self) -> bool:
@@ -68,6 +75,7 @@ class Slot:
     response_time_s: float
     since_s: float  # when the poll was due or the first job submitted
     poll: Poll | None = None
+    lane: Priority | None = None  # the jobs'
     jobs: tuple[Job, ...] = ()  # a stop's frame may be sent for several
     is_repetition: bool = False  # the reply to the first attempt was corrupted
     not_before_s: float = -inf  # the jobs' unit may not be asked before then
@@ -78,9 +86,9 @@ class Slot:
         return self.jobs[0] if self.jobs else None
 
     @property
-    def lane(self) -> Priority | None:
-        """Return the jobs' priority; None for a poll."""
-        return self.jobs[0].lane if self.jobs else None
+    def until_s(self) -> float:
+        """Return after what time the request is not sent any more."""
+        return self.jobs[0].until_s if self.jobs else inf
 
     @property
     def is_stop(self) -> bool:

@@ -6,10 +6,11 @@ Nothing here has a clock: the caller says what time it is.
 
 Invariants.
 
-- A poll is due a period after the last time, stretched by one factor for all polls of the line when they
-  ask for more than jobs and offline units leave. While others are due it goes by due time, so each of the
-  others goes first once at most; on an idle line it may go a period after the last time, however stretched.
-  A poll without a period has one of 5 s in this, and may always go.
+- A poll is due a period after it was due before, so that it keeps its rhythm. When polls ask for more than
+  jobs and offline units leave, all periods are stretched by one factor, and count from when a poll was sent:
+  the order of a round stays, however the factor changes. While others are due it goes by due time, so each
+  of them goes first once at most; on an idle line it may go after its own period, however stretched. A poll
+  without a period has one of 5 s in this, and may always go.
 - While polls are due, jobs get half of the line's time, background jobs a quarter, and what was saved up.
 - A watchdog's unit is asked when half of its time has passed; what can go before it is the request on the
   wire, units with an earlier deadline, and one other request for each eight of those. Stops come on top:
@@ -17,7 +18,7 @@ Invariants.
 - Silent units get 3.5 % of the line's time, and never two requests in a row while another unit is due.
 - A slot that was picked is a reservation: `put_back` undoes it, `record` makes it count.
 
-`Scheduler._choose` is the precedence.
+`Scheduler.pick` has the precedence.
 """
 
 from __future__ import annotations
@@ -27,11 +28,12 @@ from collections.abc import Iterable
 from dataclasses import replace
 from math import inf
 
+from gateway.line.rtu.bus_faults import whole_frame
 from gateway.line.rtu.outcome import Garbled, Outcome
 from gateway.line.scheduler.job_queue import JobQueue
 from gateway.line.scheduler.polls import PollTable
-from gateway.line.scheduler.requests import Poll, Priority, Slot
-from gateway.line.scheduler.requests import Verdict as Verdict
+from gateway.line.scheduler.requests import Poll, Priority, Slot, Verdict
+from gateway.modbus.codes import EXCEPTION_BIT
 
 IN_ROW = 8  # requests for stops, and for watchdogs, before something else that is due goes
 
@@ -63,16 +65,12 @@ class Scheduler:
         return min(retry_s, self.jobs.next_s(), self.polls.next_s())
 
     def pick(self, now_s: float) -> Slot | None:
-        """Return what has the line next, None when nothing is due; `record` or `put_back` must follow."""
-        self._picked_s = now_s
-        self._is_for_watchdog = False
-        return self._choose(now_s)
+        """Return what has the line next, None when nothing is due; `record` or `put_back` must follow.
 
-    def _choose(self, now_s: float) -> Slot | None:
-        """Return the first that there is.
+        The first that there is:
 
         1. A stop's frame.
-        2. A repeat or read-back of a stop; after eight in a row 3 to 6 once.
+        2. A repeat or read-back of a stop; after eight in a row one of 3, 5 or 6, with eight of 4 before.
         3. A poll whose reply was corrupted, once more; one whose outcome is open.
         4. The unit with the earliest watchdog deadline of those that are due, or were not asked since the
            port was opened; one without a known watchdog after commands in their share; after eight in a
@@ -81,28 +79,28 @@ class Scheduler:
            fourth the oldest.
         6. A poll by due time. After a miss those of units that answer, otherwise those of units that do not.
         """
-        slot = self.jobs.pop(Priority.STOP, now_s)
-        if slot is None and self._follow_ups_in_row < IN_ROW:
-            slot = self.jobs.pop(Priority.FOLLOW_UP, now_s)
+        self._picked_s, self._is_for_watchdog = now_s, False
+        if self._follow_ups_in_row < IN_ROW:
+            slot = self.jobs.pop(now_s, Priority.STOP, Priority.FOLLOW_UP)
             self._follow_ups_in_row = 0 if slot is None else self._follow_ups_in_row
-        slot = slot or self._take_retry()
+        else:
+            slot = self.jobs.pop(now_s, Priority.STOP)
+        if slot is None and self._retry is not None:
+            slot = self._take_retry()
         if slot is not None:
             return slot
         unit = self.polls.watchdogs.first(now_s)
         if unit is None or self._watchdogs_in_row >= IN_ROW:
-            slot = self._choose_in_turn(now_s)
+            entry = self.polls.first(now_s)
+            slot = self.jobs.pop_command(now_s, is_poll_due=entry is not None)
+            if slot is None and entry is not None:
+                slot = self.polls.take(entry, now_s)
         elif unit.deadline_s == inf and self.jobs.may_pass_polls(now_s):
-            slot = self.jobs.pop(Priority.COMMAND, now_s)
+            slot = self.jobs.pop(now_s, Priority.COMMAND)
         if slot is None and unit is not None:
             self._is_for_watchdog = True
             slot = self.polls.take(unit.polls[0], now_s)
-        return slot or self.jobs.pop(Priority.FOLLOW_UP, now_s)
-
-    def _choose_in_turn(self, now_s: float) -> Slot | None:
-        """Return a job or a poll."""
-        entry = self.polls.first(now_s)
-        slot = self.jobs.pop_command(now_s) if entry is None or self.jobs.may_pass_polls(now_s) else None
-        return self.polls.take(entry, now_s) if slot is None and entry is not None else slot
+        return slot or self.jobs.pop(now_s, Priority.FOLLOW_UP)
 
     def _take_retry(self) -> Slot | None:
         retry, self._retry = self._retry, None
@@ -117,26 +115,46 @@ class Scheduler:
         else:
             self.polls.put_back(slot, until_s)
 
-    def record(self, slot: Slot, outcome: Outcome, now_s: float, *, is_open: bool = False) -> Verdict:
+    def record(
+        self,
+        slot: Slot,
+        outcome: Outcome,
+        now_s: float,
+        *,
+        is_open: bool = False,
+        is_unsure: bool = False,
+        is_given_up: bool = False,
+    ) -> Verdict:
         """Learn what became of a slot that was picked, and plan on.
 
-        An answer or a refusal is open when the request has to be sent again before it counts.
+        An answer or a refusal is open when the request has to be sent again before it counts, and unsure when
+        it may be a late one: that says nothing of the unit as it is now. What its jobs have given up is not
+        sent again.
         """
         since_s = min(max(slot.since_s, slot.not_before_s), self._picked_s)
         took_s = min(now_s - max(self._freed_s, since_s), _LONGEST_SLOT_S)
         self._freed_s = now_s
-        if slot.lane is Priority.FOLLOW_UP:
+        lane, entry = slot.lane, self.polls.entry_of(slot.poll)
+        if lane is Priority.FOLLOW_UP:
             self._follow_ups_in_row += 1
         elif self._is_for_watchdog:
             self._watchdogs_in_row += 1
-        elif slot.lane is not Priority.STOP:
+        elif lane is not Priority.STOP:
             self._follow_ups_in_row = self._watchdogs_in_row = 0
-        is_known = not slot.poll or self.polls.entry_of(slot.poll) is not None
-        is_repeated = is_known and self._repeat(slot, outcome, is_open=is_open)
+        is_known = slot.poll is None or entry is not None
+        is_repeated = is_known and not is_given_up and (is_open or isinstance(outcome, Garbled))
+        is_repeated = is_repeated and self._repeat(slot, outcome, is_open=is_open)
         if slot.jobs:
             self.jobs.charge(slot, took_s, now_s)
         is_online = self.polls.record(
-            slot, outcome, sent_s=self._picked_s, took_s=took_s, now_s=now_s, is_repeated=is_repeated
+            slot,
+            entry,
+            outcome,
+            sent_s=self._picked_s,
+            took_s=took_s,
+            now_s=now_s,
+            is_repeated=is_repeated,
+            is_unsure=is_unsure,
         )
         return Verdict(is_known and not is_repeated, is_online)
 
@@ -144,6 +162,9 @@ class Scheduler:
         """Keep a read due that is open, or whose reply was corrupted, once; the line repeats no write."""
         is_corrupted = isinstance(outcome, Garbled) and outcome.is_sent
         is_retried = is_corrupted and not slot.is_repetition and not slot.request.is_write
+        if is_retried and slot.jobs and slot.jobs[0].is_literal and isinstance(outcome, Garbled):
+            frame = whole_frame(outcome.received)
+            is_retried = frame is None or not frame.pdu[0] & EXCEPTION_BIT  # a refusal in doubt is one, too
         if not is_open and not is_retried:
             return False
         again = replace(slot, is_repetition=slot.is_repetition or is_retried)

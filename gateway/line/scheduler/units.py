@@ -6,6 +6,9 @@
 | 1 | SUSPECT | all polls, after a unit that answers | as before |
 | 2, 3 | SILENT | the first poll, the probe, with back-off | as before |
 | 4 and more | SILENT | the same | offline |
+
+A reply that comes too late, of a unit that has answered in time lately, makes three misses or more two, and
+for a few seconds there are no more than three.
 """
 
 from __future__ import annotations
@@ -14,18 +17,20 @@ import enum
 from dataclasses import dataclass, field
 from math import inf
 
-from gateway.line.rtu.outcome import Answered, Outcome, Refused, Silent
+from gateway.line.rtu.bus_faults import whole_frame
+from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.scheduler.edf_queue import Queued
 from gateway.line.scheduler.requests import Poll
 
 SILENT_AFTER = 2  # misses: where 5 % of the replies are lost this happens every few minutes,
 OFFLINE_AFTER = 4  # and this hardly ever
-PROBE_FLOOR_S = 1.0  # between two probes of a silent unit at least
-PROBE_CEILING_S = 16.0  # and at most
+PROBE_MIN_S = 1.0  # between two probes of a silent unit at least
+PROBE_MAX_S = 16.0  # and at most
+LATE_FOR_S = 30.0  # so long a unit may answer too late only, before it counts as one that does not
 FADING_S = 5.0  # after anything was received: its silence may be noise, and is not counted as offline
 
 
-class UnitState(enum.Enum):
+class UnitState(enum.StrEnum):
     """What is known of a unit."""
 
     NEW = "new"
@@ -41,7 +46,8 @@ class ScheduledPoll(Queued):
     poll: Poll
     unit: Unit
     every_s: float
-    cost_s: float = 0.0  # of the line's time, the last time; 0 before the first answer
+    period_s: float  # the same, or that of a poll that is asked as often as possible
+    cost_s: float = 0.0  # of the line's time, the last time; 0 until it is answered
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
@@ -54,6 +60,8 @@ class Unit(Queued):
     was_received: bool = False  # anything ever, corrupted or not
     is_online: bool | None = None  # as last reported
     received_s: float = -inf  # when that was last; before it, when it was asked first
+    answered_s: float = -inf  # the latest reply in time
+    late_s: float = -inf  # the latest reply that was too late
     forgiven_until_s: float = -inf  # it restarts: until then it is not taken for offline
     limit_s: float = 0.0  # its watchdog's time; 0: none is known
     reached_s: float = -inf  # before the latest answered request was sent; -inf: it is silent
@@ -62,6 +70,16 @@ class Unit(Queued):
     def is_silent(self) -> bool:
         """Return whether only its probe is asked."""
         return self.misses >= SILENT_AFTER
+
+    @property
+    def asked(self) -> list[ScheduledPoll]:
+        """Return its polls that are asked at present."""
+        return self.polls[:1] if self.is_silent else self.polls
+
+    @property
+    def probe(self) -> Poll | None:
+        """Return its first poll; None when it has none."""
+        return self.polls[0].poll if self.polls else None
 
     @property
     def state(self) -> UnitState:
@@ -80,11 +98,36 @@ class Unit(Queued):
             self.received_s = sent_s
         if isinstance(outcome, Answered | Refused):
             self.misses = 0
+            self.answered_s = now_s
             return True
         self.misses += 1
         if now_s < self.forgiven_until_s:
             self.misses = min(self.misses, SILENT_AFTER)
+        elif self.is_online and now_s < min(self.answered_s + LATE_FOR_S, self.late_s + FADING_S):
+            self.misses = min(self.misses, OFFLINE_AFTER - 1)
+        if isinstance(outcome, Garbled) and self._has_sent(outcome.received):
+            self.note_late(now_s)
         return False
+
+    def note_late(self, now_s: float) -> None:
+        """Record that a reply came too late: for a while the unit is not taken for offline."""
+        self.late_s = now_s
+        if self.is_online and now_s < self.answered_s + LATE_FOR_S:
+            self.received_s = now_s
+            self.misses = min(self.misses, SILENT_AFTER)
+
+    def is_late(self, now_s: float) -> bool:
+        """Return whether its latest reply came too late, a short while ago."""
+        return max(self.answered_s, now_s - LATE_FOR_S) < self.late_s
+
+    def expect_silence(self, until_s: float) -> None:
+        """Take it for one that restarts, not for an offline one, when it does not answer until then."""
+        self.forgiven_until_s = max(self.forgiven_until_s, until_s)
+
+    def _has_sent(self, received: bytes) -> bool:
+        """Return whether this is a right frame of the unit, which answers something else."""
+        frame = whole_frame(received)
+        return frame is not None and frame.unit == self.number
 
     def news(self) -> bool | None:
         """Return whether the unit is online when that differs from the last report; None for nothing new."""
@@ -107,8 +150,8 @@ class Unit(Queued):
 
         It may receive what is sent, and only its replies be lost: then its watchdog is not to act.
         """
-        least_s = max(self.polls[0].every_s if self.polls else 0.0, PROBE_FLOOR_S)
-        most_s = min(PROBE_CEILING_S, self.limit_s / 8 or inf)
+        least_s = max(self.polls[0].every_s if self.polls else 0.0, PROBE_MIN_S)
+        most_s = min(PROBE_MAX_S, self.limit_s / 8 or inf)
         if now_s < self.forgiven_until_s:
             return least_s
         return min(max(now_s - self.received_s, least_s), max(most_s, least_s))

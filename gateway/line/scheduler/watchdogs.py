@@ -1,8 +1,9 @@
 """Which unit must be asked next for the sake of its communication watchdog: hard deadlines, earliest first.
 
 Any answered request has reached its unit, whatever it was for. Half of a watchdog's time may pass; then the
-unit is asked before jobs and polls, which leaves the other half for the queue and for one lost reply. A unit
-that has not been asked since the port was opened counts as due: its watchdog may be running.
+unit is asked before jobs and polls, which leaves the other half for the queue and for one lost reply: after
+that, half of what is left may pass. A unit that has not been asked since the port was opened counts as due:
+its watchdog may be running.
 """
 
 from __future__ import annotations
@@ -12,14 +13,13 @@ from math import inf
 from gateway.line.scheduler.edf_queue import EdfQueue
 from gateway.line.scheduler.units import Unit
 
-ASKED_AFTER = 0.5  # of a watchdog's time
+ASKED_AFTER = 0.5  # of the time that is left to a watchdog
 
-_RETRIED_AFTER = 0.25  # of it, after a request that was not answered
 _WORST_OVER_S = 60.0  # the worst is that of the last so many seconds at least, of twice as many at most
 
 
 class Watchdogs:
-    """The deadlines of all units that answer."""
+    """The deadlines of all units that answer and have polls."""
 
     def __init__(self) -> None:
         self._queue: EdfQueue[Unit] = EdfQueue()
@@ -37,20 +37,20 @@ class Watchdogs:
         if unit.reached_s == -inf and unit.place:
             self.begin(unit, unit.release_s)
         else:
-            self._put(unit)
+            self._put(unit, unit.reached_s)
 
     def reached(self, unit: Unit, at_s: float) -> None:
         """Record that a unit was reached by a request sent at `at_s`."""
         left_s, unit.reached_s = at_s - unit.reached_s, at_s
         if unit.limit_s and self._worst[0] * unit.limit_s < left_s < inf:
             self._worst = (left_s / unit.limit_s, unit.number)
-        self._put(unit)
+        self._put(unit, at_s)
 
     def missed(self, unit: Unit, now_s: float) -> None:
         """Record that a unit did not answer: it is asked again soon, a silent one only by its probe."""
         if unit.is_silent:
             unit.reached_s = -inf
-        self._put(unit, now_s + _RETRIED_AFTER * unit.limit_s)
+        self._put(unit, now_s)
 
     def hold(self, unit: Unit, until_s: float) -> None:
         """Record that a unit may not be asked before then."""
@@ -60,9 +60,7 @@ class Watchdogs:
 
     def first(self, now_s: float) -> Unit | None:
         """Return the unit that has to be asked now."""
-        while (unit := self._queue.first(now_s)) is not None and not unit.polls:
-            unit.leave()
-        return unit
+        return self._queue.first(now_s)
 
     def next_s(self) -> float:
         """Return when `first` may return a unit; not later than it does."""
@@ -75,9 +73,10 @@ class Watchdogs:
             self._worst, self._worst_since_s = (0.0, 0), now_s
         return max(self._worst, self._worst_before)
 
-    def _put(self, unit: Unit, not_before_s: float = -inf) -> None:
-        unit.leave()
-        if unit.limit_s and unit.reached_s > -inf:
-            unit.release_s = max(unit.reached_s + ASKED_AFTER * unit.limit_s, not_before_s)
-            unit.deadline_s = unit.reached_s + unit.limit_s
-            self._queue.put(unit)
+    def _put(self, unit: Unit, asked_s: float) -> None:
+        if not unit.limit_s or not unit.polls or unit.reached_s == -inf:
+            unit.leave()
+            return
+        unit.deadline_s = unit.reached_s + unit.limit_s
+        unit.release_s = asked_s + ASKED_AFTER * (unit.deadline_s - asked_s)
+        self._queue.put(unit)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Protocol
 
 from gateway.errors import BrokerError
 from gateway.mqtt.connection.reconnect import Notice, Version, VersionChoice, perhaps_taken_over
-from gateway.mqtt.connection.session import CONNECTION_LOST, Session
+from gateway.mqtt.connection.session import CONNECTION_LOST, Session, SessionParts
 from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.freshness import EVERY_S
@@ -21,6 +22,7 @@ log = logging.getLogger(__name__)
 
 PULSE_EVERY_S = EVERY_S
 PULSE_RETRY_S = 0.1
+Listener = Callable[[bytes], None]  # takes a payload; must return at once
 FAREWELL_TICKET = 0  # the outbox counts from 1
 SHORT_ONES = 3  # connections in a row that the broker closed soon, until the cause is guessed
 
@@ -30,24 +32,19 @@ class Source(Protocol):
 
     def connected(self, window: int) -> None:
         """Begin a connection."""
-        ...
 
     def disconnected(self) -> None:
         """End a connection."""
-        ...
 
     def take(self) -> Outgoing | None:
         """Return the next message to publish now."""
-        ...
 
     def acked(self, ticket: int, reason_code: int) -> None:
         """Note the broker's answer."""
-        ...
 
     @property
     def is_idle(self) -> bool:
         """Return whether everything has been acknowledged."""
-        ...
 
 
 class BrokerConnection:
@@ -58,6 +55,7 @@ class BrokerConnection:
     `on_notice` is called for losses that need an event of their own: once, until a connection has held again.
     `pulse` makes a message of QoS 0 that goes out before all others of a connection and then every
     PULSE_EVERY_S; it is made when it is sent, and never waits. `on_version` takes each connection's version.
+    `listeners` take what comes on topics of their own, which must lie outside `command_filter`.
     """
 
     def __init__(
@@ -72,12 +70,14 @@ class BrokerConnection:
         on_notice: Callable[[Notice], None] = lambda _: None,
         pulse: Callable[[], Message] | None = None,
         on_version: Callable[[Version], None] = lambda _: None,
+        listeners: Mapping[str, Listener] | None = None,
     ) -> None:
         self._settings = settings
         self._source = source
         self._command_filter = command_filter
         self._will = will
         self._on_incoming = on_incoming
+        self._listeners = dict(listeners or {})
         self._on_link = on_link
         self._on_notice = on_notice
         self._published: set[str] = set()  # the codes of notices, since a connection held
@@ -122,6 +122,17 @@ class BrokerConnection:
         if self._session is not None and self._sending is None:
             self._sending = asyncio.get_running_loop().call_soon(self._send)
 
+    def listen(self, topic: str, on_message: Listener) -> None:
+        """Have the payloads of one more topic from now on, on every connection; none of them is a command."""
+        self._listeners[topic] = on_message
+        if self._session is not None:
+            self._subscribe(self._session, topic)
+
+    def unlisten(self, topic: str) -> None:
+        """Take no more messages of a topic of `listen`."""
+        if self._listeners.pop(topic, None) is not None and self._session is not None:
+            self._session.unlisten(topic)
+
     async def close(self, farewell: Message, *, within_s: float = 2.0) -> None:
         """Send what still waits, then `farewell`, then disconnect; at the latest after `within_s`.
 
@@ -143,14 +154,30 @@ class BrokerConnection:
             await session.disconnect()
         session.abort()
 
+    def _take(self, incoming: Incoming) -> None:
+        """Pass a message on by its topic: to who listens there, else as a command.
+
+        It never waits for the answer to the subscription, which may be late or not come: it may be a stop.
+        """
+        on_message = self._listeners.get(incoming.topic)
+        if on_message is not None:
+            on_message(incoming.payload)
+        else:
+            self._on_incoming(replace(incoming, is_early=self._session is None))
+
+    def _subscribe(self, session: Session, topic: str) -> None:
+        error = BrokerError(
+            f"broker {self._settings.address} refuses a subscription to {topic}",
+            "let this user read it, in the broker's access list",
+        )
+        session.listen(topic, on_refused=lambda: log.warning("%s", error))
+
     async def _serve_once(self) -> bool:
         """Connect and serve until the loss; return whether to connect again at once."""
         session = Session(
             self._settings,
             self._choice.version,
-            will=self._will(),
-            on_incoming=self._on_incoming,
-            on_ack=self._acked,
+            SessionParts(self._will(), self._take, self._acked, on_skip=lambda each: self._notice(each, "")),
         )
         try:
             await session.connect()
@@ -172,6 +199,8 @@ class BrokerConnection:
         self._source.connected(session.window)
         try:
             self._on_version(self._choice.version)
+            for topic in self._listeners:
+                self._subscribe(session, topic)
             self._report_link(self._deaf() if is_deaf else "", is_connected=True)
             self._beat(session)
             self.wake()
@@ -271,5 +300,4 @@ class BrokerConnection:
 
 
 def _has_room(session: Session) -> bool:
-    """Return whether the broker takes one more message now."""
     return session.in_flight < session.window

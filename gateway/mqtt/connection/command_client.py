@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import asyncio
 import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from gateway.errors import BrokerError, GatewayError, NoResultError
 from gateway.mqtt.connection.reconnect import Version, VersionChoice
-from gateway.mqtt.connection.session import Session
+from gateway.mqtt.connection.session import Session, SessionParts
 from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.payloads import Message
 from gateway.mqtt.contract.strict_json import read_object, to_payload
 from gateway.mqtt.contract.topics import Topics
-from gateway.records import Phase, rfc3339
+from gateway.records import STOP, Phase, rfc3339
 
-STOP = "stop"
 STATUS_WITHIN_S = 5.0  # the retained status comes with the subscription
 STOP_STATUS_WITHIN_S = 0.25  # a stop does not wait for it
 TROUBLED_WITHIN_S = 2.0  # for the result of a stop that was sent although no gateway seemed to be there
@@ -58,13 +58,7 @@ class CommandClient:
         `now_s` is the wall time. BrokerError when the broker or the gateway is away, or writing is forbidden.
         """
         order = replace(order, id=order.id or uuid.uuid4().hex)
-        session, _ = await connected(
-            self._settings,
-            on_incoming=self._news.put_nowait,
-            on_ack=lambda _, code: self._news.put_nowait(code),
-        )
-        session.lost.add_done_callback(lambda _: self._news.put_nowait(None))
-        try:
+        async with self._connected() as session:
             is_answered = await session.subscribe(self._topics.result(order.starter, order.client))
             proof, trouble = await self._proof(session, order)
             if not is_answered:
@@ -81,11 +75,14 @@ class CommandClient:
                 if trouble is not None:
                     raise BrokerError(f"the stop was sent, and no gateway answered: {trouble}") from None
                 return None
-        finally:
-            await session.disconnect()
 
     async def retained(self, topic: str, *, within_s: float) -> Mapping[str, Any] | None:
         """Return the retained message of a topic, None when there is none; BrokerError as `send`."""
+        async with self._connected() as session:
+            return await self._retained(session, topic, within_s)
+
+    @asynccontextmanager
+    async def _connected(self) -> AsyncIterator[Session]:
         session, _ = await connected(
             self._settings,
             on_incoming=self._news.put_nowait,
@@ -93,7 +90,7 @@ class CommandClient:
         )
         session.lost.add_done_callback(lambda _: self._news.put_nowait(None))
         try:
-            return await self._retained(session, topic, within_s)
+            yield session
         finally:
             await session.disconnect()
 
@@ -131,7 +128,6 @@ class CommandClient:
         return str(fresh.get("token"))
 
     async def _retained(self, session: Session, topic: str, within_s: float) -> dict[str, Any] | None:
-        """Return the retained message of a topic, or the first that comes; None when none comes in time."""
         if not await session.subscribe(topic, with_retained=True):
             raise self._forbidden(f"read {topic}")
         try:
@@ -204,8 +200,15 @@ class CommandClient:
         return BrokerError(f"broker {self._settings.address} does not let {who} {what}", hint)
 
 
+def _ignored(*_: object) -> None:
+    """Take what nothing is done with."""
+
+
 async def connected(
-    settings: BrokerSettings, *, on_incoming: Callable[[Incoming], None], on_ack: Callable[[int, int], None]
+    settings: BrokerSettings,
+    *,
+    on_incoming: Callable[[Incoming], None] = _ignored,
+    on_ack: Callable[[int, int], None] = _ignored,
 ) -> tuple[Session, Version]:
     """Connect once, without a will, and return the session with the version that the broker takes.
 
@@ -213,7 +216,7 @@ async def connected(
     """
     choice = VersionChoice(settings.version)
     while True:
-        session = Session(settings, choice.version, will=None, on_incoming=on_incoming, on_ack=on_ack)
+        session = Session(settings, choice.version, SessionParts(None, on_incoming, on_ack))
         try:
             await session.connect()
         except BrokerError:

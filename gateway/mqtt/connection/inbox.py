@@ -19,12 +19,12 @@ from dataclasses import replace
 
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.topics import CommandAddress, Malformed, Topics
-from gateway.starters.commands.lifecycle import STOP
+from gateway.records import STOP
 from gateway.system.token_bucket import Bucket, Rate
 
 logger = logging.getLogger(__name__)
 
-MOST, MOST_OF_CLIENT = 300, 100  # messages that wait; not less than `flood.Limits` takes at once
+MOST, MOST_OF_CLIENT = 300, 100  # messages that wait; not less than `RateLimits` takes at once
 PARSED_STOPS = Rate(50.0, 50)  # a second, at once
 SHARE = 0.5  # of the time, for parsing
 AHEAD_S = 0.01  # so long before its share is due, it may be used

@@ -78,15 +78,6 @@ def perhaps_taken_over(client_id: str) -> Notice:
     )
 
 
-def too_large(size: int, most: int) -> Notice:
-    """Return what is wrong when the broker announces a packet that is not read."""
-    return Notice(
-        "message_too_large",
-        f"the broker announced a packet of {size} bytes, more than {most}: the connection was closed before "
-        "it was read (find who sends that to a command topic, and clear it if it is retained)",
-    )
-
-
 class Version(enum.StrEnum):
     """A version of MQTT that the gateway supports."""
 

@@ -1,4 +1,4 @@
-"""One connection to the broker, from CONNECT to its loss; the only module that knows paho.
+"""One connection to the broker, from CONNECT to its loss: what is asked of paho, and what it reports.
 
 A client that connects a second time replays its queue without regard to any window, so each session has its
 own. The running loop serves its socket; only `connect` blocks, in a thread, and the loop waits for its end.
@@ -12,6 +12,7 @@ import socket
 import ssl
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any
 
 from paho.mqtt import client as paho
@@ -22,6 +23,13 @@ from paho.mqtt.reasoncodes import ReasonCode
 from paho.mqtt.subscribeoptions import SubscribeOptions
 
 from gateway.errors import BrokerError
+from gateway.mqtt.connection.packet_limit import (
+    MAX_INCOMING_BYTES,
+    LimitedClient,
+    TooLargeError,
+    skipped,
+    too_large,
+)
 from gateway.mqtt.connection.reconnect import (
     PACKET_TOO_LARGE,
     SESSION_TAKEN_OVER,
@@ -29,59 +37,44 @@ from gateway.mqtt.connection.reconnect import (
     Version,
     refused,
     taken_over,
-    too_large,
     unreachable,
 )
 from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.payloads import Message
 
-MAX_INCOMING_BYTES = 65_536  # asked of the broker, and never read; commands are 4 KB at most
 CONNECTION_LOST = "connection lost"
 CALLBACKS = [f"on_{each}" for each in ("connect", "disconnect", "publish", "subscribe", "message")]
 CALLBACKS += [f"on_socket_{each}" for each in ("open", "close", "register_write", "unregister_write")]
+WITH_WILL = 0x04  # DISCONNECT [MQTT5 3.14.2.1]
 READS_AT_ONCE = 100  # packets read before other tasks of the loop run
 READ_FOR_S = 0.003  # nor longer than this
 
 
-class _TooLargeError(Exception):
-    """The broker announced more than is read; carries its size. An OSError would not come out of paho."""
-
-    def __init__(self, size: int) -> None:
-        self.size = size
-        super().__init__(size)
+def _ignore(_: int) -> None:
+    """Do nothing."""
 
 
-class _Client(paho.Client):
-    """Reads no packet that is announced too large: MQTT 3.1.1 cannot ask the broker to hold it back."""
+@dataclass(frozen=True, slots=True)
+class SessionParts:
+    """What a session needs of its owner; all calls on its loop."""
 
-    def _sock_recv(self, bufsize: int) -> bytes:
-        """Read so much at most; for a packet's body paho first asks for its whole announced length."""
-        if bufsize > MAX_INCOMING_BYTES:
-            raise _TooLargeError(bufsize)
-        return super()._sock_recv(bufsize)
+    will: Message | None  # what the broker publishes when the connection is lost; None: nothing
+    on_incoming: Callable[[Incoming], None]
+    on_ack: Callable[[int, int], None]  # the end of a published message: its ticket, the broker's reason code
+    on_skip: Callable[[Notice], None] | None = None  # a packet was too large, and all but its topic is lost
 
 
 class Session:
-    """One connection; `lost` is done, with the reason, as soon as it is over. A will is optional."""
+    """One connection; `lost` is done, with the reason, as soon as it is over."""
 
-    def __init__(
-        self,
-        settings: BrokerSettings,
-        version: Version,
-        *,
-        will: Message | None,
-        on_incoming: Callable[[Incoming], None],
-        on_ack: Callable[[int, int], None],
-    ) -> None:
+    def __init__(self, settings: BrokerSettings, version: Version, parts: SessionParts) -> None:
         self._loop = asyncio.get_running_loop()
         self._settings = settings
         self._version = version
-        self._will = will
-        self._on_incoming = on_incoming
-        self._on_ack = on_ack
+        self._parts = parts
         self._connack: asyncio.Future[None] = self._loop.create_future()
-        self._suback: asyncio.Future[int] = self._loop.create_future()
+        self._subacks: dict[int, asyncio.Future[int]] = {}  # by packet id
         self._tickets: dict[int, tuple[int, float]] = {}  # by packet id: ticket, time sent
         self._sock: Any = None  # paho's socket, while the loop serves it
         self._readable = select.poll()
@@ -113,15 +106,23 @@ class Session:
 
     async def subscribe(self, topic_filter: str, *, with_retained: bool = False) -> bool:
         """Subscribe and return whether the broker lets us; MQTT 3.1.1 sends retained messages anyway."""
-        self._suback = self._loop.create_future()
-        if self._version is Version.V5:
-            # Retain As Published: live messages show their retained flag too. Retain Handling 2: no old ones.
-            handling = 0 if with_retained else 2
-            options = SubscribeOptions(qos=1, retainAsPublished=True, retainHandling=handling)
-            self._client.subscribe(topic_filter, options=options)
-        else:
-            self._client.subscribe(topic_filter, qos=1)
-        return bool(await self._answer(self._suback, "SUBACK") < 0x80)
+        suback = self._subscribe(topic_filter, handling=0 if with_retained else 2)
+        return bool(await self._answer(suback, "SUBACK") < 0x80)
+
+    def listen(self, topic: str, on_refused: Callable[[], None]) -> None:
+        """Subscribe to one more topic without waiting for the answer; a refusal changes nothing else."""
+
+        def note(suback: asyncio.Future[int]) -> None:
+            if not suback.cancelled() and suback.result() >= 0x80:
+                on_refused()
+
+        if not self.lost.done():
+            self._subscribe(topic, handling=2).add_done_callback(note)
+
+    def unlisten(self, topic: str) -> None:
+        """Take no more messages of a topic of `listen`."""
+        if not self.lost.done():
+            self._client.unsubscribe(topic)
 
     @property
     def is_closed_unanswered(self) -> bool:
@@ -132,6 +133,11 @@ class Session:
     def in_flight(self) -> int:
         """Return how many messages the broker has not acknowledged yet."""
         return len(self._tickets)
+
+    @property
+    def has_sent_all(self) -> bool:
+        """Return whether the socket has taken everything that was published so far."""
+        return not self._client.want_write()
 
     def publish_now(self, message: Message) -> bool:
         """Send a message of QoS 0 at once; return False when the socket has not taken what was before it."""
@@ -157,9 +163,12 @@ class Session:
             self._tickets[sent.mid] = (ticket, self._loop.time())
         return None
 
-    async def disconnect(self) -> None:
-        """Say goodbye, so that the broker does not publish the will."""
-        self._client.disconnect()
+    async def disconnect(self, *, with_will: bool = False) -> None:
+        """Say goodbye; the broker publishes the will only when asked to, which MQTT 5 alone can do."""
+        if with_will and self._version is Version.V5:
+            self._client.disconnect(reasoncode=ReasonCode(PacketTypes.DISCONNECT, identifier=WITH_WILL))
+        else:
+            self._client.disconnect()
         await asyncio.wait([self.lost], timeout=1.0)
         self.abort()
 
@@ -168,20 +177,24 @@ class Session:
         self._release()
         self._close_socket()
         self._lose("closed by the gateway")
-        for answer in (self._connack, self._suback):
-            answer.cancel()
+        self._connack.cancel()
+        for suback in self._subacks.values():
+            suback.cancel()
+        self._subacks.clear()
+        self._client.on_skip = _ignore
         for name in CALLBACKS:  # or the two hold each other until the next whole garbage collection
             setattr(self._client, name, None)
 
-    def _make_client(self) -> paho.Client:
+    def _make_client(self) -> LimitedClient:
         is_v5 = self._version is Version.V5
-        client = _Client(
+        client = LimitedClient(
             CallbackAPIVersion.VERSION2,
             client_id=self._settings.client_id,
             clean_session=None if is_v5 else True,
             protocol=MQTTProtocolVersion.MQTTv5 if is_v5 else MQTTProtocolVersion.MQTTv311,
             reconnect_on_failure=False,
         )
+        client.on_skip = self._on_skip
         client.max_inflight_messages_set(0)  # paho knows no Receive Maximum; the outbox keeps to `window`
         for name in CALLBACKS:
             setattr(client, name, getattr(self, f"_{name}"))
@@ -192,14 +205,15 @@ class Session:
         if settings.tls is not None:
             self._client.tls_set_context(settings.tls.context())
         self._client.username_pw_set(settings.username, settings.password)
-        if self._will is not None:
-            self._client.will_set(self._will.topic, self._will.payload, qos=1, retain=True)
+        will = self._parts.will
+        if will is not None:
+            self._client.will_set(will.topic, will.payload, qos=will.qos, retain=will.retain)
         if self._version is Version.V311:
             self._client.connect(settings.host, settings.port, settings.keepalive_s)
             return
         properties = _properties(PacketTypes.CONNECT)
         properties.SessionExpiryInterval = 0  # the broker must not collect commands for an absent gateway
-        properties.MaximumPacketSize = MAX_INCOMING_BYTES
+        properties.MaximumPacketSize = settings.largest_packet or MAX_INCOMING_BYTES
         self._client.connect(
             settings.host, settings.port, settings.keepalive_s, clean_start=True, properties=properties
         )
@@ -207,6 +221,19 @@ class Session:
     def _close_socket(self) -> None:
         if (sock := self._client.socket()) is not None:
             sock.close()
+
+    def _subscribe(self, topic_filter: str, *, handling: int) -> asyncio.Future[int]:
+        """Send SUBSCRIBE and return its answer; `handling` is MQTT 5's of retained messages."""
+        if self._version is Version.V5:
+            # Retain As Published: live messages show their retained flag too. Retain Handling 2: no old ones.
+            options = SubscribeOptions(qos=1, retainAsPublished=True, retainHandling=handling)
+            _, packet_id = self._client.subscribe(topic_filter, options=options)
+        else:
+            _, packet_id = self._client.subscribe(topic_filter, qos=1)
+        suback: asyncio.Future[int] = self._loop.create_future()
+        if packet_id is not None:  # None: the connection is lost
+            self._subacks[packet_id] = suback
+        return suback
 
     async def _answer(self, answer: asyncio.Future[Any], name: str) -> Any:
         await asyncio.wait(
@@ -240,8 +267,8 @@ class Session:
         for _ in range(READS_AT_ONCE):
             try:
                 self._client.loop_read()
-            except _TooLargeError as error:
-                self._lose_with(too_large(error.size, MAX_INCOMING_BYTES))
+            except TooLargeError as error:
+                self._lose_with(too_large(error.size))
                 return
             except Exception as error:  # noqa: BLE001 - this callback's one guard: nonsense ends the session
                 self._lose(f"the broker sent what cannot be read: {error!r}")
@@ -311,13 +338,19 @@ class Session:
         self._max_packet = getattr(properties, "MaximumPacketSize", None)
         self._connack.set_result(None)
 
-    def _on_subscribe(self, _client: Any, _userdata: Any, _mid: int, codes: Any, _properties: Any) -> None:
-        self._suback.set_result(max((code.value for code in codes), default=0))
+    def _on_subscribe(self, _client: Any, _userdata: Any, mid: int, codes: Any, _properties: Any) -> None:
+        suback = self._subacks.pop(mid, None)
+        if suback is not None and not suback.done():
+            suback.set_result(max((code.value for code in codes), default=0))
+
+    def _on_skip(self, size: int) -> None:
+        if self._parts.on_skip is not None:
+            self._loop.call_soon(self._parts.on_skip, skipped(size))
 
     def _on_publish(self, _client: Any, _userdata: Any, mid: int, code: ReasonCode, _properties: Any) -> None:
         ticket, _ = self._tickets.pop(mid, (None, 0.0))
         if ticket is not None:
-            self._on_ack(ticket, code.value)
+            self._parts.on_ack(ticket, code.value)
 
     def _on_message(self, _client: Any, _userdata: Any, message: paho.MQTTMessage) -> None:
         try:
@@ -334,7 +367,7 @@ class Session:
             correlation=getattr(message.properties, "CorrelationData", None),
         )
         # Not from within paho: an error in a command must not damage its parser.
-        self._loop.call_soon(self._on_incoming, incoming)
+        self._loop.call_soon(self._parts.on_incoming, incoming)
 
     def _on_disconnect(
         self, _client: Any, _userdata: Any, flags: Any, code: ReasonCode, _properties: Any

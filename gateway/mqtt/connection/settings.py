@@ -34,7 +34,8 @@ class TlsSettings:
             context = ssl.create_default_context(cafile=self.ca_file)
         except OSError as error:
             raise BrokerError(
-                f"ca_file {self.ca_file}: {error}", "name a PEM file with the authority"
+                f"ca_file {self.ca_file}: {_why(error, 'no certificate in it')}",
+                "name a PEM file with the authority",
             ) from error
         context.sslsocket_class = _TlsSocket
         if self.cert_file is not None:
@@ -42,7 +43,8 @@ class TlsSettings:
                 context.load_cert_chain(self.cert_file, self.key_file)
             except OSError as error:
                 raise BrokerError(
-                    f"cert_file {self.cert_file}: {error}", "name PEM files of a matching pair"
+                    f"cert_file {self.cert_file}: {_why(error, 'it and key_file are no pair')}",
+                    "name PEM files of a matching pair",
                 ) from error
         return context
 
@@ -64,6 +66,7 @@ class BrokerSettings:
     ack_s: float = 30.0  # how long for a PUBACK
     first_retry_s: float = 0.5
     last_retry_s: float = 4.0  # one client: what SCADA misses weighs more than what a broker has to refuse
+    largest_packet: int | None = None  # asked of the broker where MQTT 5 can; None: as for commands
     steady_s: float = 5.0  # a connection that held this long makes the next pause short again
     seed: int = 0  # of the retries' jitter
 
@@ -72,3 +75,8 @@ class BrokerSettings:
         """Return `host:port` for texts."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"{host}:{self.port}"
+
+
+def _why(error: OSError, otherwise: str) -> str:
+    """Return why a file is of no use; OpenSSL's words are for its developers."""
+    return otherwise if isinstance(error, ssl.SSLError) else error.strerror or str(error)

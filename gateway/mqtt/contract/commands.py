@@ -16,10 +16,12 @@ from gateway.mqtt.contract.freshness import (
     BY_TOKEN,
     DEFAULT_TTL_S,
     MAX_TTL_S,
+    Decision,
     Moment,
     Proof,
     Tokens,
-    decided_s,
+    before_connection,
+    decision_of,
 )
 from gateway.mqtt.contract.strict_json import read_object
 from gateway.mqtt.contract.topics import CommandAddress, Malformed, Topics, shortened
@@ -36,15 +38,23 @@ _INSTANT = re.compile(  # RFC 3339 5.6
 
 @dataclass(frozen=True, slots=True)
 class Incoming:
-    """A message as the broker delivered it; the last three only with MQTT 5."""
+    """A message as the broker delivered it, or as the status page took it.
+
+    `expiry_s`, `response_topic` and `correlation` come with MQTT 5 only. `is_early` says that it came before
+    the connection was reported. `source` names another way than the broker; `operator` is then who logged in
+    there, whatever the payload claims.
+    """
 
     topic: str
     payload: bytes
     is_retained: bool = False
     is_duplicate: bool = False
+    is_early: bool = False
     expiry_s: int | None = None
     response_topic: str | None = None
     correlation: bytes | None = None
+    source: str = ""
+    operator: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +71,7 @@ class Rejection:
     args: Mapping[str, Any] = field(default_factory=dict)
     correlation: bytes | None = None
     problem: str = ""  # of a malformed topic, in a word
+    source: str = ""
 
 
 def _printable(text: str) -> str:
@@ -138,40 +149,35 @@ class CommandParser:
             error = CommandError(MALFORMED_TOPIC, f"nothing was done: {address.text}")
             return _rejected(address, lenient, incoming, error)
         try:
-            body, expires_s = self._accepted(address, incoming, lenient, moment, received_s=received_s)
+            if incoming.is_retained:
+                text = "a retained command is never acted on; send it without retain"
+                raise CommandError("retained", text)  # noqa: TRY301 - as for the others
+            if address.verb == "stop":
+                return self._request(address, incoming, body=lenient, received_s=received_s)
+            body, decision = self._proven(address, incoming, moment)
         except CommandError as error:
             return _rejected(address, lenient, incoming, error)
         request = self._request(address, incoming, body=body, received_s=received_s)
-        return replace(request, expires_s=expires_s)
+        expires_s = decision.since_s + body.ttl_s
+        if incoming.expiry_s is not None:
+            expires_s = min(expires_s, received_s + incoming.expiry_s)
+        return replace(request, expires_s=expires_s, decided_s=decision.earliest_s, decided_by=decision.proof)
 
-    def _accepted(
-        self,
-        address: CommandAddress,
-        incoming: Incoming,
-        lenient: _Body,
-        moment: Moment,
-        *,
-        received_s: float,
-    ) -> tuple[_Body, float | None]:
-        """Return the body of a command to act on, and until when it may be; CommandError for all others."""
-        if incoming.is_retained:
-            raise CommandError("retained", "a retained command is never acted on; send it without retain")
-        if address.verb == "stop":
-            return lenient, None
+    def _proven(self, address: CommandAddress, incoming: Incoming, moment: Moment) -> tuple[_Body, Decision]:
+        """Return the body of a command to act on, and when it was decided upon; CommandError for others."""
         body = _read_strictly(incoming.payload)
         if incoming.expiry_s == 0:
             raise CommandError("expired", "the message's own expiry has passed")
-        since_s = decided_s(
+        decision = decision_of(
             _proof(body),
             verb=address.verb,
-            freshness=self._freshness_of(address),
+            freshness=self._proofs_of(address, incoming),
             tokens=self._tokens,
             moment=moment,
         )
-        expires_s = since_s + body.ttl_s
-        return body, expires_s if incoming.expiry_s is None else min(
-            expires_s, received_s + incoming.expiry_s
-        )
+        if incoming.is_early:
+            raise before_connection()
+        return body, decision
 
     def _request(
         self, address: CommandAddress, incoming: Incoming, *, body: _Body, received_s: float
@@ -184,20 +190,25 @@ class CommandParser:
             verb=address.verb,
             id=body.id,
             args=body.args if address.verb != "stop" else {},  # nothing in a payload may hold up a stop
-            operator=body.operator,
+            operator=incoming.operator or body.operator,
             reason=body.reason,
             received_s=received_s,
             correlation=incoming.correlation,
             response_topic=incoming.response_topic if is_ours else None,
             expect=body.expect,
             select=body.select,
-            boot=self._lasting_boot(address, body),
+            boot=self._lasting_boot(address, incoming, body),
+            source=incoming.source,
         )
 
-    def _lasting_boot(self, address: CommandAddress, body: _Body) -> str:
+    def _proofs_of(self, address: CommandAddress, incoming: Incoming) -> Collection[str]:
+        """Return what may prove a command fresh: no bridge lies between this gateway and its own page."""
+        return (BY_TOKEN,) if incoming.source else self._freshness_of(address)
+
+    def _lasting_boot(self, address: CommandAddress, incoming: Incoming, body: _Body) -> str:
         """Return the boot that proves copies of this command fresh as long as it is the present one."""
         present = self._tokens.boot.token
-        is_proof = body.boot == present and BY_BOOT in self._freshness_of(address)
+        is_proof = body.boot == present and BY_BOOT in self._proofs_of(address, incoming)
         return present if is_proof else ""
 
 
@@ -216,10 +227,11 @@ def _rejected(
         id=lenient.id,
         code=error.code,
         text=error.text,
-        operator=lenient.operator,
+        operator=incoming.operator or lenient.operator,
         args=lenient.args,
         correlation=incoming.correlation,
         problem=address.problem if isinstance(address, Malformed) else "",
+        source=incoming.source,
     )
 
 

@@ -10,6 +10,11 @@ any time. So it carries what dates it:
    `freshness = "boot"`.
 
 Any right proof is enough, but none saves a command whose own time (`ttl_s`) has run out by another.
+
+They also say when a command was decided upon at the earliest, which is compared with the stops: a start that
+may have been decided upon before a stop came must not act after it, however fresh it is. By a token that is
+when it was made; by `issued_at` alone MAX_AHEAD_S before that time, since the sender's clock may run ahead by
+so much. `boot` alone says nothing of it. Of several the earliest counts.
 """
 
 from __future__ import annotations
@@ -20,7 +25,55 @@ from dataclasses import dataclass
 from itertools import islice
 
 from gateway.errors import CommandError
-from gateway.mqtt.contract.run_token import RunToken
+
+
+class RunToken:
+    """`run` goes with everything that is numbered, `token` proves a command fresh.
+
+    Numbers (`seq`) go on over a reconnection, so their messages carry `run`. The token changes whenever a
+    connection is lost or the gateway stood still: who has the present one has read it since then.
+    """
+
+    def __init__(self, run: str) -> None:
+        self.run = run
+        self._tokens = 1  # so far
+        self._connected_s: float | None = None
+
+    @property
+    def token(self) -> str:
+        """Return the `boot` of gateway/status: the run's own name during its first connection."""
+        return self.run if self._tokens == 1 else f"{self.run}-{self._tokens}"
+
+    def connected(self, now_s: float) -> None:
+        """Note, on the steady clock, since when commands can arrive; further calls change nothing."""
+        if self._connected_s is None:
+            self._connected_s = now_s
+
+    def disconnected(self) -> None:
+        """Let the token of the lost connection count no more; without a connection nothing changes."""
+        if self._connected_s is not None:
+            self._tokens += 1
+            self._connected_s = None
+
+    def stood_still(self, now_s: float) -> None:
+        """Invalidate the tokens issued so far: a command that carries one has waited for an unknown time."""
+        self._tokens += 1
+        if self._connected_s is not None:
+            self._connected_s = now_s
+
+    def renew(self) -> None:
+        """Let the token count no more, although nothing was lost: a new one is to be read first."""
+        self._tokens += 1
+
+    def is_before_connection(self, at_s: float) -> bool:
+        """Return whether a moment of the steady clock lies before the present connection."""
+        return self._connected_s is not None and at_s < self._connected_s
+
+
+def boot_of(boot: RunToken | str) -> RunToken:
+    """Return the boot of a run that is given by its name only."""
+    return boot if isinstance(boot, RunToken) else RunToken(boot)
+
 
 DEFAULT_TTL_S = 5.0
 MAX_TTL_S = 60.0  # so long a token is remembered
@@ -39,7 +92,7 @@ def _draw() -> str:
 
 
 class Tokens:
-    """The tokens of the last MAX_TTL_S; those of before a lost connection or a standstill count no more."""
+    """The tokens of the last MAX_TTL_S; a lost connection or a suspension invalidates them."""
 
     def __init__(self, boot: RunToken, *, draw: Callable[[], str] = _draw) -> None:
         self.boot = boot
@@ -80,10 +133,19 @@ class Moment:
     clock_doubt: str | None = None  # None: `issued_at` can be compared with `utc_s`
 
 
-def decided_s(
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """When a fresh command was decided upon, on the steady clock; `proof` says what shows it."""
+
+    since_s: float  # its time to live runs from then
+    earliest_s: float | None = None  # it was not decided upon before; None: nothing shows that
+    proof: str = ""  # BY_TOKEN or BY_ISSUED_AT
+
+
+def decision_of(
     proof: Proof, *, verb: str, freshness: Collection[str], tokens: Tokens, moment: Moment
-) -> float:
-    """Return since when, on the steady clock, a fresh command's time to live runs; CommandError for others.
+) -> Decision:
+    """Return when a fresh command was decided upon; CommandError for others.
 
     `freshness` holds the settings of the operator's entries that give the right; any of them is enough.
     """
@@ -107,7 +169,17 @@ def decided_s(
     starts_s = [moment.now_s]
     starts_s += [] if made_s is None else [made_s]
     starts_s += [] if issued_age_s is None else [moment.now_s - issued_age_s]
-    return min(starts_s)
+    return Decision(min(starts_s), *_earliest(made_s, issued_age_s, moment))
+
+
+def _earliest(made_s: float | None, issued_age_s: float | None, moment: Moment) -> tuple[float | None, str]:
+    """Return when a command was decided upon at the earliest, and what shows it."""
+    issued_s = None if issued_age_s is None else moment.now_s - issued_age_s
+    if made_s is None:
+        return (None, "") if issued_s is None else (issued_s - MAX_AHEAD_S, BY_ISSUED_AT)
+    if issued_s is None or made_s <= issued_s:
+        return made_s, BY_TOKEN
+    return issued_s, BY_ISSUED_AT
 
 
 def _require_time_left(
@@ -128,10 +200,15 @@ def _issued_trouble(issued_age_s: float | None, tokens: Tokens, moment: Moment) 
         return None
     if issued_age_s < -MAX_AHEAD_S:
         return CommandError("not_fresh", f"issued_at is {-issued_age_s:.1f} s in the future; set the clock")
-    if tokens.boot.is_before_connection(moment.now_s - issued_age_s):
-        text = "issued before this gateway was connected to its broker; decide again, then send again"
-        return CommandError("before_connection", text)
+    if tokens.boot.is_before_connection(moment.now_s - issued_age_s - MAX_AHEAD_S):
+        return before_connection()
     return None
+
+
+def before_connection() -> CommandError:
+    """Return the refusal of what may have been issued while no gateway was there to take a stop."""
+    text = "perhaps issued before this gateway was connected to its broker; decide again, then send again"
+    return CommandError("before_connection", text)
 
 
 def _unproven(proof: Proof, made_s: float | None, tokens: Tokens, moment: Moment) -> CommandError:

@@ -1,7 +1,8 @@
 """Converts records to messages: topic, payload, quality of service, and retained or queued.
 
-A retained message is the newest of its topic. A queued message (event, result, audit, history) is sent in
-order and repeated until acknowledged. Most messages are values: `ValueTexts` formats their JSON directly.
+A retained message is the newest of its topic. A queued message (event, result, audit, history, start, trip)
+is sent in order and repeated until acknowledged. Most messages are values: `ValueTexts` formats their JSON
+directly.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, NamedTuple, assert_never
 
-from gateway.mqtt.contract.run_token import RunToken, boot_of
+from gateway.mqtt.contract.freshness import RunToken, boot_of
 from gateway.mqtt.contract.strict_json import join_json, to_json, to_payload
 from gateway.mqtt.contract.topics import Topics, to_level
 from gateway.records import (
@@ -24,7 +25,9 @@ from gateway.records import (
     LockRecord,
     Record,
     ResultRecord,
+    StartRecord,
     StateRecord,
+    TripRecord,
     ValueRecord,
     rfc3339,
 )
@@ -32,45 +35,49 @@ from gateway.starters.policy.rights import Operator
 
 
 class ValueText(NamedTuple):
-    """A value's JSON for its own topic, and as an item of the history."""
+    """A value's JSON for its own topic."""
 
     topic: str
     text: str
-    history_topic: str
-    item: str  # of the history
 
 
-class _Names(NamedTuple):
-    level: str
+class LateValue(NamedTuple):
+    """A value that is published late: the history topic, and the item's JSON."""
+
     topic: str
-    history_topic: str
+    item: bytes
 
 
 class ValueTexts:
-    """Formats values; caches the topics of each point."""
+    """Formats values of this run (`boot`); caches the topic of each point."""
 
-    def __init__(self, topics: Topics) -> None:
+    def __init__(self, topics: Topics, boot: str) -> None:
         self._topics = topics
-        self._names: dict[tuple[str, str], _Names] = {}
+        self._boot = to_json(boot)
+        self._known: dict[str, dict[str, str]] = {}  # by starter and point
 
     def of(self, record: ValueRecord) -> ValueText:
         """Return a value's texts; ValueError when the starter's name is no topic level."""
-        names = self._names.get((record.starter, record.point))
-        if names is None:
-            names = self._names_of(record.starter, record.point)
+        known = self._known.get(record.starter)
+        topic = None if known is None else known.get(record.point)
+        if topic is None:
+            topic = self._topics.value(record.starter, to_level(record.point))
+            self._known.setdefault(record.starter, {})[record.point] = topic
         value = to_json(record.value)
         fate = f'"quality":"{record.quality}","time":{_quoted(record.time_s)},"seq":{record.seq}'
         label = "" if record.label is None else f',"label":{to_json(record.label)}'
         reason = f',"reason":{to_json(record.reason)}' if record.reason else ""
-        text = f'{{"value":{value},"unit":{to_json(record.unit)},{fate}{label}{reason}}}'
-        item = f'{{"point":"{names.level}","value":{value},{fate}}}'
-        return ValueText(names.topic, text, names.history_topic, item)
+        text = f'{{"value":{value},"unit":{to_json(record.unit)},{fate},"boot":{self._boot}{label}{reason}}}'
+        return ValueText(topic, text)
 
-    def _names_of(self, starter: str, point: str) -> _Names:
-        level = to_level(point)
-        names = _Names(level, self._topics.value(starter, level), self._topics.history(starter))
-        self._names[starter, point] = names
-        return names
+
+def late_value(message: Message) -> LateValue:
+    """Return what the history says of a value's message; cut out of its JSON."""
+    branch, _, level = message.topic.rpartition("/")
+    value, _, rest = message.payload.partition(b',"unit":')  # no string can hold such a sequence
+    fate = rest[rest.index(b',"quality":') : rest.index(b',"boot":')]
+    item = b'{"point":"%b",%b%b}' % (level.encode(), value[1:], fate)
+    return LateValue(f"{branch.removesuffix('value')}history", item)
 
 
 @lru_cache(maxsize=64)  # the points of one reply have one time
@@ -80,13 +87,6 @@ def _quoted(time_s: float | None) -> str:
 
 CONTRACT_VERSION = 1
 MAX_HISTORY_ITEMS = 200
-
-
-class HistoryItem(NamedTuple):
-    """A value that may have to be published late: the history topic and the item's JSON."""
-
-    topic: str
-    text: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,8 +100,8 @@ class Message:
     is_queued: bool = False
     is_droppable: bool = False  # goes first when the outbox is full
     correlation: bytes | None = None  # MQTT 5 only
-    history: HistoryItem | None = None  # published late when a newer value replaces it before it was sent
-    key: str = ""  # of a command's final result, "client/id"
+    is_value: bool = False  # published late when a newer value replaces it before it was sent
+    key: str = ""  # names what must be published once: a final result ("client/id"), a start or a trip
 
     @property
     def packet_size(self) -> int:
@@ -127,7 +127,7 @@ class Payloads:
     def __init__(self, topics: Topics, boot: RunToken | str) -> None:
         self.topics = topics
         self._boot = boot_of(boot)
-        self._values = ValueTexts(topics)
+        self._values = ValueTexts(topics, self._boot.run)
 
     def message(self, record: Record) -> Message:
         """Return the message of a record; ValueError when a name in it is no topic level."""
@@ -148,6 +148,12 @@ class Payloads:
                 return self._result(record)
             case AuditRecord():
                 return self._audit(record)
+            case StartRecord():
+                return _queued(
+                    self.topics.start(record.starter), record.data, is_droppable=True, key=record.key
+                )
+            case TripRecord():
+                return _queued(self.topics.trip(record.starter), record.data, key=record.key)
             case LineRecord():
                 return _latest(self.topics.line(record.line), record.statistics, qos=0)
             case _:
@@ -208,8 +214,7 @@ class Payloads:
 
     def _value(self, record: ValueRecord) -> Message:
         made = self._values.of(record)
-        item = HistoryItem(made.history_topic, made.item)
-        return Message(made.topic, made.text.encode("utf-8", "replace"), qos=1, retain=True, history=item)
+        return Message(made.topic, made.text.encode("utf-8", "replace"), qos=1, retain=True, is_value=True)
 
     def _state(self, record: StateRecord) -> Message:
         fields: dict[str, Any] = {
@@ -217,6 +222,7 @@ class Payloads:
             "quality": record.quality,
             "time": rfc3339(record.time_s),
             "seq": record.seq,
+            "boot": self._boot.run,
         }
         if record.reason:
             fields["reason"] = record.reason
@@ -236,6 +242,7 @@ class Payloads:
             "cleared": rfc3339(record.cleared_s),
             "count": record.count,
             "seq": record.seq,
+            "boot": self._boot.run,
         }
         return _latest(self.topics.alarm(record.starter, to_level(record.code)), fields)
 
@@ -303,10 +310,8 @@ def cleared(topic: str) -> Message:
     return Message(topic, b"", qos=1, retain=True)
 
 
-def _latest(
-    topic: str, fields: Mapping[str, Any], *, qos: int = 1, history: HistoryItem | None = None
-) -> Message:
-    return Message(topic, to_payload(fields), qos=qos, retain=True, history=history)
+def _latest(topic: str, fields: Mapping[str, Any], *, qos: int = 1) -> Message:
+    return Message(topic, to_payload(fields), qos=qos, retain=True)
 
 
 def _queued(

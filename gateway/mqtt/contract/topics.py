@@ -92,6 +92,14 @@ class Topics:
         """Return the topic of the values that could not be sent when they were new."""
         return f"{self.starter(starter)}/history"
 
+    def start(self, starter: str) -> str:
+        """Return the topic of the records of a starter's starts."""
+        return f"{self.starter(starter)}/start"
+
+    def trip(self, starter: str) -> str:
+        """Return the topic of the snapshots of a starter's trips."""
+        return f"{self.starter(starter)}/trip"
+
     def command(self, starter: str, client: str, verb: str) -> str:
         """Return the topic on which `client` gives a starter a command."""
         return f"{self._command_prefix}{_checked(starter)}/{_checked(client)}/{_checked(verb)}"

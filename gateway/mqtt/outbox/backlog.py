@@ -13,9 +13,9 @@ from itertools import chain, islice
 from gateway.mqtt.contract.payloads import Message
 from gateway.mqtt.outbox.segment import (
     LOWEST,
+    MessageState,
     QueuedMessage,
     Segment,
-    State,
     Wanted,
     entry_of,
     in_order,
@@ -76,7 +76,7 @@ class Backlog:
         )
 
     def knows(self, key: str) -> bool:
-        """Return whether an earlier run has left the final result of this key behind."""
+        """Return whether an earlier run has left the message of this key behind."""
         return key in self._keys
 
     def put(self, kind: Kind, message: Message, since_s: float, *, is_held: bool = False) -> QueuedMessage:
@@ -179,7 +179,7 @@ class Backlog:
         self._writing = list(islice(self._fresh.values(), MOST_AT_ONCE))
         for entry in self._writing:
             del self._fresh[entry.number]
-            entry.state = State.WRITING
+            entry.state = MessageState.WRITING
         changes = Changes(
             rows=tuple(row_of(entry, utc_of) for entry in self._writing),
             gone=tuple(self._gone),
@@ -192,7 +192,7 @@ class Backlog:
     def written(self) -> None:
         """Note that the disk has done what `collect` returned."""
         for entry in self._writing:
-            entry.state = State.WRITTEN
+            entry.state = MessageState.WRITTEN
             if entry.is_gone:
                 self._note_gone(entry)
         self._writing = []
@@ -203,7 +203,7 @@ class Backlog:
         """Note that the disk could not do it."""
         again = [entry for entry in self._writing if not entry.is_gone]
         for entry in again:
-            entry.state = State.FRESH
+            entry.state = MessageState.FRESH
         self._fresh = {entry.number: entry for entry in again} | self._fresh
         self._writing = []
         self._gone[:0] = changes.gone
@@ -251,7 +251,9 @@ class Backlog:
         """Give up what the disk had no room for."""
         segments = (self._old[loss.kind], self._new[loss.kind])
         out = (
-            each for each in self._out.values() if each.segment in segments and each.state is State.WRITTEN
+            each
+            for each in self._out.values()
+            if each.segment in segments and each.state is MessageState.WRITTEN
         )
         rest = loss.rows - sum(each.number <= loss.upto for each in out)
         rest -= sum(segment.forget(loss.upto) for segment in segments)
@@ -268,9 +270,9 @@ class Backlog:
         self._gone.clear()
         entries = in_order(chain(*self._segments, self._out.values()))
         for entry in entries:
-            if entry.state is State.WRITTEN:
-                entry.state = State.FRESH
-        self._fresh = {entry.number: entry for entry in entries if entry.state is State.FRESH}
+            if entry.state is MessageState.WRITTEN:
+                entry.state = MessageState.FRESH
+        self._fresh = {entry.number: entry for entry in entries if entry.state is MessageState.FRESH}
         self.on_work()
 
     # Inside.
@@ -304,7 +306,7 @@ class Backlog:
     def _note_gone(self, entry: QueuedMessage) -> None:
         """Have the disk forget an entry that it knows."""
         self._fresh.pop(entry.number, None)
-        if entry.state in (State.WRITTEN, State.SUNK):
+        if entry.state in (MessageState.WRITTEN, MessageState.SUNK):
             self._gone.append((entry.kind, entry.number))
 
     def _lose(self, reason: str, entry: QueuedMessage) -> None:

@@ -14,14 +14,15 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol, assert_never
+from collections.abc import Callable
+from typing import assert_never
 
 from gateway.errors import StoreError
 from gateway.mqtt.outbox.losses import Losses
 from gateway.mqtt.outbox.outbox import Outbox
-from gateway.records import Severity
-from gateway.storage.spool import Changes, Kind, Loss, Page, Recalled
+from gateway.records import PublishEvent, Severity
+from gateway.storage.outbox import OutboxDisk
+from gateway.storage.spool import Changes, Kind, Recalled
 from gateway.storage.worker import News
 from gateway.system.clock import Clock
 
@@ -35,39 +36,6 @@ PAGE_ROWS = 400
 PACE_S = 0.2  # a history of at most 200 values each time: 1000 values a second
 REFUSED_EVERY_S = 3600.0
 
-PublishEvent = Callable[
-    [str, Severity, str, Mapping[str, Any]], None
-]  # code, severity, text, data of an event
-
-
-class Disk(Protocol):
-    """Where rows outlive the process; all calls on the app's loop. StoreError when it cannot be done now."""
-
-    @property
-    def trouble(self) -> str:
-        """Why nothing can be stored now; empty when it can."""
-        ...
-
-    def start(self, on_news: Callable[[News, str], None]) -> None:
-        """Begin; `on_news` is called on this loop with each change of its state."""
-        ...
-
-    async def recall(self) -> Recalled:
-        """Return what earlier runs have left behind."""
-        ...
-
-    async def apply(self, changes: Changes) -> Sequence[Loss]:
-        """Do what the changes say, and return what had to be dropped for it."""
-        ...
-
-    async def page(self, kind: Kind, *, after: int, before: int, most: int) -> Page:
-        """Return the rows of a kind between two numbers."""
-        ...
-
-    async def close(self, within_s: float) -> bool:
-        """Close; return whether all could be written."""
-        ...
-
 
 class DiskSync:
     """Links one outbox and its disk; `publish_event` publishes an event, `wake` has the outbox sent.
@@ -78,7 +46,7 @@ class DiskSync:
     def __init__(
         self,
         outbox: Outbox,
-        disk: Disk,
+        disk: OutboxDisk,
         *,
         clock: Clock,
         publish_event: PublishEvent,
@@ -156,7 +124,6 @@ class DiskSync:
             self._history.set()
 
     def _on_disk_news(self, news: News, text: str) -> None:
-        """Log and publish a change of the disk's state."""
         match news:
             case News.OPEN:
                 log.info("outbox %s", text)
@@ -185,7 +152,6 @@ class DiskSync:
             call()
 
     async def _step(self) -> bool:
-        """Write and read what is due; return whether the disk could do it."""
         self._losses.note(self._backlog.take_losses(self._clock.utc_s))
         self._declare()
         self._publish_refused()

@@ -15,11 +15,11 @@ What goes out next (`Outbox.take`), within the broker's window of unacknowledged
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from gateway.mqtt.contract.payloads import MAX_HISTORY_ITEMS, HistoryItem, Message, cleared
+from gateway.mqtt.contract.payloads import MAX_HISTORY_ITEMS, LateValue, Message, cleared, late_value
 from gateway.mqtt.outbox.backlog import Backlog
 from gateway.mqtt.outbox.segment import ROW_BYTES, QueuedMessage
 from gateway.storage.spool import Kind, Refusal
@@ -48,8 +48,9 @@ class RefusedPublish(NamedTuple):
 class Outbox:
     """The messages of one gateway; lives in memory, does no I/O.
 
-    `last_topic` is sent after all other retained topics of a connection: the gateway's status. `pack` makes
-    a message of a history topic, the JSON items for it, and the run that they belong to: `boot` is this one.
+    `last_topic` is sent after all other retained topics of a connection: the gateway's status. `late` makes
+    of a value's message an item of the history, `pack` a message of a history topic, the JSON items for it,
+    and the run that they belong to: `boot` is this one.
     """
 
     def __init__(
@@ -57,12 +58,14 @@ class Outbox:
         *,
         last_topic: str,
         pack: Callable[[str, Sequence[str], str], Message],
+        late: Callable[[Message], LateValue] = late_value,
         boot: str = "",
         max_rows: int = 20_000,
         max_bytes: int = 16 * 2**20,
     ) -> None:
         self._last_topic = last_topic
         self._pack = pack
+        self._late = late
         self.backlog = Backlog(boot=boot, max_rows=max_rows, max_bytes=max_bytes)
         self._latest: dict[str, Message] = {}
         self._waiting: dict[str, float] = {}  # retained topics with news, and since when
@@ -79,12 +82,17 @@ class Outbox:
         self._history_credit = 0
         self.refused = 0
         self.refusals: deque[RefusedPublish] = deque(maxlen=MAX_REMEMBERED_REFUSALS)
-        self.on_delivered: Callable[[str], None] = lambda _: None  # called with the key of each final result
+        self.on_delivered: Callable[[str], None] = lambda _: None  # called with each key
 
     @property
     def dropped(self) -> int:
         """Return how many messages and values were dropped: there was no room, or a disk lost them."""
         return self.backlog.dropped
+
+    @property
+    def latest(self) -> Mapping[str, Message]:
+        """Return the newest message of every retained topic."""
+        return self._latest
 
     @property
     def is_connected(self) -> bool:
@@ -202,8 +210,8 @@ class Outbox:
 
     def _hold(self, message: Message, since_s: float) -> None:
         """Queue a newest value as well that cannot be sent now, so that a crash does not lose it."""
-        if message.history is not None and message.topic not in self._held:
-            entry = self.backlog.put(Kind.VALUE, _item(message.history), since_s, is_held=True)
+        if message.is_value and message.topic not in self._held:
+            entry = self.backlog.put(Kind.VALUE, self._item(message), since_s, is_held=True)
             self._held[message.topic] = (message, entry)
 
     def _sent_live(self, message: Message) -> None:
@@ -218,8 +226,12 @@ class Outbox:
         if held is not None and held[0] is message:
             del self._held[message.topic]
             self.backlog.release(held[1])
-        elif message.history is not None:
-            self.backlog.put(Kind.VALUE, _item(message.history), since_s)
+        elif message.is_value:
+            self.backlog.put(Kind.VALUE, self._item(message), since_s)
+
+    def _item(self, message: Message) -> Message:
+        topic, payload = self._late(message)
+        return Message(topic, payload, qos=1, retain=False, is_queued=True, is_droppable=True)
 
     def _take_latest(self, topics: deque[str] | dict[str, float]) -> Outgoing | None:
         """Return the newest message of the first of these topics; it has no news any more."""
@@ -267,11 +279,6 @@ class Outbox:
         for entry in sent.entries[:1]:
             self.backlog.refuse(Refusal(entry.since_s, reason_code, message.topic, message.payload))
         self.backlog.on_work()
-
-
-def _item(item: HistoryItem) -> Message:
-    payload = item.text.encode("utf-8", "replace")
-    return Message(item.topic, payload, qos=1, retain=False, is_queued=True, is_droppable=True)
 
 
 def _size(message: Message) -> int:

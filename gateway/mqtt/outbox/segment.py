@@ -23,7 +23,7 @@ MOST_GONE = 100  # entries that may stay in a segment although they are done
 LOWEST = -(2**62)
 
 
-class State(enum.Enum):
+class MessageState(enum.Enum):
     """How far the disk knows an entry."""
 
     FRESH = enum.auto()
@@ -42,7 +42,7 @@ class QueuedMessage:
     boot: str
     since_s: float
     segment: Segment
-    state: State = State.FRESH
+    state: MessageState = MessageState.FRESH
     is_gone: bool = False  # acknowledged, or given up
     is_held: bool = False  # its value is being published live; the history leaves it out meanwhile
     size: int = field(init=False)
@@ -126,7 +126,7 @@ class Segment:
     def cancel(self, entry: QueuedMessage) -> None:
         """Leave out an entry that has not been taken."""
         entry.is_gone = True
-        if entry.state is State.SUNK:
+        if entry.state is MessageState.SUNK:
             if entry.number > self._edge:  # else it has come back with a page
                 self.sunk = _less(self.sunk, 1, entry.size)
         else:
@@ -144,7 +144,7 @@ class Segment:
             while len(self._head) > self._window:
                 self._tail.appendleft(self._head.pop())
             self._edge = self._head[-1].number
-        while self._tail and (self._tail[0].is_gone or self._tail[0].state is State.WRITTEN):
+        while self._tail and (self._tail[0].is_gone or self._tail[0].state is MessageState.WRITTEN):
             self._sink(self._tail.popleft())
         self._join()
 
@@ -182,7 +182,7 @@ class Segment:
 
     def forget(self, upto: int) -> int:
         """Give up what the disk has dropped: written entries up to this number; return how many were here."""
-        dropped = [each for each in self if each.number <= upto and each.state is State.WRITTEN]
+        dropped = [each for each in self if each.number <= upto and each.state is MessageState.WRITTEN]
         for entry in dropped:
             self.cancel(entry)
         return len(dropped)
@@ -209,7 +209,7 @@ class Segment:
         if entry.is_gone:
             self._gone -= 1
             return
-        entry.state = State.SUNK
+        entry.state = MessageState.SUNK
         first_s = self.sunk.first_s if self.sunk.rows else entry.since_s
         self.sunk = Share(self.sunk.rows + 1, self.sunk.bytes + entry.size, first_s)
         self.bytes -= entry.size
@@ -254,7 +254,7 @@ def entry_of(row: Row, segment: Segment) -> QueuedMessage:
         correlation=row.correlation,
         key=row.key,
     )
-    return QueuedMessage(row.number, row.kind, message, row.boot, row.time_s, segment, State.WRITTEN)
+    return QueuedMessage(row.number, row.kind, message, row.boot, row.time_s, segment, MessageState.WRITTEN)
 
 
 def _place(entry: QueuedMessage) -> tuple[str, str]:

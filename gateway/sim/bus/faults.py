@@ -23,7 +23,6 @@ class Impairment(Protocol):
 
     def apply(self, reply: Reply, dice: random.Random) -> tuple[Reply, ...]:
         """Return what is sent instead of this reply, in the order of time."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,1 +1,1 @@
-"""What all simulated starters have: a motor, a power section, registers that are asked for."""
+"""What all simulated starters have: a motor, a power section, registers. Start at `unit`."""

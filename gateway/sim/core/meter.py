@@ -32,17 +32,35 @@ class Meter:
 
     @property
     def phase_currents_a(self) -> tuple[float, float, float]:
-        """The currents of R, S and T: nearly, but never quite, alike."""
-        mean_a = self.current_a
-        return mean_a * 1.01, mean_a, mean_a * 0.99
+        """The currents of R, S and T: nearly, but never quite, alike; a lost phase carries none."""
+        factors = [1.01, 1.0, 0.99]
+        if self._motor.lost_phase is not None:
+            factors[self._motor.lost_phase] = 0.0
+        mean_a = self.current_a * 3 / sum(factors)
+        first, second, third = (mean_a * factor for factor in factors)
+        return first, second, third
 
     @property
     def line_voltage_v(self) -> float:
         """The mean line voltage; the start current pulls it down a little."""
-        if not self._motor.is_mains_present:
-            return 0.0
-        sag = 0.00008 * self._motor.current_pct
-        return self._motor.data.rated_voltage_v * (1 - sag) * (1 + 0.001 * self._noise())
+        return sum(self.line_voltages_v) / 3
+
+    @property
+    def line_voltages_v(self) -> tuple[float, float, float]:
+        """The voltages R-S, S-T and T-R; the two of a lost phase are half as high."""
+        motor = self._motor
+        if not motor.is_mains_present:
+            return 0.0, 0.0, 0.0
+        sag = 0.00008 * motor.current_pct
+        supply_v = motor.data.rated_voltage_v * motor.line_voltage_pct / 100
+        volts = supply_v * (1 - sag) * (1 + 0.001 * self._noise())
+        lost = motor.lost_phase
+        touching = () if lost is None else (lost, (lost + 2) % 3)  # R-S and T-R touch R
+        first, second, third = (
+            volts * factor * (0.5 if place in touching else 1.0)
+            for place, factor in enumerate((1.002, 1.0, 0.998))
+        )
+        return first, second, third
 
     @property
     def line_frequency_hz(self) -> float:

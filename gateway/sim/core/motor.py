@@ -1,4 +1,7 @@
-"""A three-phase motor behind a soft starter: speed, current, temperatures, counters; no wire, no clock."""
+"""A three-phase motor behind a soft starter: speed, current, temperatures, counters; no wire, no clock.
+
+It can age (`friction_pct`), lose a phase and suffer dips of the supply. `start_curve` says how it starts.
+"""
 
 from __future__ import annotations
 
@@ -14,16 +17,29 @@ from gateway.sim.core.power import (
     MotorState,
     MotorTrip,
 )
+from gateway.sim.core.start_curve import (
+    FALLING,
+    RISEN,
+    StartCurve,
+    load_current_pct,
+    ramp_current_pct,
+    ramp_s,
+    start_curve,
+)
+
+__all__ = ["AMBIENT_C", "PHASES", "Motor", "StartCurve", "start_curve"]
 
 AMBIENT_C = 25.0
+PHASES = ("r", "s", "t")
 
-_NO_LOAD = 0.3  # of the rated current, magnetising
+_ON_TWO_PHASES = 2 / math.sqrt(3)  # mean of the three currents: the two that are left are 1.73 times as high
 _JOG_SPEED = 0.1
 _JOG_CURRENT_PCT = 200.0
 _BRAKING_CURRENT_PCT = 150.0
 _IMAGE_LIMIT = 1.15  # times the rated current that the thermal image bears permanently
 _FINE_STEP_S = 0.1  # while the current changes
 _COARSE_STEP_S = 1.0  # while the thermal image heads for a trip
+_WEARING_STEP_S = 600.0  # while friction grows by the hour
 
 
 class Motor:
@@ -34,10 +50,13 @@ class Motor:
         self.state = MotorState.STOPPED
         self.speed = 0.0  # 0..1 of the rated speed
         self.load_pct = self.data.load_pct
+        self.friction_pct = self.data.friction_pct  # grows with starts and hours
+        self.line_voltage_pct = 100.0
+        self.lost_phase: int | None = None  # of `PHASES`, on the side of the supply
         self.is_mains_present = True
         self.trip: MotorTrip | None = None  # set when a protection acts; the starter clears it
         self.standstill_s = math.inf  # since the motor came to rest
-        self.thermal_pct = 0.0  # 100 trips
+        self.thermal_pct = self.data.thermal_pct  # 100 trips
         self.heatsink_c = AMBIENT_C
         self.starts = 0
         self.running_s = 0.0
@@ -46,7 +65,8 @@ class Motor:
         self.start_s = 0.0  # length of the latest ramp, so far
         self.start_max_a = 0.0
         self.full_voltage_max_a = 0.0
-        self._overcurrent_s = 0.0
+        self._wrong_s = dict.fromkeys(MotorTrip, 0.0)  # for how long a protection has seen its cause
+        self._dip_left_s = math.inf  # of the present line voltage
         self._full_voltage_left_s = 0.0
         self._braking_left_s = 0.0
 
@@ -72,6 +92,19 @@ class Motor:
         """Jog at slow speed, until stopped; only from standstill."""
         if self.is_mains_present and self.state is MotorState.STOPPED:
             self._enter(MotorEvent.JOG)
+
+    def become(self, data: MotorData) -> None:
+        """Be another motor from now on: its load, friction and heat are those of the new one."""
+        self.data = data
+        self.load_pct, self.friction_pct, self.thermal_pct = (
+            data.load_pct,
+            data.friction_pct,
+            data.thermal_pct,
+        )
+
+    def set_line_voltage(self, percent: float, *, for_s: float = math.inf) -> None:
+        """Let the supply have another voltage, in percent of the rated one, until it is 100 % again."""
+        self.line_voltage_pct, self._dip_left_s = percent, for_s
 
     def set_mains(self, *, is_present: bool) -> None:
         """Switch the supply of the power section."""
@@ -110,20 +143,26 @@ class Motor:
     @property
     def is_current_limited(self) -> bool:
         """Whether the ramp is held back to keep the start current."""
-        return self.state is MotorState.RAMP_UP and 0.1 <= self.speed <= 0.85
+        return self.state is MotorState.RAMP_UP and RISEN <= self.speed <= FALLING
+
+    @property
+    def has_all_phases(self) -> bool:
+        """Whether the power section is supplied, on all three phases."""
+        return self.is_mains_present and self.lost_phase is None and self.line_voltage_pct > 0
 
     @property
     def current_pct(self) -> float:
-        """The current in percent of the rated one."""
-        load_pct = 100 * math.hypot(_NO_LOAD, math.sqrt(1 - _NO_LOAD**2) * self.load_pct / 100)
-        peak_pct = max(self.data.start_current_pct, load_pct)
+        """The mean current of the three phases, in percent of the rated one."""
+        return self._current_pct() * (1.0 if self.lost_phase is None else _ON_TWO_PHASES)
+
+    def _current_pct(self) -> float:
+        load_pct = load_current_pct(
+            self.load_pct, friction_pct=self.friction_pct, line_voltage_pct=self.line_voltage_pct
+        )
         match self.state:
-            case MotorState.RAMP_UP if self.speed < 0.1:
-                return 150 + (peak_pct - 150) * self.speed / 0.1
-            case MotorState.RAMP_UP if self.speed > 0.85:
-                return load_pct + (peak_pct - load_pct) * (1 - self.speed) / 0.15
             case MotorState.RAMP_UP:
-                return peak_pct
+                peak_pct = max(self.data.start_current_pct, load_pct)
+                return ramp_current_pct(self.speed, peak_pct=peak_pct, load_pct=load_pct)
             case MotorState.FULL_VOLTAGE | MotorState.BYPASS:
                 return load_pct
             case MotorState.RAMP_DOWN:
@@ -165,7 +204,7 @@ class Motor:
         if following is self.state:
             return
         self.state = following
-        self._overcurrent_s = 0.0
+        self._wrong_s[MotorTrip.OVERCURRENT] = 0.0
         if following is MotorState.STOPPED:
             self.speed = 0.0
             self.standstill_s = 0.0
@@ -177,23 +216,26 @@ class Motor:
             self.speed = 1.0
             self.full_voltage_max_a = 0.0
             self._full_voltage_left_s = self.data.full_voltage_s
+            self.friction_pct += self.data.wear_per_start_pct
 
     def _piece_s(self) -> float:
         """Return how long the present state can be computed in one step."""
-        ends_s = self.ends_in_s
+        longest_s = max(self._dip_left_s, 1e-9)
         if self.state is MotorState.STOPPED:
-            return math.inf
+            return longest_s
         if self.state is MotorState.BYPASS:
-            is_safe = self._image_target_pct() < 99.0 and not self._is_overcurrent()
-            return math.inf if is_safe else _COARSE_STEP_S
-        return max(min(ends_s, _FINE_STEP_S), 1e-9)
+            is_wrong = any(self._sees(trip) for trip in MotorTrip)
+            wearing_s = _WEARING_STEP_S if self.data.wear_per_hour_pct else math.inf
+            step_s = _FINE_STEP_S if is_wrong else _COARSE_STEP_S if self._is_heating() else wearing_s
+            return min(longest_s, step_s)
+        return max(min(longest_s, self.ends_in_s, _FINE_STEP_S), 1e-9)
 
     @property
     def ends_in_s(self) -> float:
         """How long until the present state ends by itself."""
         match self.state:
             case MotorState.RAMP_UP:
-                return (1 - self.speed) * self.data.ramp_up_s
+                return (1 - self.speed) * self._ramp_s() if self.lost_phase is None else math.inf
             case MotorState.FULL_VOLTAGE:
                 return self._full_voltage_left_s
             case MotorState.RAMP_DOWN:
@@ -211,6 +253,9 @@ class Motor:
         self._warm(piece_s)
         self._advance(piece_s)
         self._count(piece_s)
+        self._dip_left_s -= piece_s
+        if self._dip_left_s <= 1e-9:
+            self.set_line_voltage(100.0)
         if is_over:
             self._enter(MotorEvent.ELAPSED)
         self._protect(piece_s)
@@ -218,7 +263,8 @@ class Motor:
     def _advance(self, piece_s: float) -> None:
         match self.state:
             case MotorState.RAMP_UP:
-                self.speed = min(1.0, self.speed + piece_s / max(self.data.ramp_up_s, 1e-9))
+                if self.lost_phase is None:  # on two phases there is no torque to accelerate with
+                    self.speed = min(1.0, self.speed + piece_s / max(self._ramp_s(), 1e-9))
             case MotorState.RAMP_DOWN:
                 self.speed = max(0.0, self.speed - piece_s / max(self.data.ramp_down_s, 1e-9))
             case MotorState.COASTING:
@@ -236,7 +282,8 @@ class Motor:
     def _count(self, piece_s: float) -> None:
         if self.is_fed:
             self.running_s += piece_s
-            volts = self.data.rated_voltage_v * self.output_pct / 100
+            self.friction_pct += self.data.wear_per_hour_pct * piece_s / 3600
+            volts = self.data.rated_voltage_v * self.line_voltage_pct / 100 * self.output_pct / 100
             active_kw = math.sqrt(3) * volts * self.current_a * self.power_factor / 1000
             self.energy_kwh += active_kw * piece_s / 3600
         if self.state is MotorState.RAMP_UP:
@@ -258,18 +305,40 @@ class Motor:
         self.heatsink_c += (hot_c - self.heatsink_c) * -math.expm1(-piece_s / self.data.heatsink_s)
 
     def _protect(self, piece_s: float) -> None:
-        if not self.is_fed:
-            return
-        self._overcurrent_s = self._overcurrent_s + piece_s if self._is_overcurrent() else 0.0
-        if self._overcurrent_s >= self.data.overcurrent_s:
-            self.trip = MotorTrip.OVERCURRENT
-            self.cut()
-        elif self.thermal_pct >= 100.0:
-            self.trip = MotorTrip.OVERLOAD
-            self.cut()
+        """Trip on what a protection has seen for its time."""
+        limits_s = {
+            MotorTrip.OVERLOAD: 0.0,
+            MotorTrip.OVERCURRENT: self.data.overcurrent_s,
+            MotorTrip.PHASE_LOSS: self.data.phase_loss_s,
+            MotorTrip.UNDERVOLTAGE: self.data.undervoltage_s,
+        }
+        for trip, limit_s in limits_s.items():
+            self._wrong_s[trip] = self._wrong_s[trip] + piece_s if self._sees(trip) else 0.0
+            if self._wrong_s[trip] > 0 and self._wrong_s[trip] >= limit_s - 1e-9:
+                self.trip = trip
+                self.cut()
+                return
 
-    def _is_overcurrent(self) -> bool:
-        return self.state in AT_SPEED and self.current_pct > self.data.overcurrent_pct
+    def _sees(self, trip: MotorTrip) -> bool:
+        """Return whether there is, at this moment, what a protection trips on after its time."""
+        if not self.is_fed:
+            return False
+        match trip:
+            case MotorTrip.OVERLOAD:
+                return self.thermal_pct >= 100.0
+            case MotorTrip.OVERCURRENT:
+                return self.state in AT_SPEED and self.current_pct > self.data.overcurrent_pct
+            case MotorTrip.PHASE_LOSS:
+                return self.lost_phase is not None
+            case MotorTrip.UNDERVOLTAGE:
+                return self.line_voltage_pct < self.data.undervoltage_pct
+
+    def _ramp_s(self) -> float:
+        return ramp_s(self.data, friction_pct=self.friction_pct, line_voltage_pct=self.line_voltage_pct)
+
+    def _is_heating(self) -> bool:
+        """Return whether the thermal image heads for a trip."""
+        return self._image_target_pct() >= 99.0
 
     def _image_target_pct(self) -> float:
         return 100 * (self.current_pct / 100 / _IMAGE_LIMIT) ** 2

@@ -35,6 +35,8 @@ class MotorTrip(enum.Enum):
 
     OVERLOAD = "overload"  # the thermal image is full
     OVERCURRENT = "overcurrent"
+    PHASE_LOSS = "phase_loss"  # one phase of the supply is missing
+    UNDERVOLTAGE = "undervoltage"
 
 
 _S, _E = MotorState, MotorEvent
@@ -97,3 +99,10 @@ class MotorData:
     heatsink_s: float = 120.0
     overcurrent_pct: float = 250.0  # trips at full voltage
     overcurrent_s: float = 1.0
+    undervoltage_pct: float = 80.0  # of the rated voltage; trips while current flows
+    undervoltage_s: float = 1.0
+    phase_loss_s: float = 3.0  # the same for a missing phase
+    friction_pct: float = 0.0  # how much longer than `ramp_up_s` the motor accelerates, as it is delivered
+    wear_per_start_pct: float = 0.0  # by so much the friction grows with each start that reaches full voltage
+    wear_per_hour_pct: float = 0.0  # the same for each hour of running
+    thermal_pct: float = 0.0  # of the thermal image, as it is delivered

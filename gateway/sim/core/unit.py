@@ -5,11 +5,12 @@ Pure: time comes in with each call, chance is seeded. A family adds its tables a
 
 from __future__ import annotations
 
+import math
 import random
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from gateway.errors import BadRequestError
@@ -154,6 +155,24 @@ class SimulatedUnit(RequestHandlers, ABC):
         self.motor.set_mains(is_present=is_present)
         if not is_present:
             self._stopped_otherwise()
+
+    def set_line_voltage(self, percent: float, *, for_s: float = math.inf) -> None:
+        """Let the supply have another voltage, in percent of the rated one, for a time or until set anew."""
+        self._catch_up()
+        self.motor.set_line_voltage(percent, for_s=for_s)
+
+    def lose_phase(self, phase: int | None) -> None:
+        """Interrupt phase 0, 1 or 2 (R, S, T) of the supply; None gives all of them back."""
+        self._catch_up()
+        self.motor.lost_phase = phase
+
+    def change_motor(self, *, thermal_pct: float | None = None, **changes: float) -> None:
+        """Change `load_pct`, `friction_pct`, the heat of the motor, or other fields of its `MotorData`."""
+        self._catch_up()
+        motor = self.motor
+        present = {"load_pct": motor.load_pct, "friction_pct": motor.friction_pct}
+        heat_pct = motor.thermal_pct if thermal_pct is None else thermal_pct
+        motor.become(replace(motor.data, **{**present, "thermal_pct": heat_pct, **changes}))
 
     @abstractmethod
     def trip(self, number: int) -> None:

@@ -17,7 +17,13 @@ from gateway.sim.sst import registers
 
 START, CONFIGURE, RESET_ERRORS, RESET_STARTER = range(4)  # addresses of the coils that can be written
 ERROR_COILS = range(10, 22)  # coil numbers that name an error; coil 9 is any of them
-COIL_OVERCURRENT, COIL_OVERTEMPERATURE = 12, 13
+COIL_OVERCURRENT = 12
+_COILS = {
+    MotorTrip.OVERCURRENT: COIL_OVERCURRENT,
+    MotorTrip.OVERLOAD: 13,  # overtemperature: it names no overload
+    MotorTrip.UNDERVOLTAGE: 14,
+    MotorTrip.PHASE_LOSS: 17,
+}
 SINGLE_PHASE = 130
 
 # Start capacitor: full, empty, time constant of its discharge; all ours.
@@ -223,7 +229,7 @@ class SstMotion(SimulatedUnit):
             self._start()
 
     def _motor_tripped(self, cause: MotorTrip) -> None:
-        self._fail(COIL_OVERCURRENT if cause is MotorTrip.OVERCURRENT else COIL_OVERTEMPERATURE)
+        self._fail(_COILS[cause])
 
     def _stopped_otherwise(self) -> None:
         self._stop()

@@ -54,8 +54,13 @@ MODELS = (
 
 
 def find_model(text: str) -> SstModel:
-    """Return the model whose name begins this text, e.g. SST330i-M-ES; ValueError for none."""
-    known = [model for model in MODELS if text.upper().startswith(model.name.upper())]
+    """Return the model whose name begins this text (SST330i-M-ES), or the first that it begins (SST130i).
+
+    ValueError for none.
+    """
+    said = text.upper()
+    known = [model for model in MODELS if said.startswith(model.name.upper())]
+    known = known or [model for model in MODELS if said and model.name.upper().startswith(said)][:1]
     if not known:
         raise ValueError(f"model {text!r} is not one of {', '.join(model.name for model in MODELS)}")
     return max(known, key=lambda model: len(model.name))

@@ -1,1 +1,1 @@
-"""The simulated SSW900."""
+"""The simulated SSW900. Start at `unit`."""

@@ -7,11 +7,11 @@ from typing import Any
 from gateway.sim.core.power import MotorTrip
 from gateway.sim.core.unit import Trip
 from gateway.sim.ssw900.command_sources import CommandSources
-from gateway.sim.weg.common import ENABLE, REMOTE, RUN
+from gateway.sim.weg.common import ENABLE, FAULT_NUMBERS, REMOTE, RUN
 
 C8_TIMEOUT, C8_TIMEOUT_MODE, C8_TIMEOUT_ACTION = 734, 740, 741
 
-FAULT_SILENCE, FAULT_OVERLOAD, FAULT_OVERCURRENT = 128, 5, 66  # F128, F005, F066
+FAULT_SILENCE = 128  # F128
 
 _MODE_FAULT, _MODE_ALARM = 1, 2  # C8.2.5.1
 
@@ -95,7 +95,7 @@ class Faults(CommandSources):
         self._run_if_commanded()
 
     def _motor_tripped(self, cause: MotorTrip) -> None:
-        self._fail(FAULT_OVERLOAD if cause is MotorTrip.OVERLOAD else FAULT_OVERCURRENT)
+        self._fail(FAULT_NUMBERS[cause])
 
     def _forget(self) -> None:
         self.fault = 0

@@ -57,7 +57,7 @@ def _electric(unit: Ssw900) -> dict[int, int]:
         **dict.fromkeys((21, 22, 23), word(blocking_v, 1)),
         24: round(meter.current_a * 10),
         **{26 + 2 * place: round(phase_a * 10) for place, phase_a in enumerate(phases_a)},
-        **{33 + place: word(volts * factor, 1) for place, factor in enumerate((1.002, 1.0, 0.998))},
+        **{33 + place: word(each_v, 1) for place, each_v in enumerate(meter.line_voltages_v)},
     }
 
 

@@ -12,6 +12,7 @@ from typing import ClassVar
 from gateway.families.profile.load import load_profile
 from gateway.modbus.timing import LineTiming
 from gateway.sim.core.power import MotorData, MotorState
+from gateway.sim.core.requests import refuse_address
 from gateway.sim.ssw900.command_sources import (
     C3_LOCAL_SOURCE,
     C3_MODE,
@@ -57,6 +58,8 @@ class Ssw900(Faults):
         response_s: tuple[float, float] = (0.003, 0.015),
         restart_s: float = 4.0,
         settings: Mapping[int, int] | None = None,
+        coils: Mapping[int, bool] | None = None,  # bit markers of a SoftPLC program, by address (7.2.2)
+        discrete_inputs: Mapping[int, bool] | None = None,
         keeps_run_command: bool = False,
         is_running_while_stopping: bool = False,
     ) -> None:
@@ -64,6 +67,8 @@ class Ssw900(Faults):
         self.firmware = firmware
         self.serial_number = serial_number or 1_000_000 + seed
         self.is_running_while_stopping = is_running_while_stopping
+        self._coils = dict(coils or {})
+        self._discrete_inputs = dict(discrete_inputs or {})
         self.fixed: dict[int, int] = {}  # registers that a test nails down
         self._map = NetIds(load_profile("ssw900").parameters.values())
         self._map.add(READ_WORDS)
@@ -133,6 +138,16 @@ class Ssw900(Faults):
         self._map.check_read(registers)
         measured = readings(self)
         return [self._register(register, measured) for register in registers]
+
+    def _read_coils(self, address: int, count: int) -> Sequence[bool]:
+        return [_marker(self._coils, each) for each in range(address, address + count)]
+
+    def _read_discrete_inputs(self, address: int, count: int) -> Sequence[bool]:
+        return [_marker(self._discrete_inputs, each) for each in range(address, address + count)]
+
+    def _write_coils(self, address: int, bits: Sequence[bool]) -> None:
+        self._read_coils(address, len(bits))  # refuses what is not there
+        self._coils.update(enumerate(bits, address))
 
     def _register(self, register: int, measured: Mapping[int, int]) -> int:
         if register in self.fixed:
@@ -230,3 +245,9 @@ class Ssw900(Faults):
             if owner.is_writable and (owner.lowest or 0) > 0:
                 words.update(zip(owner.registers, owner.split(owner.lowest or 0), strict=True))
         return {**words, **_DEFAULTS, **rated}
+
+
+def _marker(markers: Mapping[int, bool], address: int) -> bool:
+    if address not in markers:
+        raise refuse_address(address)
+    return markers[address]

@@ -11,7 +11,7 @@ from typing import ClassVar
 
 from gateway.sim.core.power import MotorData, MotorTrip
 from gateway.sim.core.unit import Trip
-from gateway.sim.weg.common import ENABLE, RUN, Commanded
+from gateway.sim.weg.common import ENABLE, FAULT_NUMBERS, RUN, Commanded
 
 P_LOCAL_REMOTE, P_LOCAL_SOURCE, P_REMOTE_SOURCE = 220, 229, 230
 P_ADDRESS, P_SERIAL, P_ACTION, P_TIMEOUT, P_START_DELAY = 308, 312, 313, 314, 630
@@ -23,7 +23,7 @@ OUTPUT_BY_SERIAL = 7  # "Serial" in P251, P253, P277-P279; its number is not pri
 
 ACTION_NONE, ACTION_STOP, ACTION_DISABLE, ACTION_TO_LOCAL, ACTION_FATAL = 0, 1, 2, 3, 5  # P313 (2.3)
 
-FAULT_OVERLOAD, FAULT_OVERCURRENT, FAULT_SILENCE = 5, 66, 28  # 28 is the serial manuals', the others ours
+FAULT_OVERLOAD, FAULT_SILENCE = FAULT_NUMBERS[MotorTrip.OVERLOAD], 28  # 28 is the serial manuals'
 COMMUNICATION_FAULTS = (28, 29, 30)  # cannot be reset through the network (4.2.2, 4.2.3)
 
 
@@ -149,7 +149,7 @@ class Supervised(Commanded):
         """Set to zero what the network drives."""
 
     def _motor_tripped(self, cause: MotorTrip) -> None:
-        self._fail(FAULT_OVERLOAD if cause is MotorTrip.OVERLOAD else FAULT_OVERCURRENT)
+        self._fail(FAULT_NUMBERS[cause])
 
     def _fail(self, number: int) -> None:
         self.fault = number

@@ -7,12 +7,21 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
-from gateway.sim.core.power import MotorData, MotorState
+from gateway.sim.core.power import MotorData, MotorState, MotorTrip
 from gateway.sim.core.requests import refuse_value
 from gateway.sim.core.unit import SimulatedUnit
 
 RUN, ENABLE, JOG, REVERSE, REMOTE, RESET = 0x01, 0x02, 0x04, 0x08, 0x10, 0x80
 ALL_COMMANDS = RUN | ENABLE | JOG | REVERSE | REMOTE | RESET
+
+# What a WEG starter calls what its motor's protections found, F or E: ssw900 C5.9.2, C5.2.2.1, C5.2.3.1,
+# C5.1.1.1. The serial manuals of the others do not name these: ours, as of the SSW900.
+FAULT_NUMBERS = {
+    MotorTrip.OVERLOAD: 5,
+    MotorTrip.OVERCURRENT: 66,
+    MotorTrip.PHASE_LOSS: 74,
+    MotorTrip.UNDERVOLTAGE: 2,
+}
 
 _MOTION = RUN | ENABLE | JOG | REVERSE
 

@@ -77,7 +77,7 @@ class BasicVariables(Supervised):
             10: self.is_reversing,
             11: self.is_reverse,
             12: motor.state is MotorState.BYPASS,
-            14: motor.is_mains_present,
+            14: motor.has_all_phases,  # in all three phases (ssw06-es 4.2.2)
             15: self.is_fault,
         }
         return sum(1 << bit for bit, is_set in flags.items() if is_set)

@@ -78,7 +78,7 @@ class Ssw07(BasicVariables):
             **dict(enumerate(self.fault_history, 14)),
             23: int(self.firmware.replace(".", "")),
             **{30 + place: word(current_a, 1) for place, current_a in enumerate(meter.phase_currents_a)},
-            50: word(motor.thermal_pct),
+            50: word(motor.thermal_pct * 2.5),  # trips at 250 %
             81: word(max(motor.heatsink_c, 10.0), 1),
             **dict.fromkeys(range(90, 97), 0),  # no CAN or DeviceNet
             101: 30,

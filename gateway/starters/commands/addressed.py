@@ -15,10 +15,10 @@ from gateway.families.diagnosis.identify import stop_note, stop_profile
 from gateway.families.profile.schema import Profile, Variant
 from gateway.line.scheduler.requests import Priority
 from gateway.modbus.pdu import Request
-from gateway.starters.commands.view import StarterControlView
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
 from gateway.starters.telemetry.emitter import Emitter
 from gateway.starters.telemetry.snapshot import Snapshot
+from gateway.starters.telemetry.view import StarterControlView
 
 
 class StopAddressee:
@@ -54,9 +54,9 @@ class StopAddressee:
         return self._rows if self._is_other else self._starter.snapshot
 
     @property
-    def publisher(self) -> Emitter:
+    def emitter(self) -> Emitter:
         """The starter's records."""
-        return self._starter.publisher
+        return self._starter.emitter
 
     def ask(self, request: Request, *, lane: Priority, until_s: float = inf) -> Asked:
         """Send a request, with the times of the family that is spoken to."""

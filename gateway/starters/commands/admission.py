@@ -1,7 +1,4 @@
-"""Judges commands as they come in, at once and without reading anything; what must be read comes later.
-
-Answers commands that are too many: one by one while that is bearable, else together, by their number.
-"""
+"""Judges commands as they come in, without reading anything; answers too many by their number."""
 
 from __future__ import annotations
 
@@ -9,20 +6,20 @@ from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
 
 from gateway.errors import CommandError
-from gateway.families.command.build import prepare, verbs
+from gateway.families.command.build import build, prepare, verbs
+from gateway.families.command.interlock import demand
 from gateway.families.profile.procedure import Preparation
 from gateway.families.reading.bulk import reads_for
-from gateway.records import CANCEL, OWN_VERBS, READ, SELECT, Phase
+from gateway.records import CANCEL, OWN_VERBS, READ, SELECT, STOP, Phase
 from gateway.starters.commands.command_queue import CommandQueue
 from gateway.starters.commands.ledger import Ledger
-from gateway.starters.commands.lifecycle import STOP, CommandReport, Final, Reporting
-from gateway.starters.commands.view import StarterControlView
+from gateway.starters.commands.lifecycle import CommandReport, Final, Reporting
 from gateway.starters.identity.first_contact import IdentityStatus
-from gateway.starters.policy.lock import is_forbidden, refusal
 from gateway.starters.policy.policy import Policy
-from gateway.starters.policy.preconditions import STATE, Expectation, Guard
+from gateway.starters.policy.preconditions import STATE, Expectation, Guard, is_forbidden, refusal
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.rights import Rights
+from gateway.starters.telemetry.view import StarterControlView
 from gateway.storage.journal import UNAVAILABLE, Journal
 from gateway.system.clock import Clock
 from gateway.system.token_bucket import REFUSAL_EVERY_S, Damped
@@ -39,7 +36,7 @@ class Load:
     is_leaving: bool  # its starter's configuration is about to change
     on_line: int  # commands for starters of its line
     parameters_on_line: int  # those of them that move no motor
-    queue: CommandQueue  # of those among them that take turns with it
+    queue: CommandQueue  # in which it would wait with the others of its kind
 
 
 class Admission:
@@ -48,25 +45,25 @@ class Admission:
     def __init__(
         self,
         starters: Mapping[str, StarterControlView],
-        *,
         rights: Rights,
-        precautions: Policy,
+        *,
+        policy: Policy,
         journal: Journal,
         ledger: Ledger,
         clock: Clock,
     ) -> None:
         self._starters = starters
         self._rights = rights
-        self._precautions = precautions
-        self._groups = precautions.policy.groups
+        self._policy = policy
+        self._groups = policy.settings.groups
         self._journal = journal
         self._ledger = ledger
         self._clock = clock
 
-    def take_over(self, rights: Rights) -> None:
-        """Judge by these rights and the precautions' present policy from now on."""
+    def apply_rights(self, rights: Rights) -> None:
+        """Judge by these rights and the policy's present settings from now on."""
         self._rights = rights
-        self._groups = self._precautions.policy.groups
+        self._groups = self._policy.settings.groups
 
     def check_sender(self, request: CommandRequest) -> None:
         """Demand a starter or group, a verb that it has, this client's right to it, and an id."""
@@ -106,23 +103,38 @@ class Admission:
         self, request: CommandRequest, starter: StarterControlView, load: Load
     ) -> tuple[Preparation, Guard]:
         """Return what to read before the command, and what watches over it."""
+        preparation = self._check_now(request, starter, load)
+        expectations = [Expectation(starter.profile, request.expect), *self._selected(request, starter)]
+        guard = self._policy.guard(request, expectations)
+        known = {code for read in preparation.reads for code in read.codes}
+        more = reads_for(starter.profile, [code for code in guard.codes if code not in known])
+        return replace(preparation, reads=(*preparation.reads, *more)), guard
+
+    def preview(self, request: CommandRequest, starter: StarterControlView, load: Load) -> None:
+        """Judge a command, as if it were selected, by what was read last; nothing is counted or used up."""
+        preparation = self._check_now(request, starter, load)
+        points = starter.snapshot.good_values()
+        demand(starter.profile, preparation.requires, points)
+        self._policy.guard(request, ()).check(points)
+        rows = starter.snapshot.rows
+        if all(code in rows for read in preparation.reads for code in read.codes):
+            build(starter.profile, starter.variant, request.verb, request.args, seen=rows)
+
+    def _check_now(self, request: CommandRequest, starter: StarterControlView, load: Load) -> Preparation:
+        """Demand what can be judged without reading, whether or not the command was selected."""
         preparation = self.check_target(request, starter)
         if load.is_busy:
             raise CommandError("busy", "another command for this starter is under way")
         if load.is_leaving:
             raise CommandError("busy", "the starter's configuration is about to change; send it again then")
         self._check_room(request, load)
-        expectations = [Expectation(starter.profile, request.expect), *self._selected(request, starter)]
-        guard = self._precautions.guard(request, expectations)
-        known = {code for read in preparation.reads for code in read.codes}
-        more = reads_for(starter.profile, [code for code in guard.codes if code not in known])
-        return replace(preparation, reads=(*preparation.reads, *more)), guard
+        return preparation
 
     def check_target(self, request: CommandRequest, starter: StarterControlView) -> Preparation:
         """Demand that a command makes sense for a starter that answers, is known and not locked."""
         self.check_journal()
         preparation = prepare(starter.profile, starter.variant, request.verb, request.args)
-        lock = self._precautions.logbook.lock_of(request.starter)
+        lock = self._policy.motor_history.lock_of(request.starter)
         if lock is not None and is_forbidden(request.verb, request.args):
             raise refusal(lock)
         if not starter.is_answering:
@@ -134,8 +146,8 @@ class Admission:
         return preparation
 
     def _check_room(self, request: CommandRequest, load: Load) -> None:
-        """Demand that a command gets its turn on the line while it is fresh."""
-        limits = self._precautions.policy.limits
+        """Demand that the line can serve a command while it is fresh."""
+        limits = self._policy.settings.limits
         if load.on_line >= limits.under_way_on_line:
             most = limits.under_way_on_line
             raise CommandError(
@@ -153,10 +165,10 @@ class Admission:
     def _selected(self, request: CommandRequest, starter: StarterControlView) -> tuple[Expectation, ...]:
         """Use up the selection of a command in two steps; return that the state must be the one seen then."""
         if request.select is None:
-            if request.verb in self._precautions.rulebook.of(request.starter).two_step:
+            if request.verb in self._policy.rulebook.of(request.starter).two_step:
                 raise CommandError("select_first", f"{request.verb} takes two steps here: select it first")
             return ()
-        selection = self._precautions.selections.take(
+        selection = self._policy.selections.take(
             request.starter,
             request.client,
             request.select,
@@ -189,19 +201,19 @@ TOO_MANY = "too_many"
 class OverloadRefusals:
     """Refuses for each client at most ten times a second, and never under an id that has a result."""
 
-    def __init__(self, desk: Reporting) -> None:
-        self._desk = desk
-        self._refusals = Damped(self._refuse, clock=desk.clock, every_s=REFUSAL_EVERY_S)
-        self._stops = Damped(self._answer_stop, clock=desk.clock, every_s=REFUSAL_EVERY_S)
+    def __init__(self, reporting: Reporting) -> None:
+        self._reporting = reporting
+        self._refusals = Damped(self._refuse, clock=reporting.clock, every_s=REFUSAL_EVERY_S)
+        self._stops = Damped(self._answer_stop, clock=reporting.clock, every_s=REFUSAL_EVERY_S)
 
-    def refuse(self, client: Hashable, request: CommandRequest, text: str) -> None:
+    def refuse(self, client: Hashable, request: CommandRequest) -> None:
         """Refuse a command now, or count it; one whose id is known gets no answer."""
-        if self._desk.ledger.find(request.client, request.id) is None:
-            self._refusals.put(client, (request, text))
+        if self._reporting.ledger.find(request.client, request.id) is None:
+            self._refusals.put(client, request)
 
-    def pass_over(self, client: Hashable, request: CommandRequest) -> None:
+    def answer_untracked_stop(self, client: Hashable, request: CommandRequest) -> None:
         """Answer a stop whose frame goes out, but which is not followed up to an end of its own."""
-        if self._desk.ledger.find(request.client, request.id) is None:
+        if self._reporting.ledger.find(request.client, request.id) is None:
             self._stops.put(client, request)
 
     def close(self) -> None:
@@ -209,13 +221,13 @@ class OverloadRefusals:
         self._refusals.close()
         self._stops.close()
 
-    def _refuse(self, refused: tuple[CommandRequest, str], count: int) -> None:
-        request, text = refused
+    def _refuse(self, request: CommandRequest, count: int) -> None:
+        text = "too many commands at once; send fewer"
         if count:
             request = replace(request, id=None, correlation=None, response_topic=None)
             text = f"{count} more refused: too many commands at once"
         end = Final(Phase.REJECTED, TOO_MANY, text, values={"count": count} if count else {})
-        CommandReport(request, self._desk).refuse(end)
+        CommandReport(request, self._reporting).refuse(end)
 
     def _answer_stop(self, request: CommandRequest, count: int) -> None:
         """Say what is known of a stop that was sent: rejected would mean that nothing was written."""
@@ -223,8 +235,8 @@ class OverloadRefusals:
             request = replace(request, id=None, correlation=None, response_topic=None)
         which = f"{count} more stops were" if count else "it was"
         text = f"{which} sent with those that came before, and not followed up: see their results"
-        errand = CommandReport(request, self._desk, is_kept=False)
-        errand.accept()
-        errand.write()
+        report = CommandReport(request, self._reporting, is_stored=False)
+        report.accept()
+        report.write()
         values = {"count": count} if count else {}
-        errand.finish(Final(Phase.UNCONFIRMED, TOO_MANY, f"{text}: the motor may be turning", values=values))
+        report.finish(Final(Phase.UNCONFIRMED, TOO_MANY, f"{text}: the motor may be turning", values=values))

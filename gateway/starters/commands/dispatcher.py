@@ -10,7 +10,7 @@ from math import inf
 from typing import Any
 
 from gateway.errors import CommandError
-from gateway.records import LOCK, OWN_VERBS, READ, Phase, ResultRecord, SequenceNumbers, Sink
+from gateway.records import LOCK, OWN_VERBS, READ, SELECT, STOP, Phase, ResultRecord, SequenceNumbers, Sink
 from gateway.starters.commands.admission import (
     CAN_WAIT,
     LEDGER_FULL,
@@ -20,38 +20,34 @@ from gateway.starters.commands.admission import (
     OverloadRefusals,
 )
 from gateway.starters.commands.command_queue import CommandQueue
-from gateway.starters.commands.execution import HALTED, CommandExecution
-from gateway.starters.commands.ledger import Ledger, Proofs, is_same, told_again
-from gateway.starters.commands.lifecycle import STOP, CommandReport, Final, Reporting, audit
-from gateway.starters.commands.local_verbs import LocalVerbs
+from gateway.starters.commands.execution import CommandExecution
+from gateway.starters.commands.group_stop import GroupStop
+from gateway.starters.commands.ledger import Ledger, Proofs, as_repetition, is_same
+from gateway.starters.commands.lifecycle import CommandReport, Final, Reporting, audit
+from gateway.starters.commands.local_verbs import LocalVerbs, SetBaseline, no_history, target_of
 from gateway.starters.commands.recovery import Recovery
-from gateway.starters.commands.stop import GroupStop, Stopping
-from gateway.starters.commands.view import StarterControlView
-from gateway.starters.policy.lock import is_forbidden
+from gateway.starters.commands.result_codes import UNFIT
+from gateway.starters.commands.starter_io import HALTED
+from gateway.starters.commands.stop import Stopping
 from gateway.starters.policy.policy import Policy
+from gateway.starters.policy.preconditions import is_forbidden
 from gateway.starters.policy.request import CommandRequest, Refusable, request_of
 from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.start_rules import PolicySettings, RateLimiter
+from gateway.starters.telemetry.view import StarterControlView
 from gateway.storage.journal import UNAVAILABLE, Journal, NoJournal, Remembered
 from gateway.system.clock import Clock
 
 logger = logging.getLogger(__name__)
 
 SAVED_WITHIN_S = 1.0  # at the end
+STOPPED_FIRST = "stopped_first"
+_DECIDED_BEFORE: Mapping[str, str] = {  # by what shows when a command was decided upon
+    "token": "a stop came after this command's token was given: look, decide again, take a new token",
+    "issued_at": "a stop came before this command was surely issued (without a token it must be dated 2 s "
+    "after the stop, since clocks differ): look, decide again, then send it again",
+}
 NOT_TAKEN = (UNAVAILABLE, LEDGER_FULL, TOO_MANY)  # without the ledger, what it has may say something else
-UNFIT = frozenset(  # codes of what is refused however often it comes: its id is free for a fit command
-    {
-        "bad_json",
-        "bad_payload",
-        "before_connection",
-        "expired",
-        "malformed_topic",
-        "no_id",
-        "retained",
-        "too_big",
-        "unknown_verb",
-    }
-)
 
 
 class Dispatcher:
@@ -66,58 +62,57 @@ class Dispatcher:
         clock: Clock,
         sequence: SequenceNumbers,
         journal: Journal | None = None,
-        precautions: Policy | None = None,
+        policy: Policy | None = None,
         stood_still_s: Callable[[], float] = lambda: -inf,
         proofs: Proofs | None = None,
+        set_baseline: SetBaseline = no_history,
+        on_stop: Callable[[], None] = lambda: None,
     ) -> None:
         self._starters = starters
+        self._clock = clock
         self._rights = rights
         self._journal = journal or NoJournal()
         self._ledger = Ledger(proofs=proofs, on_forgotten=self._journal.forget)
-        self._precautions = precautions or Policy(
+        self._policy = policy or Policy(
             PolicySettings(), starters.keys(), rights=rights, sink=sink, clock=clock, sequence=sequence
         )
-        self._desk = Reporting(
+        self._reporting = Reporting(
             sink=sink,
             clock=clock,
             sequence=sequence,
             ledger=self._ledger,
-            wear=self._precautions.wear,
+            write_budget=self._policy.write_budget,
             journal=self._journal,
             stood_still_s=stood_still_s,
         )
-        self._groups = self._precautions.policy.groups
+        self._groups = self._policy.settings.groups
         self._admission = Admission(
-            starters,
-            rights=rights,
-            precautions=self._precautions,
-            journal=self._journal,
-            ledger=self._ledger,
-            clock=clock,
+            starters, rights, policy=self._policy, journal=self._journal, ledger=self._ledger, clock=clock
         )
-        self._administration = LocalVerbs(self._admission, self._precautions, clock=clock)
-        self._flood = RateLimiter(self._precautions.policy.limits)
-        self._excess = OverloadRefusals(self._desk)
-        self._conducts: dict[str, CommandExecution] = {}
+        self._local_verbs = LocalVerbs(self._admission, self._policy, clock=clock, set_baseline=set_baseline)
+        self._rate_limiter = RateLimiter(self._policy.settings.limits)
+        self._overload_refusals = OverloadRefusals(self._reporting)
+        self._executions: dict[str, CommandExecution] = {}
         self._stopped_s: dict[str, float] = {}  # by starter: when its latest stop came
+        self._on_stop = on_stop  # called once a stop's frames are asked for
         self._queues: dict[tuple[str, bool], CommandQueue] = {}  # by line, and whether they can wait
         self._stops: dict[str, Stopping] = {}
-        self._aftermaths: list[Recovery] = []
+        self._recoveries: list[Recovery] = []
         self._tasks: set[asyncio.Task[None]] = set()
         self._is_closing = False
         self._leaving: Collection[str] = ()  # starters whose configuration is about to change
 
     def submit(self, request: CommandRequest) -> None:
         """Judge a command at once; carry an accepted one out in a task of its own."""
-        error = self._sender_error(request)
+        error = _error_of(self._admission.check_sender, request)
         is_stop = error is None and request.verb == STOP  # never limited
         if not is_stop and not self._admits(request):
-            self._excess.refuse(self._key(request), request, "too many commands at once; send fewer")
+            self._overload_refusals.refuse(self._key(request), request)
             return
         earlier = self._ledger.find(request.client, request.id)
         is_repeat = earlier is not None and is_same(request, earlier)
         if error is not None and not is_repeat:
-            self._refuse(request, error, is_kept=False)
+            self._refuse(request, error, is_stored=False)
             return
         if earlier is not None and (not is_stop or (is_repeat and not earlier.phase.is_final)):
             if is_stop:
@@ -126,42 +121,44 @@ class Dispatcher:
                 self._repeat(request, earlier)
             return
         try:
-            if self._is_closing:
-                raise CommandError("shutting_down", HALTED["shutting_down"])  # noqa: TRY301 - as for the others
+            self._demand_open()
             if is_stop:
                 self._take_stop(request, is_repeat=is_repeat)
             else:
                 self._take(request)
         except CommandError as refusal:
-            self._refuse(request, refusal, is_kept=refusal.code not in NOT_TAKEN)
+            self._refuse(request, refusal, is_stored=refusal.code not in NOT_TAKEN)
 
     def reject(self, refusable: Refusable, code: str, text: str) -> None:
         """Reject a command that is not fit to be submitted; a repetition gets the first one's result."""
         request = request_of(refusable)
         if not self._admits(request):
-            self._excess.refuse(self._key(request), request, "too many commands at once; send fewer")
+            self._overload_refusals.refuse(self._key(request), request)
             return
         earlier = self._ledger.find(request.client, request.id)
         if earlier is not None and is_same(request, earlier):
             self._repeat(request, earlier)
         else:
-            self._refuse(request, CommandError(code, text), is_kept=False)
+            self._refuse(request, CommandError(code, text), is_stored=False)
 
     def verb_error(self, starter: str, verb: str) -> CommandError | None:
         """Return what is wrong with a verb for a starter; None when nothing is."""
-        try:
-            self._admission.check_verb(starter, verb)
-        except CommandError as error:
-            return error
-        return None
+        return _error_of(self._admission.check_verb, starter, verb)
+
+    def objection(self, request: CommandRequest) -> CommandError | None:
+        """Return why a command would be refused if it came now; None when it would be taken.
+
+        Nothing is done, read or counted. A command in two steps counts as selected.
+        """
+        return _error_of(self._preview, request)
 
     def refuse_unread(self, starter: str, client: str, verb: str) -> None:
         """Refuse a command that is one too many, of which only the topic was read."""
         request = CommandRequest(starter, client, verb)
-        self._excess.refuse(self._key(request), request, "too many commands at once; send fewer")
+        self._overload_refusals.refuse(self._key(request), request)
 
     def recall(self, commands: Iterable[Remembered]) -> None:
-        """Take over the commands of earlier runs, the oldest first; say once what was cut short."""
+        """Record the commands of earlier runs, the oldest first; publish once what was cut short."""
         for remembered in commands:
             result = remembered.result
             known = self._ledger.find(result.client, result.id)
@@ -169,51 +166,63 @@ class Dispatcher:
                 continue  # a stop that came before the ledger could be read; all else was refused
             if not result.phase.is_final:
                 starter = self._starters.get(result.starter)
-                aftermath = Recovery(remembered, starter, self._desk)
-                result = aftermath.result()
-                self._aftermaths.append(aftermath)
-                self._spawn(aftermath.tell())
-            self._ledger.store(result, now_s=self._desk.clock.now_s())  # its age begins now: no clock says it
+                recovery = Recovery(remembered, starter, self._reporting)
+                result = recovery.result()
+                self._recoveries.append(recovery)
+                self._spawn(recovery.publish())
+            self._ledger.store(result, now_s=self._clock.now_s())  # its age begins now: no clock says it
 
     async def settle(self, starters: Collection[str], *, within_s: float) -> None:
-        """Wait until these starters are under no command; until `take_over` they take no new one but stop."""
+        """Wait until these starters are under no command; they take none but stop until `apply_rights`."""
         self._leaving = starters
         with suppress(TimeoutError):
             async with asyncio.timeout(within_s):
-                while any(name in self._conducts or name in self._stops for name in starters):
+                while any(name in self._executions or name in self._stops for name in starters):
                     await asyncio.wait(self._tasks, return_when=asyncio.FIRST_COMPLETED)
+
+    def stopped_s(self) -> float:
+        """Return when the latest stop of any starter came, on the steady clock."""
+        return max(self._stopped_s.values(), default=-inf)
 
     def freshness(self, client: str, *, verb: str, starter: str) -> tuple[str, ...]:
         """Return the settings that say what may prove such a command fresh."""
         return self._rights.freshness(client, verb=verb, starter=starter)
 
-    def take_over(self, rights: Rights) -> None:
-        """Judge new commands by these rights and the precautions' present policy from now on."""
+    def apply_rights(self, rights: Rights) -> None:
+        """Judge new commands by these rights and the policy's present settings from now on."""
         self._rights = rights
-        self._groups = self._precautions.policy.groups
-        self._admission.take_over(rights)
+        self._groups = self._policy.settings.groups
+        self._admission.apply_rights(rights)
         self._leaving = ()
 
     async def close(self) -> None:
         """Write nothing more: end every command, rejected or unconfirmed, and take no new one."""
         self._is_closing = True
-        for conduct in self._conducts.values():
-            conduct.halt("shutting_down")
+        for execution in self._executions.values():
+            execution.halt("shutting_down")
         for stopping in self._stops.values():
             stopping.halt("shutting_down")
-        for aftermath in self._aftermaths:
-            aftermath.hurry()
+        for recovery in self._recoveries:
+            recovery.hurry()
         if self._tasks:
             await asyncio.wait(self._tasks)
-        self._excess.close()
-        await self._precautions.saver.close(within_s=SAVED_WITHIN_S)
+        self._overload_refusals.close()
+        await self._policy.saver.close(within_s=SAVED_WITHIN_S)
 
-    def _sender_error(self, request: CommandRequest) -> CommandError | None:
-        try:
-            self._admission.check_sender(request)
-        except CommandError as error:
-            return error
-        return None
+    def _preview(self, request: CommandRequest) -> None:
+        self._admission.check_sender(request)
+        self._demand_open()
+        starter = self._starters.get(request.starter)
+        if request.verb == STOP or starter is None:
+            return
+        if request.verb in OWN_VERBS:
+            self._local_verbs.check(request, starter)
+        else:
+            self._admission.preview(request, starter, self._load(request))
+
+    def _demand_open(self) -> None:
+        if self._is_closing:
+            raise CommandError("shutting_down", HALTED["shutting_down"])
 
     def _key(self, request: CommandRequest) -> str:
         """Return whose limits a command counts against: clients without any right share theirs."""
@@ -221,73 +230,89 @@ class Dispatcher:
 
     def _admits(self, request: CommandRequest) -> bool:
         starter = request.starter if request.starter in self._starters else ""
-        return self._flood.admits(client=self._key(request), starter=starter, now_s=self._desk.clock.now_s())
+        return self._rate_limiter.admits(
+            client=self._key(request), starter=starter, now_s=self._clock.now_s()
+        )
 
     def _repeat(self, request: CommandRequest, earlier: ResultRecord) -> None:
         """Send the stored result of a command again; an id that stood for another command is refused."""
         if not is_same(request, earlier):
             text = f"this id was used for {earlier.verb} of {earlier.starter}"
-            self._refuse(request, CommandError("id_reused", text), is_kept=False)
+            self._refuse(request, CommandError("id_reused", text), is_stored=False)
             return
-        self._desk.sink.put(told_again(earlier, request))
-        audit(request, self._desk, decision="duplicate", code=earlier.code)
+        self._reporting.sink.put(as_repetition(earlier, request))
+        audit(request, self._reporting, decision="duplicate", code=earlier.code)
 
-    def _refuse(self, request: CommandRequest, error: CommandError, *, is_kept: bool) -> None:
+    def _refuse(self, request: CommandRequest, error: CommandError, *, is_stored: bool) -> None:
         """Refuse a command; under an id that has a result, as a duplicate: that result stays."""
         is_known = self._ledger.find(request.client, request.id) is not None
-        errand = CommandReport(request, self._desk, is_repeat=is_known)
+        report = CommandReport(request, self._reporting, is_repeat=is_known)
         end = Final(Phase.REJECTED, error.code, error.text)
-        if is_known or is_kept or error.code in UNFIT:
-            errand.finish(end, is_kept=is_kept and not is_known)
+        if is_known or is_stored or error.code in UNFIT:
+            report.finish(end, is_stored=is_stored and not is_known)
         else:
-            errand.refuse(end)
+            report.refuse(end)
 
     def _take(self, request: CommandRequest) -> None:
         """Carry out a command other than a stop; CommandError when it cannot even begin."""
         starter = self._starters[request.starter]
         if request.verb in OWN_VERBS:
-            self._administration.check(request, starter)
-            errand = CommandReport(request, self._desk)
-            errand.accept()
-            keeping = self._administration.act(errand, starter)
+            self._local_verbs.check(request, starter)
+            if request.verb == SELECT:
+                self._demand_decided_after_stop(target_of(request))
+            report = CommandReport(request, self._reporting)
+            report.accept()
+            keeping = self._local_verbs.act(report, starter)
             if request.verb == LOCK:
                 self._cut_for_lock(request.starter)
             if keeping is not None:
                 self._spawn(keeping)
             return
-        stopped_s = self._stopped_s.get(request.starter, -inf)
-        if request.received_s <= stopped_s and request.starter not in self._stops:
-            raise CommandError("stopped_first", "a stop that came later was taken first")
+        if request.starter not in self._stops:  # else it is refused as busy
+            self._demand_decided_after_stop(request)
         load = self._load(request)
         preparation, guard = self._admission.check(request, starter, load)
-        errand = CommandReport(request, self._desk)
-        errand.accept()
+        report = CommandReport(request, self._reporting)
+        report.accept()
         place = None if request.verb == READ else load.queue.enter(request.expires_s)
-        self._conducts[request.starter] = conduct = CommandExecution(
-            errand, starter, preparation, guard, place, self._precautions.watchdogs
+        self._executions[request.starter] = execution = CommandExecution(
+            report, starter, preparation, guard, place, self._policy.watchdogs
         )
-        self._spawn(self._until_done(request.starter, conduct))
+        self._spawn(self._until_done(request.starter, execution))
+
+    def _demand_decided_after_stop(self, request: CommandRequest) -> None:
+        """Refuse what came before the latest stop of its starter; what may move the motor also when it
+        came later, but may have been decided upon before.
+        """
+        stopped_s = self._stopped_s.get(request.starter, -inf)
+        if request.received_s <= stopped_s:
+            raise CommandError(STOPPED_FIRST, "a stop that came later was taken first")
+        if request.verb in CAN_WAIT or not is_forbidden(request.verb, request.args):
+            return
+        if request.decided_s is not None and request.decided_s < stopped_s:
+            raise CommandError(STOPPED_FIRST, _DECIDED_BEFORE[request.decided_by])
 
     def _take_stop(self, request: CommandRequest, *, is_repeat: bool) -> None:
         """Stop a starter, or all members of a group that this client may stop; answer what can be."""
         members, names = self._members(request), self._stoppable(request)
         under_way = [self._stops[name] for name in names if name in self._stops]
         is_asked_for = all(each.is_asked_for(request) for each in under_way) and len(under_way) == len(names)
-        is_full = any(each.count >= self._precautions.policy.limits.answered_stops for each in under_way)
+        is_full = any(each.count >= self._policy.settings.limits.answered_stops for each in under_way)
         for name in names:
-            # Before anything is told: that takes longer than the line's silence.
+            # Before anything is published: that takes longer than the line's silence.
             self._begin_stop(name, request.received_s).ask()
+        self._on_stop()
         if is_asked_for:
             return
         if is_full:
-            self._excess.pass_over(self._key(request), request)
+            self._overload_refusals.answer_untracked_stop(self._key(request), request)
             return
-        errand = CommandReport(request, self._desk, is_repeat=is_repeat)
-        errand.accept()
+        report = CommandReport(request, self._reporting, is_repeat=is_repeat)
+        report.accept()
         if request.starter not in self._groups:
-            self._stops[request.starter].join(errand)
+            self._stops[request.starter].join(report)
             return
-        whole = GroupStop(errand, members, self._desk)
+        whole = GroupStop(report, members, self._reporting)
         for name in members:
             member = whole.member(name)
             if name in names:
@@ -300,10 +325,10 @@ class Dispatcher:
     def _begin_stop(self, name: str, came_s: float) -> Stopping:
         """Cut what this starter is doing, then stop it, unless that is under way."""
         self._stopped_s[name] = max(came_s, self._stopped_s.get(name, -inf))
-        self._precautions.selections.end(name)  # what was decided upon before the stop is decided anew
-        conduct = self._conducts.get(name)
-        if conduct is not None:
-            conduct.halt("stopped_first")
+        self._policy.selections.end(name)  # what was decided upon before the stop is decided anew
+        execution = self._executions.get(name)
+        if execution is not None:
+            execution.halt(STOPPED_FIRST)
         stopping = self._stops.get(name)
         if stopping is None:
             stopping = self._stops[name] = Stopping(self._starters[name])
@@ -316,6 +341,7 @@ class Dispatcher:
             return
         for name in names:
             self._begin_stop(name, came_s).ask()
+        self._on_stop()
 
     def _members(self, request: CommandRequest) -> Collection[str]:
         return self._groups.get(request.starter, (request.starter,))
@@ -328,10 +354,10 @@ class Dispatcher:
     def _load(self, request: CommandRequest) -> Load:
         name, line = request.starter, self._starters[request.starter].setup.line
         key = (line, request.verb in CAN_WAIT)  # the two do not wait for each other
-        queue = self._queues.setdefault(key, CommandQueue(self._desk.clock.now_s))
-        on_line = [each for each in self._conducts.values() if each.line == line]
+        queue = self._queues.setdefault(key, CommandQueue(self._clock.now_s))
+        on_line = [each for each in self._executions.values() if each.line == line]
         return Load(
-            is_busy=name in self._conducts or name in self._stops,
+            is_busy=name in self._executions or name in self._stops,
             is_leaving=name in self._leaving,
             on_line=len(on_line),
             parameters_on_line=sum(each.can_wait for each in on_line),
@@ -340,17 +366,17 @@ class Dispatcher:
 
     def _cut_for_lock(self, name: str) -> None:
         """Let a command that the lock forbids not be written any more; what is written is still read back."""
-        conduct = self._conducts.get(name)
-        if conduct is None or conduct.errand.life.is_written:
+        execution = self._executions.get(name)
+        if execution is None or execution.report.life.is_written:
             return
-        if is_forbidden(conduct.errand.request.verb, conduct.errand.request.args):
-            conduct.halt("locked")
+        if is_forbidden(execution.report.request.verb, execution.report.request.args):
+            execution.halt("locked")
 
-    async def _until_done(self, name: str, conduct: CommandExecution) -> None:
+    async def _until_done(self, name: str, execution: CommandExecution) -> None:
         try:
-            await conduct.run()
+            await execution.run()
         finally:
-            del self._conducts[name]
+            del self._executions[name]
 
     async def _until_stopped(self, name: str, stopping: Stopping) -> None:
         try:
@@ -362,3 +388,12 @@ class Dispatcher:
         task = asyncio.get_running_loop().create_task(work)
         self._tasks.add(task)  # the loop itself keeps only a weak reference
         task.add_done_callback(self._tasks.discard)
+
+
+def _error_of(check: Callable[..., None], *args: Any) -> CommandError | None:
+    """Return the CommandError that a check raises; None when it raises none."""
+    try:
+        check(*args)
+    except CommandError as error:
+        return error
+    return None

@@ -10,7 +10,7 @@ from typing import Any, assert_never
 
 from gateway.errors import CommandError
 from gateway.families.command.build import build
-from gateway.families.command.interlock import check
+from gateway.families.command.interlock import demand
 from gateway.families.profile.decode import decode_row
 from gateway.families.profile.parameters import find
 from gateway.families.profile.procedure import Expect, Preparation, Procedure, WriteStep
@@ -22,9 +22,9 @@ from gateway.starters.commands.admission import CAN_WAIT
 from gateway.starters.commands.command_queue import LINE_FULL, Place
 from gateway.starters.commands.lifecycle import CommandReport, Final
 from gateway.starters.commands.starter_io import HaltedError, RefusedError, Rows, StarterIo
-from gateway.starters.commands.view import StarterControlView
 from gateway.starters.policy.preconditions import Guard
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
+from gateway.starters.telemetry.view import StarterControlView
 
 logger = logging.getLogger(__name__)
 
@@ -34,7 +34,7 @@ SLOW_DISK_S = 0.25  # what was read before a disk took this long is read again
 RECENT_AT_MOST_S = 10.0  # however rarely the starter is polled
 DECIDES_FOR_S = 2.0  # after that a reading decides about no motor any more: much can have happened since
 CLEARS_FOR_S = 5.0  # after run = 0: then who commands the motor is changed no more by the same procedure
-WAITS_FOR_S = 10.0  # the same of what moves no motor, and may wait for its turn
+WAITS_FOR_S = 10.0  # the same of what moves no motor, and may wait for the line
 MOST_DECISIONS = 5  # each on new readings, when the line was not free while the ones before counted
 MAY_BE_TURNING = "the motor may be turning"
 LOOK = "look at the starter"
@@ -46,12 +46,6 @@ _NOT_SET_UP = (  # what a write is refused with that the starter is not set up f
 
 _NOTHING_ELSE = "nothing else was written; do it at the starter, where the motor can be watched"
 
-HALTED = {
-    "stopped_first": "a stop came first",
-    "locked": "a maintenance lock came first",
-    "shutting_down": "the gateway is shutting down",
-}
-
 
 class _OutdatedError(Exception):
     """What was decided has not been written, and is to be decided again."""
@@ -62,22 +56,22 @@ class CommandExecution:
 
     def __init__(
         self,
-        errand: CommandReport,
+        report: CommandReport,
         starter: StarterControlView,
         preparation: Preparation,
         guard: Guard | None = None,
         place: Place | None = None,
         watchdogs: KnownWatchdogs | None = None,
     ) -> None:
-        self.errand = errand
+        self.report = report
         self._starter = starter
         self._preparation = preparation
         self._guard = guard  # what the gateway itself demands
-        self._place = place  # among the commands of its line; None: it needs no turn
+        self._place = place  # among the commands of its line; None: it does not wait
         self._watchdogs = watchdogs or KnownWatchdogs()  # of the starters that share its line
-        self.can_wait = errand.request.verb in CAN_WAIT
+        self.can_wait = report.request.verb in CAN_WAIT
         self._lane = Priority.PARAMETERS if self.can_wait else Priority.COMMAND
-        self._wire = StarterIo(
+        self._starter_io = StarterIo(
             starter, read_back_lane=Priority.PARAMETERS if self.can_wait else Priority.READ_BACK
         )
         self._procedure: Procedure | None = None  # once it is being written
@@ -91,29 +85,29 @@ class CommandExecution:
 
     def halt(self, code: str) -> None:
         """Let nothing more of this command go out."""
-        self._wire.halt(code)
+        self._starter_io.halt(code)
 
     async def run(self) -> None:
         """Carry the command out; never raises."""
         try:
             end = await self._ended()
         except Exception:  # the guard at the task's top
-            logger.exception("starter=%s command ended by a bug", self.errand.request.starter)
+            logger.exception("starter=%s command ended by a bug", self.report.request.starter)
             end = self._cut("internal", "an error inside the gateway; see its log")
         self._leave_queue()
-        self._watchdogs.end(self.errand.request.starter)
-        self.errand.finish(end)
+        self._watchdogs.end(self.report.request.starter)
+        self.report.finish(end)
 
     async def _ended(self) -> Final:
         try:
             if self._place is not None:
-                await self._wire.wait_for(self._place.wait())
+                await self._starter_io.wait_for(self._place.wait())
             rows, procedure = await self._decide()
             if procedure.steps and await self._intend(procedure) > SLOW_DISK_S:
                 rows, procedure = await self._decide()  # what was read has grown old meanwhile
             if not procedure.steps:
                 return self._unwritten(procedure, rows)
-            self.errand.wear_out(procedure.wears)
+            self.report.count_memory_writes(procedure.wears)
             for _ in range(MOST_DECISIONS):
                 try:
                     return await self._carry_out(procedure)
@@ -129,20 +123,20 @@ class CommandExecution:
         except HaltedError as error:
             if error.code != "shutting_down":  # nothing is written at shut-down
                 await self._leave_safe()
-            return self._cut(error.code, HALTED.get(error.code, error.code))
+            return self._cut(error.code, error.text)
 
     async def _intend(self, procedure: Procedure) -> float:
-        """Have it kept, and admitted, that something is about to be written; return how long that took."""
-        began_s = self.errand.now_s()
-        await self._wire.wait_for(self._watchdogs.admit(self.errand.request.starter, procedure))
-        await self._wire.wait_for(self.errand.intend())
+        """Have it admitted and stored that something is about to be written; return how long that took."""
+        began_s = self.report.now_s()
+        await self._starter_io.wait_for(self._watchdogs.admit(self.report.request.starter, procedure))
+        await self._starter_io.wait_for(self.report.intend())
         if self._guard is not None:
-            await self._wire.wait_for(self._guard.admit())
-        return self.errand.now_s() - began_s
+            await self._starter_io.wait_for(self._guard.admit())
+        return self.report.now_s() - began_s
 
     def _cut(self, code: str, text: str) -> Final:
         """Return the end of a command that something came in the way of."""
-        if self.errand.life.is_written:
+        if self.report.life.is_written:
             return Final(Phase.UNCONFIRMED, code, f"{text}; it was written before: {self._outlook}")
         if code == "internal":
             return Final(Phase.FAILED, code, text)
@@ -152,8 +146,8 @@ class CommandExecution:
         """Return what to do, once two readings in a row allow it and lead to the same steps."""
         earlier = self._judge_recent()
         for _ in range(MOST_READINGS):
-            rows = await self._wire.read(self._preparation.reads, lane=self._lane)
-            self.errand.before = self._points(rows)
+            rows = await self._starter_io.read(self._preparation.reads, lane=self._lane)
+            self.report.before = self._points(rows)
             procedure = self._judge(rows)
             is_enough = not self._preparation.reads or _only_reads(procedure)
             if is_enough or procedure == earlier:
@@ -164,8 +158,8 @@ class CommandExecution:
     def _judge_recent(self) -> Procedure | None:
         """Return what the last polls would lead to; None when they are too old, lack a row or forbid it."""
         longest_s = min(RECENT_PERIODS * self._starter.status_period_s, RECENT_AT_MOST_S)
-        since_s = self.errand.now_s() - longest_s
-        if self.errand.is_outdated(since_s):
+        since_s = self.report.now_s() - longest_s
+        if self.report.is_outdated(since_s):
             return None  # some of it may have been read before the gateway stood still
         recent = self._starter.snapshot.rows_since(since_s)
         codes = {code for read in self._preparation.reads for code in read.codes}
@@ -178,19 +172,22 @@ class CommandExecution:
 
     def _judge(self, rows: Rows) -> Procedure:
         """Return the steps that follow from these rows; CommandError when a rule forbids them."""
-        profile, request = self._starter.profile, self.errand.request
-        violations = check(profile, self._preparation.requires, self._points(rows))
-        if violations:
-            text = "; ".join(violation.text for violation in violations)
-            raise CommandError(violations[0].code, text)
+        profile, request = self._starter.profile, self.report.request
+        demand(profile, self._preparation.requires, self._points(rows))
         if self._guard is not None:
             self._guard.check(self._points(rows))
         return build(profile, self._starter.variant, request.verb, request.args, seen=rows)
 
     async def _carry_out(self, procedure: Procedure) -> Final:
-        """Write each step once, each only after what the one before has to bring about."""
+        """Write each step once, each only after what the one before has to bring about.
+
+        Who answers is asked before the first, and after each reading between them, which takes its time.
+        """
+        await self._prove()
         self._procedure = procedure
         for place, step in enumerate(procedure.steps, 1):
+            if place > 1 and procedure.steps[place - 2].then is not None:
+                await self._prove()
             is_last = all(later.may_be_refused for later in procedure.steps[place:])
             end = await self._take_step(step, is_last=is_last)
             if end is not None:
@@ -198,11 +195,24 @@ class CommandExecution:
         if procedure.verify is None:
             text = f"written, but it cannot be read back: {self._outlook}"
             return Final(Phase.UNCONFIRMED, "not_readable", text)
-        values = await self._wire.see(procedure.verify)
+        values = await self._starter_io.see(procedure.verify)
         if values is None:
             end = self._not_seen(procedure.verify)
             return await self._abandoned(replace(end, text=_noted(end.text, procedure)))
+        await self._prove_again()
         return self._confirmed(procedure, values)
+
+    async def _prove(self) -> None:
+        """Raise CommandError unless the device that was identified answers now."""
+        await self._starter_io.wait_for(self._starter.prove(lane=self._lane))
+
+    async def _prove_again(self) -> None:
+        """Raise CommandError when another device answers now: what was read back may be its own."""
+        try:
+            await self._prove()
+        except CommandError as error:
+            if error.code != "no_answer":
+                raise
 
     async def _take_step(self, step: WriteStep, *, is_last: bool) -> Final | None:
         """Write one step and see what it must bring about; return the end when the next must not follow."""
@@ -214,7 +224,7 @@ class CommandExecution:
         if end is not None:
             return end
         if step.then is not None:
-            return None if await self._wire.see(step.then) is not None else self._not_seen(step.then)
+            return None if await self._starter_io.see(step.then) is not None else self._not_seen(step.then)
         if is_last or step.is_silence_expected or isinstance(outcome, (Answered, Refused)):
             return None
         return self._cut("no_answer", f"a write before the last was not answered ({outcome.reason})")
@@ -230,11 +240,11 @@ class CommandExecution:
             return Final(Phase.FAILED, "run_not_cleared", f"{text}; {_NOTHING_ELSE}")
         if end is not None:
             return end
-        self._cleared_s = min(self._cleared_s, self._wire.seen_s)
+        self._cleared_s = min(self._cleared_s, self._starter_io.seen_s)
         if not is_excused and not isinstance(outcome, (Answered, Refused)):
             text = f"run = 0 was not answered ({outcome.reason}): a run command may stand in the starter"
             return Final(Phase.UNCONFIRMED, "no_answer", f"{text}; {_NOTHING_ELSE}")
-        if step.then is None or await self._wire.see(step.then) is not None:
+        if step.then is None or await self._starter_io.see(step.then) is not None:
             return None
         seen = f"{step.then.name} was not seen to take it within {step.then.within_s:g} s"
         text = f"run = 0 was written, but {seen}"
@@ -262,11 +272,11 @@ class CommandExecution:
         if step.is_silence_expected:
             setup = self._starter.setup
             self._starter.line.expect_silence(setup.address, setup.profile.timing.restart_s)
-        self._handed_s = self.errand.now_s()
+        self._handed_s = self.report.now_s()
         try:
             outcome = await self._hand_over(step)
         except HaltedError:
-            self.errand.write()  # it may have been on its way already
+            self.report.write()  # it may have been on its way already
             raise
         self._leave_queue()
         return outcome
@@ -282,26 +292,28 @@ class CommandExecution:
         left half done: its later writes go out whenever the line is free, unless they choose who commands the
         motor: a run command may have been given since run = 0 was written.
         """
-        is_begun = self.errand.life.is_written
+        is_begun = self.report.life.is_written
         may_wait = self.can_wait and not (self._procedure is not None and self._procedure.is_source)
         if is_begun and may_wait:
-            return await self._wire.write(step.request, lane=self._lane)
+            return await self._starter_io.write(step.request, lane=self._lane)
         expires_s = inf if is_begun else self._expires_s
-        until_s = self._wire.seen_s + (WAITS_FOR_S if may_wait else DECIDES_FOR_S)
+        until_s = self._starter_io.seen_s + (WAITS_FOR_S if may_wait else DECIDES_FOR_S)
         until_s = min(until_s, self._cleared_s + CLEARS_FOR_S)
         outcome: Outcome = Silent(TOO_LATE, is_sent=False)
-        if not self.errand.is_outdated(min(self._wire.seen_s, self._cleared_s)):
-            outcome = await self._wire.write(step.request, lane=self._lane, until_s=min(until_s, expires_s))
+        if not self.report.is_outdated(min(self._starter_io.seen_s, self._cleared_s)):
+            outcome = await self._starter_io.write(
+                step.request, lane=self._lane, until_s=min(until_s, expires_s)
+            )
         is_unsent = isinstance(outcome, Silent) and outcome.reason == TOO_LATE and not outcome.is_sent
-        if is_unsent and not is_begun and self.errand.now_s() <= expires_s:
+        if is_unsent and not is_begun and self.report.now_s() <= expires_s:
             raise _OutdatedError
         return outcome
 
     def _taken(self, outcome: Outcome) -> Final | None:
-        """Take over what became of a write; return the end when it did not go out or was refused."""
+        """Record what became of a write; return the end when it did not go out or was refused."""
         match outcome:
             case Answered() | Refused(code=ExceptionCode.ACKNOWLEDGE):
-                self.errand.write()
+                self.report.write()
                 return None
             case Refused():
                 refusal = RefusedError(outcome.code)
@@ -311,21 +323,21 @@ class CommandExecution:
             case Silent(is_sent=False) | Garbled(is_sent=False):
                 return self._cut("line_down", f"the write could not be sent: {outcome.reason}")
             case Silent() | Garbled():
-                self.errand.write()
+                self.report.write()
                 return None  # whether it acted is for the read-back to say
             case _:
                 assert_never(outcome)
 
     @property
     def _expires_s(self) -> float:
-        expires_s = self.errand.request.expires_s
+        expires_s = self.report.request.expires_s
         return inf if expires_s is None else expires_s
 
     def _too_late(self) -> Final:
         """Return the end of a command whose write came too late, before or while it waited for the line."""
-        if self._handed_s > self._expires_s or self.errand.is_outdated(self._wire.seen_s):
+        if self._handed_s > self._expires_s or self.report.is_outdated(self._starter_io.seen_s):
             return self._cut("expired", "its own time had passed when it could be written")
-        waited_s = self.errand.now_s() - self._handed_s
+        waited_s = self.report.now_s() - self._handed_s
         return self._cut(
             LINE_FULL, f"the line is full: it had no slot for this command within {waited_s:.1f} s"
         )
@@ -344,14 +356,14 @@ class CommandExecution:
         return Final(Phase.CONFIRMED, "ok", _noted("read back from the starter", procedure), subject, points)
 
     def _subject(self, procedure: Procedure, rows: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the rows that were read or set, as a result tells them; nothing for other commands."""
+        """Return the rows that were read or set, as a result contains them; nothing for other commands."""
         if procedure.subjects:
-            return {"values": {code: self._told(code, rows[code]) for code in procedure.subjects}}
+            return {"values": {code: self._value(code, rows[code]) for code in procedure.subjects}}
         if procedure.subject not in rows:
             return {}
-        return {"parameter": procedure.subject, **self._told(procedure.subject, rows[procedure.subject])}
+        return {"parameter": procedure.subject, **self._value(procedure.subject, rows[procedure.subject])}
 
-    def _told(self, code: str, words: tuple[int, ...]) -> dict[str, Any]:
+    def _value(self, code: str, words: tuple[int, ...]) -> dict[str, Any]:
         contradiction = self._starter.contradiction
         if contradiction:
             return {"value": None, "unit": "", "raw": list(words), "reason": contradiction}
@@ -365,7 +377,7 @@ class CommandExecution:
         }
 
     def _points(self, rows: Rows) -> dict[str, Any]:
-        return {name: value for name, value in self._wire.values(rows).items() if name not in rows}
+        return {name: value for name, value in self._starter_io.values(rows).items() if name not in rows}
 
     async def _abandoned(self, end: Final) -> Final:
         """Return the end of a command that failed after its first write, once the starter is left safe."""
@@ -375,10 +387,16 @@ class CommandExecution:
 
     async def _leave_safe(self) -> bool:
         """Write what the procedure names for this case, if it was begun; return whether that was taken."""
-        if self._procedure is None or not self.errand.life.is_written:
+        procedure = self._procedure
+        if procedure is None or not procedure.abandon or not self.report.life.is_written:
             return True
+        try:
+            await self._starter.prove(lane=Priority.COMMAND)
+        except CommandError as error:
+            if error.code != "no_answer":
+                return False  # another device answers now: these are not its words
         wire = StarterIo(self._starter)  # what halts the command does not halt this
-        outcomes = [await wire.write(request, lane=Priority.COMMAND) for request in self._procedure.abandon]
+        outcomes = [await wire.write(request, lane=Priority.COMMAND) for request in procedure.abandon]
         return all(isinstance(outcome, Answered) for outcome in outcomes)
 
 

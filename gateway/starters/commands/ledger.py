@@ -7,9 +7,9 @@
    is full of these, `has_room` is false and new commands are refused; nothing is forgotten for them.
 4. Ages are differences of the steady clock of this run. The wall clock decides nothing.
 
-What is kept on the disk follows: `on_forgotten` hears the keys that have gone.
+What is stored on the disk follows: `on_forgotten` gets the keys that have gone.
 
-What is said to a command whose id is known already: what was said at first, and that it is said again.
+A command whose id is known already gets its first result, as a duplicate.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class Ledger:
         return len(self._acted) < self._most_entries or any(True for _ in self._unprovable(now_s))
 
     def store(self, result: ResultRecord, *, now_s: float, boot: str = "") -> bool:
-        """Keep a result as the latest under its id; return whether it is kept, which needs an id."""
+        """Store a result as the latest under its id; return whether it was, which needs an id."""
         if not result.id:
             return False
         key = (result.client, result.id)
@@ -140,7 +140,7 @@ class Ledger:
 
 
 def _is_acted_on(result: ResultRecord) -> bool:
-    """Return whether carrying the command out once more could do what nobody asked for."""
+    """Return whether carrying the command out once more could do what no operator asked for."""
     return result.phase is not Phase.REJECTED and result.verb not in _REPEATABLE
 
 
@@ -152,7 +152,7 @@ def is_same(request: CommandRequest, earlier: ResultRecord) -> bool:
     return (request.starter, request.verb) == (earlier.starter, earlier.verb)
 
 
-def told_again(earlier: ResultRecord, request: CommandRequest) -> ResultRecord:
+def as_repetition(earlier: ResultRecord, request: CommandRequest) -> ResultRecord:
     """Return a command's latest result as the answer to its repetition."""
     is_refused = earlier.phase is Phase.REJECTED
     return replace(

@@ -1,7 +1,4 @@
-"""The life of a command: which phase may follow which.
-
-One command from its acceptance to its one final result.
-"""
+"""One command from its acceptance to its one final result: which phase may follow which."""
 
 from __future__ import annotations
 
@@ -12,7 +9,7 @@ from math import inf
 from typing import Any
 
 from gateway.errors import CommandError
-from gateway.records import AuditRecord, Phase, ResultRecord, SequenceNumbers, Sink
+from gateway.records import STOP, AuditRecord, Phase, ResultRecord, SequenceNumbers, Sink
 from gateway.starters.commands.ledger import Ledger
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.write_budget import WriteBudget
@@ -66,9 +63,6 @@ class Lifecycle:
         self._phase = phase
 
 
-STOP = "stop"
-
-
 @dataclass(frozen=True, slots=True)
 class Final:
     """How a command ends."""
@@ -88,7 +82,7 @@ class Reporting:
     clock: Clock
     sequence: SequenceNumbers
     ledger: Ledger
-    wear: WriteBudget = field(default_factory=WriteBudget)
+    write_budget: WriteBudget = field(default_factory=WriteBudget)
     journal: Journal = field(default_factory=NoJournal)
     stood_still_s: Callable[[], float] = lambda: -inf  # when the latest standstill ended, on the steady clock
 
@@ -97,63 +91,70 @@ class CommandReport:
     """Reports the phases of one command: each result to its client, each decision to the audit."""
 
     def __init__(
-        self, request: CommandRequest, desk: Reporting, *, is_repeat: bool = False, is_kept: bool = True
+        self,
+        request: CommandRequest,
+        reporting: Reporting,
+        *,
+        is_repeat: bool = False,
+        is_stored: bool = True,
     ) -> None:
         self.request = request
         self.life = Lifecycle()
         self.before: Mapping[str, Any] = {}  # what was read before anything was written
-        self._desk = desk
-        self._latest: ResultRecord | None = None  # kept
-        self._is_kept = is_kept  # by the ledger, under its id
+        self._reporting = reporting
+        self._latest: ResultRecord | None = None  # as stored
+        self._is_stored = is_stored  # by the ledger, under its id
         self._is_repeat = is_repeat  # a stop whose id was used before: done again, and marked as a duplicate
 
     def now_s(self) -> float:
         """Return the steady clock's time."""
-        return self._desk.clock.now_s()
+        return self._reporting.clock.now_s()
 
     def is_outdated(self, seen_s: float) -> bool:
         """Return whether the gateway has stood still since that moment: what was read by then is old."""
-        return seen_s < self._desk.stood_still_s()
+        return seen_s < self._reporting.stood_still_s()
 
-    def wear_out(self, writes: int) -> None:
+    def count_memory_writes(self, writes: int) -> None:
         """Count writes of the starter's non-volatile memory; CommandError when there were too many."""
-        wait_s = self._desk.wear.take(self.request.starter, writes, now_s=self.now_s())
+        wait_s = self._reporting.write_budget.take(self.request.starter, writes, now_s=self.now_s())
         if wait_s is not None:
-            raise CommandError("wear_limit", self._desk.wear.refusal(wait_s))
+            raise CommandError("wear_limit", self._reporting.write_budget.refusal(wait_s))
 
     def accept(self) -> None:
         """Say that the command will be carried out."""
         end = Final(Phase.ACCEPTED, "ok", "accepted")
-        self._report(end, is_kept=True)
+        self._report(end, is_stored=True)
         self._audit(end)
 
     async def intend(self) -> None:
-        """Return when it is kept that this command is about to be written; CommandError when it cannot be."""
+        """Store that this command is about to be written; CommandError when that fails."""
         if self._latest is not None:
-            await self._desk.journal.intend(self._latest)
+            await self._reporting.journal.intend(self._latest)
 
     def write(self) -> None:
         """Say that something went out to the starter; said once, however much is written."""
         if not self.life.is_written:
-            self._report(Final(Phase.WRITTEN, "ok", "written; being read back"), is_kept=True)
+            self._report(Final(Phase.WRITTEN, "ok", "written; being read back"), is_stored=True)
 
-    def finish(self, end: Final, *, is_kept: bool = True) -> None:
-        """Give the final result; without `is_kept` a repetition of the command is judged anew."""
-        self._report(end, is_kept=is_kept)
+    def finish(self, end: Final, *, is_stored: bool = True) -> None:
+        """Give the final result; without `is_stored` a repetition of the command is judged anew."""
+        self._report(end, is_stored=is_stored)
         self._audit(end)
 
     def refuse(self, end: Final) -> None:
-        """Refuse a command that is not kept on the disk; its id stays refused as long as the gateway runs.
+        """Refuse a command that is not stored on disk; its id stays refused as long as the gateway runs.
 
         Else one of its copies could be carried out after its client has read that it was not.
         """
-        self.finish(end, is_kept=False)
-        self._desk.ledger.store(self.result(end), now_s=self.now_s())
+        self.finish(end, is_stored=False)
+        self._reporting.ledger.store(self.result(end), now_s=self.now_s())
 
     def inform(self, client: str, end: Final) -> None:
         """Publish to another client what this command did to what is his; a result without an id."""
         result = self.result(end)
-        self._desk.sink.put(replace(result, client=client, id=None, correlation=None, response_topic=None))
+        self._reporting.sink.put(
+            replace(result, client=client, id=None, correlation=None, response_topic=None)
+        )
 
     def result(self, end: Final) -> ResultRecord:
         """Return what the client reads of such an end, or of a phase before it."""
@@ -166,40 +167,40 @@ class CommandReport:
             phase=end.phase,
             code=end.code,
             text=end.text,
-            time_s=self._desk.clock.utc_s(),
+            time_s=self._reporting.clock.utc_s(),
             is_duplicate=self._is_repeat,
             values=end.values,
             correlation=request.correlation,
             response_topic=request.response_topic,
         )
 
-    def _report(self, end: Final, *, is_kept: bool) -> None:
+    def _report(self, end: Final, *, is_stored: bool) -> None:
         self.life.advance(end.phase)
-        request, desk = self.request, self._desk
+        request, reporting = self.request, self._reporting
         result = self.result(end)
-        if not is_kept or not self._is_kept:
+        if not is_stored or not self._is_stored:
             if request.starter and request.client:  # else there is no topic for a result, only the audit
-                desk.sink.put(result)
+                reporting.sink.put(result)
             return
         self._latest = result
-        if not desk.ledger.store(result, now_s=desk.clock.now_s(), boot=request.boot):
+        if not reporting.ledger.store(result, now_s=reporting.clock.now_s(), boot=request.boot):
             self._latest = replace(result, id=None)  # the id stands for what was acted on under it
         if end.phase is not Phase.WRITTEN and request.verb != STOP:
-            # Kept before it is told: what was accepted is answered for, and two finals would be a lie. That
-            # something may be written is on the disk already, before it is.
-            desk.journal.note(result, then=partial(desk.sink.put, result))
+            # Stored before it is published, so that no command gets two different final results. That
+            # something may be written is on the disk already.
+            reporting.journal.note(result, then=partial(reporting.sink.put, result))
         else:
-            desk.journal.note(self._latest)
-            desk.sink.put(result)
+            reporting.journal.note(self._latest)
+            reporting.sink.put(result)
 
     def _audit(self, end: Final) -> None:
         decision, before = end.phase, self.before
-        audit(self.request, self._desk, decision=decision, code=end.code, before=before, after=end.after)
+        audit(self.request, self._reporting, decision=decision, code=end.code, before=before, after=end.after)
 
 
 def audit(
     request: CommandRequest,
-    desk: Reporting,
+    reporting: Reporting,
     *,
     decision: str,
     code: str,
@@ -207,7 +208,7 @@ def audit(
     after: Mapping[str, Any] | None = None,
 ) -> None:
     """Record one decision about a command."""
-    desk.sink.put(
+    reporting.sink.put(
         AuditRecord(
             starter=request.starter,
             client=request.client,
@@ -216,11 +217,12 @@ def audit(
             args=request.args,
             decision=decision,
             code=code,
-            time_s=desk.clock.utc_s(),
-            seq=desk.sequence.take(),
+            time_s=reporting.clock.utc_s(),
+            seq=reporting.sequence.take(),
             before=before or {},
             after=after or {},
             id=request.id,
             reason=request.reason,
+            source=request.source,
         )
     )

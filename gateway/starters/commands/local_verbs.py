@@ -1,4 +1,4 @@
-"""Carries out select, cancel, lock, unlock and accept: the gateway's own verbs. Nothing is written."""
+"""Carries out select, cancel, lock, unlock, accept, baseline: the gateway's own verbs. Nothing is written."""
 
 from __future__ import annotations
 
@@ -10,43 +10,52 @@ from typing import Any
 from gateway.errors import CommandError
 from gateway.families.command.build import verbs
 from gateway.families.profile.state import state_of
-from gateway.records import ACCEPT, CANCEL, LOCK, SELECT, LockRecord, Phase, Severity
+from gateway.records import ACCEPT, BASELINE, CANCEL, LOCK, SELECT, STOP, LockRecord, Phase, Severity
 from gateway.starters.commands.admission import Admission
-from gateway.starters.commands.lifecycle import STOP, CommandReport, Final
-from gateway.starters.commands.view import StarterControlView
+from gateway.starters.commands.lifecycle import CommandReport, Final
 from gateway.starters.identity.registry import IdentityMismatch
-from gateway.starters.policy.lock import NOTICE, owner_of, reason_in, refusal
 from gateway.starters.policy.policy import GATEWAY, Policy
+from gateway.starters.policy.preconditions import NOTICE, owner_of, reason_in, refusal
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.selection import VALID_S, Selection
+from gateway.starters.telemetry.view import StarterControlView
 from gateway.system.clock import Clock
 
-KEPT_WITHIN_S = 2.0
+SAVED_WITHIN_S = 2.0
+
+# Of a starter, the start of this id (None: the last good one) becomes the baseline, for this client; returns
+# the start, or raises CommandError.
+SetBaseline = Callable[[str, str | None, str], Mapping[str, Any]]
+
+
+def no_history(_starter: str, _start: str | None, _client: str) -> Mapping[str, Any]:
+    """Refuse: no starts are recorded here."""
+    raise CommandError("no_start", "no starts of this starter are recorded")
 
 
 class LocalVerbs:
-    """Locks, unlocks and selects; what is locked is locked at once, before it is kept."""
+    """Locks, unlocks and selects; a lock holds at once, before it is stored."""
 
     def __init__(
         self,
         admission: Admission,
-        precautions: Policy,
+        policy: Policy,
         *,
         clock: Clock,
-        new_token: Callable[[], str] = lambda: secrets.token_hex(8),
+        set_baseline: SetBaseline = no_history,
     ) -> None:
         self._admission = admission
-        self._logbook = precautions.logbook
-        self._selections = precautions.selections
-        self._identities = precautions.identities
-        self._saver = precautions.saver
+        self._motor_history = policy.motor_history
+        self._selections = policy.selections
+        self._identities = policy.identities
+        self._saver = policy.saver
         self._clock = clock
-        self._new_token = new_token
+        self._set_baseline = set_baseline
 
     def check(self, request: CommandRequest, starter: StarterControlView) -> None:
         """Raise CommandError for a command that must not be."""
         self._admission.check_journal()
-        lock = self._logbook.lock_of(request.starter)
+        lock = self._motor_history.lock_of(request.starter)
         if request.verb == SELECT:
             self._check_select(request, starter)
         elif request.verb == CANCEL:
@@ -55,6 +64,8 @@ class LocalVerbs:
         elif request.verb == ACCEPT:
             _require_names(request.args, ())
             self._identities.waiting(request.starter)
+        elif request.verb == BASELINE:
+            _chosen_start(request)
         elif request.verb == LOCK:
             reason_in(request.args, request.reason)
             if lock is not None and lock.by != request.client:
@@ -64,76 +75,90 @@ class LocalVerbs:
             if lock is None:
                 raise CommandError("not_locked", "the starter is not locked")
 
-    def act(self, errand: CommandReport, starter: StarterControlView) -> Coroutine[Any, Any, None] | None:
+    def act(self, report: CommandReport, starter: StarterControlView) -> Coroutine[Any, Any, None] | None:
         """Do what was checked, at once; what is returned must be run, and ends the command."""
-        request, name = errand.request, errand.request.starter
+        request, name = report.request, report.request.starter
         if request.verb == SELECT:
-            errand.finish(self._select(request, starter))
+            report.finish(self._select(request, starter))
             return None
         if request.verb == CANCEL:
             self._selections.end(name)
-            errand.finish(Final(Phase.CONFIRMED, "ok", "the selection is cancelled"))
+            report.finish(Final(Phase.CONFIRMED, "ok", "the selection is cancelled"))
+            return None
+        if request.verb == BASELINE:
+            report.finish(self._baseline(request))
             return None
         if request.verb == ACCEPT:
-            return self._accepted(errand, self._identities.accept(name))
-        before = self._logbook.lock_of(name)
+            return self._accepted(report, self._identities.accept(name))
+        before = self._motor_history.lock_of(name)
         if before is not None:
             lock = {"by": before.by, "operator": before.operator, "reason": before.reason}
-            errand.before = {"lock": lock}
+            report.before = {"lock": lock}
         if request.verb == LOCK:
             reason = reason_in(request.args, request.reason)
             self._set_lock(starter, LockRecord(request.client, self._clock.utc_s(), reason, request.operator))
         else:
             self._set_lock(starter, None)
-        return self._keep(errand, starter, before)
+        return self._keep(report, starter, before)
 
     async def _keep(
-        self, errand: CommandReport, starter: StarterControlView, before: LockRecord | None
+        self, report: CommandReport, starter: StarterControlView, before: LockRecord | None
     ) -> None:
-        """Give the result once it is on the disk; an unlocking that cannot be kept is taken back."""
-        request, is_lock = errand.request, errand.request.verb == LOCK
-        if await self._saver.saved(within_s=KEPT_WITHIN_S):
+        """Give the result once it is on the disk; an unlocking that cannot be stored is undone."""
+        request, is_lock = report.request, report.request.verb == LOCK
+        if await self._saver.saved(within_s=SAVED_WITHIN_S):
             code, more = ("locked", f"; {NOTICE}") if is_lock else ("unlocked", "")
             why = request.args.get("reason", request.reason)
             data = {"client": request.client, "operator": request.operator, "reason": why}
             owner = None if is_lock or before is None or before.by == request.client else before
             if owner is not None:
                 more = f"; the lock was {owner_of(owner)}'s: {owner.reason}"
-                data |= errand.before
+                data |= report.before
             severity = Severity.INFO if owner is None else Severity.WARNING
-            starter.publisher.event(code, severity, f"{code} by {request.client}{more}", data)
-            errand.finish(Final(Phase.CONFIRMED, "ok", f"{code}{more}"))
+            starter.emitter.event(code, severity, f"{code} by {request.client}{more}", data)
+            report.finish(Final(Phase.CONFIRMED, "ok", f"{code}{more}"))
             if owner is not None and owner.by != GATEWAY:
                 who = f"{request.client} ({request.operator})" if request.operator else request.client
                 text = f"your lock was removed by {who}: {why or 'no reason given'}; it was: {owner.reason}"
-                errand.inform(
+                report.inform(
                     owner.by, Final(Phase.CONFIRMED, "lock_removed", text, values={"by": request.client})
                 )
         elif is_lock:
-            text = "locked as long as this gateway runs, but that could not be kept on the disk"
-            errand.finish(Final(Phase.FAILED, "not_kept", text))
+            text = "locked until this gateway ends: the lock could not be stored on disk"
+            report.finish(Final(Phase.FAILED, "not_kept", text))
         else:
             self._set_lock(starter, before)
-            errand.finish(Final(Phase.FAILED, "not_kept", "still locked: it could not be kept on the disk"))
+            report.finish(
+                Final(Phase.FAILED, "not_kept", "still locked: the unlocking could not be stored on disk")
+            )
 
-    async def _accepted(self, errand: CommandReport, stranger: IdentityMismatch) -> None:
+    def _baseline(self, request: CommandRequest) -> Final:
+        """Have later starts compared with the chosen one."""
+        try:
+            start = self._set_baseline(request.starter, _chosen_start(request), request.client)
+        except CommandError as error:
+            return Final(Phase.REJECTED, error.code, error.text)
+        text = f"the start of {start['time']} is the baseline that later starts are compared with"
+        return Final(Phase.CONFIRMED, "ok", text, {"start": start["id"]}, {"start": start})
+
+    async def _accepted(self, report: CommandReport, mismatch: IdentityMismatch) -> None:
         """Give the result of an acceptance once it is on the disk."""
-        errand.before = stranger.known.as_data()
-        seen = stranger.seen.as_data()
-        if await self._identities.kept():
+        report.before = mismatch.known.as_data()
+        seen = mismatch.seen.as_data()
+        if await self._identities.saved():
             end = Final(Phase.CONFIRMED, "ok", "the present identity is accepted", seen, seen)
         else:
-            text = "accepted as long as this gateway runs, but that could not be kept on the disk"
+            text = "accepted until this gateway ends: it could not be stored on disk"
             end = Final(Phase.FAILED, "not_kept", text, seen, seen)
-        errand.finish(end)
+        report.finish(end)
 
     def _set_lock(self, starter: StarterControlView, lock: LockRecord | None) -> None:
-        self._logbook.set_lock(starter.setup.name, lock)
-        starter.restate()
+        self._motor_history.set_lock(starter.setup.name, lock)
+        starter.republish_state()
         self._saver.touch()
 
     def _check_select(self, request: CommandRequest, starter: StarterControlView) -> None:
-        target = _target(request)
+        target = target_of(request)
         if target.verb == STOP or target.verb not in verbs(starter.profile):
             raise CommandError("bad_arguments", f"{target.verb[:40]!r} cannot be selected")
         self._admission.check_target(target, starter)
@@ -142,10 +167,10 @@ class LocalVerbs:
         self._selections.check_free(request.starter, request.client, now_s=self._clock.now_s())
 
     def _select(self, request: CommandRequest, starter: StarterControlView) -> Final:
-        target, state = _target(request), _state(starter)
+        target, state = target_of(request), _state(starter)
         until_s = self._clock.now_s() + VALID_S
         selection = Selection(
-            self._new_token(), target.client, target.verb, args=target.args, state=state, until_s=until_s
+            secrets.token_hex(8), target.client, target.verb, args=target.args, state=state, until_s=until_s
         )
         self._selections.set(request.starter, selection)
         values = {"select": selection.token, "valid_s": VALID_S, "state": state}
@@ -153,7 +178,16 @@ class LocalVerbs:
         return Final(Phase.CONFIRMED, "ok", text, values=values)
 
 
-def _target(request: CommandRequest) -> CommandRequest:
+def _chosen_start(request: CommandRequest) -> str | None:
+    """Return the id of the start that a baseline names; None: the last good one."""
+    _require_names(request.args, ("start",))
+    start = request.args.get("start")
+    if start is not None and not isinstance(start, str):
+        raise CommandError("bad_arguments", "start is the id of a start, as its record has it")
+    return start
+
+
+def target_of(request: CommandRequest) -> CommandRequest:
     """Return the command that a selection is for."""
     _require_names(request.args, ("verb", "args"))
     verb, args = request.args.get("verb"), request.args.get("args", {})

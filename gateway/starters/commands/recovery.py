@@ -10,9 +10,9 @@ from gateway.families.profile.state import state_of
 from gateway.records import Phase, ResultRecord, Severity
 from gateway.starters.commands.execution import LOOK, MAY_BE_TURNING
 from gateway.starters.commands.lifecycle import Lifecycle, Reporting, audit
-from gateway.starters.commands.view import StarterControlView
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.telemetry.transitions import UNKNOWN
+from gateway.starters.telemetry.view import StarterControlView
 from gateway.storage.journal import Remembered
 
 CRASHED = "crashed"
@@ -22,12 +22,14 @@ LOOK_EVERY_S = 0.25
 
 
 class Recovery:
-    """One such command; until it is told, the ledger answers repetitions with what is known already."""
+    """One such command; until its end is published, the ledger answers a repetition with what is known."""
 
-    def __init__(self, remembered: Remembered, starter: StarterControlView | None, desk: Reporting) -> None:
+    def __init__(
+        self, remembered: Remembered, starter: StarterControlView | None, reporting: Reporting
+    ) -> None:
         self._remembered = remembered
         self._starter = starter  # None: it is configured no more
-        self._desk = desk
+        self._reporting = reporting
         self._hurried = asyncio.Event()
 
     def hurry(self) -> None:
@@ -35,7 +37,7 @@ class Recovery:
         self._hurried.set()
 
     def result(self) -> ResultRecord:
-        """Return the command's final result as far as it can be told now."""
+        """Return the command's final result as far as it is known now."""
         life = Lifecycle.resumed(may_be_written=self._remembered.may_be_written)
         text = "the gateway ended while this command was under way"
         if life.is_written:
@@ -50,31 +52,31 @@ class Recovery:
         text += f"; the starter is now {state}" if state != UNKNOWN else "; its state is not known yet"
         earlier = self._remembered.result
         values = {} if state == UNKNOWN else {"state": state}
-        now_s = self._desk.clock.utc_s()
+        now_s = self._reporting.clock.utc_s()
         return replace(earlier, phase=phase, code=CRASHED, text=text, time_s=now_s, values=values)
 
-    async def tell(self) -> None:
-        """Wait a while for the starter's status, then tell the client, the audit and whoever is on duty."""
-        until_s = self._desk.clock.now_s() + STATUS_WITHIN_S
-        while self._state() == UNKNOWN and self._starter and self._desk.clock.now_s() < until_s:
+    async def publish(self) -> None:
+        """Wait a while for the starter's status, then publish the result, its audit record and an event."""
+        until_s = self._reporting.clock.now_s() + STATUS_WITHIN_S
+        while self._state() == UNKNOWN and self._starter and self._reporting.clock.now_s() < until_s:
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._hurried.wait(), LOOK_EVERY_S)
                 break
         result = self.result()
         if self._is_superseded():
-            self._desk.sink.put(result)
+            self._reporting.sink.put(result)
         else:
-            self._desk.ledger.store(result, now_s=self._desk.clock.now_s())
-            self._desk.journal.note(result, then=lambda: self._desk.sink.put(result))
+            self._reporting.ledger.store(result, now_s=self._reporting.clock.now_s())
+            self._reporting.journal.note(result, then=lambda: self._reporting.sink.put(result))
         request = CommandRequest(result.starter, result.client, result.verb, result.id)
-        audit(request, self._desk, decision=result.phase, code=result.code, after=result.values)
+        audit(request, self._reporting, decision=result.phase, code=result.code, after=result.values)
         if self._starter is not None and result.phase is Phase.UNCONFIRMED:
             data = {"client": result.client, "id": result.id, "verb": result.verb}
-            self._starter.publisher.event("command_cut_short", Severity.ERROR, result.text, data)
+            self._starter.emitter.event("command_cut_short", Severity.ERROR, result.text, data)
 
     def _is_superseded(self) -> bool:
         """Return whether the id stands for something newer by now: a stop that was done again."""
-        latest = self._desk.ledger.find(self._remembered.result.client, self._remembered.result.id)
+        latest = self._reporting.ledger.find(self._remembered.result.client, self._remembered.result.id)
         return latest is not None and latest.code != CRASHED
 
     def _state(self) -> str:

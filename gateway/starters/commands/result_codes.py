@@ -27,6 +27,20 @@ def explain(code: str) -> Code:
     )
 
 
+UNFIT = frozenset(  # of what is refused however often it comes: its id is free for a fit command
+    {
+        "bad_json",
+        "bad_payload",
+        "before_connection",
+        "expired",
+        "malformed_topic",
+        "no_id",
+        "retained",
+        "too_big",
+        "unknown_verb",
+    }
+)
+
 _AGAIN = "Send it again, with a new id."
 _LOOK = "Look at the starter, then decide."
 _LATER = "Wait, look, then send it again, with a new id."
@@ -70,7 +84,8 @@ CODES: Mapping[str, Mapping[str, Code]] = {
             "Look at the adapter; stop at the starter itself.",
         ),
         "stopped_first": Code(
-            "A stop came first and cut this command short.", "Nothing, if the stop was meant."
+            "A stop came first: it cut this command short, or came after this one was decided upon.",
+            "Nothing, if the stop was meant; else decide again, and send a new token with a new id.",
         ),
         "internal": Code("An error inside the gateway.", f"{_LOOK} Report it, with the log."),
     },
@@ -121,6 +136,10 @@ CODES: Mapping[str, Mapping[str, Code]] = {
         ),
         "identity_changed": Code(
             "Another starter answers than before, or another model than configured.", "Look, then accept."
+        ),
+        "no_start": Code("There is no start that could be the baseline.", "Start the motor, then again."),
+        "history_unavailable": Code(
+            "The history of earlier runs is still being read.", "Again, in a moment."
         ),
         "nothing_to_accept": Code("No change of the starter's identity waits to be accepted.", "Nothing."),
         "state_unknown": Code("The starter's state is not known now.", _LATER),

@@ -15,21 +15,29 @@ from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.scheduler.requests import Priority
 from gateway.modbus.codes import exception_name
 from gateway.modbus.pdu import Request
-from gateway.starters.commands.view import StarterAccess
+from gateway.starters.telemetry.view import StarterAccess
 
 T = TypeVar("T")
 
+READ_WITHIN_S = 30.0  # where each refusal may be a late one, or the line has no room
 READ_BACK_PAUSE_S = 0.1
 EQUAL_READINGS = 2  # that must follow one another: a CRC lets one bad frame in some 50,000 pass
 
 Rows = dict[str, tuple[int, ...]]
 
 
+HALTED = {
+    "stopped_first": "a stop came first",
+    "locked": "a maintenance lock came first",
+    "shutting_down": "the gateway is shutting down",
+}
+
+
 class HaltedError(GatewayError):
-    """The command was cut short; `code` says by what."""
+    """The command was cut short; `code` says by what, `text` in words."""
 
     def __init__(self, code: str) -> None:
-        self.code = code
+        self.code, self.text = code, HALTED.get(code, code)
         super().__init__(code)
 
 
@@ -83,9 +91,10 @@ class StarterIo:
         rows: Rows = {}
         self.seen_s = inf
         for read in reads:
-            outcome = await self._transact(read.request, lane)
+            until_s = asyncio.get_running_loop().time() + READ_WITHIN_S
+            outcome = await self._transact(read.request, lane, until_s=until_s)
             if isinstance(outcome, (Silent, Garbled)):
-                outcome = await self._transact(read.request, lane)
+                outcome = await self._transact(read.request, lane, until_s=until_s)
             rows |= self._rows_from(read, outcome)
         return rows
 

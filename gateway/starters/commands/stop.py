@@ -4,9 +4,12 @@
    Beyond `OWN_FRAMES` of one starter, messages that come within 0.1 s share the next frame.
 2. A frame follows the one before after 0.5 s, whatever became of the read-backs, until all are read back.
 3. A message is confirmed by two readings in a row that were asked for after the frame which counts for it:
-   its own, or the first after that which the starter acknowledged.
+   its own, or the first after that which the starter acknowledged. An acknowledgement that may be of any of
+   several frames counts if all of these were written since the message came. Without one, frames follow until
+   the time is up; then the latest two readings since the first frame decide.
+4. A reading that was lost says nothing, for `SEEN_WITHIN_S`; one that shows otherwise ends the row.
 
-Stops for a group of starters: each member's own, told apart, and one result for the whole.
+Of a group each member is stopped so on its own: `group_stop`.
 """
 
 from __future__ import annotations
@@ -15,16 +18,17 @@ import asyncio
 import logging
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Any, assert_never
 
 from gateway.families.command.build import build
 from gateway.families.profile.procedure import Procedure
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.scheduler.requests import Priority
-from gateway.records import Phase, Severity
+from gateway.records import STOP, Phase, Severity
 from gateway.starters.commands.addressed import StopAddressee
-from gateway.starters.commands.execution import HALTED, MAY_BE_TURNING
-from gateway.starters.commands.lifecycle import CommandReport, Final, Reporting
+from gateway.starters.commands.execution import MAY_BE_TURNING
+from gateway.starters.commands.lifecycle import CommandReport, Final
 from gateway.starters.commands.starter_io import (
     EQUAL_READINGS,
     READ_BACK_PAUSE_S,
@@ -32,8 +36,8 @@ from gateway.starters.commands.starter_io import (
     RefusedError,
     StarterIo,
 )
-from gateway.starters.commands.view import StarterControlView
 from gateway.starters.policy.request import CommandRequest
+from gateway.starters.telemetry.view import StarterControlView
 from gateway.system.token_bucket import Bucket, Rate
 
 logger = logging.getLogger(__name__)
@@ -41,6 +45,7 @@ logger = logging.getLogger(__name__)
 DEADLINE_S = 10.0  # of each message
 REPEAT_S = 0.5
 OWN_FRAMES = Rate(10.0, 8)  # for messages of one starter: so many a second, so many at once
+SEEN_WITHIN_S = 2.0  # before its end, so that a stop counts as seen
 SHARED_WITHIN_S = 0.1  # after the frame before: when the frame of messages beyond that is sent
 
 
@@ -48,23 +53,29 @@ SHARED_WITHIN_S = 0.1  # after the frame before: when the frame of messages beyo
 class _StopOrder:
     """One stop message."""
 
-    errand: CommandReport | None  # None: it gets no answer of its own
+    report: CommandReport | None  # None: it gets no answer of its own
     frame: int  # the number of its own frame
-    until_s: float
+    came_s: float
     counts_from: int | None = None  # the first reading that counts; None: its frame has not left yet
     is_taken: bool = False  # the starter acknowledged its frame, or a later one
+
+    @property
+    def until_s(self) -> float:
+        return self.came_s + DEADLINE_S
 
     @property
     def is_written(self) -> bool:
         return self.counts_from is not None
 
-    def note_written(self, *, next_reading: int, is_taken: bool) -> None:
+    def note_written(self, acknowledged_since_s: float, *, next_reading: int) -> None:
         """Take note of a frame that left; until one is acknowledged an earlier start may yet act."""
         if self.is_taken:
             return
-        if self.errand is not None and not self.is_written:
-            self.errand.write()
-        self.counts_from, self.is_taken = next_reading, is_taken
+        if self.report is not None and not self.is_written:
+            self.report.write()
+        self.is_taken = acknowledged_since_s >= self.came_s
+        if self.is_taken or self.counts_from is None:
+            self.counts_from = next_reading
 
 
 class Stopping:
@@ -72,7 +83,7 @@ class Stopping:
 
     def __init__(self, starter: StarterControlView) -> None:
         self._starter = StopAddressee(starter)
-        self._wire = StarterIo(self._starter, read_back_lane=Priority.FOLLOW_UP)
+        self._starter_io = StarterIo(self._starter, read_back_lane=Priority.FOLLOW_UP)
         self._time = asyncio.get_running_loop().time
         self._own_frames = Bucket(OWN_FRAMES)
         self._orders: list[_StopOrder] = []
@@ -84,7 +95,9 @@ class Stopping:
         self._under_way: set[asyncio.Task[None]] = set()  # frames that wait for the line or their answer
         self._news = asyncio.Event()  # one of them has left
         self._readings = 0  # begun
-        self._good_from: int | None = None  # the first of the latest readings in a row that show a stop
+        self._good: list[int] = []  # the latest two readings in a row that show a stop,
+        self._good_s = -inf  # when the last of them was there,
+        self._shown: dict[str, Any] = {}  # and what it says
         self._refusal: RefusedError | None = None
         self._is_answered = False  # the starter answered anything at all since
         self._spoken: list[str] = []  # the families in whose words frames were sent
@@ -93,25 +106,27 @@ class Stopping:
 
     def ask(self) -> None:
         """Have a frame sent for one more message, and see it through; it may then join with its command."""
-        if self._own_frames.take(self._time()):
+        came_s = self._time()
+        if self._own_frames.take(came_s):
             self._send(Priority.STOP)
         else:
             self._wanted = self._handed + 1
             self._plan(min(self._due_s, self._time() + SHARED_WITHIN_S))
-        self._unanswered = _StopOrder(None, self._wanted, self._time() + DEADLINE_S)
+        self._unanswered = _StopOrder(None, self._wanted, came_s)
 
-    def join(self, errand: CommandReport) -> None:
+    def join(self, report: CommandReport) -> None:
         """Take in the stop command, already accepted, for which `ask` was called; its end is reported."""
+        came_s = self._time() if self._unanswered is None else self._unanswered.came_s
         self._unanswered = None  # which stood for this message, and for those before that get no answer
-        self._orders.append(_StopOrder(errand, self._wanted, self._time() + DEADLINE_S))
-        errand.before = self._starter.snapshot.good_values()
+        self._orders.append(_StopOrder(report, self._wanted, came_s))
+        report.before = self._starter.snapshot.good_values()
 
     def is_asked_for(self, request: CommandRequest) -> bool:
-        """Return whether the same client's stop, which its answer cannot be told apart from, has joined."""
+        """Return whether the same client's stop, whose answer would be the same, has joined."""
         if request.id or request.correlation:
             return False
         known = (
-            (order.errand.request.client, order.errand.request.id) for order in self._orders if order.errand
+            (order.report.request.client, order.report.request.id) for order in self._orders if order.report
         )
         return (request.client, request.id) in known
 
@@ -122,19 +137,19 @@ class Stopping:
 
     def halt(self, code: str) -> None:
         """Let nothing more go out."""
-        self._wire.halt(code)
+        self._starter_io.halt(code)
 
     async def run(self) -> None:
         """Stop the motor; never raises, and always ends every stop command that has joined."""
         try:
             await self._read_on()
         except HaltedError as error:
-            self._cut_all(error.code, HALTED.get(error.code, error.code))
+            self._cut_all(error.code, error.text)
         except Exception:  # the guard at the task's top
             logger.exception("starter=%s stop ended by a bug", self._starter.setup.name)
             self._cut_all("internal", "an error inside the gateway; see its log")
         finally:
-            self._wire.halt("shutting_down")
+            self._starter_io.halt("shutting_down")
             if self._timer is not None:
                 self._timer.cancel()
 
@@ -148,7 +163,7 @@ class Stopping:
         if self._starter.profile.family not in self._spoken:
             self._spoken.append(self._starter.profile.family)
         try:
-            asked = [self._wire.hand_over(step.request, lane=lane) for step in self._procedure().steps]
+            asked = [self._starter_io.hand_over(step.request, lane=lane) for step in self._procedure().steps]
         except Exception:  # whatever it is, the read-back meets it again and ends the commands
             logger.exception("starter=%s stop not sent", self._starter.setup.name)
             self._news.set()
@@ -168,7 +183,7 @@ class Stopping:
         if self._time() < self._due_s or self._under_way or not self._all():
             return
         is_asked_for = self._wanted > self._handed or any(not each.is_written for each in self._all())
-        if is_asked_for or self._good_from is None or not all(each.is_taken for each in self._all()):
+        if is_asked_for or not self._good or not all(each.is_taken for each in self._all()):
             self._send(Priority.STOP if is_asked_for else Priority.FOLLOW_UP)
 
     async def _follow(self, number: int, asked: Collection[asyncio.Future[Outcome]]) -> None:
@@ -182,20 +197,19 @@ class Stopping:
         if refusals:
             self._refusal = RefusedError(refusals[0].code)
         if any(_may_have_left(each) for each in asked):
-            is_taken = len(outcomes) == len(asked) and all(isinstance(each, Answered) for each in outcomes)
-            self._note_written(number, is_taken=is_taken)
+            self._note_written(number, min(map(_acknowledged_since_s, asked)))
         self._news.set()
         asyncio.get_running_loop().call_soon(self._send_if_due)  # once this frame is no longer under way
 
-    def _note_written(self, number: int, *, is_taken: bool) -> None:
+    def _note_written(self, number: int, acknowledged_since_s: float) -> None:
         for order in self._all():
             if order.frame <= number:
-                order.note_written(next_reading=self._readings + 1, is_taken=is_taken)
+                order.note_written(acknowledged_since_s, next_reading=self._readings + 1)
 
     def _procedure(self) -> Procedure:
         """Return what stops the starter, from the rows known last, however old."""
         starter = self._starter
-        return build(starter.profile, starter.variant, "stop", {}, seen=starter.snapshot.rows)
+        return build(starter.profile, starter.variant, STOP, {}, seen=starter.snapshot.rows)
 
     # The readings
 
@@ -204,60 +218,60 @@ class Stopping:
         while self._all():
             if any(order.is_written for order in self._all()):
                 self._readings += 1
-                values = await self._see_stopped()
-                if values is None:
-                    self._good_from = None
-                elif self._good_from is None:
-                    self._good_from = self._readings
+                is_seen = await self._see_stopped()
                 await asyncio.sleep(0)  # the readings are published before the results that rest on them
-                self._end_what_is_over(values or {})
+                self._end_what_is_over(is_seen=is_seen)
                 self._send_if_due()
                 await self._pause(READ_BACK_PAUSE_S)
             else:
                 await self._wait_for_a_frame()
                 self._procedure()  # what cannot be built cannot be sent
-                self._end_what_is_over({})
+                self._end_what_is_over(is_seen=False)
 
     async def _pause(self, seconds: float) -> None:
         if self._all():
-            await self._wire.pause(seconds)
+            await self._starter_io.pause(seconds)
 
     async def _wait_for_a_frame(self) -> None:
         self._news.clear()
         over_s = min(order.until_s for order in self._all())
         timer = asyncio.get_running_loop().call_at(over_s, self._news.set)
         try:
-            await self._wire.wait_for(_until(self._news))
+            await self._starter_io.wait_for(_until(self._news))
         finally:
             timer.cancel()
 
-    async def _see_stopped(self) -> dict[str, Any] | None:
-        """Return what was read if it shows that the motor stops, else None."""
+    async def _see_stopped(self) -> bool:
+        """Return whether what was read shows that the motor stops, and record it."""
         expect = self._procedure().verify
-        rows = None if expect is None else await self._wire.read_back(expect.reads)
+        rows = None if expect is None else await self._starter_io.read_back(expect.reads)
         if expect is None or rows is None:
-            return None
-        self._is_answered = True
-        values = self._wire.values(rows)
-        return values if expect.is_met(values) else None
+            return False
+        self._is_answered, values = True, self._starter_io.values(rows)
+        if not expect.is_met(values):
+            self._good = []
+            return False
+        self._good = [*self._good, self._readings][-EQUAL_READINGS:]
+        self._good_s, self._shown = self._time(), values
+        return True
 
-    def _end_what_is_over(self, values: dict[str, Any]) -> None:
-        """End the messages that are read back, and those whose time is up."""
+    def _end_what_is_over(self, *, is_seen: bool) -> None:
+        """End the messages that are read back, and those whose time is up unless a stop was just seen."""
         ends: list[tuple[_StopOrder, Final]] = []
         for order in self._all():
-            count, is_over = self._good_readings(order), self._time() >= order.until_s
-            if count >= EQUAL_READINGS and (order.is_taken or is_over):
+            is_over = self._time() >= order.until_s
+            if self._is_seen_to_stop(order) and (order.is_taken or is_over):
                 text = f"read back from the starter{self._over_babble()}"
-                ends.append((order, Final(Phase.CONFIRMED, "ok", text, after=_points(values))))
-            elif is_over and count == 0:
+                ends.append((order, Final(Phase.CONFIRMED, "ok", text, after=_points(self._shown))))
+            elif is_over and not is_seen:
                 ends.append((order, self._unseen(order)))
         self._end(ends)
 
-    def _good_readings(self, order: _StopOrder) -> int:
-        """Return how many of the latest readings in a row show a stop, and count for this message."""
-        if self._good_from is None or order.counts_from is None:
-            return 0
-        return max(self._readings + 1 - max(self._good_from, order.counts_from), 0)
+    def _is_seen_to_stop(self, order: _StopOrder) -> bool:
+        """Return whether two readings in a row show a stop, and count for this message."""
+        first = inf if order.counts_from is None else order.counts_from
+        counting = [each for each in self._good if each >= first]
+        return len(counting) == EQUAL_READINGS and self._time() - self._good_s <= SEEN_WITHIN_S
 
     # The ends
 
@@ -265,23 +279,23 @@ class Stopping:
         return self._orders if self._unanswered is None else [*self._orders, self._unanswered]
 
     def _end(self, ends: Collection[tuple[_StopOrder, Final]]) -> None:
-        """Give messages their ends; a person is called once for them."""
+        """Give messages their ends; one event is published for all that are not confirmed."""
         note = self._starter.note(self._spoken)
         if note:
             ends = [(order, replace(end, text=f"{end.text}; {note}")) for order, end in ends]
         for _, end in [each for each in ends if each[1].phase is not Phase.CONFIRMED][:1]:
-            self._call_a_person(end)
+            self._publish_unconfirmed(end)
         for order, end in ends:
             if order is self._unanswered:
                 self._unanswered = None
             else:
                 self._orders.remove(order)
-            if order.errand is not None:
-                order.errand.finish(end)
+            if order.report is not None:
+                order.report.finish(end)
 
     def _cut_all(self, code: str, text: str) -> None:
         if self._under_way:
-            self._note_written(self._handed, is_taken=False)  # it may have been on its way already
+            self._note_written(self._handed, -inf)  # it may have been on its way already
         self._end([(order, self._cut(order, code, text)) for order in self._all()])
 
     def _unseen(self, order: _StopOrder) -> Final:
@@ -310,9 +324,9 @@ class Stopping:
             return ""
         return "; something sends on the line without end, and the stop was written over it"
 
-    def _call_a_person(self, end: Final) -> None:
+    def _publish_unconfirmed(self, end: Final) -> None:
         data = {"phase": end.phase, "code": end.code}
-        self._starter.publisher.event("stop_unconfirmed", Severity.ERROR, end.text, data)
+        self._starter.emitter.event("stop_unconfirmed", Severity.ERROR, end.text, data)
 
 
 def _may_have_left(asked: asyncio.Future[Outcome]) -> bool:
@@ -330,71 +344,20 @@ def _may_have_left(asked: asyncio.Future[Outcome]) -> bool:
             assert_never(outcome)
 
 
+def _acknowledged_since_s(asked: asyncio.Future[Outcome]) -> float:
+    """Return since when a write equal to this one was acknowledged: inf for itself, -inf for none."""
+    match None if asked.cancelled() else asked.result():
+        case Answered():
+            return inf
+        case Garbled(acknowledges_since_s=since_s):
+            return since_s
+        case _:
+            return -inf
+
+
 def _points(values: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in values.items() if not isinstance(value, tuple)}
 
 
 async def _until(event: asyncio.Event) -> None:
     await event.wait()
-
-
-class GroupStop:
-    """Gathers the members' results into the group's: confirmed only when all members are."""
-
-    def __init__(self, errand: CommandReport, members: Collection[str], desk: Reporting) -> None:
-        self._errand = errand
-        self._missing = set(members)
-        self._ends: dict[str, Final] = {}
-        self._desk = desk
-
-    def member(self, name: str) -> CommandReport:
-        """Return the stop of one member: reported to the same client, with the same id, but kept nowhere."""
-        request = replace(self._errand.request, starter=name, correlation=None, response_topic=None)
-        return _MemberErrand(request, self._desk, whole=self)
-
-    def note_written(self) -> None:
-        """Take over that something was written to a member."""
-        self._errand.write()
-
-    def note_end(self, name: str, end: Final) -> None:
-        """Take over a member's result; the last one ends the whole."""
-        self._ends[name] = end
-        self._missing.discard(name)
-        if not self._missing:
-            self._errand.finish(self._end())
-
-    def _end(self) -> Final:
-        names = sorted(self._ends)
-        values = {"members": {n: {"phase": self._ends[n].phase, "code": self._ends[n].code} for n in names}}
-        others = [name for name in names if self._ends[name].phase is not Phase.CONFIRMED]
-        if not others:
-            return Final(Phase.CONFIRMED, "ok", f"all {len(names)} read back from their starters", values)
-        told = "; ".join(f"{name}: {self._ends[name].code}, {self._ends[name].text}" for name in others[:5])
-        more = f"; and {len(others) - 5} more" if len(others) > 5 else ""
-        text = f"{len(others)} of {len(names)} not confirmed: {told}{more}"
-        return Final(self._phase(others), "not_all", text, values)
-
-    def _phase(self, others: Collection[str]) -> Phase:
-        """Return the whole's phase when not all are confirmed: rejected only when nothing was written."""
-        if self._errand.life.is_written:
-            return Phase.UNCONFIRMED
-        phases = {self._ends[name].phase for name in others}
-        return Phase.REJECTED if phases == {Phase.REJECTED} else Phase.FAILED
-
-
-class _MemberErrand(CommandReport):
-    """One member's stop, which tells the whole how it goes."""
-
-    def __init__(self, request: CommandRequest, desk: Reporting, *, whole: GroupStop) -> None:
-        super().__init__(request, desk, is_kept=False)
-        self._whole = whole
-
-    def write(self) -> None:
-        """Say that something went out to the starter."""
-        super().write()
-        self._whole.note_written()
-
-    def finish(self, end: Final, *, is_kept: bool = True) -> None:
-        """Give the final result."""
-        super().finish(end, is_kept=is_kept)
-        self._whole.note_end(self.request.starter, end)

@@ -1,1 +1,1 @@
-"""Who a starter is: asked (`query`), compared (`fingerprint`), known from earlier runs (`registry`)."""
+"""Who a starter is: asked (`first_contact`), compared (`fingerprint`), known before (`registry`)."""

@@ -1,4 +1,4 @@
-"""Who a starter was when it answered last, and whether the one who answers now is still the same."""
+"""Who a starter was when it answered last, and whether the device that answers now is the same."""
 
 from __future__ import annotations
 
@@ -39,19 +39,19 @@ class Known:
     despite_model: str | None = None  # what stood in the configuration when an operator accepted it
 
     def as_data(self) -> dict[str, str | None]:
-        """Return it as it is kept."""
+        """Return it as it is stored."""
         return {**self.fingerprint.as_data(), "despite_model": self.despite_model}
 
 
 def known_from(document: Any) -> Known | None:
-    """Return what was kept by `Known.as_data`; None when it is no such thing."""
+    """Return what `Known.as_data` stored; None when it is no such thing."""
     if not isinstance(document, Mapping):
         return None
-    kept = {name: document.get(name) for name in (*FIELDS, "despite_model")}
-    if any(value is not None and not isinstance(value, str) for value in kept.values()):
+    stored = {name: document.get(name) for name in (*FIELDS, "despite_model")}
+    if any(value is not None and not isinstance(value, str) for value in stored.values()):
         return None
-    despite_model = kept.pop("despite_model")
-    return Known(Fingerprint(**kept), despite_model)
+    despite_model = stored.pop("despite_model")
+    return Known(Fingerprint(**stored), despite_model)
 
 
 def fingerprint_of(identity: Identity) -> Fingerprint:

@@ -26,7 +26,8 @@ from gateway.system.clock import Clock
 
 logger = logging.getLogger(__name__)
 
-KEPT_WITHIN_S = 2.0
+SAVED_WITHIN_S = 2.0
+SAVED_TOGETHER_S = 1.0  # what is read within so long is saved at once: at a start that of hundreds
 IDENTITIES_FILE = "identities.json"  # in state_dir
 CHANGED_EVENT = "identity_changed"
 
@@ -55,10 +56,15 @@ class IdentityRegistry:
         self._clock = clock
         self._sequence = sequence
         self._known: dict[str, Known] = {}
-        self._strangers: dict[str, IdentityMismatch] = {}
-        self._told: dict[str, IdentityMismatch] = {}
+        self._mismatches: dict[str, IdentityMismatch] = {}
+        self._published: dict[str, IdentityMismatch] = {}
         self._on_accepted: dict[str, Callable[[], None]] = {}
-        self._saver = Saver(memory or NoStore(), self._document, on_trouble=self._tell_trouble)
+        self._saver = Saver(
+            memory or NoStore(),
+            self._document,
+            on_trouble=self._publish_trouble,
+            delay_s=SAVED_TOGETHER_S,
+        )
         self._restore(memory or NoStore())
 
     def when_accepted(self, starter: str, call: Callable[[], None]) -> None:
@@ -66,65 +72,65 @@ class IdentityRegistry:
         self._on_accepted[starter] = call
 
     def note(self, setup: StarterSetup, identity: Identity, *, is_settled: bool) -> None:
-        """Take over who answers; unsettled, a question is still open, and nothing is told or kept yet."""
+        """Record which device answers; until `is_settled` nothing of it is published or stored."""
         name, seen = setup.name, fingerprint_of(identity)
         known = self._known.get(name)
-        stranger = _stranger(known, seen, setup.variant.model)
-        if stranger is None:
-            self._strangers.pop(name, None)
-            self._told.pop(name, None)
+        mismatch = _mismatch_of(known, seen, setup.variant.model)
+        if mismatch is None:
+            self._mismatches.pop(name, None)
+            self._published.pop(name, None)
             if is_settled:
                 self._keep(name, known, seen)
             return
-        self._strangers[name] = stranger
-        if is_settled and self._told.get(name) != stranger:
-            self._told[name] = stranger
-            self._tell(name, CHANGED_EVENT, Severity.ERROR, stranger.text, _as_data(stranger))
+        self._mismatches[name] = mismatch
+        if is_settled and self._published.get(name) != mismatch:
+            self._published[name] = mismatch
+            self._publish(name, CHANGED_EVENT, Severity.ERROR, mismatch.text, _as_data(mismatch))
 
     def forget(self, starter: str) -> None:
-        """Take over that nobody answers any more: whoever comes next is judged anew."""
-        self._strangers.pop(starter, None)
-        self._told.pop(starter, None)
+        """Record that the device is silent: the one that answers next is judged anew."""
+        self._mismatches.pop(starter, None)
+        self._published.pop(starter, None)
 
     def trouble(self, starter: str) -> str:
         """Return why commands to a starter are held; empty when they are not."""
-        stranger = self._strangers.get(starter)
-        return "" if stranger is None else stranger.text
+        mismatch = self._mismatches.get(starter)
+        return "" if mismatch is None else mismatch.text
 
     def contradiction(self, starter: str) -> str:
         """Return in what the device contradicts the configuration and was not accepted; empty: in nothing."""
-        stranger = self._strangers.get(starter)
-        return "" if stranger is None else stranger.contradiction
+        mismatch = self._mismatches.get(starter)
+        return "" if mismatch is None else mismatch.contradiction
 
     def waiting(self, starter: str) -> IdentityMismatch:
-        """Return who waits to be accepted; CommandError when nobody does."""
-        stranger = self._told.get(starter)
-        if stranger is None or stranger != self._strangers.get(starter):
+        """Return which change waits to be accepted; CommandError when none does."""
+        mismatch = self._published.get(starter)
+        if mismatch is None or mismatch != self._mismatches.get(starter):
             raise CommandError("nothing_to_accept", "no change of the starter's identity waits for that")
-        return stranger
+        return mismatch
 
     def accept(self, starter: str) -> IdentityMismatch:
-        """Take the one who answers for right from now on; CommandError when nobody waits for that."""
-        stranger = self.waiting(starter)
+        """Accept the device that answers as the right one; CommandError when no change waits for that."""
+        mismatch = self.waiting(starter)
         self.forget(starter)
-        self._known[starter] = Known(stranger.seen, stranger.configured)
+        self._known[starter] = Known(mismatch.seen, mismatch.configured)
         self._saver.touch()
         text = "the present identity was accepted: commands are carried out again"
-        self._tell(starter, "identity_accepted", Severity.INFO, text, _as_data(stranger))
+        self._publish(starter, "identity_accepted", Severity.INFO, text, _as_data(mismatch))
         self._on_accepted.get(starter, lambda: None)()
-        return stranger
+        return mismatch
 
-    def keep(self) -> None:
-        """Have what is known now outlive the gateway."""
+    def store(self) -> None:
+        """Store what is known now, in the background."""
         self._saver.touch()
 
-    async def kept(self) -> bool:
-        """Return whether what is known now outlives the gateway."""
-        return await self._saver.saved(within_s=KEPT_WITHIN_S)
+    async def saved(self) -> bool:
+        """Return whether what is known now is on disk."""
+        return await self._saver.saved(within_s=SAVED_WITHIN_S)
 
     async def close(self) -> None:
-        """Keep what is left to be kept, and then do nothing more."""
-        await self._saver.close(within_s=KEPT_WITHIN_S)
+        """Save what is not on disk yet, and then do nothing more."""
+        await self._saver.close(within_s=SAVED_WITHIN_S)
 
     def _keep(self, name: str, known: Known | None, seen: Fingerprint) -> None:
         now = Known(seen) if known is None else Known(completed(seen, known.fingerprint), known.despite_model)
@@ -143,32 +149,34 @@ class IdentityRegistry:
             starters = _starters_in(memory.load() or {})
         except DamagedError as error:
             memory.set_aside()
-            self._tell("", "memory_damaged", Severity.ERROR, f"{error}: every starter counts as new", {})
+            self._publish("", "memory_damaged", Severity.ERROR, f"{error}: every starter counts as new", {})
             return
-        for name, kept in starters.items():
-            known = known_from(kept)
+        for name, stored in starters.items():
+            known = known_from(stored)
             if known is not None:
                 self._known[name] = known
 
-    def _tell_trouble(self, trouble: str) -> None:
+    def _publish_trouble(self, trouble: str) -> None:
         if trouble:
-            text = f"the starters' fingerprints cannot be kept: {trouble}"
-            self._tell("", "identities_away", Severity.WARNING, text, {})
+            text = f"the starters' fingerprints cannot be stored: {trouble}"
+            self._publish("", "identities_away", Severity.WARNING, text, {})
         else:
-            text = "the starters' fingerprints are kept again"
-            self._tell("", "identities_back", Severity.INFO, text, {})
+            text = "the starters' fingerprints are stored again"
+            self._publish("", "identities_back", Severity.INFO, text, {})
 
-    def _tell(self, starter: str, code: str, severity: Severity, text: str, data: Mapping[str, Any]) -> None:
+    def _publish(
+        self, starter: str, code: str, severity: Severity, text: str, data: Mapping[str, Any]
+    ) -> None:
         utc_s, seq = self._clock.utc_s(), self._sequence.take()
         self._sink.put(EventRecord(starter, code, severity, text, utc_s, seq, data))
 
 
-def stranger_in(
+def mismatch_in(
     document: Mapping[str, Any], setup: StarterSetup, identity: Identity
 ) -> IdentityMismatch | None:
-    """Return who answers instead of the one that a kept document knows; DamagedError when it is none."""
+    """Return what differs from the device that a stored document knows; DamagedError when it is damaged."""
     known = known_from(_starters_in(document).get(setup.name))
-    return _stranger(known, fingerprint_of(identity), setup.variant.model)
+    return _mismatch_of(known, fingerprint_of(identity), setup.variant.model)
 
 
 def _starters_in(document: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -178,8 +186,8 @@ def _starters_in(document: Mapping[str, Any]) -> Mapping[str, Any]:
     return starters
 
 
-def _stranger(known: Known | None, seen: Fingerprint, model: str | None) -> IdentityMismatch | None:
-    """Return what speaks against the one who answers; None when nothing does."""
+def _mismatch_of(known: Known | None, seen: Fingerprint, model: str | None) -> IdentityMismatch | None:
+    """Return in what the device differs from the known one; None when in nothing."""
     before = NOTHING if known is None else known.fingerprint
     differing = differences(before, seen)
     accepted_model = None if known is None else known.despite_model
@@ -199,9 +207,9 @@ def _spoken(seen: Fingerprint) -> str:
     return ", ".join(filter(None, (seen.model, seen.rated_current)))
 
 
-def _as_data(stranger: IdentityMismatch) -> dict[str, Any]:
+def _as_data(mismatch: IdentityMismatch) -> dict[str, Any]:
     return {
-        "known": stranger.known.as_data(),
-        "seen": stranger.seen.as_data(),
-        "configured_model": stranger.configured,
+        "known": mismatch.known.as_data(),
+        "seen": mismatch.seen.as_data(),
+        "configured_model": mismatch.configured,
     }

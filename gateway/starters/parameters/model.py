@@ -13,7 +13,7 @@ from gateway.families.reading.bulk import is_setting
 
 @dataclass(frozen=True, slots=True)
 class ParameterEntry:
-    """One parameter's value; None where the file or the starter does not tell it."""
+    """One parameter's value; None where the file or the starter does not give it."""
 
     name: str = ""
     value: Value = None
@@ -68,8 +68,8 @@ def entries_of(
     found: dict[str, ParameterEntry] = {}
     for code in sorted(rows, key=lambda each: (order.get(each, len(order)), each)):
         row = find(profile, code)
-        told = decode_row(profile, variant, row, rows[code])
-        found[code] = ParameterEntry(row.name, told.value, told.label, told.unit, told.raw)
+        decoded = decode_row(profile, variant, row, rows[code])
+        found[code] = ParameterEntry(row.name, decoded.value, decoded.label, decoded.unit, decoded.raw)
     return found
 
 

@@ -1,22 +1,24 @@
-"""One starter on a line that nobody polls: identified once, then read and set by hand."""
+"""One starter on a line without polls: identified once, then read and set by hand."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from math import inf
 
 from gateway.errors import CommandError
-from gateway.families.devices.device import Identity
+from gateway.families.devices.device import Identity, Question
 from gateway.families.diagnosis.identify import identify, identify_requests, why_not
 from gateway.families.profile.procedure import Read
 from gateway.families.profile.schema import Profile, Variant
 from gateway.line.client import LineClient
-from gateway.line.rtu.outcome import Answered, Refused
+from gateway.line.rtu.outcome import Answered, Outcome, Refused
 from gateway.line.scheduler.requests import Priority
 from gateway.modbus.pdu import Request
-from gateway.records import SequenceNumbers, Sink
+from gateway.records import Record, SequenceNumbers
 from gateway.starters.bulk_read import BulkReading, read_in_bulk
 from gateway.starters.identity.first_contact import IdentityStatus, standing_of
+from gateway.starters.identity.recognition import Recognition
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
 from gateway.starters.telemetry.emitter import Emitter
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
@@ -32,18 +34,17 @@ class OfflineStarter:
         setup: StarterSetup,
         *,
         line: LineClient,
-        sink: Sink,
         clock: Clock,
-        sequence: SequenceNumbers,
         watchdogs: KnownWatchdogs | None = None,
     ) -> None:
         self.setup = setup
         self.line = line
         self.variant: Variant = setup.variant
         self.snapshot = Snapshot({})
-        self.publisher = Emitter(setup.name, sink=sink, clock=clock, sequence=sequence)
+        self.emitter = Emitter(setup.name, sink=_NoRecords(), clock=clock, sequence=SequenceNumbers())
         self.identity = Identity(reason="not yet asked")
         self._watchdogs = watchdogs or KnownWatchdogs()
+        self._recognition = Recognition(setup.profile)
         self.is_answering = False
         self.status_period_s = 0.0  # no poll vouches for anything
 
@@ -54,7 +55,7 @@ class OfflineStarter:
 
     @property
     def identity_standing(self) -> IdentityStatus:
-        """Return whether the one who answers has proved to be the configured family."""
+        """Return whether the device has proved to be the configured family."""
         return standing_of(self.setup, self.identity)
 
     @property
@@ -68,19 +69,28 @@ class OfflineStarter:
         return ""
 
     async def identify(self) -> None:
-        """Ask who answers; CommandError when nobody does, or somebody else than configured."""
-        outcomes = {q.tag: await self.ask(q.request) for q in identify_requests(self.profile)}
+        """Identify the device; CommandError when none answers, or another than the configured one."""
+        outcomes = {q: await self._put(q) for q in identify_requests(self.profile)}
         self.is_answering = any(isinstance(outcome, (Answered, Refused)) for outcome in outcomes.values())
         if not self.is_answering:
             raise CommandError(
                 "offline", f"{self.setup.name} does not answer at address {self.setup.address}"
             )
-        answers = {tag: out.value if isinstance(out, Answered) else None for tag, out in outcomes.items()}
+        self._recognition.note(outcomes)
+        answers = {q.tag: out.value if isinstance(out, Answered) else None for q, out in outcomes.items()}
         self.identity = identify(self.profile, answers)
         standing = self.identity_standing
         if standing is not IdentityStatus.MATCHING:
             raise CommandError(f"identity_{standing.value}", self.identity_reason)
         self.variant = merged(self.setup.variant, self.identity)
+
+    async def prove(self, *, lane: Priority) -> None:
+        """Raise CommandError unless the device that answers now is the one that was identified."""
+        if await self._recognition.is_same(partial(self._put, lane=lane)) is not True:
+            await self.identify()
+
+    async def _put(self, question: Question, *, lane: Priority = Priority.READ_BACK) -> Outcome:
+        return await self.ask(question.request, lane=lane)
 
     def ask(self, request: Request, *, lane: Priority = Priority.READ_BACK, until_s: float = inf) -> Asked:
         """Send a request."""
@@ -97,7 +107,7 @@ class OfflineStarter:
         self.snapshot.keep_rows(rows, at_s=at_s)
         self.note_settings(rows)
 
-    def restate(self) -> None:
+    def republish_state(self) -> None:
         """Do nothing: no state is published."""
 
     def set_trouble(self, topic: str, reason: str) -> None:
@@ -106,3 +116,10 @@ class OfflineStarter:
     def note_settings(self, rows: Mapping[str, tuple[int, ...]]) -> None:
         """Record settings that were just read."""
         self._watchdogs.note(self.setup.name, rows)
+
+
+class _NoRecords:
+    """Discards every record: the command says itself what happens."""
+
+    def put(self, record: Record) -> None:
+        """Leave a record."""

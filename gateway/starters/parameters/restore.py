@@ -37,30 +37,34 @@ class RestoreEnd:
 class Restore:
     """One restore under way."""
 
-    def __init__(self, bench: OfflineStarter, plan: RestorePlan, *, clock: Clock) -> None:
-        self._bench = bench
+    def __init__(self, starter: OfflineStarter, plan: RestorePlan, *, clock: Clock) -> None:
+        self._starter = starter
         self._plan = plan
         self._finals = _Finals()
-        self._wear = WriteBudget(most_per_hour=NO_LIMIT)
-        self._desk = Reporting(
-            sink=self._finals, clock=clock, sequence=SequenceNumbers(), ledger=Ledger(), wear=self._wear
+        self._write_budget = WriteBudget(most_per_hour=NO_LIMIT)
+        self._reporting = Reporting(
+            sink=self._finals,
+            clock=clock,
+            sequence=SequenceNumbers(),
+            ledger=Ledger(),
+            write_budget=self._write_budget,
         )
-        self._conduct: CommandExecution | None = None
+        self._execution: CommandExecution | None = None
         self._is_interrupted = False
 
     @property
     def writes(self) -> int:
         """How many writes have gone to the starter's non-volatile memory so far."""
-        return self._wear.total(self._bench.setup.name)
+        return self._write_budget.total(self._starter.setup.name)
 
     def interrupt(self) -> None:
         """Write nothing more, but leave the starter safe."""
         self._is_interrupted = True
-        if self._conduct is not None:
-            self._conduct.halt(INTERRUPTED)
+        if self._execution is not None:
+            self._execution.halt(INTERRUPTED)
 
-    async def run(self, tell: Callable[[tuple[PlannedWrite, ...]], None]) -> RestoreEnd:
-        """Write the changes in their order; `tell` hears of each group before it is written."""
+    async def run(self, on_begin: Callable[[tuple[PlannedWrite, ...]], None]) -> RestoreEnd:
+        """Write the changes in their order; `on_begin` gets each group before it is written."""
         end = RestoreEnd()
         groups = list(_groups(self._plan.changes))
         for place, group in enumerate(groups):
@@ -68,7 +72,7 @@ class Restore:
             if self._is_interrupted:
                 end.untried = (*group, *rest)
                 return end
-            tell(group)
+            on_begin(group)
             result = await self._carry_out(group)
             if result.phase is not Phase.CONFIRMED:
                 end.failed, end.failure, end.untried = group, result, rest
@@ -80,14 +84,14 @@ class Restore:
 
     async def _carry_out(self, group: tuple[PlannedWrite, ...]) -> ResultRecord:
         verb, args = _command(group)
-        bench = self._bench
-        preparation = prepare_change(bench.profile, bench.variant, verb, args)
-        request = CommandRequest(bench.setup.name, CLIENT, verb, uuid.uuid4().hex, args)
-        errand = CommandReport(request, self._desk)
-        errand.accept()
-        self._conduct = CommandExecution(errand, bench, preparation)
-        await self._conduct.run()
-        self._conduct = None
+        starter = self._starter
+        preparation = prepare_change(starter.profile, starter.variant, verb, args)
+        request = CommandRequest(starter.setup.name, CLIENT, verb, uuid.uuid4().hex, args)
+        report = CommandReport(request, self._reporting)
+        report.accept()
+        self._execution = CommandExecution(report, starter, preparation)
+        await self._execution.run()
+        self._execution = None
         return self._finals.take()
 
 

@@ -12,7 +12,8 @@ from gateway.families.command.run_command import with_standstill
 from gateway.families.profile.decode import Value
 from gateway.families.profile.parameters import settable_words
 from gateway.families.profile.procedure import Preparation
-from gateway.families.profile.schema import Parameter, Profile, Variant
+from gateway.families.profile.rows import Parameter
+from gateway.families.profile.schema import Profile, Variant
 from gateway.families.profile.word_types import TYPE_LIMITS, from_words
 from gateway.families.reading.bulk import holds, is_setting
 from gateway.starters.parameters.model import ParameterEntry, ParameterSet, entries_of

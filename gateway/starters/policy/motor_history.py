@@ -18,7 +18,7 @@ from gateway.system.clock_steps import ClockReading, certain_s
 
 PRECAUTIONS_FILE = "precautions.json"  # in state_dir
 VERSION = 1
-KEPT_S = 3600.0  # the longest that any rule looks back
+HISTORY_S = 3600.0  # the longest that any rule looks back
 MOST_STARTS = 1000
 OURS_WITHIN_S = 30.0  # a motor that begins to move this soon after our start obeys it
 
@@ -41,18 +41,18 @@ class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
-class _KeptLock(_Strict):
+class _StoredLock(_Strict):
     by: str
     since: float
     reason: str
     operator: str | None
 
 
-class _KeptPage(_Strict):
+class _StoredPage(_Strict):
     starts: list[float] = Field(max_length=MOST_STARTS)
     moving: bool | None
     standing_since: float | None
-    lock: _KeptLock | None
+    lock: _StoredLock | None
 
 
 class _StoredReading(_Strict):
@@ -61,10 +61,10 @@ class _StoredReading(_Strict):
     boot_id: str
 
 
-class _Kept(_Strict):
-    version: int = Field(ge=VERSION, le=VERSION)
+class _Stored(_Strict):
+    version: int = Field(default=VERSION, ge=VERSION, le=VERSION)
     at: _StoredReading | None = None  # None: a file of before 0.2.0, whose times only the wall clock dates
-    starters: dict[str, _KeptPage]
+    starters: dict[str, _StoredPage]
 
 
 class MotorHistory:
@@ -74,11 +74,11 @@ class MotorHistory:
         self._pages = {name: _Page() for name in starters}
 
     def add(self, starter: str) -> None:
-        """Open a page for a starter; one that it has had before is kept."""
+        """Open a page for a starter; a page that it has had before stays."""
         self._pages.setdefault(starter, _Page())
 
     def starts_since(self, starter: str, since_s: float) -> list[float]:
-        """Return when this starter was started from `since_s` on, by whomever; oldest first."""
+        """Return when this starter was started from `since_s` on, by us or locally; oldest first."""
         return [start_s for start_s in self._pages[starter].starts if start_s > since_s]
 
     def standing_since(self, starter: str) -> float | None:
@@ -99,7 +99,7 @@ class MotorHistory:
         self._pages[starter].written_s = now_s
 
     def note_state(self, starter: str, state: str, *, now_s: float) -> bool:
-        """Take over a state that was read; return whether there is something new to keep.
+        """Record a state that was read; return whether there is something new to store.
 
         What happens while the state is not known leaves no trace here: a motor that stood before and after
         counts as standing.
@@ -128,33 +128,33 @@ class MotorHistory:
         return {
             "version": VERSION,
             "at": {"up_s": reading.up_s, "utc_s": reading.utc_s, "boot_id": reading.boot_id},
-            "starters": {name: _to_kept(page, utc_of) for name, page in self._pages.items()},
+            "starters": {name: _to_stored(page, utc_of) for name, page in self._pages.items()},
         }
 
     def restore(self, document: Mapping[str, Any], *, now_s: float, reading: ClockReading) -> None:
-        """Take over what was kept of the starters that are configured; DamagedError when it is not ours."""
+        """Apply what was stored of the configured starters; DamagedError when the document is damaged."""
         try:
-            kept = _Kept.model_validate(document)
+            stored = _Stored.model_validate(document)
         except ValidationError as error:
-            raise DamagedError(f"not what was kept: {error.error_count()} mistakes") from error
+            raise DamagedError(f"not what was stored: {error.error_count()} mistakes") from error
         stored_utc_s, passed_s = reading.utc_s, 0.0
-        if kept.at is not None:
-            before = ClockReading(kept.at.up_s, kept.at.utc_s, kept.at.boot_id)
+        if stored.at is not None:
+            before = ClockReading(stored.at.up_s, stored.at.utc_s, stored.at.boot_id)
             stored_utc_s, passed_s = before.utc_s, certain_s(before, reading)
 
         def steady_of(utc_s: float) -> float:
             return now_s - passed_s - max(stored_utc_s - utc_s, 0.0)
 
-        for name, page in kept.starters.items():
+        for name, page in stored.starters.items():
             if name in self._pages:
-                self._pages[name] = _from_kept(page, steady_of=steady_of)
+                self._pages[name] = _from_stored(page, steady_of=steady_of)
 
     def _count(self, page: _Page, now_s: float) -> None:
-        recent = [start_s for start_s in page.starts if start_s > now_s - KEPT_S]
+        recent = [start_s for start_s in page.starts if start_s > now_s - HISTORY_S]
         page.starts = [*recent, now_s][-MOST_STARTS:]
 
 
-def _to_kept(page: _Page, utc_of: Callable[[float], float]) -> dict[str, Any]:
+def _to_stored(page: _Page, utc_of: Callable[[float], float]) -> dict[str, Any]:
     lock, since_s = page.lock, page.standing_since_s
     return {
         "starts": [utc_of(start_s) for start_s in page.starts],
@@ -166,12 +166,12 @@ def _to_kept(page: _Page, utc_of: Callable[[float], float]) -> dict[str, Any]:
     }
 
 
-def _from_kept(kept: _KeptPage, *, steady_of: Callable[[float], float]) -> _Page:
-    """Return a page; `steady_of` turns a stored time into one of the steady clock."""
-    lock, since = kept.lock, kept.standing_since
+def _from_stored(stored: _StoredPage, *, steady_of: Callable[[float], float]) -> _Page:
+    """Return a page; `steady_of` converts a stored time to one of the steady clock."""
+    lock, since = stored.lock, stored.standing_since
     return _Page(
-        starts=[steady_of(start) for start in kept.starts],
-        is_moving=kept.moving,
+        starts=[steady_of(start) for start in stored.starts],
+        is_moving=stored.moving,
         standing_since_s=None if since is None else steady_of(since),
         lock=None if lock is None else LockRecord(lock.by, lock.since, lock.reason, lock.operator),
     )

@@ -8,9 +8,8 @@ from typing import Any
 from gateway.errors import DamagedError
 from gateway.records import EventRecord, LockRecord, Record, SequenceNumbers, Severity, Sink, StateRecord
 from gateway.starters.identity.registry import IdentityRegistry
-from gateway.starters.policy.lock import NOTICE
 from gateway.starters.policy.motor_history import MotorHistory
-from gateway.starters.policy.preconditions import Expectation, Guard
+from gateway.starters.policy.preconditions import NOTICE, Expectation, Guard
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.selection import Selections
@@ -26,14 +25,16 @@ GATEWAY = "gateway"  # who locks when the locks are not known any more
 
 
 class Policy:
-    """The policy with the logbook, which is read when this is made: before any command is judged.
+    """Settings, rights and history to judge commands by; what was stored is read here, before any command.
 
     Subscribes to the records: starts and standstills are what the published states say.
     """
 
+    takes = (StateRecord,)
+
     def __init__(
         self,
-        policy: PolicySettings,
+        settings: PolicySettings,
         starters: Collection[str],
         *,
         rights: Rights,
@@ -42,48 +43,50 @@ class Policy:
         sequence: SequenceNumbers,
         memory: JsonStore | None = None,
         identities_memory: JsonStore | None = None,
-        wear_memory: JsonStore | None = None,
+        write_budget_memory: JsonStore | None = None,
         watchdogs: KnownWatchdogs | None = None,
-        told_faults: PublishedFaults | None = None,
+        published_faults: PublishedFaults | None = None,
     ) -> None:
-        self.policy = policy
-        self.logbook = MotorHistory(starters)
-        self.rulebook = Rulebook(policy.rules, self.logbook)
+        self.settings = settings
+        self.motor_history = MotorHistory(starters)
+        self.rulebook = Rulebook(settings.rules, self.motor_history)
         self.selections = Selections()
         self.identities = IdentityRegistry(
             sink=sink, clock=clock, sequence=sequence, memory=identities_memory
         )
-        self.told_faults = told_faults or PublishedFaults()
+        self.published_faults = published_faults or PublishedFaults()
         self.watchdogs = watchdogs or KnownWatchdogs()
-        self.wear = WriteBudget(on_count=self._tell_wear)
-        self._wear_saver = Saver(wear_memory or NoStore(), self.wear.to_document, on_trouble=lambda _: None)
-        self.saver = Saver(memory or NoStore(), self._document, on_trouble=self._tell_trouble)
+        self.write_budget = WriteBudget(on_count=self._publish_write_count)
+        self._write_budget_saver = Saver(
+            write_budget_memory or NoStore(), self.write_budget.to_document, on_trouble=lambda _: None
+        )
+        self.saver = Saver(memory or NoStore(), self._document, on_trouble=self._publish_trouble)
         self._sink = sink
         self._clock = clock
         self._sequence = sequence
         self._unsure: set[str] = set()  # starters that may have been locked, as far as anybody knows
         self._restore(memory or NoStore(), starters, rights)
-        self._restore_wear(wear_memory or NoStore())
+        self._restore_write_budget(write_budget_memory or NoStore())
         if self.watchdogs.damage:
-            self._tell("memory_damaged", Severity.WARNING, self.watchdogs.damage)
+            self._publish("memory_damaged", Severity.WARNING, self.watchdogs.damage)
 
     def put(self, record: Record) -> None:
         """Remember the states that are published."""
-        if isinstance(record, StateRecord) and self.logbook.note_state(
+        if isinstance(record, StateRecord) and self.motor_history.note_state(
             record.starter, record.state, now_s=self._clock.now_s()
         ):
             self.saver.touch()
 
-    def take_over(self, policy: PolicySettings, *, rights: Rights) -> list[str]:
-        """Judge by another policy from now on; return the starters that are locked by it.
+    def apply(self, settings: PolicySettings, *, rights: Rights) -> list[str]:
+        """Judge by other settings from now on; return the starters that are locked by it.
 
-        A command that was admitted keeps to the policy it came under.
+        A command that was admitted keeps to the settings it was admitted under.
         """
-        self.policy = policy
-        self.rulebook = Rulebook(policy.rules, self.logbook)
+        self.settings = settings
+        self.rulebook = Rulebook(settings.rules, self.motor_history)
         locked = self._lock_unsure(rights)
         self.saver.touch()
-        self.identities.keep()
+        self.identities.store()
         return locked
 
     def guard(self, request: CommandRequest, expectations: Sequence[Expectation]) -> Guard:
@@ -91,43 +94,43 @@ class Policy:
         return Guard(
             request,
             expectations,
-            logbook=self.logbook,
+            motor_history=self.motor_history,
             rulebook=self.rulebook,
             saver=self.saver,
             clock=self._clock,
         )
 
     def _document(self) -> dict[str, object]:
-        return self.logbook.to_document(now_s=self._clock.now_s(), reading=self._clock.reading())
+        return self.motor_history.to_document(now_s=self._clock.now_s(), reading=self._clock.reading())
 
     def _restore(self, memory: JsonStore, starters: Collection[str], rights: Rights) -> None:
-        """Take over what was kept; where that is lost, nobody knows what was locked: all that can be is."""
+        """Apply what was stored; where that is damaged, lock each starter that somebody may unlock."""
         now_s, reading = self._clock.now_s(), self._clock.reading()
         try:
             document = memory.load()
             if document is not None:
-                self.logbook.restore(document, now_s=now_s, reading=reading)
+                self.motor_history.restore(document, now_s=now_s, reading=reading)
         except DamagedError as error:
             memory.set_aside()
             self._unsure = set(starters)
             count = len(self._lock_unsure(rights))
             text = f"{error}: earlier starts are not known, and {count} starters are locked ({NOTICE})"
-            self._tell("memory_damaged", Severity.ERROR, text)
+            self._publish("memory_damaged", Severity.ERROR, text)
 
-    def _restore_wear(self, memory: JsonStore) -> None:
+    def _restore_write_budget(self, memory: JsonStore) -> None:
         try:
             document = memory.load()
             if document is not None:
-                self.wear.restore(document)
+                self.write_budget.restore(document)
         except DamagedError as error:
             memory.set_aside()
-            self._tell("memory_damaged", Severity.WARNING, f"{error}: they begin at 0 again")
+            self._publish("memory_damaged", Severity.WARNING, f"{error}: they begin at 0 again")
 
-    def _tell_wear(self, starter: str, text: str) -> None:
-        """Say and keep how often a starter's memory was written; nobody need hear that a count is lost."""
-        self._wear_saver.touch()
-        data = {"last_hour": self.wear.last_hour(starter), "total": self.wear.total(starter)}
-        self._tell(WEAR_EVENT, Severity.INFO, text, starter, data)
+    def _publish_write_count(self, starter: str, text: str) -> None:
+        """Publish and store how often a starter's memory was written; a lost count is no event."""
+        self._write_budget_saver.touch()
+        data = {"last_hour": self.write_budget.last_hour(starter), "total": self.write_budget.total(starter)}
+        self._publish(WEAR_EVENT, Severity.INFO, text, starter, data)
 
     def _lock_unsure(self, rights: Rights) -> list[str]:
         """Lock what may have been locked, where somebody may unlock it; return those starters."""
@@ -135,16 +138,16 @@ class Policy:
         reason = "the memory of locks was damaged: look, then unlock"
         for name in locked:
             self._unsure.discard(name)
-            self.logbook.set_lock(name, LockRecord(GATEWAY, self._clock.utc_s(), reason))
+            self.motor_history.set_lock(name, LockRecord(GATEWAY, self._clock.utc_s(), reason))
         return locked
 
-    def _tell_trouble(self, trouble: str) -> None:
+    def _publish_trouble(self, trouble: str) -> None:
         if trouble:
-            self._tell("memory_away", Severity.ERROR, f"locks and starts cannot be kept: {trouble}")
+            self._publish("memory_away", Severity.ERROR, f"locks and starts cannot be stored: {trouble}")
         else:
-            self._tell("memory_back", Severity.INFO, "locks and starts are kept again")
+            self._publish("memory_back", Severity.INFO, "locks and starts are stored again")
 
-    def _tell(
+    def _publish(
         self,
         code: str,
         severity: Severity,

@@ -1,6 +1,6 @@
-"""What an operator takes for granted of a starter, compared with what was just read.
+"""What must hold right before a write: what the operator expects, and what the gateway demands.
 
-What the gateway itself demands of one command, looked at on fresh readings and right before the write.
+A maintenance lock forbids all that could move the motor; it replaces no physical lock.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from gateway.families.command.interlock import points_needed
 from gateway.families.profile.schema import Profile
 from gateway.families.profile.state import STATES, state_of
 from gateway.families.reading.bulk import rows_of_points
-from gateway.starters.policy.lock import is_forbidden, refusal
+from gateway.records import LockRecord
 from gateway.starters.policy.motor_history import MotorHistory
 from gateway.starters.policy.request import CommandRequest
-from gateway.starters.policy.start_rules import Rulebook, is_start
+from gateway.starters.policy.start_rules import Rulebook, is_release, is_start
 from gateway.storage.json_file import Saver
 from gateway.system.clock import Clock
 
@@ -40,7 +40,7 @@ class Expectation:
 
     @property
     def codes(self) -> tuple[str, ...]:
-        """Return the rows that must be read to tell."""
+        """Return the rows that must be read to judge."""
         names = [name for name in self._wanted if name != STATE]
         if STATE in self._wanted:
             names += points_needed(self._profile, ("is_ready",))
@@ -65,7 +65,41 @@ def _word(value: object) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-KEPT_WITHIN_S = 1.0
+NOTICE = "this replaces no physical lock"
+LONGEST_REASON = 256
+
+_HARMLESS = frozenset({"read", "reset", "stop"})  # a reset takes a standing run command back first
+
+
+def is_forbidden(verb: str, args: Mapping[str, Any]) -> bool:
+    """Return whether a lock forbids a command: all but reading, resetting, stopping and releasing."""
+    return verb not in _HARMLESS and not is_release(verb, args)
+
+
+def refusal(lock: LockRecord) -> CommandError:
+    """Return why a command is refused while this lock stands."""
+    return CommandError("locked", f"locked for maintenance by {owner_of(lock)}: {lock.reason}; {NOTICE}")
+
+
+def owner_of(lock: LockRecord) -> str:
+    """Return who set a lock, for people."""
+    return f"{lock.by} ({lock.operator})" if lock.operator else lock.by
+
+
+def reason_in(args: Mapping[str, Any], reason: str | None) -> str:
+    """Return why someone locks: the argument `reason`, else the command's; CommandError without one."""
+    strange = sorted(set(args) - {"reason"})
+    if strange:
+        raise CommandError("bad_arguments", f"{strange[0][:40]!r} is unknown; there is only reason")
+    why = args.get("reason", reason)
+    if not isinstance(why, str) or not why.strip():
+        raise CommandError("bad_arguments", "say why: reason must be a text")
+    if len(why) > LONGEST_REASON or not why.isprintable():
+        raise CommandError("bad_arguments", f"reason: at most {LONGEST_REASON} printable characters")
+    return why.strip()
+
+
+SAVED_WITHIN_S = 1.0
 
 
 class Guard:
@@ -76,19 +110,19 @@ class Guard:
         request: CommandRequest,
         expectations: Sequence[Expectation],
         *,
-        logbook: MotorHistory,
+        motor_history: MotorHistory,
         rulebook: Rulebook,
         saver: Saver,
         clock: Clock,
     ) -> None:
         self._request = request
         self._expectations = expectations
-        self._logbook = logbook
+        self._motor_history = motor_history
         self._rulebook = rulebook
         self._saver = saver
         self._clock = clock
         self._is_start = is_start(request.verb, request.args)
-        self._is_counted = False  # the start, in the logbook: it must not stand in its own way
+        self._is_counted = False  # the start, in the motor history: it must not stand in its own way
 
     @property
     def codes(self) -> tuple[str, ...]:
@@ -105,16 +139,16 @@ class Guard:
             self._check_rules()
 
     async def admit(self) -> None:
-        """Judge for the last time; a start is counted and, where a rule counts, kept on the disk first."""
+        """Judge for the last time; a start is counted and, where a rule counts starts, stored first."""
         self.check()
         if not self._is_start:
             return
         starter = self._request.starter
         self._is_counted = True
-        self._logbook.note_start(starter, now_s=self._clock.now_s())
+        self._motor_history.note_start(starter, now_s=self._clock.now_s())
         self._saver.touch()
         if self._rulebook.of(starter).is_counting:
-            if not await self._saver.saved(within_s=KEPT_WITHIN_S):
+            if not await self._saver.saved(within_s=SAVED_WITHIN_S):
                 raise CommandError(
                     "not_kept", "the start could not be counted on the disk, as its rules demand"
                 )
@@ -125,7 +159,7 @@ class Guard:
         if request.expires_s is not None and now_s > request.expires_s:
             age_s = now_s - request.received_s
             raise CommandError("expired", f"it came in {age_s:.1f} s ago and is not valid any more")
-        lock = self._logbook.lock_of(request.starter)
+        lock = self._motor_history.lock_of(request.starter)
         if lock is not None and is_forbidden(request.verb, request.args):
             raise refusal(lock)
 

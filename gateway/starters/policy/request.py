@@ -24,46 +24,46 @@ class CommandRequest:
     expect: Mapping[str, Any] = field(default_factory=dict)  # what must still be so: state, or points
     select: str | None = None  # the token of a selection
     expires_s: float | None = None  # on the steady clock: not to be written later than this
+    decided_s: float | None = None  # on the steady clock: not decided upon before; None: that is not known
+    decided_by: str = ""  # what shows that: token or issued_at
+    source: str = ""  # "web": the status page; empty: MQTT
     boot: str = ""  # the boot that alone proves a copy of it fresh, whatever its age; empty: none does
 
 
 class Refusable(Protocol):
-    """What must be known of a command to tell its client that it is rejected."""
+    """What must be known of a command to reject it to its client."""
 
     @property
     def starter(self) -> str:
         """The starter it names."""
-        ...
 
     @property
     def client(self) -> str:
         """Who sent it."""
-        ...
 
     @property
     def verb(self) -> str:
         """What it wants."""
-        ...
 
     @property
     def id(self) -> str | None:
         """Its id, when it has a legible one."""
-        ...
 
     @property
     def args(self) -> Mapping[str, Any]:
         """Its arguments, as far as legible."""
-        ...
 
     @property
     def operator(self) -> str | None:
         """Who it says it is from."""
-        ...
 
     @property
     def correlation(self) -> bytes | None:
         """The MQTT 5 correlation data."""
-        ...
+
+    @property
+    def source(self) -> str:
+        """Which way it came, if not over MQTT."""
 
 
 def request_of(refusable: Refusable) -> CommandRequest:
@@ -76,4 +76,5 @@ def request_of(refusable: Refusable) -> CommandRequest:
         args=refusable.args,
         operator=refusable.operator,
         correlation=refusable.correlation,
+        source=refusable.source,
     )

@@ -20,7 +20,7 @@ class Operator:
 
 
 class Rights:
-    """The rights of all operators; what nobody has been given is refused."""
+    """The rights of all operators; what was not granted is refused."""
 
     def __init__(self, operators: Iterable[Operator] = ()) -> None:
         self.operators = tuple(operators)

@@ -1,7 +1,4 @@
-"""The gateway's rules for starts, each refusal with its reading and its hint; how many commands are taken.
-
-What a site demands of commands beyond what the starters themselves demand, in plain values.
-"""
+"""A site's rules for starts, each refusal with its reading and its hint, and its limits, in plain values."""
 
 from __future__ import annotations
 
@@ -25,7 +22,7 @@ RULES: Mapping[str, str] = {
 
 @dataclass(frozen=True, slots=True)
 class RateLimits:
-    """What the gateway takes; nobody operates motors this fast by hand."""
+    """What the gateway takes; more than a person can send by hand."""
 
     client: Rate = Rate(20.0, 100)
     starter: Rate = Rate(5.0, 20)  # of one client
@@ -47,7 +44,7 @@ class RuleSet:
 
     @property
     def is_counting(self) -> bool:
-        """Return whether a start depends on what was kept of earlier ones."""
+        """Return whether a start depends on the record of earlier ones."""
         return self.starts_per_hour is not None or self.minimum_pause_s > 0 or self.stagger_s > 0
 
 
@@ -55,7 +52,7 @@ NO_RULES = RuleSet()
 
 
 def is_start(verb: str, args: Mapping[str, Any]) -> bool:
-    """Return whether a command makes the motor turn."""
+    """Return whether a command makes the motor run."""
     return verb == "start" or (verb == "jog" and not is_release(verb, args))
 
 
@@ -65,11 +62,11 @@ def is_release(verb: str, args: Mapping[str, Any]) -> bool:
 
 
 class Rulebook:
-    """Judges starts by the rules and by what the logbook knows of earlier ones."""
+    """Judges starts by the rules and by what the motor history knows of earlier ones."""
 
-    def __init__(self, rules: Mapping[str, RuleSet], logbook: MotorHistory) -> None:
+    def __init__(self, rules: Mapping[str, RuleSet], motor_history: MotorHistory) -> None:
         self._rules = rules
-        self._logbook = logbook
+        self._motor_history = motor_history
 
     def of(self, starter: str) -> RuleSet:
         """Return what is configured for a starter."""
@@ -88,7 +85,7 @@ class Rulebook:
         most = rules.starts_per_hour
         if most is None:
             return None
-        starts = self._logbook.starts_since(starter, now_s - HOUR_S)
+        starts = self._motor_history.starts_since(starter, now_s - HOUR_S)
         if len(starts) < most:
             return None
         wait_s = starts[-most] + HOUR_S - now_s
@@ -98,7 +95,7 @@ class Rulebook:
     def _too_soon(self, starter: str, rules: RuleSet, now_s: float) -> Violation | None:
         if rules.minimum_pause_s <= 0:
             return None
-        since_s = self._logbook.standing_since(starter)
+        since_s = self._motor_history.standing_since(starter)
         if since_s is None:
             return _violation("pause_too_short", "it has not been seen to stand still", "wait")
         wait_s = since_s + rules.minimum_pause_s - now_s
@@ -112,7 +109,7 @@ class Rulebook:
             return None
         others = [n for n, other in self._rules.items() if other.feeder == rules.feeder and n != starter]
         for other in others:
-            for start_s in self._logbook.starts_since(other, now_s - rules.stagger_s):
+            for start_s in self._motor_history.starts_since(other, now_s - rules.stagger_s):
                 reading = f"{other} started {now_s - start_s:.1f} s ago on feeder {rules.feeder}"
                 wait_s = start_s + rules.stagger_s - now_s
                 return _violation("feeder_busy", reading, f"wait {wait_s:.1f} s")

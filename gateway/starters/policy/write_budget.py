@@ -22,7 +22,7 @@ WEAR_FILE = "wear.json"  # in state_dir
 class WriteBudget:
     """Counts the writes of every starter, and refuses those that are too many within an hour.
 
-    `on_count` hears of each count: the starter, and in words what it comes to.
+    `on_count` gets each count: the starter, and a text with the totals.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class WriteBudget:
         if writes:
             self._totals[starter] = self.total(starter) + writes
             if self._on_count is not None:
-                self._on_count(starter, self._told(starter, writes))
+                self._on_count(starter, self._text(starter, writes))
         return None
 
     def total(self, starter: str) -> int:
@@ -60,11 +60,11 @@ class WriteBudget:
         return len(self._times.get(starter, ()))
 
     def to_document(self) -> dict[str, Any]:
-        """Return what is to be kept."""
+        """Return what is to be stored."""
         return {"writes": dict(self._totals)}
 
     def restore(self, document: Mapping[str, Any]) -> None:
-        """Take over what was kept by `to_document`; DamagedError when it is no such thing."""
+        """Apply what `to_document` returned; DamagedError when it is no such thing."""
         self._totals = totals_in(document)
 
     def refusal(self, wait_s: float) -> str:
@@ -74,7 +74,7 @@ class WriteBudget:
             return f"{limit}: these are more at once"
         return f"{limit}: try again in {math.ceil(wait_s / 60)} min"
 
-    def _told(self, starter: str, writes: int) -> str:
+    def _text(self, starter: str, writes: int) -> str:
         what = "1 write" if writes == 1 else f"{writes} writes"
         recent, total = self.last_hour(starter), self.total(starter)
         return f"{what} to its non-volatile memory: {recent} of {self._most} this hour, {total} in all"

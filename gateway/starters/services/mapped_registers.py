@@ -18,18 +18,17 @@ from gateway.families.mapped_registers import (
     mapped,
     prepare_map,
     probes,
-    rows_from,
 )
 from gateway.families.profile.procedure import Procedure
 from gateway.line.rtu.outcome import Answered, Refused
 from gateway.line.scheduler.requests import Priority
 from gateway.records import AuditRecord, SequenceNumbers, Severity, Sink
 from gateway.starters.commands.starter_io import RefusedError, Rows, StarterIo
-from gateway.starters.commands.view import StarterControlView
 from gateway.starters.identity.first_contact import IdentityStatus
 from gateway.starters.policy.write_budget import WriteBudget
+from gateway.starters.telemetry.view import StarterControlView
 from gateway.system.clock import Clock
-from gateway.system.once import News
+from gateway.system.once import ChangeDetector
 from gateway.system.supervised import SupervisedTask
 
 logger = logging.getLogger(__name__)
@@ -44,7 +43,6 @@ class FastStarter(StarterControlView, Protocol):
 
     def use_fast_words(self, block: MappedBlock | None) -> None:
         """Read the points of this block in one request from now on; None: as they stand in the starter."""
-        ...
 
 
 class MappedRegisters:
@@ -58,7 +56,7 @@ class MappedRegisters:
         self,
         starter: FastStarter,
         *,
-        wear: WriteBudget,
+        write_budget: WriteBudget,
         sink: Sink,
         clock: Clock,
         sequence: SequenceNumbers,
@@ -67,18 +65,18 @@ class MappedRegisters:
         on_written: Callable[[Mapping[str, tuple[int, ...]]], None] = lambda _: None,
     ) -> None:
         self._starter = starter
-        self._wear = wear
+        self._write_budget = write_budget
         self._sink = sink
         self._clock = clock
         self._sequence = sequence
         self._may_write = may_write
         self._is_locked = is_locked
         self._on_written = on_written
-        self._wire = StarterIo(starter)
+        self._starter_io = StarterIo(starter)
         self._task = SupervisedTask(f"fast words {starter.setup.name}")
         self.close = self._task.close
         self._is_contested = False
-        self._news = News()  # the code of the last event
+        self._news = ChangeDetector()  # the code of the last event
         self._writings = 0  # that did not read back, in a row
         self._pause_s = RETRY_S
         self._is_waiting = False  # until it is allowed to write; nothing is asked meanwhile
@@ -92,10 +90,10 @@ class MappedRegisters:
         self._may_write = False
 
     def lose(self, reason: str) -> None:
-        """Take over that the mapped words were found to be wrong, and are not read any more."""
+        """Record that the mapped words were found to be wrong, and are not read any more."""
         self._is_contested = True
         text = f"the mapped words are not used any more: {reason}; everything is read as before"
-        self._tell("fast_words_changed", Severity.WARNING, text)
+        self._publish("fast_words_changed", Severity.WARNING, text)
 
     async def _try_on(self) -> None:
         while True:
@@ -113,13 +111,15 @@ class MappedRegisters:
         try:
             block = await self._planned()
             if block is None:
-                self._tell("fast_words_unusable", Severity.WARNING, "there are no points to be mapped")
+                self._publish("fast_words_unusable", Severity.WARNING, "there are no points to be mapped")
                 return True
             return await self._use(block) if await self._stands(block) else self._is_over()
         except RefusedError as error:
-            self._tell("fast_words_unusable", Severity.WARNING, f"the mapped words cannot be used: {error}")
+            self._publish(
+                "fast_words_unusable", Severity.WARNING, f"the mapped words cannot be used: {error}"
+            )
             return True
-        except (CommandError, PortLostError):  # the polls tell that it is silent
+        except (CommandError, PortLostError):  # the polls publish that it is silent
             return False
 
     async def _planned(self) -> MappedBlock | None:
@@ -128,7 +128,7 @@ class MappedRegisters:
         starter = self._starter
         for probe in probes(starter.profile, starter.variant):
             try:
-                await self._wire.read((probe,), lane=Priority.READ_BACK)
+                await self._starter_io.read((probe,), lane=Priority.READ_BACK)
             except RefusedError:
                 missing += probe.codes
         return fast_block(starter.profile, starter.variant, missing=missing)
@@ -141,21 +141,21 @@ class MappedRegisters:
         if not self._may_write or self._is_contested:
             if not self._is_contested:
                 text = "the points are not mapped; without operators, and by a reload, nothing is written"
-                self._tell("fast_words_unmapped", Severity.WARNING, text)
+                self._publish("fast_words_unmapped", Severity.WARNING, text)
             return False
-        if self._is_forbidden(self._wire.values(rows)) or await self._look(block) != (rows, procedure):
+        if self._is_forbidden(self._starter_io.values(rows)) or await self._look(block) != (rows, procedure):
             self._is_waiting = True
             return False
-        wait_s = self._wear.take(self._starter.setup.name, procedure.wears, now_s=self._clock.now_s())
+        wait_s = self._write_budget.take(self._starter.setup.name, procedure.wears, now_s=self._clock.now_s())
         if wait_s is not None:
             self._pause_s = wait_s
-            self._tell("fast_words_waiting", Severity.WARNING, self._wear.refusal(wait_s))
+            self._publish("fast_words_waiting", Severity.WARNING, self._write_budget.refusal(wait_s))
             return False
         return await self._write(block, rows, procedure)
 
     async def _look(self, block: MappedBlock) -> tuple[Rows, Procedure]:
         profile = self._starter.profile
-        rows = await self._wire.read(prepare_map(profile, block).reads, lane=Priority.READ_BACK)
+        rows = await self._starter_io.read(prepare_map(profile, block).reads, lane=Priority.READ_BACK)
         return rows, build_map(profile, block, seen=rows)
 
     def _is_forbidden(self, points: Mapping[str, Any]) -> bool:
@@ -172,10 +172,12 @@ class MappedRegisters:
         self._on_written(changed)
         is_seen = False
         for step in procedure.steps:
-            if not isinstance(await self._wire.write(step.request, lane=Priority.READ_BACK), Answered):
+            if not isinstance(await self._starter_io.write(step.request, lane=Priority.READ_BACK), Answered):
                 break
         else:
-            is_seen = procedure.verify is not None and await self._wire.see(procedure.verify) is not None
+            is_seen = (
+                procedure.verify is not None and await self._starter_io.see(procedure.verify) is not None
+            )
         self._audit(before, changed, is_seen=is_seen)
         if is_seen:
             self._writings = 0
@@ -186,22 +188,22 @@ class MappedRegisters:
         outcome = await self._starter.ask(block.request, lane=Priority.READ_BACK)
         if not isinstance(outcome, (Answered, Refused)):
             return False
-        if isinstance(outcome, Refused) or rows_from(self._starter.profile, block, outcome.value) is None:
+        if isinstance(outcome, Refused) or block.rows_in(self._starter.profile, outcome.value) is None:
             text = "the starter does not give the mapped words; everything is read as before"
-            self._tell("fast_words_unusable", Severity.WARNING, text)
+            self._publish("fast_words_unusable", Severity.WARNING, text)
             return True
         self._is_contested = False
         self._starter.use_fast_words(block)
         rows, count = len(block.rows), len(block.map)
         text = f"one request reads {rows} parameters ({count} mapped words)"
-        self._tell("fast_words_used", Severity.INFO, text)
+        self._publish("fast_words_used", Severity.INFO, text)
         return True
 
     def _is_over(self) -> bool:
         """Return whether there is no sense in trying again; said when the map takes nothing."""
         if self._writings >= MOST_WRITINGS:
             text = f"the map did not take {self._writings} writings; everything is read as before"
-            self._tell("fast_words_unusable", Severity.WARNING, text)
+            self._publish("fast_words_unusable", Severity.WARNING, text)
         return self._writings >= MOST_WRITINGS or self._is_contested or not self._may_write
 
     def _audit(self, before: Rows, changed: Rows, *, is_seen: bool) -> None:
@@ -221,7 +223,7 @@ class MappedRegisters:
             )
         )
 
-    def _tell(self, code: str, severity: Severity, text: str) -> None:
+    def _publish(self, code: str, severity: Severity, text: str) -> None:
         if not self._news.is_new(code):
             return
         logger.log(
@@ -230,4 +232,4 @@ class MappedRegisters:
             self._starter.setup.name,
             text,
         )
-        self._starter.publisher.event(code, severity, text)
+        self._starter.emitter.event(code, severity, text)

@@ -1,7 +1,4 @@
-"""Re-reads a starter's settings in the background, a small block at a time, for the keypad watch.
-
-Who turned the keypad: settings that read otherwise than before, although nobody set them through us.
-"""
+"""Re-reads a starter's settings in the background and publishes changes that no command made."""
 
 from __future__ import annotations
 
@@ -15,38 +12,40 @@ from typing import Any
 from gateway.errors import CommandError, PortLostError
 from gateway.families.diagnosis.readiness import watchdog_codes
 from gateway.families.profile.parameters import find, to_words
+from gateway.families.profile.per_profile import once_per_profile
 from gateway.families.profile.procedure import Read
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.reading.bulk import bulk_reads, is_set_by_people
 from gateway.line.scheduler.requests import Priority
 from gateway.records import Severity
 from gateway.starters.bulk_read import read_in_bulk
-from gateway.starters.commands.view import StarterControlView
 from gateway.starters.identity.first_contact import IdentityStatus
 from gateway.starters.parameters.model import ParameterEntry, entries_of
 from gateway.starters.telemetry.transitions import Change
+from gateway.starters.telemetry.view import StarterControlView
 from gateway.system.supervised import SupervisedTask
 
 EVENT = "parameter_changed"
 
 
+@once_per_profile
 def watched_codes(profile: Profile) -> tuple[str, ...]:
     """Return the settings of a family that change only when somebody sets them."""
     return tuple(row.code for row in profile.parameters.values() if is_set_by_people(profile, row))
 
 
 class ParameterChanges:
-    """Compares each reading of a setting with the one before it; the first one of all tells nothing."""
+    """Compares each reading of a setting with the one before it; the first one of all is no change."""
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
-        self._watched = frozenset(watched_codes(profile))
+        self._watched = watched_codes(profile)
         self._known: dict[str, tuple[int, ...]] = {}
         self._ours: dict[str, tuple[int, ...]] = {}  # what we last set, until it is read
         self._settled: set[str] = set()  # of these, what the command has ended for
 
     def note_command(self, variant: Variant, verb: str, args: Mapping[str, Any], *, is_over: bool) -> None:
-        """Take over that a `set` or `configure` of ours is under way; `is_over` once it has ended.
+        """Record that a `set` or `configure` of ours is under way; `is_over` once it has ended.
 
         What it wrote is ours up to the first reading after its end.
         """
@@ -63,16 +62,16 @@ class ParameterChanges:
                 self._settled.discard(row.code)
 
     def recall(self, rows: Mapping[str, tuple[int, ...]]) -> None:
-        """Take over rows as they were read in an earlier run, as far as nothing newer is known."""
+        """Record rows as they were read in an earlier run, as far as nothing newer is known."""
         self._known = {code: words for code, words in rows.items() if code in self._watched} | self._known
 
     def note_written(self, rows: Mapping[str, tuple[int, ...]]) -> None:
-        """Take over that the gateway itself writes these rows now."""
+        """Record that the gateway itself writes these rows now."""
         self._ours.update(rows)
         self._settled.update(rows)
 
     def note_reading(self, variant: Variant, rows: Mapping[str, tuple[int, ...]]) -> tuple[Change, ...]:
-        """Take over settings that were just read and return what somebody else has changed."""
+        """Record settings that were just read and return what somebody else has changed."""
         found = []
         for code, words in rows.items():
             if code not in self._watched:
@@ -124,7 +123,7 @@ LONGEST_BLOCK = (
 
 
 class ParameterMonitor:
-    """Walks round the settings of one starter for ever, while it answers and is who it should be."""
+    """Reads the settings of one starter round and round, while it answers and is who it should be."""
 
     def __init__(
         self,
@@ -137,8 +136,7 @@ class ParameterMonitor:
         self._on_change = on_change
         self._every_s = every_s
         self._watch = ParameterChanges(starter.profile)
-        self._limit = min(LONGEST_BLOCK, starter.profile.limits.read_registers // 2)
-        self._reads = self._lap()
+        self._reads = deque(_lap_of(starter.profile))
         self._left_of_first_lap = len(self._reads)  # blocks: the first lap makes known what there is
         self._refusals: dict[str, int] = {}  # by row, since the hour began
         self._hour_began_s = -inf
@@ -150,20 +148,20 @@ class ParameterMonitor:
         self._task.begin(self._walk)
 
     def note_command(self, verb: str, args: Mapping[str, Any], *, is_over: bool) -> None:
-        """Take over that a command of ours begins or has ended."""
+        """Record that a command of ours begins or has ended."""
         if verb in VERBS:
             self._watch.note_command(self._starter.variant, verb, args, is_over=is_over)
 
     def note_reading(self, rows: Mapping[str, tuple[int, ...]]) -> None:
-        """Take over settings that were just read on another occasion, and tell what has changed."""
-        self._tell_changes(rows)
+        """Record settings that were just read on another occasion, and publish what has changed."""
+        self._publish_changes(rows)
 
     def recall(self, rows: Mapping[str, tuple[int, ...]]) -> None:
-        """Take over settings as they were in an earlier run: what reads otherwise now was changed since."""
+        """Record settings as they were in an earlier run: what reads otherwise now was changed since."""
         self._watch.recall(rows)
 
     def note_written(self, rows: Mapping[str, tuple[int, ...]]) -> None:
-        """Take over that the gateway itself writes these rows now."""
+        """Record that the gateway itself writes these rows now."""
         self._watch.note_written(rows)
 
     async def _walk(self) -> None:
@@ -177,27 +175,27 @@ class ParameterMonitor:
             self._left_of_first_lap -= 1
             try:
                 self._reads += await self._look(read)
-            except (CommandError, PortLostError):  # the polls tell that it is silent
+            except (CommandError, PortLostError):  # the polls publish that it is silent
                 self._reads.append(read)
 
     async def _look(self, read: Read) -> tuple[Read, ...]:
-        """Read one block and tell what has changed; return what to read next time."""
+        """Read one block and publish what has changed; return what to read next time."""
         starter = self._starter
         ask = partial(starter.ask, lane=Priority.PARAMETERS)
         found = await read_in_bulk(ask, starter.profile, [read], tries=1)
         starter.note_settings(found.rows)
-        if self._tell_changes(found.rows):
+        if self._publish_changes(found.rows):
             self._on_change()
         if not found.refused:
             return (read,)
         again = [code for code in found.refused if self._is_asked_again(code)]
         return (*self._planned(found.rows), *(each for code in again for each in self._planned([code])))
 
-    def _tell_changes(self, rows: Mapping[str, tuple[int, ...]]) -> bool:
+    def _publish_changes(self, rows: Mapping[str, tuple[int, ...]]) -> bool:
         """Publish which of these rows were changed at the starter; return whether any was."""
         starter = self._starter
         changes = self._watch.note_reading(starter.variant, rows)
-        starter.publisher.put(*map(starter.publisher.change, changes))
+        starter.emitter.put(*map(starter.emitter.change, changes))
         return bool(changes)
 
     def _pause_s(self) -> float:
@@ -216,10 +214,16 @@ class ParameterMonitor:
         self._hour_began_s = now_s
         if self._refusals:
             self._refusals.clear()
-            self._reads = self._lap()
-
-    def _lap(self) -> deque[Read]:
-        return deque(self._planned(watched_codes(self._starter.profile)))
+            self._reads = deque(_lap_of(self._starter.profile))
 
     def _planned(self, codes: Iterable[str]) -> tuple[Read, ...]:
-        return bulk_reads(self._starter.profile, codes, longest=self._limit)
+        return _planned(self._starter.profile, codes)
+
+
+@once_per_profile
+def _lap_of(profile: Profile) -> tuple[Read, ...]:
+    return _planned(profile, watched_codes(profile))
+
+
+def _planned(profile: Profile, codes: Iterable[str]) -> tuple[Read, ...]:
+    return bulk_reads(profile, codes, longest=min(LONGEST_BLOCK, profile.limits.read_registers // 2))

@@ -1,4 +1,4 @@
-"""Tells of an identified starter whether it is ready to be run from afar, and which watchdog acts when."""
+"""Publishes whether an identified starter is ready for remote control, and which watchdog acts when."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from gateway.families.reading.bulk import bulk_reads
 from gateway.line.scheduler.requests import Priority
 from gateway.records import Severity
 from gateway.starters.bulk_read import BulkReading, read_in_bulk
-from gateway.starters.commands.view import StarterControlView
-from gateway.system.once import News
+from gateway.starters.telemetry.view import StarterControlView
+from gateway.system.once import ChangeDetector
 from gateway.system.supervised import SupervisedTask
 
 logger = logging.getLogger(__name__)
@@ -36,7 +36,7 @@ _SEVERITIES = {Weight.NOTE: Severity.INFO, Weight.WARNING: Severity.WARNING, Wei
 
 
 class ReadinessService:
-    """Looks at one starter's settings whenever it is told to; says only what it has not just said."""
+    """Reads one starter's settings on each `begin`; publishes the findings only when they have changed."""
 
     def __init__(
         self,
@@ -46,7 +46,7 @@ class ReadinessService:
         self.on_rows: Callable[[Mapping[str, tuple[int, ...]]], None] = lambda _: None  # gets what was read
         self._task = SupervisedTask(f"readiness {starter.setup.name}")
         self.close = self._task.close
-        self._news = News()  # what the last event was made of
+        self._news = ChangeDetector()  # what the last event was made of
 
     def begin(self) -> None:
         """Look; the starter is identified."""
@@ -66,11 +66,11 @@ class ReadinessService:
                 rows = found.rows
                 self._starter.note_settings(rows)
                 self.on_rows(rows)
-                self._tell(rows)
-                if not self._tell_refused_watchdog(found):
+                self._publish(rows)
+                if not self._report_refused_watchdog(found):
                     return
 
-    def _tell_refused_watchdog(self, found: BulkReading) -> bool:
+    def _report_refused_watchdog(self, found: BulkReading) -> bool:
         """Return whether a row is refused without which the watchdog is not known, and say so."""
         profile = self._starter.profile
         missing = {
@@ -88,7 +88,7 @@ class ReadinessService:
         ask = partial(self._starter.ask, lane=Priority.PARAMETERS)
         return await read_in_bulk(ask, profile, reads, tries=1)
 
-    def _tell(self, rows: dict[str, tuple[int, ...]]) -> None:
+    def _publish(self, rows: dict[str, tuple[int, ...]]) -> None:
         starter = self._starter
         findings = readiness(
             starter.profile,
@@ -108,14 +108,14 @@ class ReadinessService:
                 for each in watchdogs(starter.profile, starter.variant, rows)
             ],
         }
-        severity = _SEVERITIES[findings[0].weight]  # the gravest comes first
-        starter.publisher.event(EVENT, severity, summary(findings), data)
+        severity = _SEVERITIES[findings[0].weight]  # errors come first
+        starter.emitter.event(EVENT, severity, summary(findings), data)
 
 
 def summary(findings: Iterable[Finding]) -> str:
-    """Return the findings that bite in one line, or that there is none."""
-    biting = [finding.text for finding in findings if finding.weight is not Weight.NOTE]
-    return "; ".join(biting) if biting else "ready for remote control"
+    """Return in one line the findings above a note, or that there is none."""
+    problems = [finding.text for finding in findings if finding.weight is not Weight.NOTE]
+    return "; ".join(problems) if problems else "ready for remote control"
 
 
 def _as_data(finding: Finding) -> dict[str, Any]:

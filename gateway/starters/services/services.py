@@ -1,4 +1,4 @@
-"""What goes along with a starter's telemetry: its readiness, its keypad, and its fast words."""
+"""The background services of each starter: readiness, the monitor of its parameters, mapped registers."""
 
 from __future__ import annotations
 
@@ -8,119 +8,136 @@ from functools import partial
 from typing import Any
 
 from gateway.families.diagnosis.readiness import readiness_codes
-from gateway.records import AuditRecord, Record, SequenceNumbers, Sink
+from gateway.records import AuditRecord, EventRecord, Record, SequenceNumbers, Sink
 from gateway.starters.policy.policy import Policy
 from gateway.starters.services.mapped_registers import MappedRegisters
 from gateway.starters.services.parameter_monitor import EVERY_S, VERBS, ParameterMonitor, rows_set
+from gateway.starters.services.past_reader import PastListener, PastReader
 from gateway.starters.services.readiness import ReadinessService
 from gateway.starters.telemetry.telemetry import StarterTelemetry
 from gateway.system.clock import Clock
 
+FAULT_EVENT = "fault"  # two readings have shown it
+
 
 @dataclass(slots=True)
-class _Company:
-    """The companions of one starter."""
+class _ServicesOfOne:
+    """The services of one starter."""
 
     starter: StarterTelemetry
-    watch: ReadinessService
-    patrol: ParameterMonitor
-    lane: MappedRegisters | None = None
+    readiness: ReadinessService
+    monitor: ParameterMonitor
+    mapped_registers: MappedRegisters | None = None
+    past: PastReader | None = None
 
     def is_about_readiness(self, record: AuditRecord) -> bool:
         """Return whether a command has set a row that says how ready the starter is, or its watchdog."""
         return not rows_set(record.verb, record.args).keys().isdisjoint(readiness_codes(self.starter.profile))
 
     async def close(self) -> None:
-        if self.lane is not None:
-            await self.lane.close()
-        await self.watch.close()
-        await self.patrol.close()
+        if self.mapped_registers is not None:
+            await self.mapped_registers.close()
+        if self.past is not None:
+            await self.past.close()
+        await self.readiness.close()
+        await self.monitor.close()
 
 
 class StarterServices:
     """The services of all starters; subscribes to the records, to know what commands set.
 
-    Without `may_write`, and for a starter that comes after `start`, nothing is written on our own account.
+    Without `may_write`, and for a starter that comes after `start`, nothing is written unasked.
     """
+
+    takes = (EventRecord, AuditRecord)
 
     def __init__(
         self,
-        precautions: Policy,
+        policy: Policy,
         *,
         sink: Sink,
         clock: Clock,
         sequence: SequenceNumbers,
         may_write: bool,
-        patrol_every_s: float = EVERY_S,
+        monitor_every_s: float = EVERY_S,
+        past: PastListener | None = None,
     ) -> None:
-        self._precautions = precautions
+        self._policy = policy
         self._sink = sink
         self._clock = clock
         self._sequence = sequence
         self._may_write = may_write
-        self._patrol_every_s = patrol_every_s
-        self._companies: dict[str, _Company] = {}
+        self._monitor_every_s = monitor_every_s
+        self._past = past  # receives what starters say of their past; None: they are not asked
+        self._services: dict[str, _ServicesOfOne] = {}
         self._is_started = False
 
     def add(self, starter: StarterTelemetry) -> None:
         """Serve this starter too."""
-        watch = ReadinessService(starter)
-        patrol = ParameterMonitor(starter, on_change=watch.begin, every_s=self._patrol_every_s)
-        patrol.recall(starter.settings_recalled())
-        watch.on_rows = patrol.note_reading
-        starter.when_identified(watch.begin)
-        company = self._companies[starter.setup.name] = _Company(starter, watch, patrol)
+        readiness = ReadinessService(starter)
+        monitor = ParameterMonitor(starter, on_change=readiness.begin, every_s=self._monitor_every_s)
+        monitor.recall(starter.settings_recalled())
+        readiness.on_rows = monitor.note_reading
+        starter.when_identified(readiness.begin)
+        services = self._services[starter.setup.name] = _ServicesOfOne(starter, readiness, monitor)
         if starter.setup.has_fast_words and starter.setup.is_enabled:
-            company.lane = self._mapped_registers(starter, patrol)
+            services.mapped_registers = self._mapped_registers(starter, monitor)
+        if self._past is not None:
+            services.past = PastReader(starter, self._past)
+            starter.when_identified(services.past.begin)
         if self._is_started:
-            patrol.start()
+            monitor.start()
 
     def remove(self, starter: str) -> Coroutine[Any, Any, None]:
         """Leave a starter, whose name another may have at once; await what is returned."""
-        return self._companies.pop(starter).close()
+        return self._services.pop(starter).close()
 
-    def _mapped_registers(self, starter: StarterTelemetry, patrol: ParameterMonitor) -> MappedRegisters:
-        lane = MappedRegisters(
+    def _mapped_registers(self, starter: StarterTelemetry, monitor: ParameterMonitor) -> MappedRegisters:
+        mapped_registers = MappedRegisters(
             starter,
-            wear=self._precautions.wear,
+            write_budget=self._policy.write_budget,
             sink=self._sink,
             clock=self._clock,
             sequence=self._sequence,
             may_write=self._may_write and not self._is_started,
-            is_locked=partial(_is_locked, self._precautions, starter.setup.name),
-            on_written=patrol.note_written,
+            is_locked=partial(_is_locked, self._policy, starter.setup.name),
+            on_written=monitor.note_written,
         )
-        starter.when_identified(lane.begin)
-        starter.when_fast_words_are_lost(lane.lose)
-        return lane
+        starter.when_identified(mapped_registers.begin)
+        starter.when_fast_words_are_lost(mapped_registers.lose)
+        return mapped_registers
 
     def forbid_writing(self) -> None:
-        """Write nothing on our own account from now on: nobody may give commands any more."""
+        """Write nothing unasked from now on: there are no operators any more."""
         self._may_write = False
-        for company in self._companies.values():
-            if company.lane is not None:
-                company.lane.forbid_writing()
+        for services in self._services.values():
+            if services.mapped_registers is not None:
+                services.mapped_registers.forbid_writing()
 
     def start(self) -> None:
         """Begin; once, on the app's loop."""
         self._is_started = True
-        for company in self._companies.values():
-            company.patrol.start()
+        for services in self._services.values():
+            services.monitor.start()
 
     async def close(self) -> None:
         """Do nothing more."""
-        for name in tuple(self._companies):
+        for name in tuple(self._services):
             await self.remove(name)
 
     def put(self, record: Record) -> None:
-        """Remember what a command sets."""
-        if isinstance(record, AuditRecord) and record.verb in VERBS and record.starter in self._companies:
+        """Remember what a command sets; ask a starter that has tripped for what it says of it."""
+        if isinstance(record, EventRecord) and record.code == FAULT_EVENT:
+            tripped = self._services.get(record.starter)
+            if tripped is not None and tripped.past is not None:
+                tripped.past.read_fault()
+        if isinstance(record, AuditRecord) and record.verb in VERBS and record.starter in self._services:
             is_over = record.decision not in ("accepted", "written")
-            company = self._companies[record.starter]
-            company.patrol.note_command(record.verb, record.args, is_over=is_over)
-            if is_over and company.is_about_readiness(record):
-                company.watch.begin()
+            services = self._services[record.starter]
+            services.monitor.note_command(record.verb, record.args, is_over=is_over)
+            if is_over and services.is_about_readiness(record):
+                services.readiness.begin()
 
 
-def _is_locked(precautions: Policy, starter: str) -> bool:
-    return precautions.logbook.lock_of(starter) is not None
+def _is_locked(policy: Policy, starter: str) -> bool:
+    return policy.motor_history.lock_of(starter) is not None

@@ -11,20 +11,21 @@ from gateway.starters.telemetry.emitter import Emitter
 class Availability:
     """Of one starter; `on_trouble` gets each change of what cannot be read of it, empty for nothing."""
 
-    def __init__(self, publisher: Emitter) -> None:
-        self._publisher = publisher
+    def __init__(self, emitter: Emitter) -> None:
+        self._emitter = emitter
         self._never_answered = "not yet read"  # why, as published last
         self._troubles: dict[str, str] = {}  # by topic: what cannot be read at present
         self.on_trouble: Callable[[str], None] = lambda _: None
         self.is_online = False
         self.was_lost = False
+        self.lost_reason = ""  # why it is offline, since it was lost
 
     def start(self, *, is_enabled: bool) -> None:
         """Publish what is known before the first answer."""
         if not is_enabled:
-            self._publisher.availability("disabled", reason="disabled in the configuration")
+            self._emitter.availability("disabled", reason="disabled in the configuration")
         elif not self.is_online:
-            self._publisher.availability("offline", reason=self._never_answered)
+            self._emitter.availability("offline", reason=self._never_answered)
 
     def trouble(self, topic: str) -> str:
         """Return why this part cannot be read; empty when it can."""
@@ -41,38 +42,38 @@ class Availability:
         if self.is_online:
             self._publish()
         if reason:
-            self._publisher.event("degraded", Severity.WARNING, reason, {"topic": topic})
+            self._emitter.event("degraded", Severity.WARNING, reason, {"topic": topic})
         elif not self._troubles:
-            self._publisher.event("recovered", Severity.INFO, "the starter can be read whole again")
+            self._emitter.event("recovered", Severity.INFO, "the starter can be read whole again")
         self.on_trouble("; ".join(self._troubles.values()))
 
     def come_online(self) -> None:
         """Publish that it answers, as it did not before."""
-        self.is_online = True
+        self.is_online, self.lost_reason = True, ""
         self._publish()
         if self.was_lost:
-            self._publisher.event("answers_again", Severity.INFO, "the starter answers again")
+            self._emitter.event("answers_again", Severity.INFO, "the starter answers again")
 
     def go_offline(self, reason: str, frames: Sequence[str]) -> None:
         """Publish that it went silent; everything is asked again once it answers."""
-        self.is_online, self.was_lost = False, True
+        self.is_online, self.was_lost, self.lost_reason = False, True, reason
         self._troubles.clear()
         self.on_trouble("")
-        self._publisher.availability("offline", reason=reason)
+        self._emitter.availability("offline", reason=reason)
         data = {"reason": reason, "frames": list(frames)}
-        self._publisher.event("went_silent", Severity.WARNING, f"the starter went silent: {reason}", data)
+        self._emitter.event("went_silent", Severity.WARNING, f"the starter went silent: {reason}", data)
 
     def note_never_answered(self, reason: str) -> None:
         """Publish why a starter that has not answered yet does not, when that is news."""
         if not self.was_lost and reason != self._never_answered:
             self._never_answered = reason
-            self._publisher.availability("offline", reason=reason)
+            self._emitter.availability("offline", reason=reason)
 
     def end(self, reason: str) -> None:
         """Publish that it is watched no more."""
         if self.is_online:
-            self._publisher.availability("offline", reason=reason)
+            self._emitter.availability("offline", reason=reason)
 
     def _publish(self) -> None:
         text = "; ".join(self._troubles.values())
-        self._publisher.availability("degraded" if text else "online", reason=text or None)
+        self._emitter.availability("degraded" if text else "online", reason=text or None)

@@ -1,7 +1,4 @@
-"""From rows to points: which points a row feeds, and what freshly read rows say about them.
-
-What the answers to one starter's polls say; most say what they said before, and are not decoded again.
-"""
+"""From rows to points, and a cache of answers that say what the ones before said."""
 
 from __future__ import annotations
 
@@ -9,9 +6,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from gateway.families.mapped_registers import rows_from
 from gateway.families.profile.decode import Decoded, decode_points
-from gateway.families.profile.schema import Profile, Type, Variant
+from gateway.families.profile.per_profile import once_per_profile
+from gateway.families.profile.rows import Type
+from gateway.families.profile.schema import Profile, Variant
 from gateway.families.profile.word_types import TYPE_LIMITS
 from gateway.families.reading.bulk import rows_of_points
 from gateway.families.reading.poll_blocks import Block
@@ -19,11 +17,11 @@ from gateway.families.reading.poll_blocks import Block
 TEXT_TYPES = tuple(kind for kind in Type if kind not in TYPE_LIMITS)
 ENUM_TYPES = (Type.ENUM, Type.LOW_ENUM)
 
-_MOST_KEPT = 64
+_MOST_CACHED = 64
 
 
 class PointSources:
-    """Which rows each point of a family is told from."""
+    """Which rows each point of a family is decoded from."""
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
@@ -35,7 +33,7 @@ class PointSources:
         wanted = frozenset(codes)
         fed = self._fed_by.get(wanted)
         if fed is None:
-            if len(self._fed_by) >= _MOST_KEPT:
+            if len(self._fed_by) >= _MOST_CACHED:
                 self._fed_by.clear()
             fed = tuple(name for name, sources in self._codes_of.items() if not wanted.isdisjoint(sources))
             self._fed_by[wanted] = fed
@@ -45,15 +43,21 @@ class PointSources:
         """Return whether the points that these rows feed depend on no others."""
         return all(self._codes_of[name] <= rows.keys() for name in self.fed_by(rows))
 
-    def tell(
+    def decode(
         self, variant: Variant, rows: Mapping[str, tuple[int, ...]], *, known: Mapping[str, tuple[int, ...]]
-    ) -> tuple[dict[str, Decoded], tuple[str, ...]]:
-        """Return the points that freshly read rows tell, beside `known` ones, and those they fail to tell."""
+    ) -> DecodedPoints:
+        """Return the points that depend on freshly read rows, decoded from these and from `known` ones."""
         fed = self.fed_by(rows)
         others = {code: known[code] for name in fed for code in self._codes_of[name] if code in known}
         decoded = decode_points(self._profile, variant, {**others, **rows}, names=fed)
-        told = {name: decoded[name] for name in fed if name in decoded}
-        return told, tuple(name for name in fed if name not in decoded)
+        missing = tuple(name for name in fed if name not in decoded)
+        return DecodedPoints({name: decoded[name] for name in fed if name in decoded}, missing)
+
+
+@once_per_profile
+def sources_of(profile: Profile) -> PointSources:
+    """Return the sources of a family's points, the same ones for all its starters."""
+    return PointSources(profile)
 
 
 def is_flag(profile: Profile, name: str) -> bool:
@@ -69,6 +73,24 @@ def unit_of(profile: Profile, name: str) -> str:
     return "" if is_flag(profile, name) else profile.parameters[profile.points[name].code].unit
 
 
+@once_per_profile
+def units_of(profile: Profile) -> Mapping[str, str]:
+    """Return the unit of each point."""
+    return {name: unit_of(profile, name) for name in profile.points}
+
+
+@once_per_profile
+def deadbands_of(profile: Profile) -> Mapping[str, float]:
+    """Return the deadband of each point, in its unit."""
+    return {name: point.deadband for name, point in profile.points.items()}
+
+
+@once_per_profile
+def flags_of(profile: Profile) -> tuple[str, ...]:
+    """Return the points that are booleans."""
+    return tuple(name for name in profile.points if is_flag(profile, name))
+
+
 def type_of(profile: Profile, name: str) -> str:
     """Return the kind of a point's value: boolean, enum, string, float or integer."""
     if is_flag(profile, name):
@@ -82,11 +104,11 @@ def type_of(profile: Profile, name: str) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
-    """The points that rows tell, and those that they fail to tell."""
+class DecodedPoints:
+    """The points that were decoded from rows, and those for which a row was missing."""
 
     points: Mapping[str, Decoded]
-    untold: tuple[str, ...]
+    missing: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +116,7 @@ class Answer:
     """Raw words by code, and what they say; None when that depends on other rows too."""
 
     rows: Mapping[str, tuple[int, ...]]
-    told: Told | None
+    decoded: DecodedPoints | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,10 +140,10 @@ class AnswerCache:
         known = self._memories.get(key)
         if known and known.block is block and known.variant is variant and known.value == value:
             return known.answer
-        rows = rows_from(self._profile, block, value)
+        rows = block.rows_in(self._profile, value)
         if rows is None:
             return None
-        told = Told(*self._sources.tell(variant, rows, known={})) if self._sources.are_enough(rows) else None
-        answer = Answer(rows, told)
+        is_enough = self._sources.are_enough(rows)
+        answer = Answer(rows, self._sources.decode(variant, rows, known={}) if is_enough else None)
         self._memories[key] = _Memory(block, variant, value, answer)
         return answer

@@ -1,6 +1,6 @@
-"""How many of a starter's latest polls had no right reply: a poor line, which is not a lost starter; pure.
+"""What cannot be read: polls that are lost (`PollLoss`), rows that are refused (`Refusals`); pure.
 
-What becomes of rows that a starter refuses to give: a single refusal proves nothing; pure.
+A poor line is not a lost starter, and a single refusal proves nothing:
 
 1. A block that is refused three times in a row is asked for row by row, and once every row was answered as a
    whole again.
@@ -12,16 +12,17 @@ What becomes of rows that a starter refuses to give: a single refusal proves not
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
 from math import inf
 
 from gateway.families.diagnosis.readiness import watchdog_codes
+from gateway.families.profile.per_profile import once_per_profile
 from gateway.families.profile.schema import Profile
 from gateway.families.reading.bulk import rows_of_points
 from gateway.system.backoff import backoff_s
 
 OF = 200  # polls are looked at
+_ALL = (1 << OF) - 1
 POOR, GOOD_AGAIN = 8, 3  # of them lost: from 4 % on it is said, until it is 1.5 % or less
 
 
@@ -29,28 +30,25 @@ class PollLoss:
     """Counts the lost polls of one starter among its latest."""
 
     def __init__(self) -> None:
-        self._latest: deque[bool] = deque(maxlen=OF)
-        self._lost = 0
+        self._latest = 0  # a bit for each, 1 for a lost one; the latest is the lowest
+        self._count = self._lost = 0
         self._is_poor = False
 
     def note(self, *, is_lost: bool) -> str | None:
         """Count a poll; return what is wrong, "" once nothing is any more, None for no news."""
-        if len(self._latest) == OF:
-            self._lost -= self._latest[0]
-        self._latest.append(is_lost)
-        self._lost += is_lost
+        self._lost += is_lost - (self._latest >> (OF - 1))
+        self._latest = (self._latest << 1 | is_lost) & _ALL
+        self._count = min(self._count + 1, OF)
         was_poor = self._is_poor
         self._is_poor = self._lost >= POOR or (was_poor and self._lost > GOOD_AGAIN)
         if self._is_poor is was_poor:
             return None
-        return (
-            f"{self._lost} of its last {len(self._latest)} polls had no right reply" if self._is_poor else ""
-        )
+        return f"{self._lost} of its last {self._count} polls had no right reply" if self._is_poor else ""
 
     def clear(self) -> None:
         """Count anew: the starter itself was lost."""
-        self._latest.clear()
-        self._lost, self._is_poor = 0, False
+        self._latest = self._count = self._lost = 0
+        self._is_poor = False
 
 
 IN_ROW = 3  # refusals of a block, before it is asked for row by row; of a row, before it counts as refused
@@ -104,6 +102,7 @@ class Splits:
         return now_s - self.since_s >= pause_s
 
 
+@once_per_profile
 def vital_codes(profile: Profile) -> frozenset[str]:
     """Return the rows that decide state, fault or watchdog and that the starter surely has."""
     status = (name for name, point in profile.points.items() if point.group == "status")

@@ -1,7 +1,4 @@
-"""Records of one starter: what is known of it, with its time and number.
-
-What a starter is, told once and whenever it changes: its points, its commands, who it says it is.
-"""
+"""The records of one starter with their time and number, and its `info` record."""
 
 from __future__ import annotations
 
@@ -10,7 +7,10 @@ from typing import Any
 
 from gateway.families.command.build import verbs
 from gateway.families.devices.device import Identity
+from gateway.families.profile.names import meaning_of, printed_name
+from gateway.families.profile.per_profile import once_per_profile
 from gateway.families.profile.schema import Profile, Variant
+from gateway.history.own_points import own_points
 from gateway.records import (
     OWN_VERBS,
     AlarmRecord,
@@ -136,7 +136,7 @@ def info_of(setup: StarterSetup, variant: Variant, identity: Identity) -> InfoRe
         serial=identity.serial,
         line=setup.line,
         address=setup.address,
-        points={name: _describe(profile, name) for name in profile.points},
+        points=_descriptions(profile),
         commands=(*verbs(profile), *OWN_VERBS),
         hardware=identity.hardware,
         rated_current_a=variant.rated_current_a,
@@ -152,8 +152,16 @@ def _describe(profile: Profile, name: str) -> dict[str, Any]:
     labels = profile.enums.get(profile.parameters[point.code].enum, {}) if kind == "enum" else {}
     return {
         "code": point.code or None,
+        "name": printed_name(profile, name),
+        "meaning": meaning_of(profile, name),
         "unit": unit_of(profile, name),
         "type": kind,
         "enum": {str(value): label for value, label in labels.items()} or None,
         "deadband": point.deadband,
     }
+
+
+@once_per_profile
+def _descriptions(profile: Profile) -> Mapping[str, Mapping[str, Any]]:
+    own = {point.name: point.to_dict() for point in own_points(profile)}
+    return {name: _describe(profile, name) for name in profile.points} | own

@@ -2,82 +2,102 @@
 
 A device of another family gives numbers for the same registers, and a larger model the same numbers with
 another scale (ssw06-es 4.4). So nothing of a starter is published as good until it has said who it is, or was
-asked so often that it counts as one that does not (`first_contact`: REFUSED_ROUNDS, GIVEN_UP_ROUNDS).
+asked so often that it counts as one that does not (`first_contact`: REFUSED_ROUNDS, GIVEN_UP_ROUNDS), and has
+read a register as its family does.
 What was read meanwhile is then decoded for the variant that answers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import asyncio
+from collections.abc import Callable, Mapping
 
+from gateway.errors import CommandError
 from gateway.families.devices.device import Identity
 from gateway.families.diagnosis.identify import stop_profile, why_not
+from gateway.line.client import LineClient
+from gateway.line.rtu.outcome import Garbled, Silent
+from gateway.line.scheduler.requests import Priority
 from gateway.records import Severity
-from gateway.starters.identity.first_contact import IdentityStatus, standing_of
+from gateway.starters.identity.first_contact import FirstContact, IdentityStatus, standing_of
+from gateway.starters.identity.recognition import is_refusal
 from gateway.starters.identity.registry import IdentityRegistry
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.emitter import Emitter
+
+PROVED_WITHIN_S = 5.0  # where it is not clear at once
+GAP_POLLS = 2  # without a reply, after which another device may answer
+
+Rows = Mapping[str, tuple[int, ...]]
 
 
 class IdentityCheck:
     """Of one starter; `seen` is what the device said about itself last."""
 
-    def __init__(self, setup: StarterSetup, registry: IdentityRegistry, publisher: Emitter) -> None:
-        self._setup = setup
+    def __init__(self, setup: StarterSetup, registry: IdentityRegistry, emitter: Emitter) -> None:
+        self.setup = setup
         self._registry = registry
-        self._publisher = publisher
-        self.seen = Identity(reason="not yet asked")
+        self._emitter = emitter
+        self._see(Identity(reason="not yet asked"))
+        self.before_silence = ""  # the contradiction of the device that does not answer any more
+        self._held: set[tuple[IdentityStatus, str | None]] = set()  # of which there was an event
 
     @property
     def standing(self) -> IdentityStatus:
         """Return whether the device has proved to be the configured family, as before."""
-        standing = standing_of(self._setup, self.seen)
-        is_held = standing is IdentityStatus.MATCHING and self._registry.trouble(self._setup.name)
-        return IdentityStatus.CHANGED if is_held else standing
+        is_held = self._standing is IdentityStatus.MATCHING and self._registry.trouble(self.setup.name)
+        return IdentityStatus.CHANGED if is_held else self._standing
 
     @property
     def reason(self) -> str:
         """Return in words why the identity is not matching; empty when it is."""
-        return why_not(self._setup.profile, self.seen) or self._registry.trouble(self._setup.name)
+        return why_not(self.setup.profile, self.seen) or self._registry.trouble(self.setup.name)
 
     @property
     def contradiction(self) -> str:
         """Return in what the device contradicts the configuration, so that its values mean nothing."""
-        if standing_of(self._setup, self.seen) is IdentityStatus.MISMATCHED:
-            return why_not(self._setup.profile, self.seen) or ""
-        return self._registry.contradiction(self._setup.name)
+        if self._standing is IdentityStatus.MISMATCHED:
+            return why_not(self.setup.profile, self.seen) or ""
+        return self._registry.contradiction(self.setup.name)
 
     def forget(self) -> None:
-        """Begin anew: the device went silent."""
-        self.seen = Identity(reason="it has not been asked since it went silent")
-        self._registry.forget(self._setup.name)
+        """Begin anew: the device went silent. An event that it had comes again only after it has matched."""
+        self.before_silence = self.contradiction or self.before_silence
+        self._see(Identity(reason="it has not been asked since it went silent"))
+        self._registry.forget(self.setup.name)
 
     def take(self, identity: Identity, *, is_settled: bool) -> bool:
         """Record what the device said; return whether it is of the configured family.
 
         What holds commands is published when it is news.
         """
-        before, self.seen = self.seen, identity
-        if standing_of(self._setup, identity) is IdentityStatus.MATCHING:
-            self._registry.note(self._setup, identity, is_settled=is_settled)
+        self._see(identity)
+        standing = self._standing
+        if standing is IdentityStatus.MATCHING:
+            self._held.clear()
+            self.before_silence = ""
+            self._registry.note(self.setup, identity, is_settled=is_settled)
             return True
-        if self.reason != why_not(self._setup.profile, before):
+        device = (standing, identity.family_seen or identity.model)  # its model may be known only later
+        is_less = device[1] is None and any(each[0] is standing for each in self._held)
+        if device not in self._held and not is_less:
+            self._held.add(device)
             self._publish_held()
         return False
+
+    def _see(self, identity: Identity) -> None:
+        self.seen, self._standing = identity, standing_of(self.setup, identity)
 
     def _publish_held(self) -> None:
         """Publish that commands are held: another device answers, or it is not known which one does."""
         text = f"commands are held: {self.reason}"
         if self.standing is IdentityStatus.MISMATCHED:
-            family = self._setup.profile.family
-            stop_profile(self._setup.profile, self.seen)  # loaded now, so that a stop need not wait for it
+            family = self.setup.profile.family
+            stop_profile(self.setup.profile, self.seen)  # loaded now, so that a stop need not wait for it
             data = {"expected": family, "seen": self.seen.family_seen, "model": self.seen.model}
-            self._publisher.event("identity_mismatch", Severity.ERROR, text, data)
+            self._emitter.event("identity_mismatch", Severity.ERROR, text, data)
         else:
-            self._publisher.event("identity_unknown", Severity.WARNING, text)
-
-
-Rows = Mapping[str, tuple[int, ...]]
+            self._emitter.event("identity_unknown", Severity.WARNING, text)
 
 
 class Withheld:
@@ -97,8 +117,91 @@ class Withheld:
         self._latest.clear()
 
     def release(self) -> list[tuple[float, Rows]]:
-        """Return what was kept, the oldest first; from now on nothing is withheld."""
+        """Return what was withheld, the oldest first; from now on nothing is."""
         self.is_open = False
-        kept = sorted(self._latest.values(), key=lambda each: each[0])
+        withheld = sorted(self._latest.values(), key=lambda each: each[0])
         self._latest.clear()
-        return kept
+        return withheld
+
+
+class Contact:
+    """Who answers at one starter's address: asked at first, after each silence and whenever in doubt.
+
+    `on_rows` gets its watchdog's settings, `on_identity` every identity found.
+    """
+
+    def __init__(
+        self,
+        identity: IdentityCheck,
+        line: LineClient,
+        *,
+        on_rows: Callable[[Rows], None],
+        on_identity: Callable[[Identity], None],
+    ) -> None:
+        self.withheld = Withheld()
+        self._identity = identity
+        self._line = line
+        self._first_contact = FirstContact(identity.setup, line, on_rows=on_rows, on_identity=on_identity)
+        self.begin, self.doubt = self._first_contact.begin, self._first_contact.doubt
+        self.cancel, self.close = self._first_contact.cancel, self._first_contact.close
+        self._gap = 0  # polls in a row without a reply
+
+    @property
+    def is_settled(self) -> bool:
+        """Return whether no question is open any more, or each has been asked often enough."""
+        return self._first_contact.is_settled
+
+    @property
+    def is_answered(self) -> bool:
+        """Return whether who answers is known, or is asked no more for the sake of the values."""
+        return self._first_contact.is_answered
+
+    @property
+    def is_over(self) -> bool:
+        """Return whether what is withheld may be released."""
+        return self.withheld.is_open and self.is_answered
+
+    async def prove(self, lane: Priority) -> None:
+        """Raise CommandError unless the device that answers now is the one that was identified.
+
+        What is unlike it is asked once more by all questions, before anything may be written.
+        """
+        setup = self._identity.setup
+        is_same = await self._first_contact.is_same(lane)
+        if is_same is None:
+            raise CommandError("no_answer", "it could not be read who answers")
+        if not is_same:
+            asked = asyncio.ensure_future(self._first_contact.asked_anew())
+            await asyncio.wait((asked,), timeout=PROVED_WITHIN_S)
+            if not asked.done():
+                asked.cancel()
+                raise CommandError("no_answer", "it could not be read who answers")
+            why = why_not(setup.profile, asked.result())
+            if why is not None:
+                raise CommandError(f"identity_{standing_of(setup, asked.result()).value}", why)
+        if self._identity.standing is not IdentityStatus.MATCHING:
+            raise CommandError(f"identity_{self._identity.standing.value}", self._identity.reason)
+
+    def note_answer(self) -> None:
+        """Record that a poll was answered: after a gap perhaps by another device."""
+        if self._gap >= GAP_POLLS:
+            self.doubt()
+        self._gap = 0
+
+    def note_unlike(self, outcome: Silent | Garbled) -> None:
+        """Record a poll without an answer: a gap, or a refusal that may be a late one."""
+        if isinstance(outcome, Silent):
+            self._gap += 1
+        elif is_refusal(outcome):
+            self.doubt()
+
+    def note_overdue(self) -> None:
+        """Record that values are overdue, which on an overloaded line says nothing of the device."""
+        if self._gap or not self._line.is_overloaded:
+            self.doubt()
+
+    def note_silence(self) -> None:
+        """Record that the starter went silent: the device that answers next is asked anew."""
+        self._first_contact.note_silence()
+        self._identity.forget()
+        self.withheld.withhold()

@@ -7,7 +7,7 @@ read in an earlier run counts until it is read again.
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import isinf
@@ -28,17 +28,18 @@ from gateway.line.scheduler.requests import Poll
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.polling import polls_of
 from gateway.storage.json_file import JsonStore, NoStore, Saver
+from gateway.system.supervised import InThread
 
 WATCHDOGS_FILE = "watchdogs.json"  # in state_dir
 UNKEPT = "watchdog_unkept"
-KEPT_WITHIN_S = 1.0
+SAVED_WITHIN_S = 1.0
+SAVED_TOGETHER_S = 1.0  # what is read within so long is saved at once: at a start that of hundreds
 
 Rows = Mapping[str, tuple[int, ...]]  # raw words by code
 T = TypeVar("T")
-InThread = Callable[[Callable[[], T]], Awaitable[T]]
 
 
-async def _at_once(work: Callable[[], Any]) -> Any:
+async def _at_once(work: Callable[[], T]) -> T:
     return work()
 
 
@@ -61,7 +62,7 @@ class KnownWatchdogs:
         self,
         *,
         memory: JsonStore | None = None,
-        in_thread: InThread[Any] = _at_once,
+        in_thread: InThread = _at_once,
         on_trouble: Callable[[str], None] = lambda _: None,
     ) -> None:
         self._in_thread = in_thread
@@ -69,18 +70,20 @@ class KnownWatchdogs:
         self._setups: dict[str, StarterSetup] = {}  # of those configured at present, in their lines' order
         self._lines: dict[str, LineClient | None] = {}  # by starter
         self._codes: dict[str, frozenset[str]] = {}  # by starter: the rows that say what its watchdog is
-        self._kept_s: dict[str, float | None] = {}  # by starter: what its line was given
-        self._saver = Saver(memory or NoStore(), self.to_document, on_trouble=on_trouble)
+        self._given_s: dict[str, float | None] = {}  # by starter: what its line was given
+        self._saver = Saver(
+            memory or NoStore(), self.to_document, on_trouble=on_trouble, delay_s=SAVED_TOGETHER_S
+        )
         self.damage = self._restore(memory or NoStore())  # why nothing is known from earlier; empty: it is
 
     def add(self, setup: StarterSetup, line: LineClient | None = None) -> None:
         """Keep the watchdog of a starter on its line from now on."""
         self._setups[setup.name], self._lines[setup.name] = setup, line
         self._codes[setup.name] = frozenset(watchdog_codes(setup.profile))
-        self._kept_s.pop(setup.name, None)
+        self._given_s.pop(setup.name, None)
 
     def remove(self, name: str) -> None:
-        """Know nothing more of a starter than what would be kept for it."""
+        """Know nothing more of a starter than what is stored of it."""
         self._setups.pop(name, None)
         self._lines.pop(name, None)
 
@@ -94,7 +97,7 @@ class KnownWatchdogs:
         return setup.watchdog_s is not None or setup.name in self._known
 
     def limit_s(self, setup: StarterSetup) -> float | None:
-        """Return the time of the watchdog that a starter must be kept from; None when none is known."""
+        """Return the time of the watchdog that must not act in a starter; None when none is known."""
         known = self._known.get(setup.name)
         if known is None:
             return setup.watchdog_s or None
@@ -102,7 +105,7 @@ class KnownWatchdogs:
         return _least(setup.watchdog_s, *(_shortest_s(setup, each) for each in rows))
 
     def polls(self, setup: StarterSetup) -> tuple[Poll, ...]:
-        """Return the polls with which a starter begins, with the deadline that they must keep."""
+        """Return the polls with which a starter begins, with the deadline that they must meet."""
         limit_s = self.limit_s(setup)
         return tuple(replace(poll, deadline_s=limit_s) for poll in polls_of(setup))
 
@@ -125,7 +128,7 @@ class KnownWatchdogs:
     async def admit(self, name: str, procedure: Procedure) -> None:
         """Demand that the line can keep the watchdog that a procedure sets; it counts from now on.
 
-        CommandError, with the figures, when it cannot; `end` must follow in any case.
+        CommandError, with both times, when it cannot; `end` must follow in any case.
         """
         setup = self._setups.get(name)
         written = {} if setup is None else written_rows(setup.profile, (s.request for s in procedure.steps))
@@ -134,7 +137,7 @@ class KnownWatchdogs:
         await self._check(setup, written)
         self._keep(setup)
         self._saver.touch()
-        await self._saver.saved(within_s=KEPT_WITHIN_S)
+        await self._saver.saved(within_s=SAVED_WITHIN_S)
 
     async def check(self, name: str, rows: Rows) -> None:
         """Demand that the line could keep a starter whose settings were these; CommandError."""
@@ -181,7 +184,7 @@ class KnownWatchdogs:
 
     async def close(self) -> None:
         """Save what is left to be saved, and then do nothing more."""
-        await self._saver.close(within_s=KEPT_WITHIN_S)
+        await self._saver.close(within_s=SAVED_WITHIN_S)
 
     async def _check(self, setup: StarterSetup, written: Rows) -> None:
         """Reserve the line's time for what is to be written, or give it back and refuse."""
@@ -204,16 +207,16 @@ class KnownWatchdogs:
 
     def _keep(self, setup: StarterSetup) -> None:
         line, limit_s = self._lines[setup.name], self.limit_s(setup)
-        if line is None or not setup.is_enabled or self._kept_s.get(setup.name, -1.0) == limit_s:
+        if line is None or not setup.is_enabled or self._given_s.get(setup.name, -1.0) == limit_s:
             return
-        self._kept_s[setup.name] = limit_s
+        self._given_s[setup.name] = limit_s
         line.set_deadline(setup.address, limit_s)
 
     def _restore(self, memory: JsonStore) -> str:
         try:
             starters = (memory.load() or {}).get("starters", {})
-            for name, kept in starters.items():
-                self._known[name] = _Known(_rows_in(kept["rows"]), _rows_in(kept["written"]))
+            for name, stored in starters.items():
+                self._known[name] = _Known(_rows_in(stored["rows"]), _rows_in(stored["written"]))
         except DamagedError as error:
             memory.set_aside()
             return f"{error}: watchdogs are not known until they are read"
@@ -224,8 +227,8 @@ class KnownWatchdogs:
         return ""
 
 
-def _rows_in(kept: Mapping[str, list[int]]) -> dict[str, tuple[int, ...]]:
-    rows = {str(code): tuple(words) for code, words in kept.items()}
+def _rows_in(stored: Mapping[str, list[int]]) -> dict[str, tuple[int, ...]]:
+    rows = {str(code): tuple(words) for code, words in stored.items()}
     if any(type(word) is not int or not 0 <= word <= 0xFFFF for words in rows.values() for word in words):
         raise ValueError(rows)
     return rows
@@ -249,7 +252,7 @@ def _least(*limits_s: float | None) -> float | None:
 def _why(missed: Missed) -> str:
     if isinf(missed.gap_s):
         need = f"the watchdogs on this line would need {missed.load:.0%} of its time"
-        return f"a watchdog of {missed.limit_s:g} s cannot be kept: {need}"
+        return f"the deadline of a watchdog of {missed.limit_s:g} s cannot be met: {need}"
     return f"a watchdog of {missed.limit_s:g} s is missed: {missed.gap_s:.2f} s may pass between two requests"
 
 
@@ -278,5 +281,5 @@ def _refusal(
     shortest_s = shortest_limit_s(
         polls, setup.timing, allowance_s=allowance_s, before_s=before_s, unit=setup.address
     )
-    advice = "turn it off" if shortest_s is None else f"the shortest that can be kept is {shortest_s:g} s"
+    advice = "switch it off" if shortest_s is None else f"the shortest that can be met is {shortest_s:g} s"
     return f"{names[first.unit]}: {_why(first)}; for {setup.name} {advice}"

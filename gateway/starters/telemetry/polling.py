@@ -8,13 +8,17 @@ from functools import partial
 
 from gateway.families.alternates import alternates
 from gateway.families.mapped_registers import MappedBlock, fast_block, plan_with
-from gateway.families.profile.schema import Variant
+from gateway.families.profile.per_profile import once_per_profile
+from gateway.families.profile.schema import Profile, Variant
 from gateway.families.reading.poll_blocks import Block, split
 from gateway.line.client import LineClient
+from gateway.line.rtu.request import Alternates
 from gateway.line.scheduler.requests import Poll
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.degraded import AGAIN_AFTER_S, ENOUGH, IN_ROW, Refusals, Splits, vital_codes
 
+BUSY_STATES = frozenset({"starting", "stopping", "fault"})  # read faster while in one of these
+IDLE_STATES = frozenset({"ready", "not_ready"})  # the motor stands: values read more slowly
 FAST_S = 0.25  # period while the motor starts, stops or is in fault
 IDLE_FACTOR = 3  # values are read so many times less often while it stands, the status is not
 SLOWEST_FACTOR = 10  # slow rows are asked for ten times less often,
@@ -91,7 +95,7 @@ class Polling:
         return None if polled is None else polled.block
 
     def note_answer(self, key: str, *, at_s: float) -> None:
-        """Take over that a poll was answered."""
+        """Record that a poll was answered."""
         polled = self._polled[key]
         if polled.last_s is not None:
             polled.gap_s = at_s - polled.last_s
@@ -123,6 +127,10 @@ class Polling:
             del self._polled[key]
             self._line.remove_poll(key)
         return polled.block.codes
+
+    def is_vital(self, block: Block) -> bool:
+        """Return whether a block has a row that decides state, fault or watchdog."""
+        return not self._vital.isdisjoint(block.codes)
 
     def is_refused(self, key: str) -> bool:
         """Return whether a poll was refused so often in a row that it is not by chance."""
@@ -166,17 +174,17 @@ class Polling:
             self.restore()
 
     def note_silence(self) -> None:
-        """Take over that the starter is lost: nothing is overdue until it answers again."""
+        """Record that the starter is lost: nothing is overdue until it answers again."""
         for polled in self._polled.values():
             polled.forget()
 
     def set_every(self, every_s: float) -> None:
-        """Take over another period for the status and the electrical values."""
+        """Apply another period for the status and the electrical values."""
         self._setup = replace(self._setup, every_s=every_s)
         self._keep_pace()
 
     def withdraw(self) -> None:
-        """Ask for nothing, from now on for ever."""
+        """Ask for nothing any more."""
         self.is_withdrawn = True
         for key in self._polled:
             self._line.remove_poll(key)
@@ -208,12 +216,18 @@ class Polling:
                 polled.last_s = min(times_s)
                 self._soonest_overdue_s = -math.inf
 
-    def hurry(self, *, is_fast: bool, is_idle: bool = False) -> None:
-        """Read status and values faster while something happens, values more slowly while nothing can."""
-        if (is_fast, is_idle) == (self._is_fast, self._is_idle):
-            return
-        self._is_fast, self._is_idle = is_fast, is_idle
-        self._keep_pace()
+    def follow(self, state: str, *, before: str) -> None:
+        """Ask as often as the starter's state wants it, and at once for what a change of it changes."""
+        pace = state in BUSY_STATES, state in IDLE_STATES
+        if pace != (self._is_fast, self._is_idle):
+            self._is_fast, self._is_idle = pace
+            self._keep_pace()
+        if state == "starting" and before != state:
+            self.expedite_group("values")  # the current rises within tenths of a second
+        if before == "starting" and state == "running":
+            self.expedite_group("slow")  # how much the start has heated the motor
+        if state == "fault" and before != state:
+            self.expedite()  # the fault's number and the values around it, soon
 
     def _keep_pace(self) -> None:
         for key, polled in self._polled.items():
@@ -223,15 +237,15 @@ class Polling:
                 self._soonest_overdue_s = -math.inf
                 self._line.set_every(key, every_s)
 
-    def hasten(self) -> None:
+    def expedite(self) -> None:
         """Have everything read now."""
         for key in self._polled:
             self._line.expedite(key)
 
-    def hasten_status(self) -> None:
-        """Have the status read now."""
+    def expedite_group(self, group: str) -> None:
+        """Have the rows of one group read now."""
         for key, polled in self._polled.items():
-            if polled.block.group == "status":
+            if polled.block.group == group:
                 self._line.expedite(key)
 
     def take_overdue(self, now_s: float) -> tuple[str, ...]:
@@ -239,13 +253,14 @@ class Polling:
         if now_s < self._soonest_overdue_s:
             return ()
         codes: list[str] = []
+        self._soonest_overdue_s = math.inf
         for polled in self._polled.values():
-            if polled.overdue_s() <= now_s:
+            overdue_s = polled.overdue_s()
+            if overdue_s <= now_s:
                 polled.is_overdue = True
                 codes += polled.block.codes
-        self._soonest_overdue_s = min(
-            (polled.overdue_s() for polled in self._polled.values()), default=math.inf
-        )
+            else:
+                self._soonest_overdue_s = min(self._soonest_overdue_s, overdue_s)
         return tuple(codes)
 
     def next_overdue_s(self) -> float:
@@ -310,9 +325,14 @@ def _poll(setup: StarterSetup, block: Block, *, every_s: float | None = None) ->
         request=block.request,
         every_s=_every_s(setup, block) if every_s is None else every_s,
         response_time_s=setup.response_time_of(block.request),
-        response_floor_s=setup.response_floor_of(block.request),
+        shortest_response_s=setup.shortest_response_of(block.request),
         deadline_s=setup.watchdog_s,
         group=block.group,
         is_urgent=block.group == "status",
-        alternates_of=partial(alternates, setup.profile),
+        alternates_of=_alternates_of(setup.profile),
     )
+
+
+@once_per_profile
+def _alternates_of(profile: Profile) -> Alternates:
+    return partial(alternates, profile)

@@ -3,8 +3,6 @@
 A reading goes out when it differs from the one sent last by more than the point's deadband, or in quality; at
 the soonest 0.25 s after that one and at the latest `refresh_s` after it. What is sent is always the newest.
 To wake up for each point on its own would cost more than to send it, so old ones go out together.
-
-The one timer of a starter.
 """
 
 from __future__ import annotations
@@ -21,7 +19,7 @@ TICK_S = 0.25  # all starters' timers run out on ticks, so that the loop wakes u
 
 
 class TickTimer:
-    """Calls back when it is time, up to a tick later, or sooner: whoever is called looks and asks anew."""
+    """Calls back when it is time, up to a tick later, or sooner: then the callee asks anew."""
 
     def __init__(self, clock: Clock, call: Callable[[], None]) -> None:
         self._clock = clock

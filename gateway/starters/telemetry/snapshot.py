@@ -24,6 +24,11 @@ class Reading:
     time_s: float | None = None  # the same moment, UTC
     reason: str = ""  # why a value is bad, where that is not the point's own matter
 
+    @property
+    def is_good(self) -> bool:
+        """Return whether the value was just read."""
+        return self.quality is Quality.GOOD
+
 
 class Snapshot:
     """The readings of one starter; every point is there from the beginning, bad until it is read."""
@@ -47,7 +52,7 @@ class Snapshot:
         return self._rows
 
     def apply(self, decoded: Mapping[str, Decoded], *, at_s: float, time_s: float) -> None:
-        """Take over points just read; a value that cannot be told is bad, an older one is ignored."""
+        """Record points just read; a value that cannot be decoded is bad, an older one is ignored."""
         for name, new in decoded.items():
             old = self._readings[name]
             if old.at_s is not None and old.at_s > at_s:
@@ -59,7 +64,7 @@ class Snapshot:
     def distrust(self, reason: str) -> bool:
         """Make every value bad for this reason until it is empty; return whether that is new.
 
-        The raw words are kept all the same. Once the reason is empty, each value is good when it is read.
+        The raw words are stored all the same. Once the reason is empty, each value is good when it is read.
         """
         if reason == self._distrust:
             return False
@@ -69,7 +74,7 @@ class Snapshot:
         return True
 
     def keep_rows(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
-        """Take over raw words that have just been read; older ones than those known are ignored."""
+        """Record raw words that have just been read; older ones than those known are ignored."""
         for code, words in rows.items():
             if self._rows_at_s.get(code, -math.inf) <= at_s:
                 self._rows[code] = words

@@ -3,83 +3,88 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
-from gateway.families.devices import alarms_of
+from gateway.families.devices import device_of
+from gateway.families.profile.per_profile import once_per_profile
+from gateway.families.profile.rows import Alarm
 from gateway.families.profile.schema import Profile
 from gateway.families.profile.state import state_of
-from gateway.records import Quality, Record, Severity
-from gateway.starters.telemetry.decoding import is_flag
+from gateway.families.reading.bulk import rows_of_points
+from gateway.records import Quality, Record
+from gateway.starters.telemetry.decoding import flags_of
 from gateway.starters.telemetry.emitter import Emitter
 from gateway.starters.telemetry.reporting import TICK_S
-from gateway.starters.telemetry.snapshot import Reading, Snapshot, Value, as_flag, good_values
+from gateway.starters.telemetry.snapshot import Reading, Snapshot, Value, as_flag
 from gateway.starters.telemetry.transitions import (
     LASTING_S,
     UNKNOWN,
     AlarmBook,
-    AlarmStatus,
-    Change,
     PublishedFaults,
     Settled,
     Watch,
+    alarm_change,
 )
 
 STATE_EVERY_S = 30.0 - TICK_S  # the timer may run out a tick late
 MOMENTS_BEFORE = 3  # sets of values that an event carries from before it
-NUMBER_WITHIN_S = 10.0  # of the first reading of a run, until a fault is published without its number
+NUMBER_WITHIN_S = 10.0  # of a fault's first reading; then it is published without its number
+NONE_FOR_S = 2.0  # a starter that gives 0 as the number for so long has none to give
 FAULT, FAULT_CODE = "fault", "fault_code"
 STATE = "state"  # among what settles; no point has this name
-SUMMARY_FLAGS = (FAULT, "alarm")  # decide whether the alarms can be told at all
+SUMMARY_FLAGS = (FAULT, "alarm")  # decide whether the alarms are known at all
+
+
+@once_per_profile
+def status_codes(profile: Profile) -> frozenset[str]:
+    """Return the rows that say whether there is a fault or an alarm."""
+    return frozenset(rows_of_points(profile, (name for name in SUMMARY_FLAGS if name in profile.points)))
 
 
 class Status:
     """Which records follow from each reading: the state when it changes, at the latest every 30 s."""
 
-    def __init__(self, profile: Profile, publisher: Emitter, told: PublishedFaults | None = None) -> None:
+    def __init__(self, profile: Profile, emitter: Emitter, published: PublishedFaults | None = None) -> None:
         self._profile = profile
-        self._publisher = publisher
-        self._told = told or PublishedFaults()
+        self._device = device_of(profile)
+        self._emitter = emitter
+        self._published = published or PublishedFaults()
         self._numbers = profile.alarm_points
         self._settled = Settled()
         self._settled_alarms = AlarmBook()
         self._state_since_s: float | None = None
         self._first_seen: tuple[float, dict[str, Any]] | None = None  # UTC, and the values before
-        self._look_s: float | None = None  # steady clock, when the first fault of this run was settled
-        self._fault_told_s: float | None = None
-        self._flags = tuple(name for name in profile.points if is_flag(profile, name))
+        self._held: tuple[float, dict[str, Any]] | None = None  # the same of a fault without its number
+        self._announced: set[str] = set()  # faults of which an event was published
+        self._fault_published_s: float | None = None
+        self._flags = flags_of(profile)
         self._status_flags = tuple(name for name in self._flags if profile.points[name].group == "status")
         self._summary_flags = tuple(name for name in SUMMARY_FLAGS if name in profile.points)
         self._watch = Watch()
         self._alarms = AlarmBook()
-        self._before: deque[tuple[float, dict[str, Reading]]] = deque(maxlen=MOMENTS_BEFORE)
+        self._unnumbered_s: float | None = None  # since when the present fault has no number
+        self._points = tuple(profile.points)  # in the order of every snapshot's readings
+        self._before: tuple[tuple[float, tuple[Value, ...]], ...] = ()  # moments; None: it was not good
         self._fault_since_s: float | None = None  # steady clock, when the present fault was seen first
         self._sent: tuple[str, Quality, dict[str, Value], str] | None = None
-        self._sent_s = -math.inf
+        self.next_due_s = -math.inf  # when the state is published again although nothing changed
         self._standing = -1  # of the snapshot that was looked at last
-        self._state = UNKNOWN
+        self.state = UNKNOWN  # as of the latest look
         self._records: list[Record] = []  # made by the present look
-
-    @property
-    def next_due_s(self) -> float:
-        """Return when the state is published again although nothing changed."""
-        return self._sent_s + STATE_EVERY_S
 
     def expire(self) -> bool:
         """Have the state published again by the next look; return whether it ever was."""
-        self._sent_s = -math.inf
+        self.next_due_s = -math.inf
         return self._sent is not None
 
     def remember(self, snapshot: Snapshot, *, now_s: float) -> None:
         """Keep the present values: they may become those before an event. Call before a status is applied."""
         if snapshot.has_good():
-            self._before.append((now_s, dict(snapshot.readings)))
-
-    @property
-    def state(self) -> str:
-        """Return the state as of the latest look."""
-        return self._state
+            good, readings = Quality.GOOD, snapshot.readings.values()
+            values = [each.value if each.quality is good else None for each in readings]  # no generator
+            self._before = (*self._before[1 - MOMENTS_BEFORE :], (now_s, tuple(values)))
 
     def look(self, snapshot: Snapshot, *, now_s: float, utc_s: float, reason: str = "") -> Sequence[Record]:
         """Return what is to be published of a snapshot; where nothing is new this costs nothing.
@@ -93,10 +98,11 @@ class Status:
         self._standing = snapshot.standing
         values = snapshot.good_values()
         self._records = []
-        state = self._state = state_of(self._profile, values)
+        state = self.state = state_of(self._profile, values)
         self._add_state(state, values, snapshot, now_s=now_s, reason=reason)
         shown = self._shown(snapshot, values)
-        self._add_alarms(values, shown, utc_s=utc_s)
+        is_awaited = self._is_number_awaited(snapshot, now_s)
+        self._add_alarms(values, shown, is_awaited=is_awaited, utc_s=utc_s)
         self._add_events(snapshot, values, shown, now_s=now_s, utc_s=utc_s)
         return self._records
 
@@ -115,75 +121,146 @@ class Status:
         utc_s: float,
     ) -> None:
         """Publish what two readings in a row say has happened, as of the first of them."""
+        first_s, before = self._note_readings(snapshot, values, now_s=now_s, utc_s=utc_s)
+        settled = self._settled.values
+        state = str(settled.get(STATE, UNKNOWN))
+        is_awaited = self._is_number_awaited(snapshot, now_s)
+        self._settle_alarms(settled, shown, is_awaited=is_awaited, utc_s=first_s)
+        if state == "fault" and not self._watch.is_in_fault and self._is_held(snapshot, now_s):
+            self._held = self._held or (first_s, before)
+            return
+        remote = as_flag(settled.get("remote"))
+        if self._held is not None:
+            self._add_changes("fault", remote, *self._held)
+            self._held = None
+        self._add_changes(state, remote, first_s, before)
+        self._remember_fault(state, now_s=now_s)
+        if not self._settled.is_waiting:
+            self._first_seen = None
+
+    def _note_readings(
+        self, snapshot: Snapshot, values: Mapping[str, Value], *, now_s: float, utc_s: float
+    ) -> tuple[float, dict[str, Any]]:
+        """Record the readings that decide; return when their news was read first, and the values before."""
         deciding = (*self._flags, *self._numbers)
         all_readings = snapshot.readings
         readings: dict[str, tuple[Any, float]] = {
             name: (values[name], all_readings[name].at_s or 0.0) for name in deciding if name in values
         }
-        if self._state != UNKNOWN:
-            self._watch.begin(self._state)
+        if self.state != UNKNOWN:
+            self._watch.begin(self.state)
             # Of one reading as a whole: flags that settle one by one may never have stood together.
-            readings[STATE] = (self._state, min([readings[n][1] for n in self._flags if n in readings]))
+            readings[STATE] = (self.state, min([readings[n][1] for n in self._flags if n in readings]))
         self._settled.note(readings)
         since_s = self._settled.waiting_since_s(STATE)
         is_new_state = since_s not in (None, self._state_since_s)  # what else waited before began earlier
         self._state_since_s = since_s
         if is_new_state or (self._settled.is_waiting and self._first_seen is None):
             self._first_seen = (utc_s, self._values_before(now_s))
-        first_s, before = self._first_seen or (utc_s, self._values_before(now_s))
-        settled = self._settled.values
-        state = str(settled.get(STATE, UNKNOWN))
-        codes = self._add_alarm_events(settled, shown, utc_s=first_s)
-        if state == "fault" and self._is_number_awaited(settled, now_s):
-            return
+        return self._first_seen or (utc_s, self._values_before(now_s))
+
+    def _add_changes(
+        self,
+        state: str,
+        remote: bool | None,  # noqa: FBT001 - a reading, not an option
+        time_s: float,
+        before: dict[str, Any],
+    ) -> None:
+        """Publish what became of the state, then the faults that came while it was a fault already."""
+        faults = self._settled_alarms.active("fault")
+        codes = tuple(each.alarm.code for each in faults)
+        was_in_fault = self._watch.is_in_fault
         for change in self._watch.note(
             state,
-            remote=as_flag(settled.get("remote")),
-            time_s=first_s,
-            is_known=self._told.is_told(self._publisher.starter, codes),
+            remote=remote,
+            time_s=time_s,
+            is_known=self._published.has(self._emitter.starter, codes),
+            faults=faults,
         ):
-            self._records.append(self._publisher.change(change, time_s=first_s, more=before))
-        self._remember_fault(state, codes, now_s=now_s)
-        if not self._settled.is_waiting:
-            self._first_seen = None
+            self._records.append(self._emitter.change(change, time_s=time_s, more=before))
+        if not self._watch.is_in_fault:
+            return
+        for standing in faults:
+            if was_in_fault and standing.alarm.code not in self._announced:
+                self._records.append(self._emitter.change(alarm_change(standing), time_s=standing.raised_s))
+        self._announced = set(codes)
 
-    def _add_alarm_events(
-        self, settled: Mapping[str, Value], shown: Mapping[str, Value], *, utc_s: float
-    ) -> tuple[str, ...]:
-        """Publish the alarms that came or went, and return the codes of the faults that stand."""
+    def _settle_alarms(
+        self,
+        settled: Mapping[str, Value],
+        shown: Mapping[str, Value],
+        *,
+        is_awaited: bool,
+        utc_s: float,
+    ) -> None:
+        """Publish the alarms that came or went, and the faults that went; those that come make a trip."""
         is_known = all(name in settled for name in self._summary_flags)
-        if is_known and not self._settled.is_waiting_for(self._numbers):
-            seen = {
-                name: settled.get(name, value) for name, value in shown.items() if name not in self._flags
-            }
-            seen |= {name: settled.get(name) for name in self._flags}
-            if shown.get(FAULT_CODE) is None:
-                seen[FAULT_CODE] = None
-            changed = self._settled_alarms.update(alarms_of(self._profile, seen), time_s=utc_s)
-            came = {standing.alarm.severity for standing in changed if standing.is_active}
-            for standing in changed:
-                if standing.is_active or standing.alarm.severity not in came:
-                    self._records.append(self._publisher.change(_alarm_change(standing), time_s=utc_s))
-        return self._settled_alarms.active_codes("fault")
+        if not is_known or self._settled.is_waiting_for(self._numbers):
+            return
+        seen = {name: settled.get(name, value) for name, value in shown.items() if name not in self._flags}
+        seen |= {name: settled.get(name) for name in self._flags}
+        if shown.get(FAULT_CODE) is None:
+            seen[FAULT_CODE] = None
+        changed = self._settled_alarms.update(self._active(seen, is_awaited=is_awaited), time_s=utc_s)
+        came = {standing.alarm.severity for standing in changed if standing.is_active}
+        for standing in changed:
+            alarm = standing.alarm
+            if standing.is_active and alarm.severity == "fault":
+                continue
+            if not standing.is_active and alarm.severity == "fault" and alarm.code not in self._announced:
+                passed = replace(standing, is_active=True)  # gone before the whole state was read twice
+                self._records.append(self._emitter.change(alarm_change(passed), time_s=standing.raised_s))
+            if standing.is_active or alarm.severity not in came:
+                self._records.append(self._emitter.change(alarm_change(standing), time_s=utc_s))
+            self._announced.discard(alarm.code)
 
-    def _is_number_awaited(self, settled: Mapping[str, Value], now_s: float) -> bool:
-        """Return whether the number of a fault is needed to know whether an earlier run has published it."""
-        if self._watch.has_looked or FAULT_CODE not in self._numbers or settled.get(FAULT_CODE):
+    def _active(self, points: Mapping[str, Value], *, is_awaited: bool) -> list[Alarm]:
+        """Return the faults and alarms that are active; no fault without a number while that is awaited."""
+        active = self._device.alarms(self._profile, points)
+        return [each for each in active if not (is_awaited and each.code == FAULT)]
+
+    def _is_number_awaited(self, snapshot: Snapshot, now_s: float) -> bool:
+        """Return whether the number of the present fault may still come: one trip is one alarm."""
+        since_s, number = self._fault_since_s, snapshot.readings.get(FAULT_CODE)
+        if since_s is None or number is None:
             return False
-        self._look_s = now_s if self._look_s is None else self._look_s
-        return now_s - self._look_s < NUMBER_WITHIN_S
+        if self._is_perhaps_over(number, now_s):
+            return True
+        if now_s - since_s >= NUMBER_WITHIN_S:
+            return False
+        if number.at_s is None or number.at_s < since_s:
+            is_refused = number.at_s is not None and number.quality is Quality.BAD
+            return not is_refused
+        return not number.value and now_s - since_s < NONE_FOR_S
 
-    def _remember_fault(self, state: str, codes: tuple[str, ...], *, now_s: float) -> None:
+    def _is_perhaps_over(self, number: Reading, now_s: float) -> bool:
+        """Return whether a fault has lost its number a moment ago: a reset, which clears the fault too."""
+        if number.value != 0:
+            self._unnumbered_s = None
+            return False
+        is_unnumbered = any(standing.alarm.code == FAULT for standing in self._alarms.active("fault"))
+        if self._unnumbered_s is None:
+            self._unnumbered_s = now_s
+        return not is_unnumbered and now_s - self._unnumbered_s < NONE_FOR_S
+
+    def _is_held(self, snapshot: Snapshot, now_s: float) -> bool:
+        """Return whether a fault's event waits for its number, read once or not at all since the fault."""
+        is_late = self._fault_since_s is not None and now_s - self._fault_since_s >= NUMBER_WITHIN_S
+        is_read_once = self._settled.is_waiting_for(self._numbers)
+        return (is_read_once and not is_late) or self._is_number_awaited(snapshot, now_s)
+
+    def _remember_fault(self, state: str, *, now_s: float) -> None:
         """Have the next run know which fault was published, once its event is surely on the disk."""
         if state == UNKNOWN:
             return
         if state != "fault":
-            self._fault_told_s = None
-            self._told.note(self._publisher.starter, ())
+            self._fault_published_s = None
+            self._published.note(self._emitter.starter, ())
             return
-        self._fault_told_s = now_s if self._fault_told_s is None else self._fault_told_s
-        if now_s - self._fault_told_s >= LASTING_S:
-            self._told.note(self._publisher.starter, codes)
+        self._fault_published_s = now_s if self._fault_published_s is None else self._fault_published_s
+        if now_s - self._fault_published_s >= LASTING_S:
+            codes = tuple(each.alarm.code for each in self._settled_alarms.active("fault"))
+            self._published.note(self._emitter.starter, codes)
 
     def _add_state(
         self, state: str, values: Mapping[str, Value], snapshot: Snapshot, *, now_s: float, reason: str
@@ -197,9 +274,9 @@ class Status:
         times = [readings[name].time_s for name in self._status_flags]
         time_s = min([each for each in times if each is not None], default=None)  # as old as its oldest part
         self._records.append(
-            self._publisher.state(state, quality=quality, time_s=time_s, flags=flags, reason=reason)
+            self._emitter.state(state, quality=quality, time_s=time_s, flags=flags, reason=reason)
         )
-        self._sent, self._sent_s = said, now_s
+        self._sent, self.next_due_s = said, now_s + STATE_EVERY_S
 
     def _quality(self, state: str, snapshot: Snapshot) -> Quality:
         if state != UNKNOWN:
@@ -217,16 +294,18 @@ class Status:
             )
         return shown
 
-    def _add_alarms(self, values: Mapping[str, Value], shown: Mapping[str, Value], *, utc_s: float) -> None:
+    def _add_alarms(
+        self, values: Mapping[str, Value], shown: Mapping[str, Value], *, is_awaited: bool, utc_s: float
+    ) -> None:
         """Publish the alarms as they stand; nothing can be said while a summary flag is not known."""
         if any(name not in values for name in self._summary_flags):
             return
-        for standing in self._alarms.update(alarms_of(self._profile, shown), time_s=utc_s):
-            self._records.append(self._publisher.alarm(standing))
+        for standing in self._alarms.update(self._active(shown, is_awaited=is_awaited), time_s=utc_s):
+            self._records.append(self._emitter.alarm(standing))
 
     def _is_number_of_this_fault(self, snapshot: Snapshot, *, has_fault: bool) -> bool:
         if not has_fault:
-            self._fault_since_s = None
+            self._fault_since_s = self._unnumbered_s = None
         elif self._fault_since_s is None:
             self._fault_since_s = snapshot.readings[FAULT].at_s
         number = snapshot.readings.get(FAULT_CODE)
@@ -237,16 +316,14 @@ class Status:
     def _values_before(self, now_s: float) -> dict[str, Any]:
         return {
             "before": [
-                {"seconds_before": round(now_s - at_s, 3), "values": good_values(readings)}
-                for at_s, readings in self._before
+                {
+                    "seconds_before": round(now_s - at_s, 3),
+                    "values": {
+                        name: value
+                        for name, value in zip(self._points, values, strict=True)
+                        if value is not None
+                    },
+                }
+                for at_s, values in self._before
             ]
         }
-
-
-def _alarm_change(standing: AlarmStatus) -> Change:
-    alarm = standing.alarm
-    data = {"alarm": alarm.code, "severity": alarm.severity, "count": standing.count}
-    if standing.is_active:
-        severity = Severity.ERROR if alarm.severity == "fault" else Severity.WARNING
-        return Change("alarm", severity, alarm.text, data)
-    return Change("cleared", Severity.INFO, f"cleared: {alarm.text}", data)

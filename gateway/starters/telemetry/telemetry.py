@@ -5,47 +5,45 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from typing import assert_never
 
 from gateway.families.devices.device import Identity
 from gateway.families.mapped_registers import MappedBlock
 from gateway.families.profile.schema import Profile, Variant
-from gateway.families.reading.bulk import rows_of_points
 from gateway.families.reading.poll_blocks import Block
+from gateway.history.readings import Readings
 from gateway.line.client import LineClient
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.scheduler.requests import Poll, Priority
 from gateway.modbus.codes import exception_name
 from gateway.modbus.pdu import Request
-from gateway.records import SequenceNumbers, Sink
-from gateway.starters.identity.first_contact import FirstContact, IdentityStatus, standing_of
+from gateway.records import Quality, SequenceNumbers, Sink
+from gateway.starters.identity.first_contact import IdentityStatus, standing_of
 from gateway.starters.identity.registry import IdentityRegistry
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
 from gateway.starters.telemetry.availability import Availability
-from gateway.starters.telemetry.decoding import AnswerCache, PointSources, Told, unit_of
+from gateway.starters.telemetry.decoding import AnswerCache, DecodedPoints, deadbands_of, sources_of, units_of
 from gateway.starters.telemetry.degraded import LONGEST_PAUSE_S, PollLoss
 from gateway.starters.telemetry.emitter import Emitter, LockOf, info_of
-from gateway.starters.telemetry.identity_check import IdentityCheck, Withheld
+from gateway.starters.telemetry.identity_check import Contact, IdentityCheck
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from gateway.starters.telemetry.polling import Polling
 from gateway.starters.telemetry.reporting import REFRESH_S, SOONEST_S, Report, TickTimer
 from gateway.starters.telemetry.snapshot import Snapshot
-from gateway.starters.telemetry.status import SUMMARY_FLAGS, Status
+from gateway.starters.telemetry.status import Status, status_codes
 from gateway.starters.telemetry.transitions import PublishedFaults
 from gateway.system.clock import Clock
-from gateway.system.once import News
+from gateway.system.once import ChangeDetector
 
 logger = logging.getLogger(__name__)
 
-BUSY_STATES = frozenset({"starting", "stopping", "fault"})  # read faster while in one of these
 REFUSED_TOPIC, LOSS_TOPIC, IDENTITY_TOPIC = "refused", "loss", "identity"  # why it cannot be read whole
-IDLE_STATES = frozenset({"ready", "not_ready"})  # the motor stands: values read more slowly
 
 
 class StarterTelemetry:
-    """Reads one starter and tells what it reads; everything happens on the app's loop."""
+    """Reads one starter and publishes what it reads; everything happens on the app's loop."""
 
     def __init__(
         self,
@@ -57,7 +55,7 @@ class StarterTelemetry:
         sequence: SequenceNumbers,
         identities: IdentityRegistry | None = None,
         watchdogs: KnownWatchdogs | None = None,
-        told_faults: PublishedFaults | None = None,
+        published_faults: PublishedFaults | None = None,
         lock_of: LockOf = lambda _: None,
         refresh_s: float = REFRESH_S,
     ) -> None:
@@ -65,33 +63,32 @@ class StarterTelemetry:
         self.setup = setup
         self.line = line
         self.variant = setup.variant
-        self.snapshot = Snapshot({name: unit_of(profile, name) for name in profile.points})
-        self.publisher = Emitter(setup.name, sink=sink, clock=clock, sequence=sequence, lock_of=lock_of)
+        self.snapshot = Snapshot(units_of(profile))
+        self.emitter = Emitter(setup.name, sink=sink, clock=clock, sequence=sequence, lock_of=lock_of)
         self._clock = clock
-        self._sources = PointSources(profile)
+        self._sources = sources_of(profile)
         self._answers = AnswerCache(profile, self._sources)
         self._polling = Polling(setup, line)
-        summary = (name for name in SUMMARY_FLAGS if name in profile.points)
-        self._status_codes = frozenset(rows_of_points(profile, summary))
-        self._status = Status(profile, self.publisher, told_faults)
-        deadbands = {name: point.deadband for name, point in profile.points.items()}
-        self._report = Report(deadbands, refresh_s=refresh_s)
-        self._first_contact = FirstContact(
-            setup, line, on_rows=self.note_settings, on_identity=self._take_identity
-        )
+        self._status_codes = status_codes(profile)
+        self._status = Status(profile, self.emitter, published_faults)
+        self._report = Report(deadbands_of(profile), refresh_s=refresh_s)
         self._watchdogs = watchdogs or KnownWatchdogs()
         self._watchdogs.add(setup, line)
         identities = identities or IdentityRegistry(sink=sink, clock=clock, sequence=sequence)
         identities.when_accepted(setup.name, self._judge_values)
-        self._identity = IdentityCheck(setup, identities, self.publisher)
-        self._withheld = Withheld()
-        self._info = News()  # what was published of it
-        self.availability = Availability(self.publisher)
+        self._identity = IdentityCheck(setup, identities, self.emitter)
+        self._contact = Contact(
+            self._identity, line, on_rows=self.note_settings, on_identity=self._take_identity
+        )
+        self._info = ChangeDetector()  # what was published of it
+        self.availability = Availability(self.emitter)
         self._has_ended = False
+        self._applied: Collection[str] = ()  # points of the latest reply
         self._loss = PollLoss()
-        self._refused: tuple[str, ...] = ()  # rows that decide something, as told last
+        self._refused: tuple[str, ...] = ()  # rows that decide something, as published last
         self._on_identified: list[Callable[[], None]] = []
         self._on_fast_words_lost: Callable[[str], None] = lambda _: None
+        self.on_readings: Callable[[Readings], None] = lambda _: None  # of each reply; must not raise
         self._waker = TickTimer(clock, self._publish)
         self._where = f"line={setup.line} unit={setup.address} starter={setup.name}"
 
@@ -104,6 +101,11 @@ class StarterTelemetry:
     def is_answering(self) -> bool:
         """Return whether the starter is online."""
         return self.availability.is_online
+
+    @property
+    def state(self) -> str:
+        """Return the state as of the latest reading; unknown while the starter does not answer."""
+        return self._status.state
 
     @property
     def identity(self) -> Identity:
@@ -154,6 +156,10 @@ class StarterTelemetry:
         """Read the points of this block in one request from now on; None: as they stand in the starter."""
         self._polling.use_fast_words(block)
 
+    async def prove(self, *, lane: Priority) -> None:
+        """Raise CommandError unless the device that answers now is the one that was identified."""
+        await self._contact.prove(lane)
+
     def start(self) -> None:
         """Publish what is known so far, usually before the first answer; call once, on the app's loop."""
         self._publish_info()
@@ -161,7 +167,7 @@ class StarterTelemetry:
         self._publish()
 
     def set_every(self, every_s: float) -> None:
-        """Take over another period for the status and the electrical values."""
+        """Apply another period for the status and the electrical values."""
         self.setup = replace(self.setup, every_s=every_s)
         self._polling.set_every(every_s)
         self._watchdogs.add(self.setup, self.line)
@@ -171,7 +177,7 @@ class StarterTelemetry:
         self._report.set_refresh(refresh_s)
         self._publish()
 
-    def restate(self) -> None:
+    def republish_state(self) -> None:
         """Publish the state again, because the starter's lock has changed."""
         if not self._has_ended and self._status.expire():
             self._publish()
@@ -180,7 +186,7 @@ class StarterTelemetry:
         """Make room for another: ask for nothing and publish nothing any more; `close` must follow."""
         self._has_ended = True
         self._on_identified.clear()
-        self._first_contact.cancel()
+        self._contact.cancel()
         self._waker.cancel()
         self._polling.withdraw()
         self.availability.on_trouble("")
@@ -192,12 +198,12 @@ class StarterTelemetry:
         `publish_stale_values` must follow: it can wait until this has been published of all starters.
         """
         self._has_ended = True
-        self._first_contact.cancel()
+        self._contact.cancel()
         self._waker.cancel()
         self.availability.end(reason)
         self.snapshot.mark_stale()
         now_s, utc_s = self._clock.now_s(), self._clock.utc_s()
-        self.publisher.put(*self._status.look(self.snapshot, now_s=now_s, utc_s=utc_s))
+        self.emitter.put(*self._status.look(self.snapshot, now_s=now_s, utc_s=utc_s))
 
     def publish_stale_values(self) -> None:
         """Publish all values as stale, at once."""
@@ -207,15 +213,15 @@ class StarterTelemetry:
 
     async def close(self) -> None:
         """Do nothing more on its own; call once nothing is handed to it any more."""
-        await self._first_contact.close()
+        await self._contact.close()
         self._waker.cancel()
 
     def on_poll(self, key: str, outcome: Outcome) -> None:
-        """Take over what became of a poll; one that is not ours any more is ignored."""
+        """Record what became of a poll; one that was withdrawn meanwhile is ignored."""
         block = self._polling.block(key)
         if block is None or self._has_ended:
             return
-        if self.is_answering:
+        if self.availability.is_online:
             poor = self._loss.note(is_lost=isinstance(outcome, (Silent, Garbled)))
             if poor is not None:
                 self.set_trouble(LOSS_TOPIC, poor)
@@ -226,12 +232,13 @@ class StarterTelemetry:
                 self._come_online()
                 self._take_refusal(key, block, outcome)
             case Silent() | Garbled():
+                self._contact.note_unlike(outcome)
                 self._publish()  # time has passed: something may be overdue
             case _:
                 assert_never(outcome)
 
     def on_unit(self, *, is_answering: bool, reason: str, frames: tuple[str, ...] = ()) -> None:
-        """Take over that the starter began to answer or went silent."""
+        """Record that the starter began to answer or went silent."""
         if self._has_ended:
             return
         if is_answering:
@@ -256,30 +263,40 @@ class StarterTelemetry:
 
     def _record(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
         self.snapshot.keep_rows(rows, at_s=at_s)
-        if self.identity_standing is not IdentityStatus.MISMATCHED:
+        if self._identity.standing is not IdentityStatus.MISMATCHED:
             self.note_settings(rows)
 
     def _take_decoded(
-        self, rows: Mapping[str, tuple[int, ...]], at_s: float, told: Told | None = None
+        self, rows: Mapping[str, tuple[int, ...]], at_s: float, decoded: DecodedPoints | None = None
     ) -> None:
         """Decode rows that were recorded, unless that is done, and publish what they say."""
         if self._polling.is_withdrawn or self._has_ended:
             return  # only a stop asks such a starter, and needs its rows
         self._come_online()
-        if self._withheld.is_open:
-            self._withheld.put(rows, at_s=at_s)
+        if self._contact.withheld.is_open:
+            self._contact.withheld.put(rows, at_s=at_s)
         else:
-            self._apply(rows, at_s, told)
+            self._apply(rows, at_s, decoded)
         self._publish(at_s)
+        if self._applied:
+            readings = self.snapshot.readings
+            read = [(name, known) for name in self._applied if (known := readings[name]).at_s == at_s]
+            good = {name: known.value for name, known in read if known.quality is Quality.GOOD}
+            self._applied = ()
+            self.on_readings(Readings(at_s, self._clock.utc_s(at_s), self._status.state, good))
 
-    def _apply(self, rows: Mapping[str, tuple[int, ...]], at_s: float, told: Told | None = None) -> None:
-        if told is None:
+    def _apply(
+        self, rows: Mapping[str, tuple[int, ...]], at_s: float, decoded: DecodedPoints | None = None
+    ) -> None:
+        if decoded is None:
             known = self.snapshot.rows_since(at_s - self._polling.patience_s)
-            told = Told(*self._sources.tell(self.variant, rows, known=known))
+            decoded = self._sources.decode(self.variant, rows, known=known)
         if not self._status_codes.isdisjoint(rows):
             self._status.remember(self.snapshot, now_s=at_s)
-        self.snapshot.apply(told.points, at_s=at_s, time_s=self._clock.utc_s(at_s))
-        self.snapshot.refuse(told.untold)
+        self.snapshot.apply(decoded.points, at_s=at_s, time_s=self._clock.utc_s(at_s))
+        if decoded.missing:
+            self.snapshot.refuse(decoded.missing)
+        self._applied = decoded.points.keys()
 
     def _take_answer(self, key: str, block: Block, answer: Answered) -> None:
         said = self._answers.read(key, block, self.variant, answer.value)
@@ -288,15 +305,16 @@ class StarterTelemetry:
             self._lose_fast_words("they are not mapped as they were")
             return
         self._polling.note_answer(key, at_s=answer.at_s)
+        self._contact.note_answer()
         if self._refused:
             self._look_at_refusals()
         self._record(said.rows, at_s=answer.at_s)
-        self._take_decoded(said.rows, answer.at_s, said.told)
+        self._take_decoded(said.rows, answer.at_s, said.decoded)
 
     def _lose_fast_words(self, reason: str) -> None:
         """Read everything as it stands in the starter again, at once."""
         self._polling.use_fast_words(None)
-        self._polling.hasten()
+        self._polling.expedite()
         self._on_fast_words_lost(reason)
         self._publish()
 
@@ -306,6 +324,8 @@ class StarterTelemetry:
         if not refusal.is_lasting:
             self._publish()
             return
+        if self._polling.is_vital(block):
+            self._contact.doubt()
         unknown = self._polling.note_refusal(key, at_s=refusal.at_s)
         if isinstance(block, MappedBlock) and self._polling.is_refused(key):
             self._lose_fast_words(f"they are refused ({why})")
@@ -327,17 +347,15 @@ class StarterTelemetry:
             self.set_trouble(REFUSED_TOPIC, (reason or text) if codes else "")
 
     def _come_online(self) -> None:
-        if self.is_answering:
+        if self.availability.is_online:
             return
         self.availability.come_online()
         if self.availability.was_lost:
             self._polling.restore()
-        self._first_contact.begin(is_known=self._watchdogs.is_known(self.setup))
+        self._contact.begin(is_known=self._watchdogs.is_known(self.setup))
 
     def _go_offline(self, reason: str, frames: tuple[str, ...]) -> None:
-        self._first_contact.cancel()
-        self._identity.forget()
-        self._withheld.withhold()
+        self._contact.note_silence()
         self._refused = ()
         self._loss.clear()
         self.availability.go_offline(reason, frames)
@@ -346,26 +364,36 @@ class StarterTelemetry:
         self._publish()
 
     def _take_identity(self, identity: Identity) -> None:
-        was_matching = standing_of(self.setup, self.identity) is IdentityStatus.MATCHING
-        if self._identity.take(identity, is_settled=self._first_contact.is_settled):
+        is_new = False
+        before = self.identity
+        was_matching = standing_of(self.setup, before) is IdentityStatus.MATCHING
+        if self._identity.take(identity, is_settled=self._contact.is_settled):
             if not was_matching:
                 self._polling.restore()  # another device may have refused what this one has
+                self.line.retry_refused(self.setup.address)
             self._take_variant(merged(self.setup.variant, identity))
             self._publish_info()
-            for call in self._on_identified:
-                call()
+            is_new = not was_matching or identity != before
+        elif was_matching and not self._contact.is_answered:
+            self._contact.withheld.withhold()  # it may be another, although nothing proves it
+            self.snapshot.mark_stale()
+            self._publish()
         self._judge_values()
-        if self._withheld.is_open and self._first_contact.is_answered:
-            for at_s, rows in self._withheld.release():
+        if self._contact.is_over:
+            for at_s, rows in self._contact.withheld.release():
                 self._apply(rows, at_s)
                 self._publish(at_s)
             self._publish()
+        for call in self._on_identified if is_new else ():
+            call()
 
     def _why_unknown(self) -> str:
-        """Return why nothing is said of a starter that answers; empty when something is."""
-        if not self.is_answering:
-            return ""
-        return "it is being identified" if self._withheld.is_open else self.contradiction
+        """Return why nothing is said of a starter; empty when something is, or it was never read."""
+        if not self.availability.is_online:
+            reason, before = self.availability.lost_reason, self._identity.before_silence
+            why = (reason and f"it went silent: {reason}", before and f"before: {before}")
+            return "; ".join(filter(None, why))
+        return "it is being identified" if self._contact.withheld.is_open else self._identity.contradiction
 
     def _judge_values(self) -> None:
         """Make values bad while the device contradicts the configuration, good again once it does not."""
@@ -375,19 +403,19 @@ class StarterTelemetry:
         if not is_new:
             return
         if not reason:
-            self._polling.hasten()
+            self._polling.expedite()
         self._publish()
 
     def _take_variant(self, variant: Variant) -> None:
         if variant != self.variant:
             self.variant = variant
             self._polling.replan(variant)
-            self._polling.hasten()  # some rows mean something else now
+            self._polling.expedite()  # some rows mean something else now
 
     def _publish_info(self) -> None:
         info = info_of(self.setup, self.variant, self.identity)
         if self._info.is_new(info):
-            self.publisher.put(info)
+            self.emitter.put(info)
 
     def _publish(self, at_s: float | None = None) -> None:
         """Look at all that is known now, pace the polls by it, and publish what is due after that.
@@ -398,26 +426,21 @@ class StarterTelemetry:
         overdue = self._polling.take_overdue(now_s)
         if overdue:
             self.snapshot.mark_stale(self._sources.fed_by(overdue))
+            self._contact.note_overdue()
         was_waiting, before = self._status.is_waiting, self._status.state
         records = self._status.look(
             self.snapshot, now_s=now_s, utc_s=self._clock.utc_s(at_s), reason=self._why_unknown()
         )
-        self._pace(was_waiting=was_waiting, before=before)
-        self.publisher.put(*records)
+        if self._status.is_waiting and not was_waiting:
+            self._polling.expedite_group("status")  # what has changed is an event once it is read again
+        self._polling.follow(self._status.state, before=before)
+        if records:
+            self.emitter.put(*records)
         self._report.offer(self.snapshot.take_changed(), now_s=now_s)
         self._put_values(now_s)
         overdue_s = self._polling.next_overdue_s()
         self._waker.at(min(self._report.next_due_s(), self._status.next_due_s, overdue_s))
 
-    def _pace(self, *, was_waiting: bool, before: str) -> None:
-        """Ask sooner for what has changed, and as often as the state wants it."""
-        state = self._status.state
-        if self._status.is_waiting and not was_waiting:
-            self._polling.hasten_status()  # what has changed is an event once it is read again
-        self._polling.hurry(is_fast=state in BUSY_STATES, is_idle=state in IDLE_STATES)
-        if state == "fault" and before != state:
-            self._polling.hasten()  # the fault's number and the values around it, as soon as the line allows
-
     def _put_values(self, now_s: float) -> None:
         for point, reading in self._report.take_due(now_s).items():
-            self.publisher.put(self.publisher.value(point, reading))
+            self.emitter.put(self.emitter.value(point, reading))

@@ -1,23 +1,21 @@
-"""What happened between one status and the next: a start, a stop, a fault, a switch to local operation.
+"""What follows from one status after another.
 
-Only what two readings in a row say has happened (`Settled`).
-
-The faults and alarms that one starter has shown: which are active, how often they came, when they went.
-
-Which standing faults were published as events, so that the next run repeats none and leaves none out.
-
-A fault counts as published once it has stood for `LASTING_S`: by then its event is in the outbox on the disk.
-What is killed before that publishes it once more.
+`Settled` takes what two readings in a row say, `Watch` makes events of it: a start, a stop, a fault, a
+switch to local operation. A trip is one event, which names its faults. `AlarmBook` has the faults and
+alarms: which are active, how often they came, when they went. `PublishedFaults` are the standing faults that
+an earlier run has published, so that the next one repeats none and leaves none out. One counts as published
+once it has stood for `LASTING_S`: its event is in the outbox on the disk then. What is killed before that
+publishes it once more.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from gateway.errors import DamagedError
-from gateway.families.profile.schema import Alarm
+from gateway.families.profile.rows import Alarm
 from gateway.records import Severity
 from gateway.storage.json_file import JsonStore, NoStore, Saver
 
@@ -43,9 +41,10 @@ class Settled:
     def __init__(self) -> None:
         self._values: dict[str, Any] = {}
         self._waiting: dict[str, tuple[Any, float]] = {}  # values that were read once, with their time
+        self.is_waiting = False  # some point must be read once more
 
     def note(self, readings: Mapping[str, tuple[Any, float]]) -> None:
-        """Take over all points that are known now, each with the time of its reading."""
+        """Record all points that are known now, each with the time of its reading."""
         for name in self._values.keys() - readings.keys():
             del self._values[name]
         waiting: dict[str, tuple[Any, float]] = {}
@@ -60,6 +59,7 @@ class Settled:
             else:
                 waiting[name] = before
         self._waiting = waiting
+        self.is_waiting = bool(waiting)
 
     def is_waiting_for(self, names: Iterable[str]) -> bool:
         """Return whether one of these points must be read once more."""
@@ -69,11 +69,6 @@ class Settled:
         """Return when a point was first read as what must be read once more; None for nothing."""
         waiting = self._waiting.get(name)
         return None if waiting is None else waiting[1]
-
-    @property
-    def is_waiting(self) -> bool:
-        """Return whether some point must be read once more."""
-        return bool(self._waiting)
 
     @property
     def values(self) -> Mapping[str, Any]:
@@ -87,9 +82,9 @@ def _agree(one: Any, other: Any) -> bool:
 
 
 class Watch:
-    """Compares each settled status with the last one; a fault that stands at the first look is told too.
+    """Compares each settled status with the last one; a fault that stands at the first look is an event too.
 
-    `is_known` says that the fault was told in an earlier run.
+    `is_known` says that an earlier run has published the fault.
     """
 
     def __init__(self) -> None:
@@ -103,31 +98,43 @@ class Watch:
         self._first = self._first or state
 
     def note(
-        self, state: str, *, remote: bool | None, time_s: float, is_known: bool = False
+        self,
+        state: str,
+        *,
+        remote: bool | None,
+        time_s: float,
+        is_known: bool = False,
+        faults: Sequence[AlarmStatus] = (),
     ) -> tuple[Change, ...]:
-        """Take over a status read at `time_s` (UTC) and return what happened since the last one."""
-        changes = [*self._of_remote(remote), *self._of_state(state, time_s, is_known=is_known)]
+        """Record a status read at `time_s` (UTC) and return what happened since the last one.
+
+        `faults` are those that make the state `fault`: its event names them.
+        """
+        changes = [*self._of_remote(remote), *self._of_state(state, time_s, is_known=is_known, faults=faults)]
         self._remote = self._remote if remote is None else remote
         self._state = self._state if state == UNKNOWN else state
         return tuple(changes)
 
     @property
-    def has_looked(self) -> bool:
-        """Return whether a state was known ever."""
-        return self._state is not None
+    def is_in_fault(self) -> bool:
+        """Return whether the last known state was a fault."""
+        return self._state == "fault"
 
-    def _of_state(self, state: str, time_s: float, *, is_known: bool) -> list[Change]:
+    def _of_state(
+        self, state: str, time_s: float, *, is_known: bool, faults: Sequence[AlarmStatus]
+    ) -> list[Change]:
         before = self._state
         if before is None and state in STARTED and self._first in AT_REST:
             before = self._first
         if before is None and state == "fault" and not is_known:
-            at_first: dict[str, Any] = {"from": None, "to": state}
-            return [Change("fault", Severity.ERROR, "fault, found at the first reading", at_first)]
+            text = f"{_named(faults)}, found at the first reading"
+            return [Change("fault", Severity.ERROR, text, {"from": None, "to": state} | _as_data(faults))]
         if before is None or state in (before, UNKNOWN):
             return []
         data: dict[str, Any] = {"from": before, "to": state}
         if state == "fault":
-            return [Change("fault", Severity.ERROR, f"fault, was {before}", data | self._duration(time_s))]
+            data |= self._duration(time_s) | _as_data(faults)
+            return [Change("fault", Severity.ERROR, _named(faults), data)]
         if state in STARTED and before not in STARTED:
             self._started_s = time_s
             return [Change("started", Severity.INFO, f"the motor was started, was {before}", data)]
@@ -159,6 +166,31 @@ class AlarmStatus:
     count: int  # how often it came
 
 
+def alarm_change(standing: AlarmStatus) -> Change:
+    """Return the event of an alarm, or of a further fault, that came or went."""
+    alarm = standing.alarm
+    data = {"alarm": alarm.code, "severity": alarm.severity, "count": standing.count}
+    if standing.is_active:
+        severity = Severity.ERROR if alarm.severity == "fault" else Severity.WARNING
+        return Change("alarm", severity, _named([standing]), data)
+    return Change("cleared", Severity.INFO, f"cleared: {alarm.title}", data)
+
+
+def _named(standings: Sequence[AlarmStatus]) -> str:
+    """Return faults, or an alarm, in words: fault E05 Motor overload."""
+    if not standings:
+        return "fault, its number is not known"  # it was over, or the starter lost, before it was read
+    titles, kind = ", ".join(standing.alarm.title for standing in standings), standings[0].alarm.severity
+    return kind + titles[len(kind) :] if titles.lower().startswith(kind) else f"{kind} {titles}"
+
+
+def _as_data(faults: Sequence[AlarmStatus]) -> dict[str, Any]:
+    """Return the faults of one trip for its event, the first one also as in an alarm's event."""
+    listed = [{"code": each.alarm.code, "text": each.alarm.text, "count": each.count} for each in faults]
+    first = {"alarm": listed[0]["code"], "severity": "fault"} if listed else {}
+    return {**first, "faults": listed}
+
+
 class AlarmBook:
     """Remembers every alarm that was active once since the gateway's start."""
 
@@ -166,7 +198,7 @@ class AlarmBook:
         self._standings: dict[str, AlarmStatus] = {}
 
     def update(self, active: Iterable[Alarm], *, time_s: float) -> tuple[AlarmStatus, ...]:
-        """Take over which alarms are active now, and return those that came or went."""
+        """Record which alarms are active now, and return those that came or went."""
         by_code = {alarm.code: alarm for alarm in active}
         changed = [
             self._raise(alarm, time_s) for alarm in by_code.values() if not self._is_active(alarm.code)
@@ -178,13 +210,11 @@ class AlarmBook:
         ]
         return tuple(changed)
 
-    def active_codes(self, severity: str) -> tuple[str, ...]:
-        """Return the codes of this severity that are active, in their order."""
-        return tuple(
-            sorted(
-                s.alarm.code for s in self._standings.values() if s.is_active and s.alarm.severity == severity
-            )
-        )
+    def active(self, severity: str) -> tuple[AlarmStatus, ...]:
+        """Return those of this severity that are active, in the order of their codes."""
+        standings = (each for each in self._standings.values() if each.is_active)
+        chosen = (each for each in standings if each.alarm.severity == severity)
+        return tuple(sorted(chosen, key=lambda each: each.alarm.code))
 
     def _is_active(self, code: str) -> bool:
         standing = self._standings.get(code)
@@ -205,7 +235,7 @@ class AlarmBook:
 
 FAULTS_FILE = "faults.json"  # in state_dir
 LASTING_S = 5.0
-KEPT_WITHIN_S = 1.0
+SAVED_WITHIN_S = 1.0
 
 
 class PublishedFaults:
@@ -216,7 +246,7 @@ class PublishedFaults:
         self._saver = Saver(memory or NoStore(), self.to_document, on_trouble=lambda _: None)
         self._restore(memory or NoStore())
 
-    def is_told(self, starter: str, codes: tuple[str, ...]) -> bool:
+    def has(self, starter: str, codes: tuple[str, ...]) -> bool:
         """Return whether an earlier run has published the fault that these alarm codes name."""
         return bool(codes) and self._codes.get(starter) == codes
 
@@ -236,7 +266,7 @@ class PublishedFaults:
 
     async def close(self) -> None:
         """Save what is left to be saved, and then do nothing more."""
-        await self._saver.close(within_s=KEPT_WITHIN_S)
+        await self._saver.close(within_s=SAVED_WITHIN_S)
 
     def _restore(self, memory: JsonStore) -> None:
         try:

@@ -12,6 +12,7 @@ from typing import Any
 
 from gateway.records import AuditRecord, rfc3339
 from gateway.storage.audit.writer import MOST_SEGMENTS, SEGMENT_BYTES, AuditWriter
+from gateway.system.once import ChangeDetector
 
 log = logging.getLogger(__name__)
 
@@ -21,30 +22,28 @@ RETRY_S = 5.0
 
 
 class AuditLog:
-    """Takes entries in order; `on_trouble` is called in its thread: why nothing can be written, or empty."""
+    """Takes entries in order, and writes them in a thread of its own."""
 
     def __init__(
         self,
         folder: Path,
         *,
         boot: str,
-        on_trouble: Callable[[str], None],
-        segment_bytes: int = SEGMENT_BYTES,
-        most_segments: int = MOST_SEGMENTS,
         retry_s: float = RETRY_S,
     ) -> None:
         self._boot = boot
-        self._on_trouble = on_trouble
-        self._writer = AuditWriter(folder, segment_bytes, most_segments)
+        self._on_trouble: Callable[[str], None] = lambda _: None
+        self._writer = AuditWriter(folder, SEGMENT_BYTES, MOST_SEGMENTS)
         self._retry_s = retry_s
         self._queue: queue.SimpleQueue[Mapping[str, Any] | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._run, name="audit", daemon=True)
         self._closing = threading.Event()
         self._lost = 0
-        self._trouble = ""
+        self._said = ChangeDetector("")
 
-    def start(self) -> None:
-        """Begin, in the thread."""
+    def start(self, on_trouble: Callable[[str], None]) -> None:
+        """Begin; the thread calls `on_trouble` with why nothing can be written, empty once it can."""
+        self._on_trouble = on_trouble
         self._thread.start()
 
     def put(self, record: AuditRecord) -> None:
@@ -109,7 +108,6 @@ class AuditLog:
         except Exception:  # the guard at the thread's top: what cannot be written is not retried without end
             log.exception("audit=%s entries=%d cannot be written", self._writer.folder, len(entries))
             self._lost += len(entries)
-        if trouble != self._trouble:
-            self._trouble = trouble
+        if self._said.is_new(trouble):
             self._on_trouble(trouble)
         return not trouble

@@ -10,8 +10,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from gateway.storage.audit.chain import Head, read_line
+from gateway.storage.formats.copies import write_whole
 
 FOLDER = "audit"  # in the state directory
+LOCK = "lock"  # in that folder
 ANCHOR = "anchor.json"  # where the chain stood at the end of the last segment that was removed
 
 _SEGMENT = re.compile(r"audit-(\d{8})\.jsonl", re.ASCII)
@@ -58,15 +60,10 @@ def read_anchor(folder: Path) -> Anchor:
 
 
 def write_anchor(folder: Path, anchor: Anchor) -> None:
-    """Replace the anchor in one step."""
+    """Replace the anchor in one step; OSError."""
     head = anchor.head
     fields = {"segment": anchor.segment, "n": head and head.number, "hash": head and head.hash}
-    temporary = folder / f"{ANCHOR}.new"
-    with temporary.open("w", encoding="utf-8") as file:
-        file.write(json.dumps(fields))
-        file.flush()
-        os.fsync(file.fileno())
-    temporary.replace(folder / ANCHOR)
+    write_whole(folder / ANCHOR, json.dumps(fields).encode())
 
 
 def tail(path: Path) -> Tail:

@@ -9,7 +9,15 @@ from pathlib import Path
 from typing import Any
 
 from gateway.storage.audit.chain import Head, link
-from gateway.storage.audit.segments import Anchor, read_anchor, segment_path, segments, tail, write_anchor
+from gateway.storage.audit.segments import (
+    LOCK,
+    Anchor,
+    read_anchor,
+    segment_path,
+    segments,
+    tail,
+    write_anchor,
+)
 
 SEGMENT_BYTES = 4 * 2**20
 MOST_SEGMENTS = 16
@@ -94,7 +102,7 @@ class AuditWriter:
 
     def _lock_folder(self) -> None:
         """Make sure that no other gateway writes here."""
-        self._lock = os.open(self.folder / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        self._lock = os.open(self.folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
         try:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:

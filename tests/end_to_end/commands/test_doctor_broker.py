@@ -13,7 +13,7 @@ from gateway.cli.doctor.finding import DoctorFinding
 from gateway.config.load import parse
 from gateway.errors import BrokerError
 from gateway.mqtt.connection import command_client as sender
-from tests.commands.doctor_site import problems_in, site
+from tests.cli.doctor_site import problems_in, site
 from tests.mosquitto import StartMosquitto
 
 
@@ -23,19 +23,19 @@ def remarks_of(text: str, folder: Path) -> list[DoctorFinding]:
 
 
 def test_a_broker_that_is_away_is_a_problem() -> None:
-    (bite,) = problems_in(remarks_of(site(port=1), Path("/tmp")))
+    (problem,) = problems_in(remarks_of(site(port=1), Path("/tmp")))
 
-    assert bite.startswith("broker 127.0.0.1:1: ")
+    assert problem.startswith("broker 127.0.0.1:1: ")
 
 
 def test_a_password_file_that_others_may_read_is_a_problem(tmp_path: Path) -> None:
     (tmp_path / "password").write_text("secret\n", "utf-8")
     (tmp_path / "password").chmod(0o644)
 
-    (bite,) = problems_in(remarks_of(site(login='username = "g"\npassword_file = "password"'), tmp_path))
+    (problem,) = problems_in(remarks_of(site(login='username = "g"\npassword_file = "password"'), tmp_path))
 
-    assert "chmod 600" in bite
-    assert "secret" not in bite
+    assert "chmod 600" in problem
+    assert "secret" not in problem
 
 
 def test_a_login_that_the_broker_takes_is_reported_and_one_that_it_refuses_is_a_problem(
@@ -95,9 +95,9 @@ def test_the_doctor_logs_in_as_the_operator_that_is_named(
     reported = [remark.text for remark in remarks("hers")]
     assert any(text.startswith("takes the login alice, MQTT ") for text in reported)
     assert not any("the gateway's login" in text for text in reported)  # which may be under way
-    (bite,) = problems_in(remarks("wrong"))
-    assert "the login alice: " in bite
-    assert "username and password" in bite
+    (problem,) = problems_in(remarks("wrong"))
+    assert "the login alice: " in problem
+    assert "username and password" in problem
 
 
 def test_what_the_gateway_last_said_of_a_starter_is_known(

@@ -284,12 +284,12 @@ async def test_acknowledgements_are_answered_by_the_half_window_not_one_by_one()
         assert session is not None
         in_flight = []
         async with asyncio.timeout(10.0):
-            while session.in_flight < session.window:  # noqa: ASYNC110 - a few turns
+            while session.in_flight < session.window:  # noqa: ASYNC110 - a few rounds
                 await asyncio.sleep(0)
             for _ in range(8):  # the gateway's status is one
                 before = session.in_flight
                 broker.acknowledge(await broker.publication())
-                while session.in_flight == before:  # noqa: ASYNC110 - a few turns
+                while session.in_flight == before:  # noqa: ASYNC110 - a few rounds
                     await asyncio.sleep(0)
                 await asyncio.sleep(0)  # what goes out because of it is on its way
                 in_flight.append(session.in_flight)

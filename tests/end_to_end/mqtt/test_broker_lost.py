@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from gateway.mqtt.connection.packet_limit import MAX_INCOMING_BYTES, MOST_SKIPPED_BYTES
 from gateway.mqtt.connection.reconnect import Version
-from gateway.mqtt.connection.session import MAX_INCOMING_BYTES
 from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
+from gateway.mqtt.contract.commands import MAX_PAYLOAD_BYTES
 from tests.mqtt.fake_broker import (
     DISCONNECT,
     HANG_UP,
@@ -124,7 +125,7 @@ async def test_nothing_is_published_after_the_loss_of_the_connection() -> None:
 
 
 @pytest.mark.parametrize("level", [LEVEL_5, LEVEL_311])
-@pytest.mark.parametrize("size", [MAX_INCOMING_BYTES + 1, 200_000_000])
+@pytest.mark.parametrize("size", [MOST_SKIPPED_BYTES + 1, 200_000_000])
 async def test_a_packet_that_is_announced_too_large_ends_the_connection_before_it_is_read(
     level: int, size: int, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -143,6 +144,42 @@ async def test_a_packet_that_is_announced_too_large_ends_the_connection_before_i
     assert [notice.code for notice in rig.notices] == ["message_too_large"]
     assert [record.levelname for record in caplog.records] == ["WARNING"]  # once, though it goes on
     assert broker.levels[:3] == [level] * 3
+
+
+@pytest.mark.parametrize(
+    ("size", "is_retained"),
+    [
+        (MAX_INCOMING_BYTES + 1, False),
+        (MOST_SKIPPED_BYTES, False),
+        (MAX_INCOMING_BYTES + 1, True),
+        (20 * MOST_SKIPPED_BYTES, True),
+    ],
+)
+async def test_a_packet_that_is_too_large_is_read_over_and_what_follows_it_comes(
+    size: int, is_retained: bool
+) -> None:
+    large = b"\x00\x0eb/command/p1/a" + bytes(size - 16)
+    small = b"\x00\x0eb/command/p1/c"
+    packets = announced(size, is_retained=is_retained) + large + announced(len(small)) + small
+    async with FakeBroker(after_suback=packets) as broker, MqttRig(v311(broker.port)) as rig:
+        first, second = await rig.command(), await rig.command()
+        assert rig.connection.is_connected
+
+    assert (first.topic, first.is_retained) == ("b/command/p1/a", is_retained)
+    assert MAX_PAYLOAD_BYTES < len(first.payload) <= 2 * MAX_INCOMING_BYTES
+    assert (second.topic, second.payload) == ("b/command/p1/c", b"")
+    assert [notice.code for notice in rig.notices] == ["message_too_large"]
+    assert f"a packet of {size} bytes, more than {MAX_INCOMING_BYTES}: it was not read" in rig.notices[0].text
+
+
+async def test_a_topic_of_the_greatest_length_is_read_over_too() -> None:
+    topic = b"b/command/" + b"x" * 65_525
+    body = len(topic).to_bytes(2, "big") + topic + bytes(100)
+    packets = announced(len(body), is_retained=True) + body
+    async with FakeBroker(after_suback=packets) as broker, MqttRig(v311(broker.port)) as rig:
+        incoming = await rig.command()
+
+    assert incoming.topic == topic.decode()
 
 
 async def test_a_packet_of_the_largest_size_is_read() -> None:
@@ -168,9 +205,9 @@ def v311(port: int) -> BrokerSettings:
     return settings(port, version=Version.V311)
 
 
-def announced(size: int) -> bytes:
+def announced(size: int, *, is_retained: bool = False) -> bytes:
     """Return the fixed header of a PUBLISH of so many bytes [MQTT3 2.2.3]."""
-    header = bytearray([0x30])
+    header = bytearray([0x31 if is_retained else 0x30])
     while size >= 0x80:
         header.append(size % 0x80 | 0x80)
         size //= 0x80

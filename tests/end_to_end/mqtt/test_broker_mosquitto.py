@@ -50,7 +50,7 @@ async def test_every_retained_topic_is_published_before_the_status(
     ]
     assert all(seen.qos == 1 for seen in messages)
     assert messages[0].payload == (
-        '{"value":12.0,"unit":"A","quality":"good","time":"2025-10-09T08:53:21.000Z","seq":1}'
+        '{"value":12.0,"unit":"A","quality":"good","time":"2025-10-09T08:53:21.000Z","seq":1,"boot":"boot-1"}'
     )
 
 

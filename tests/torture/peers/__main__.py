@@ -36,7 +36,7 @@ def main() -> int:
     try:
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(10))
     except PermissionError:
-        print("without real-time priority: a busy machine shows in the figures", file=sys.stderr)
+        print("without real-time priority: a busy machine shows in the measurements", file=sys.stderr)
     scores = asyncio.run(_all(compared, faults, args.at_once))
     print(table(compared, faults, scores))
     (theirs,) = HOME.glob("lib/python*/site-packages/pymodbus-*.dist-info")
@@ -50,12 +50,12 @@ async def _all(
     compared: tuple[Contender, ...], faults: list[Fault], at_once: int
 ) -> dict[tuple[str, str], Score]:
     """Run every bout, a few at a time."""
-    turns = asyncio.Semaphore(at_once)
+    slots = asyncio.Semaphore(at_once)
     scores: dict[tuple[str, str], Score] = {}
 
     async def one(contender: Contender, fault: Fault) -> None:
         try:
-            async with turns, bout(contender, every_s=fault.every_s) as here:
+            async with slots, bout(contender, every_s=fault.every_s) as here:
                 await fault.happen(here)
                 score = scores[contender.name, fault.name] = await here.score()
         except TimeoutError as error:

@@ -37,7 +37,7 @@ class Score:
     trips: int = 0
     wrong: list[str] = field(default_factory=list)
     old_s: float = 0.0
-    stale_starts: int | None = None  # None: nobody ordered one
+    stale_starts: int | None = None  # None: none was ordered
     too_soon: int = 0  # requests before t3.5, or into a reply
     crossed: int = 0  # requests into which a late reply came
     stops_s: list[float | None] = field(default_factory=list)  # None: never on the wire
@@ -62,14 +62,16 @@ class Bout:
     stale_after_s: float | None = None  # a start on the wire from then on is stale
 
     def stop_broker(self) -> None:
-        """Stop it in order: sessions and retained messages are kept."""
+        """Stop it in order: sessions and retained messages are stored."""
         self.broker.stop()
-        self.recorder.told.extend(nothing_good(time.monotonic()))  # the consumer knows that it hears nothing
+        self.recorder.published.extend(
+            nothing_good(time.monotonic())
+        )  # the consumer knows that it receives nothing
 
     def wipe_broker(self) -> None:
         """Kill it and lose everything that it knew."""
         self.broker.kill()
-        self.recorder.told.extend(nothing_good(time.monotonic()))
+        self.recorder.published.extend(nothing_good(time.monotonic()))
         for path in (self.folder / "broker").glob("mosquitto.db*"):
             path.unlink()
 
@@ -88,19 +90,19 @@ class Bout:
                 steps=[(at_s, amps) for at_s, amps in each["steps"]],
                 running=[(at_s, is_on) for at_s, is_on in each["running"]],
                 away=[*((begin_s, end_s) for begin_s, end_s in each["away"]), *self.away.get(name, ())],
-                heard_s=each["heard_s"],
+                requests_s=each["requests_s"],
             )
             for name, each in lived.items()
         }
-        told = list(self.recorder.told)
-        missing, possible = lost(books, told, self.marked_s, now_s)
+        published = list(self.recorder.published)
+        missing, possible = lost(books, published, self.marked_s, now_s)
         return Score(
             lost=missing,
             possible=possible,
             stall_s=longest_stall_s(books, self.marked_s, now_s),
             trips=sum(at_s >= self.marked_s for each in lived.values() for at_s in each["trips_s"]),
-            wrong=[f"{t.starter} {t.point} {t.value}" for t in wrong(books, told, self.marked_s)],
-            old_s=longest_old_s(books, told, self.marked_s, now_s),
+            wrong=[f"{t.starter} {t.point} {t.value}" for t in wrong(books, published, self.marked_s)],
+            old_s=longest_old_s(books, published, self.marked_s, now_s),
             stale_starts=await self._stale_starts(),
             too_soon=sum(
                 kind == "early" or detail == STILL_SENDING for kind, detail in account["violations"]
@@ -122,7 +124,7 @@ class Bout:
 
 @asynccontextmanager
 async def bout(contender: Contender, *, every_s: float = EVERY_S) -> AsyncIterator[Bout]:
-    """Set everything up, wait until all four currents are told, and judge from then on."""
+    """Set everything up, wait until all four currents are published, and judge from then on."""
     with scratch(f"peers-{contender.name.split()[0].strip(',')}-") as folder:
         async with _bout(folder, contender, every_s) as here:
             yield here
@@ -151,15 +153,15 @@ async def _bout(folder: Path, contender: Contender, every_s: float) -> AsyncIter
         recorder.start()
         stack.push_async_callback(service.stop)
         service.start()
-        await until(lambda: _are_all_told(recorder), "all four are told", within_s=UP_WITHIN_S)
+        await until(lambda: _are_all_published(recorder), "all four are published", within_s=UP_WITHIN_S)
         await asyncio.sleep(WARM_S)
         await starters.order("mark")
         here.marked_s = time.monotonic()
         yield here
 
 
-def _are_all_told(recorder: PeerRecorder) -> bool:
-    told: list[Any] = list(recorder.told)
-    return {each.starter for each in told if each.point == CURRENT and each.value is not None} == set(
+def _are_all_published(recorder: PeerRecorder) -> bool:
+    published: list[Any] = list(recorder.published)
+    return {each.starter for each in published if each.point == CURRENT and each.value is not None} == set(
         STARTERS
     )

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from gateway.records import rfc3339
-from tests.torture.peers.measure import CURRENT, CURRENT_PCT, RUNNING, Told
+from tests.torture.peers.measure import CURRENT, CURRENT_PCT, RUNNING, Published
 
 STARTERS = ("pump", "fan", "mill", "belt")
 POINTS = (CURRENT, CURRENT_PCT, RUNNING)
@@ -75,8 +75,8 @@ class Contender(ABC):
         """Return topic and payload of a start or stop."""
 
     @abstractmethod
-    def read(self, topic: str, body: Any, received_s: float) -> Iterator[Told]:
-        """Return what a message tells; times are monotonic."""
+    def read(self, topic: str, body: Any, received_s: float) -> Iterator[Published]:
+        """Return what a message publishes; times are monotonic."""
 
 
 class Ours(Contender):
@@ -93,19 +93,19 @@ class Ours(Contender):
             {**body, "token": token} if token else body
         )
 
-    def read(self, topic: str, body: Any, received_s: float) -> Iterator[Told]:
+    def read(self, topic: str, body: Any, received_s: float) -> Iterator[Published]:
         levels = topic.removeprefix("starters/plant/").split("/")
         match levels:
             case ["gateway", "status"] if body["state"] == "offline":
                 yield from nothing_good(received_s)
             case ["starter", starter, "value", point] if point in POINTS:
-                yield _told(starter, point, body, received_s)
+                yield _published(starter, point, body, received_s)
             case ["starter", starter, "state"] if RUNNING in body:
-                yield _told(starter, RUNNING, {**body, "value": body[RUNNING]}, received_s)
+                yield _published(starter, RUNNING, {**body, "value": body[RUNNING]}, received_s)
             case ["starter", starter, "history"]:
                 for item in body["items"]:
                     if item["point"] in POINTS:
-                        yield _told(starter, item["point"], item, received_s, is_live=False)
+                        yield _published(starter, item["point"], item, received_s, is_live=False)
             case _:
                 return
 
@@ -122,11 +122,11 @@ class Script(Contender):
     def order(self, starter: str, verb: str, token: str) -> tuple[str, str]:
         return f"plant/{starter}/set", verb
 
-    def read(self, topic: str, body: Any, received_s: float) -> Iterator[Told]:
+    def read(self, topic: str, body: Any, received_s: float) -> Iterator[Published]:
         base, _, starter = topic.partition("/")
         if base == "plant" and starter in STARTERS:
             for point in POINTS:
-                yield Told(
+                yield Published(
                     starter, point, float(body[point]), received_s, _monotonic(body["time"], received_s)
                 )
 
@@ -174,14 +174,16 @@ class Modpoll(Contender):
         body = {"object_type": "coil", "address": RUN_COIL, "value": verb == "start"}
         return f"modpoll/{starter}/set", json.dumps(body)
 
-    def read(self, topic: str, body: Any, received_s: float) -> Iterator[Told]:
+    def read(self, topic: str, body: Any, received_s: float) -> Iterator[Published]:
         match topic.split("/"):
             case ["modpoll", starter, "data"]:
                 time_s = _monotonic(body["timestamp"], received_s)
                 values = {key.partition("|")[0]: value for key, value in body.items()}
                 for point in POINTS:
                     value = values[point]
-                    yield Told(starter, point, None if value is None else float(value), received_s, time_s)
+                    yield Published(
+                        starter, point, None if value is None else float(value), received_s, time_s
+                    )
             case _:
                 return
 
@@ -195,11 +197,11 @@ def contenders(home: Path) -> tuple[Contender, ...]:
     return Ours(), Modpoll(home), Modpoll(home, is_corrected=True), Script()
 
 
-def nothing_good(received_s: float) -> Iterator[Told]:
+def nothing_good(received_s: float) -> Iterator[Published]:
     """Say of every value that it is not to be trusted from now on."""
     for starter in STARTERS:
         for point in POINTS:
-            yield Told(starter, point, None, received_s, received_s)
+            yield Published(starter, point, None, received_s, received_s)
 
 
 def modpoll_table() -> str:
@@ -216,13 +218,13 @@ def modpoll_table() -> str:
     return text.getvalue()
 
 
-def _told(
+def _published(
     starter: str, point: str, body: Mapping[str, Any], received_s: float, *, is_live: bool = True
-) -> Told:
+) -> Published:
     is_good = body["quality"] == "good" and body["value"] is not None
     read_at = body["time"]  # none for what was never read
     time_s = _monotonic(datetime.fromisoformat(read_at).timestamp(), received_s) if read_at else received_s
-    return Told(starter, point, float(body["value"]) if is_good else None, received_s, time_s, is_live)
+    return Published(starter, point, float(body["value"]) if is_good else None, received_s, time_s, is_live)
 
 
 def _monotonic(wall_s: float, received_s: float) -> float:

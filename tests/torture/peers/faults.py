@@ -11,7 +11,7 @@ from tests.torture.peers.bout import EVERY_S, STOP_FRAME, Bout
 from tests.torture.peers.contenders import STARTERS
 
 PEACE_S = 20.0
-AFTER_S = 12.0  # for whoever recovers
+AFTER_S = 12.0  # for those that recover
 DEAD_S, BROKER_AWAY_S, CUT_S, BAD_LINE_S, RETURNS_S = 30.0, 60.0, 5.0, 40.0, 20.0
 LATE_SHARE, BYTE_ERRORS = 0.05, 0.03
 KILLS, KILL_PACE_S = 3, 5.3  # not in step with anybody
@@ -60,12 +60,12 @@ async def port_replugged(b: Bout) -> None:
 
 
 async def late_replies(b: Bout) -> None:
-    await b.starters.order("spoil", late_share=LATE_SHARE)
+    await b.starters.order("corrupt", late_share=LATE_SHARE)
     await asyncio.sleep(BAD_LINE_S)
 
 
 async def byte_errors(b: Bout) -> None:
-    await b.starters.order("spoil", byte_error_rate=BYTE_ERRORS)
+    await b.starters.order("corrupt", byte_error_rate=BYTE_ERRORS)
     await asyncio.sleep(BAD_LINE_S)
 
 

@@ -1,4 +1,4 @@
-"""What was lost, what was wrong, how long an old value stood as good: starters' books beside what was told.
+"""What was lost, what was wrong, how long an old value stood as good, by starters' books.
 
 Pure; all times are monotonic seconds.
 """
@@ -12,13 +12,13 @@ from itertools import pairwise
 from math import inf
 
 OLD_S = 10.0  # a value may have been read so long before the time that it gives itself
-SETTLE_S = 2.0  # a step that has just begun to be told is not lost yet
+SETTLE_S = 2.0  # a step that has just begun to be published is not lost yet
 RATED_A = 85.0
 CURRENT, CURRENT_PCT, RUNNING = "current", "current_pct", "running"
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class Published:
     """A value as a consumer got it; None: marked as not good, or its teller as away."""
 
     starter: str
@@ -36,7 +36,7 @@ class StarterBook:
     steps: Sequence[tuple[float, float]]
     running: Sequence[tuple[float, float]]
     away: Sequence[tuple[float, float]] = ()
-    heard_s: Sequence[float] = ()  # valid requests
+    requests_s: Sequence[float] = ()  # valid requests
 
     def timeline(self, point: str) -> list[tuple[float, float]]:
         """Return a point's values with the times from which they held."""
@@ -58,12 +58,12 @@ class StarterBook:
 
 
 def lost(
-    books: Mapping[str, StarterBook], told: Sequence[Told], from_s: float, to_s: float
+    books: Mapping[str, StarterBook], published: Sequence[Published], from_s: float, to_s: float
 ) -> tuple[int, int]:
-    """Return how many steps were never told, and of how many that could have been."""
+    """Return how many steps were never published, and of how many that could have been."""
     known = {
         (each.starter, round(each.value, 1))
-        for each in told
+        for each in published
         if each.point == CURRENT and each.value is not None
     }
     missing = possible = 0
@@ -77,11 +77,11 @@ def lost(
     return missing, possible
 
 
-def wrong(books: Mapping[str, StarterBook], told: Sequence[Told], from_s: float) -> list[Told]:
-    """Return what was told as good since then, but was never so about the time that it gives."""
+def wrong(books: Mapping[str, StarterBook], published: Sequence[Published], from_s: float) -> list[Published]:
+    """Return what was published as good since then, but was never so about the time that it gives."""
     return [
         each
-        for each in told
+        for each in published
         if each.received_s >= from_s
         and each.value is not None
         and not books[each.starter].had(each.point, each.value, each.time_s - OLD_S, each.received_s)
@@ -91,23 +91,23 @@ def wrong(books: Mapping[str, StarterBook], told: Sequence[Told], from_s: float)
 def longest_stall_s(books: Mapping[str, StarterBook], from_s: float, to_s: float) -> float:
     """Return the longest time without a valid request to any starter that was never dead meanwhile.
 
-    Where the line itself was cut nobody could ask; that is the same for everybody, and in this time.
+    Where the line itself was cut no master could ask; that is the same for everybody, and in this time.
     """
     living = [book for book in books.values() if not book.is_away(from_s, to_s)] or list(books.values())
     return max(
         later - earlier
         for book in living
         for earlier, later in pairwise(
-            [from_s, *(at_s for at_s in book.heard_s if from_s < at_s < to_s), to_s]
+            [from_s, *(at_s for at_s in book.requests_s if from_s < at_s < to_s), to_s]
         )
     )
 
 
 def longest_old_s(
-    books: Mapping[str, StarterBook], told: Sequence[Told], from_s: float, to_s: float
+    books: Mapping[str, StarterBook], published: Sequence[Published], from_s: float, to_s: float
 ) -> float:
     """Return the longest time for which a current that was no longer so stood as good, of any starter."""
-    return max(_longest_old_s(book, _shown(told, name), from_s, to_s) for name, book in books.items())
+    return max(_longest_old_s(book, _shown(published, name), from_s, to_s) for name, book in books.items())
 
 
 def _longest_old_s(
@@ -130,10 +130,10 @@ def _longest_old_s(
     return longest_s
 
 
-def _shown(told: Sequence[Told], starter: str) -> list[tuple[float, float | None]]:
+def _shown(published: Sequence[Published], starter: str) -> list[tuple[float, float | None]]:
     return [
         (each.received_s, each.value)
-        for each in told
+        for each in published
         if each.starter == starter and each.point == CURRENT and each.is_live
     ]
 

@@ -1,6 +1,6 @@
 """Four SSW-07 whose currents rise step by step, in a process of their own: CONFIG WATCHDOG_S as arguments.
 
-Each step is a current that no starter ever has again, so every value that is told can be traced to its step.
+Each step is a current that no starter ever has again, so every published value can be traced to its step.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class SteppingPlant(StarterLine):
     # Orders
 
     async def run(self) -> dict[str, Any]:
-        """Let all motors turn, as from their keypads."""
+        """Let all motors run, as from their keypads."""
         self.bus.advance()
         for name, unit in self.units.items():
             if not unit.motor.is_turned_on:
@@ -97,7 +97,7 @@ class SteppingPlant(StarterLine):
         self._note_running(starter)
         return {}
 
-    async def spoil(self, late_share: float = 0.0, byte_error_rate: float = 0.0) -> dict[str, Any]:
+    async def corrupt(self, late_share: float = 0.0, byte_error_rate: float = 0.0) -> dict[str, Any]:
         """Let so many replies be late, and so many bytes both ways be wrong."""
         for unit in self.units.values():
             if late_share:
@@ -108,7 +108,7 @@ class SteppingPlant(StarterLine):
         return {}
 
     async def account(self) -> dict[str, Any]:
-        """Tell what each starter had and lived through; times are monotonic."""
+        """Report what happened to each starter; times are monotonic."""
         self.bus.advance()
         return {
             "starters": {name: self._account_of(name) for name in self.units},
@@ -122,7 +122,7 @@ class SteppingPlant(StarterLine):
             "steps": self._steps[name],
             "running": self._running[name],
             "away": self._away[name],
-            "heard_s": list(self.truths[name].heard_s),
+            "requests_s": list(self.truths[name].requests_s),
             "trips_s": [trip.at_s for trip in unit.trips if trip.code in SILENCE_TRIPS],
             "writes": [[write.at_s, write.pdu.hex()] for write in unit.writes],
         }

@@ -1,4 +1,4 @@
-"""A consumer that is subscribed to everything at QoS 1 and keeps what any contender tells it."""
+"""A consumer that is subscribed to everything at QoS 1 and records what any contender publishes."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from paho.mqtt import client as paho
 
 from tests.torture import recorder
 from tests.torture.peers.contenders import Contender
-from tests.torture.peers.measure import Told
+from tests.torture.peers.measure import Published
 
 
 class PeerRecorder(recorder.Recorder):
-    """The same session, that outlives its connections; but whoever publishes may have topics of his own."""
+    """The same session, that outlives its connections; but a publisher may have topics of his own."""
 
     def __init__(self, port: int, contender: Contender) -> None:
         super().__init__(port)
-        self.told: list[Told] = []
+        self.published: list[Published] = []
         self.present_token = ""  # of a gateway that publishes one
         self._contender = contender
 
@@ -40,6 +40,6 @@ class PeerRecorder(recorder.Recorder):
             body = json.loads(message.payload) if message.payload else {}
             if message.topic.endswith("gateway/fresh"):
                 self.present_token = body["token"]
-            self.told.extend(self._contender.read(message.topic, body, received_s))
+            self.published.extend(self._contender.read(message.topic, body, received_s))
         except (ValueError, KeyError) as error:
             self.bad.append(f"{message.topic}: {error!r} {message.payload[:100]!r}")

@@ -13,7 +13,7 @@ PATIENCE_S = 12.0  # TimeoutStopSec
 
 
 class Service:
-    """One command, kept alive."""
+    """One command, restarted when it ends."""
 
     def __init__(
         self, command: Sequence[str], log: Path, *, restart_s: float, environ: Mapping[str, str] | None = None

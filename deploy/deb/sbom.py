@@ -1,0 +1,26 @@
+"""The bill of materials of a package, CycloneDX, made from what is in it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+
+def write_sbom(packages: Path, path: Path) -> None:
+    """Write the components of a folder of wheels; the same folder gives the same bytes."""
+    with tempfile.TemporaryDirectory() as folder:
+        python = Path(folder) / "python"  # one that sees only the folder
+        python.write_text(f'#!/bin/sh\nPYTHONPATH="{packages}" exec /usr/bin/python3 -S "$@"\n', "utf-8")
+        python.chmod(0o755)
+        program = Path(sys.executable).parent / "cyclonedx-py"
+        options = (
+            "--output-reproducible",
+            "--validate",
+            "--output-format",
+            "JSON",
+            "--output-file",
+            str(path),
+        )
+        subprocess.run([program, "environment", *options, str(python)], check=True)

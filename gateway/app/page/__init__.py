@@ -1,0 +1,1 @@
+"""The status page's connection to the gateway: start at `page`."""

@@ -1,0 +1,302 @@
+"""The composition root: builds every part of the gateway and connects them.
+
+`Parts.__init__` names every part in the order in which it depends on others. Nothing is decided here.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from gateway.app.capture_socket import capture_of
+from gateway.app.health import Health
+from gateway.app.history import HistoryService
+from gateway.app.incoming import IncomingCommands
+from gateway.app.integrations.home_assistant import home_assistant_integration
+from gateway.app.integrations.integration import Integration, IntegrationHost
+from gateway.app.integrations.latest import LatestRecords
+from gateway.app.integrations.metrics import GatewaySource, MetricsExport, metrics_integration
+from gateway.app.integrations.sparkplug import sparkplug_integration
+from gateway.app.page.access import WebAccess
+from gateway.app.page.page import open_pages, page_integration
+from gateway.app.plant import Plant
+from gateway.app.record_bus import RecordBus
+from gateway.app.record_log import RecordLog
+from gateway.app.restart.watch import RestartWatch
+from gateway.app.site import Site
+from gateway.app.state_files import ClockMemory, StateFiles
+from gateway.app.uplink import Uplink
+from gateway.config.convert import least_watchdog_s, policy_of, rights_of, setups_in, wiring_of
+from gateway.line.thread import LineHost
+from gateway.mqtt.connection.inbox import Inbox
+from gateway.mqtt.contract.freshness import MAX_AHEAD_S, MAX_TTL_S, RunToken, Tokens
+from gateway.records import EventRecord, SequenceNumbers, Severity
+from gateway.starters.commands.dispatcher import Dispatcher
+from gateway.starters.commands.ledger import Proofs
+from gateway.starters.policy.policy import Policy
+from gateway.starters.services.services import StarterServices
+from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
+from gateway.starters.telemetry.transitions import PublishedFaults
+from gateway.storage.state_dir import StateDir
+from gateway.system.clock import ClockWatch, SystemClock
+from gateway.system.stalls import SuspendWatch
+from gateway.system.systemd import Notifier
+
+HOLD_S = MAX_TTL_S + MAX_AHEAD_S  # how long an old command might still pass for a new one
+
+
+class Parts:
+    """The parts of one gateway; implements `PlantListener`. All calls on the app's loop."""
+
+    def __init__(self, site: Site, *, notifier: Notifier, watchdog_every_s: float | None = None) -> None:
+        self.site = site
+        self.clock = SystemClock()
+        self.clock_watch = ClockWatch(site.config.gateway.clock)
+        self._suspend_watch = SuspendWatch(self.clock.now_s)
+        self._sequence = SequenceNumbers()
+        self._boot = RunToken(secrets.token_hex(8))
+        self._tokens = Tokens(self._boot)
+        self._records = RecordBus()
+        self.latest = LatestRecords()
+        self.uplink = Uplink(site, self._tokens, clock=self.clock, publish_event=self.publish_event)
+        self.files = StateFiles(site.state_dir, has_operators=bool(site.config.operators))
+        self.clock_memory = ClockMemory(self.clock_watch, self.files.clock, publish_event=self.publish_event)
+        self.restart = RestartWatch(self.files.restart)
+        self.state_dir = self._build_state_dir()
+        self.watchdogs = self._build_watchdogs()
+        self.policy = self._build_policy()
+        self.history = self._build_history()
+        self.services = self._build_services()
+        self.plant = self._build_plant()
+        self.host = LineHost(self.plant.handle)
+        self.plant.build(self.host, site.config.lines)
+        self.dispatcher = self._build_dispatcher()
+        self.incoming = self._build_incoming()
+        self._inbox = Inbox(
+            self.uplink.topics,
+            take=self.incoming.take,
+            refuse=self.dispatcher.refuse_unread,
+            now_s=self.clock.now_s,
+        )
+        self.capture = capture_of(site.config, site.folder, self.host.capture, self.clock)
+        self.health = self._build_health(notifier, watchdog_every_s)
+        self._metrics = MetricsExport()
+        self._integration_host = IntegrationHost(site, self.clock, self._is_polling, self.publish_event)
+        self._page = self._build_page()
+        self.integrations = self._build_integrations()
+        self._connect()
+
+    def _connect(self) -> None:
+        self.uplink.outbox.on_delivered = self._note_delivered
+        self.uplink.connect(on_incoming=self._inbox.put, on_link=self.health.note_link)
+        self._records.connect(
+            self.state_dir,  # the audit has a decision before any client can read of it
+            self.policy,  # states: starts and standstills
+            self.services,  # what commands set
+            RecordLog(self.clock),
+            self.history,  # makes starts and trips of readings and records
+            self.uplink.publisher,
+            self._page,  # what it plots has been published
+            self.latest,
+            self.restart,
+            *self.integrations,
+        )
+
+    def publish_event(
+        self, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None, /
+    ) -> None:
+        """Publish an event of the gateway's own."""
+        self._records.put(
+            EventRecord("", code, severity, text, self.clock.utc_s(), self._sequence.take(), data or {})
+        )
+
+    def forget(self, starters: Sequence[str]) -> None:
+        """Have the broker delete what it retains of starters."""
+        self.uplink.publisher.forget(*starters)
+        self.latest.forget(starters)
+
+    def note_change(self) -> None:
+        """Publish the lines' statistics soon: they have changed in a way that people wait for."""
+        self.health.note_change()
+
+    def note_starter(self, starter: str, trouble: str) -> None:
+        """Record that a part of a starter cannot be read (why), or that all of it can (empty)."""
+        self.health.note_starter(starter, trouble)
+
+    def note_port(self, line: str, trouble: str) -> None:
+        """Record that a line's port is open (empty) or away (why)."""
+        self.health.note_port(line, trouble)
+
+    def _note_delivered(self, key: str) -> None:
+        """Have what is not to be published again forgotten: results in the ledger, records in the history."""
+        self.state_dir.journal.delivered(key)
+        self.history.delivered(key)
+
+    def _build_state_dir(self) -> StateDir:
+        return StateDir(
+            self.site.state_dir,
+            boot=self._boot.run,
+            clock=self.clock,
+            hold_s=HOLD_S,
+            is_read_only=not self.site.config.operators,
+            publish_event=self.publish_event,
+        )
+
+    def _build_watchdogs(self) -> KnownWatchdogs:
+        def note_trouble(trouble: str) -> None:
+            if trouble:
+                text = f"the starters' watchdogs cannot be saved for the next run: {trouble}"
+                self.publish_event("memory_away", Severity.WARNING, text)
+            else:
+                text = "the starters' watchdogs are saved again"
+                self.publish_event("memory_back", Severity.INFO, text)
+
+        return KnownWatchdogs(
+            memory=self.files.watchdogs, in_thread=asyncio.to_thread, on_trouble=note_trouble
+        )
+
+    def _build_policy(self) -> Policy:
+        config = self.site.config
+        return Policy(
+            policy_of(config),
+            [starter.name for starter in config.starters],
+            rights=rights_of(config),
+            sink=self._records,
+            clock=self.clock,
+            sequence=self._sequence,
+            memory=self.files.motor_history,
+            identities_memory=self.files.identities,
+            write_budget_memory=self.files.write_budget,
+            watchdogs=self.watchdogs,
+            published_faults=PublishedFaults(memory=self.files.published_faults),
+        )
+
+    def _build_services(self) -> StarterServices:
+        return StarterServices(
+            self.policy,
+            sink=self._records,
+            clock=self.clock,
+            sequence=self._sequence,
+            may_write=bool(self.site.config.operators),
+            past=self.history,
+        )
+
+    def _build_plant(self) -> Plant:
+        return Plant(
+            self,
+            policy=self.policy,
+            services=self.services,
+            sink=self._records,
+            clock=self.clock,
+            sequence=self._sequence,
+            refresh_s=self.site.config.mqtt.refresh_s,
+            on_readings=self.history.take_readings,
+            language=self.site.config.gateway.language,
+        )
+
+    def _build_history(self) -> HistoryService:
+        return HistoryService(
+            self.site.state_dir,
+            setups_in(self.site.config),
+            boot=self._boot.run,
+            sink=self._records,
+            clock=self.clock,
+            sequence=self._sequence,
+            publish_event=self.publish_event,
+            policy=self.policy,
+            publish_again=self.uplink.publish_again,
+        )
+
+    def _build_dispatcher(self) -> Dispatcher:
+        return Dispatcher(
+            self.plant.starters,
+            rights=rights_of(self.site.config),
+            sink=self._records,
+            clock=self.clock,
+            sequence=self._sequence,
+            journal=self.state_dir.journal,
+            policy=self.policy,
+            stood_still_s=self._suspend_watch.ended_s,
+            set_baseline=self.history.set_baseline,
+            on_stop=self.uplink.renew_token,
+            proofs=Proofs(HOLD_S, boot=lambda: self._boot.token, renew=self.uplink.renew_boot),
+        )
+
+    def _build_incoming(self) -> IncomingCommands:
+        return IncomingCommands(
+            self.uplink.topics,
+            self._tokens,
+            dispatcher=self.dispatcher,
+            clock=self.clock,
+            clock_watch=self.clock_watch,
+            suspend_watch=self._suspend_watch,
+            restate=self.uplink.restate,
+            publish_event=self.publish_event,
+        )
+
+    def _build_page(self) -> Integration:
+        access = WebAccess(
+            self.site,
+            tokens=self._tokens,
+            take=self.incoming.take,
+            dispatcher=self.dispatcher,
+            policy=self.policy,
+            starters=self.plant.starters,
+            clock=self.clock,
+            clock_doubt=self.clock_watch.doubt,
+            is_connected=lambda: self.uplink.outbox.is_connected,
+            progress=self.host.progress,
+            metrics=self._metrics,
+            stored=self.history.stored,
+            sink=self._records,
+            sequence=self._sequence,
+        )
+        return page_integration(self._integration_host, access, publisher=self.uplink.publisher)
+
+    def _build_integrations(self) -> tuple[Integration, ...]:
+        """Return what else takes records, each on its own; a table of the configuration switches it on."""
+        host, uplink = self._integration_host, self.uplink
+        return (
+            self._page,
+            home_assistant_integration(host, announcer=uplink.publisher, uplink=uplink),
+            metrics_integration(host, self._build_metrics_source(), self._metrics),
+            sparkplug_integration(
+                host,
+                latest=self.latest.records,
+                take=self._inbox.put,
+                reject=lambda each: self.dispatcher.reject(each, each.code, each.text),
+                facts=uplink.facts,
+            ),
+        )
+
+    def _build_metrics_source(self) -> GatewaySource:
+        return GatewaySource(
+            self.site.config.gateway.name,
+            plant=self.plant,
+            outbox=self.uplink.outbox,
+            clock=self.clock,
+            clock_doubt=self.clock_watch.doubt,
+            lock_of=self.policy.motor_history.lock_of,
+            loops={"gateway": self.health.lag, "lines": self.host.lag},
+            streams=lambda: open_pages(self._page),
+        )
+
+    def _is_polling(self) -> bool:
+        return all(self.host.progress().values())
+
+    def _build_health(self, notifier: Notifier, watchdog_every_s: float | None) -> Health:
+        return Health(
+            self.plant.lines.values(),
+            progress=self.host.progress,
+            publisher=self.uplink.publisher,
+            sink=self._records,
+            notifier=notifier,
+            watchdog_every_s=watchdog_every_s,
+            lines_lag=self.host.lag,
+            shortest_watchdog_s=least_watchdog_s(self.site.config),
+            publish_event=self.publish_event,
+            computed=self.site.computed,
+            wiring=wiring_of(self.site.config),
+        )

@@ -1,0 +1,142 @@
+"""How long a starter gets no request while the gateway is restarted, and whether its watchdog outlasts that.
+
+The gap is what had passed since the last request, the end of the process after its lines, and the time from
+the start of the next process to the first state that was read of the starter. Both times are measured at each
+end and each start, and stored. What was never measured is computed for the worst case.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from gateway.app.capacity import LineCapacity, StarterCapacity
+from gateway.app.site import Site
+from gateway.config.convert import setups_of, timing_of
+from gateway.errors import DamagedError
+from gateway.line.capacity.outage import START_UP_S, WIDE_FACTOR, first_request_s, start_order
+from gateway.starters.telemetry.known_watchdogs import WATCHDOGS_FILE, KnownWatchdogs
+from gateway.storage.json_file import JsonFile, JsonStore, ReadOnlyStore
+
+RESTART_FILE = "restart.json"  # in state_dir
+STOP_S = 4.0  # from the lines' end to the process's, where it was never measured: the farewell may take 3 s
+
+
+@dataclass(frozen=True, slots=True)
+class RestartTimes:
+    """What earlier restarts have taken."""
+
+    stop_s: float | None = None  # from the lines' end to the process's
+    start_s: Mapping[str, float] = field(default_factory=dict)  # by starter, from the process's start
+
+
+@dataclass(frozen=True, slots=True)
+class RestartGap:
+    """The longest time without a request to one starter during a restart."""
+
+    starter: str
+    gap_s: float
+    is_measured: bool
+    limit_s: float | None  # of its watchdog; None: off, or not known
+
+    @property
+    def wanted_s(self) -> float:
+        """Return how long its watchdog must be, with room for retries and chance."""
+        return WIDE_FACTOR * self.gap_s
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it for programs."""
+        return {
+            "starter": self.starter,
+            "gap_s": round(self.gap_s, 3),
+            "is_measured": self.is_measured,
+            "watchdog_s": self.limit_s,
+            "wanted_s": round(self.wanted_s, 3),
+            "is_safe": self.is_safe,
+        }
+
+    @property
+    def is_safe(self) -> bool:
+        """Return whether the watchdog outlasts a restart."""
+        return self.limit_s is None or self.limit_s >= self.wanted_s
+
+
+def first_poll_s(line: LineCapacity, starter: StarterCapacity) -> float:
+    """Return when at the latest a starter gets its first request after its line's port is open."""
+    limits_s = {each.address: each.watchdog_s for each in line.table.starters if each.watchdog_s}
+    polls = start_order((each.poll for each in line.forecast.polls), limits_s)
+    allowance_s = line.table.adapter_allowance_s
+    return first_request_s(polls, timing_of(line.table), starter.table.address, allowance_s=allowance_s)
+
+
+def restart_gaps(
+    prospects: Iterable[LineCapacity], times: RestartTimes, *, limit_of: Callable[[str], float | None]
+) -> Iterator[RestartGap]:
+    """Yield the gap of each enabled starter; `limit_of` returns its watchdog's time by its name."""
+    stop_s = STOP_S if times.stop_s is None else times.stop_s
+    for line in prospects:
+        for starter in line.starters:
+            name = starter.table.name
+            start_s = times.start_s.get(name)
+            again_s = START_UP_S + first_poll_s(line, starter) if start_s is None else start_s
+            is_measured = start_s is not None and times.stop_s is not None
+            yield RestartGap(name, starter.gap_s + stop_s + again_s, is_measured, limit_of(name))
+
+
+def announcement(
+    reason: str,
+    prospects: Iterable[LineCapacity],
+    times: RestartTimes,
+    *,
+    limit_of: Callable[[str], float | None],
+) -> tuple[str, dict[str, Any]]:
+    """Return the text and the data of the event with which a gateway ends."""
+    gaps = list(restart_gaps(prospects, times, limit_of=limit_of))
+    longest = max(gaps, key=lambda gap: gap.gap_s, default=None)
+    too_short = [gap.starter for gap in gaps if not gap.is_safe]
+    text = f"the gateway ends: {reason}"
+    if longest is not None:
+        text += f"; if it is started again at once, nothing is polled for up to {longest.gap_s:.1f} s"
+    if too_short:
+        text += f", longer than the watchdog of {', '.join(too_short)} allows"
+    data = {
+        "reason": reason,
+        "gap_s": None if longest is None else round(longest.gap_s, 3),
+        "starter": None if longest is None else longest.starter,
+        "too_short": too_short,
+    }
+    return text, data
+
+
+def planned_gaps(site: Site) -> list[RestartGap]:
+    """Return the gaps of a restart with this site, by what its state directory says; NewerError."""
+    watchdogs = KnownWatchdogs(memory=ReadOnlyStore(JsonFile(site.state_dir / WATCHDOGS_FILE)))
+    setups = {setup.name: setup for line in site.config.lines for setup in setups_of(line)}
+    times = stored_times(JsonFile(site.state_dir / RESTART_FILE))
+    limits_s = {name: watchdogs.limit_s(setup) for name, setup in setups.items()}
+    return list(restart_gaps(site.prospects, times, limit_of=limits_s.get))
+
+
+def times_in(document: Mapping[str, Any] | None) -> RestartTimes:
+    """Return the times that a document holds; what makes no sense counts as not measured."""
+    stored = document or {}
+    starts = stored.get("start_s")
+    found = {str(name): value for name, value in starts.items()} if isinstance(starts, dict) else {}
+    stop_s = stored.get("stop_s")
+    return RestartTimes(
+        stop_s if _is_time(stop_s) else None,
+        {name: value for name, value in found.items() if _is_time(value)},
+    )
+
+
+def stored_times(store: JsonStore) -> RestartTimes:
+    """Return what was measured before; nothing when it cannot be read."""
+    try:
+        return times_in(store.load())
+    except DamagedError:
+        return RestartTimes()
+
+
+def _is_time(value: object) -> bool:
+    return isinstance(value, float | int) and not isinstance(value, bool) and 0.0 <= value < 3600.0

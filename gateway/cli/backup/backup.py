@@ -1,0 +1,155 @@
+"""`starter-gateway backup`: configuration and state of a gateway, which may run meanwhile, in one file."""
+
+from __future__ import annotations
+
+import argparse
+import fcntl
+import os
+import shutil
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from gateway import __version__
+from gateway.cli.command import Subparsers
+from gateway.config.load import load
+from gateway.config.schema import Config
+from gateway.config.secrets import files_of, without_logins
+from gateway.errors import StoreError, UsageError
+from gateway.records import rfc3339
+from gateway.storage.upkeep.archive import Member, write_archive
+from gateway.storage.upkeep.state_copy import copy_state
+
+CONFIG, OUTSIDE, STATE = "config", "outside", "state"  # folders in a backup
+GZIP = b"\x1f\x8b"  # what a backup begins with [RFC 1952]
+PRIVATE = b"PRIVATE KEY-----"  # in a PEM file [RFC 7468], also one that is named as a certificate
+
+
+def add_parser(subparsers: Subparsers) -> None:
+    """Add the command's parser."""
+    parser = subparsers.add_parser(
+        "backup",
+        description="Store a gateway's configuration, the files it refers to, and its state in one file, "
+        "also while the gateway runs. Without --secrets passwords, private keys and tokens are left out.",
+    )
+    parser.add_argument("config", metavar="CONFIG", help="the gateway's configuration")
+    parser.add_argument("file", metavar="FILE", help="the backup to write, such as mcc1.tar.gz")
+    parser.add_argument("--secrets", action="store_true", help="with passwords, private keys and tokens")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the backup, say what is in it, and return 0."""
+    path, file = Path(args.config), Path(args.file)
+    config = load(path)
+    try:
+        octets = back_up(path, config, _checked_target(file), with_secrets=args.secrets)
+    except OSError as error:
+        raise StoreError(f"{error.filename or file}: {error.strerror or error}") from error
+    print(f"{file}: {octets} octets")
+    return 0
+
+
+def back_up(path: Path, config: Config, file: Path, *, with_secrets: bool) -> int:
+    """Write a backup, print what is in it, and return its size; StoreError, OSError."""
+    members, facts = _configured(path, config, with_secrets=with_secrets)
+    configured, state_dir = len(members) - 1, path.parent / config.gateway.state_dir
+    with _copies_beside(file) as copies:
+        versions = copy_state(state_dir, copies) if state_dir.is_dir() else {}
+        names = sorted(str(each.relative_to(copies)) for each in copies.rglob("*") if each.is_file())
+        members += [Member(f"{STATE}/{name}", copies / name, state_dir) for name in names]
+        facts |= {"state": versions, "state_dir": str(config.gateway.state_dir)}
+        write_archive(file, facts, members)
+    print(f"configuration {path} and {configured} files that it refers to")
+    print(f"state of {state_dir}: {', '.join(versions) or 'nothing yet'}")
+    if with_secrets:
+        print(f"warning: {file} holds passwords and keys: store it as safely as those (its mode is 0600)")
+    elif facts["left_out"] or facts["logins"]:
+        left_out = [*facts["left_out"], *(f"the password of login {name}" for name in facts["logins"])]
+        print(f"left out (--secrets takes them): {', '.join(left_out)}")
+    return file.stat().st_size
+
+
+def folder_of(path: Path) -> Path:
+    """Return a configuration's folder as a whole path, without steps upwards."""
+    folder = path.absolute().parent
+    return folder.resolve() if ".." in folder.parts else folder
+
+
+def name_in_backup(folder: Path, path: Path) -> str:
+    """Return the name of a configuration's file: below its folder as it is, else by its whole path."""
+    whole = Path(os.path.normpath(folder / path))
+    if whole.is_relative_to(folder):
+        return f"{CONFIG}/{whole.relative_to(folder)}"
+    return f"{OUTSIDE}{whole}"
+
+
+def _checked_target(file: Path) -> Path:
+    """Return where the backup goes, also behind a link; UsageError for what it must not replace."""
+    target = Path(os.path.realpath(file))
+    hint = "name a file to be written, such as mcc1.tar.gz"
+    if not target.parent.is_dir():
+        raise UsageError(f"{target.parent} is no folder ({hint})")
+    if not target.exists():
+        return target
+    if not target.is_file():
+        raise UsageError(f"{file} is there, and no file ({hint})")
+    with target.open("rb") as content:
+        if content.read(len(GZIP)) not in (GZIP, b""):
+            raise UsageError(f"{file} is there, and no backup ({hint})")
+    return target
+
+
+@contextmanager
+def _copies_beside(file: Path) -> Iterator[Path]:
+    """Give an empty folder for copies; what a killed process has left in it is deleted."""
+    folder = file.with_name(f".{file.name}.copies")
+    folder.mkdir(mode=0o700, exist_ok=True)
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    try:
+        status = os.fstat(descriptor)
+        if status.st_uid != os.geteuid() or status.st_mode & 0o077:
+            raise StoreError(f"{folder} is another user's (name another file)")
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise StoreError(f"another process is writing a backup to {file}") from error
+        try:
+            for each in folder.iterdir():
+                shutil.rmtree(each) if each.is_dir() else each.unlink()
+            yield folder
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+    finally:
+        os.close(descriptor)
+
+
+def _configured(path: Path, config: Config, *, with_secrets: bool) -> tuple[list[Member], dict[str, Any]]:
+    """Return the configuration and its files as members, and the facts of the manifest."""
+    folder, text, logins = folder_of(path), path.read_text("utf-8"), list[str]()
+    if not with_secrets:
+        text, logins = without_logins(text, config)
+    own = f"{CONFIG}/{path.name}"
+    members, left_out, files = {own: Member(own, text.encode(), path)}, [], files_of(config)
+    secrets = {(folder / each.path).resolve() for each in files if each.is_secret}
+    for each in files:
+        where, name = folder / each.path, name_in_backup(folder, each.path)
+        is_hidden = not with_secrets and where.resolve() in secrets
+        content = b"" if is_hidden else where.read_bytes()
+        if is_hidden or (not with_secrets and PRIVATE in content):
+            left_out.append(str(each.path))
+        else:
+            members[name] = Member(name, content, where)  # one that two keys name is there once
+    facts = {
+        "product": "starter-gateway",
+        "version": __version__,
+        "made": rfc3339(time.time()),
+        "gateway": config.gateway.name,
+        "config": path.name,
+        "folder": str(folder),
+        "has_secrets": with_secrets,
+        "left_out": left_out,
+        "logins": logins,
+    }
+    return list(members.values()), facts

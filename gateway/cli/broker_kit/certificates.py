@@ -1,0 +1,125 @@
+"""A small certificate authority and the broker's certificate, made by the `openssl` command."""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+from gateway.errors import StartError, UsageError
+
+CA_DAYS, BROKER_DAYS = 3650, 825
+CA, CA_KEY, CERT, KEY = "ca.pem", "ca.key", "broker.pem", "broker.key"
+
+_WITHIN_S = 30.0
+_NEW_KEY = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes")
+
+
+def make_authority(folder: Path, name: str) -> None:
+    """Make `ca.pem` and `ca.key`, valid for ten years; the key signs nothing but certificates of servers."""
+    extensions = [
+        "basicConstraints=critical,CA:TRUE,pathlen:0",
+        "keyUsage=critical,keyCertSign,cRLSign",
+        "subjectKeyIdentifier=hash",
+    ]
+    subject = f"/CN=Starter Gateway {name} authority"
+    _openssl(
+        folder,
+        *("req", "-x509", *_NEW_KEY, "-days", str(CA_DAYS), "-subj", subject),
+        *(part for each in extensions for part in ("-addext", each)),
+        *("-keyout", CA_KEY, "-out", CA),
+    )
+
+
+def sign_broker(folder: Path, hosts: tuple[str, ...]) -> None:
+    """Make `broker.pem` and `broker.key` for these names and addresses, signed by the folder's authority."""
+    request, extensions = folder / "broker.csr", folder / "broker.ext"
+    extensions.write_text(
+        "basicConstraints=critical,CA:FALSE\nkeyUsage=critical,digitalSignature\nextendedKeyUsage=serverAuth\n"
+        "subjectKeyIdentifier=hash\nauthorityKeyIdentifier=keyid\n"
+        f"subjectAltName={','.join(map(_alternative_name, hosts))}\n",
+        "utf-8",
+    )
+    try:
+        _openssl(
+            folder, "req", "-new", *_NEW_KEY, "-subj", "/CN=broker", "-keyout", KEY, "-out", request.name
+        )
+        signed = ("-CA", CA, "-CAkey", CA_KEY, "-days", str(BROKER_DAYS), "-extfile", extensions.name)
+        _openssl(folder, "x509", "-req", "-in", request.name, *signed, "-CAcreateserial", "-out", CERT)
+    finally:
+        for left in (request, extensions, folder / "ca.srl"):
+            left.unlink(missing_ok=True)
+
+
+def ends_on(certificate: Path) -> str:
+    """Return until when a certificate is valid, as openssl prints it."""
+    return _openssl(certificate.parent, "x509", "-noout", "-enddate", "-in", certificate.name).partition("=")[
+        2
+    ]
+
+
+def names_in(certificate: Path) -> str:
+    """Return the names and addresses that a certificate is for, with commas between them."""
+    shown = _openssl(certificate.parent, "x509", "-noout", "-ext", "subjectAltName", "-in", certificate.name)
+    found = re.findall(r"(?:DNS|IP Address):([^,\s]+)", shown)
+    return ", ".join(found) or "no name"
+
+
+def names_missing(folder: Path, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return which names or addresses the broker's certificate in a folder is not for."""
+    return tuple(name for name in names if not _is_for(folder, name))
+
+
+def require_pair(folder: Path, host: str) -> None:
+    """UsageError unless a folder's certificate is a server's, of its authority, for `host`, and with its key.
+
+    What lies between certificate and authority stands in the certificate's file.
+    """
+    try:
+        _openssl(folder, "verify", "-purpose", "sslserver", "-CAfile", CA, "-untrusted", CERT, CERT)
+        public = _openssl(folder, "x509", "-noout", "-pubkey", "-in", CERT)
+        is_pair = public == _openssl(folder, "pkey", "-pubout", "-in", KEY)
+    except StartError as error:
+        raise UsageError(f"--ca, --cert and --key do not fit together: {error}") from error
+    if not is_pair:
+        raise UsageError("--key is not the key of --cert")
+    if not _is_for(folder, host):
+        raise UsageError(f"--cert is not for {host}, the broker of mqtt.url (its names must be in it)")
+
+
+def _is_for(folder: Path, name: str) -> bool:
+    kind = "-checkip" if _alternative_name(name).startswith("IP:") else "-checkhost"
+    return "does match" in _openssl(folder, "x509", "-noout", kind, name, "-in", CERT)
+
+
+def _alternative_name(host: str) -> str:
+    try:
+        return f"IP:{ipaddress.ip_address(host)}"
+    except ValueError:
+        return f"DNS:{host}"
+
+
+def _openssl(folder: Path, *arguments: str) -> str:
+    """Run openssl in a folder and return what it printed; StartError when it is not here, or fails."""
+    program = shutil.which("openssl")
+    if program is None:
+        raise StartError("openssl is not here", "apt-get install openssl, or give --ca, --cert and --key")
+    done = subprocess.run(
+        [program, *arguments],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=_WITHIN_S,
+        stdin=subprocess.DEVNULL,
+        check=False,
+        umask=0o077,  # keys are for their owner only, from their first byte on
+    )
+    if done.returncode:
+        lines = (done.stderr.strip() or done.stdout.strip()).splitlines()
+        reason = [line for line in lines if " lookup: " in line] or lines  # of `verify`: why
+        raise StartError(
+            f"openssl {arguments[0]}: {''.join(reason[-1:])}", "look at the files that it was given"
+        )
+    return done.stdout.strip()

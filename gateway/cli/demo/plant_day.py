@@ -1,0 +1,73 @@
+"""A small plant's day in two minutes, again and again: the demo's motors as people there would run them.
+
+Starts and stops are commands like any other, of the operator `demo`; trips and power cuts are set at the
+simulated starters. Nothing here exists in a real gateway.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from typing import NamedTuple
+
+from gateway.cli.demo.client import publish
+from gateway.client import Client
+from gateway.errors import GatewayError
+
+log = logging.getLogger(__name__)
+
+BASE, CLIENT = "starters/demo", "demo"
+DAY_S = 120.0
+RESULT_WITHIN_S = 20.0
+
+
+class Deed(NamedTuple):
+    """What is done at which second of the day: a command, or with a `setting` a control of the simulator."""
+
+    at_s: float
+    starter: str
+    what: str
+    setting: str = ""
+
+
+DAY = (
+    Deed(2.0, "pump", "start"),
+    Deed(8.0, "fan", "start"),
+    Deed(18.0, "mill", "start"),
+    Deed(30.0, "belt", "start"),
+    Deed(50.0, "fan", "stop"),
+    Deed(56.0, "mill", "trip", "F005"),
+    Deed(66.0, "fan", "start"),
+    Deed(72.0, "mill", "reset"),
+    Deed(78.0, "mill", "start"),
+    Deed(84.0, "belt", "stop"),
+    Deed(92.0, "belt", "power", "off"),
+    Deed(104.0, "belt", "power", "on"),
+    Deed(106.0, "pump", "stop"),
+    Deed(109.0, "fan", "stop"),
+    Deed(112.0, "belt", "configure"),  # an SST asks for that after each loss of its supply
+    Deed(114.0, "mill", "stop"),
+)
+
+
+async def run_plant(port: int) -> None:
+    """Run day after day at the broker on this port, until cancelled; what fails is logged."""
+    client = Client(f"mqtt://127.0.0.1:{port}", base=BASE, client=CLIENT)
+    while True:
+        begun_s = asyncio.get_running_loop().time()
+        for deed in DAY:
+            await asyncio.sleep(max(begun_s + deed.at_s - asyncio.get_running_loop().time(), 0.0))
+            await _do(deed, client, port)
+        await asyncio.sleep(max(begun_s + DAY_S - asyncio.get_running_loop().time(), 0.0))
+
+
+async def _do(deed: Deed, client: Client, port: int) -> None:
+    try:
+        if deed.setting:
+            await publish(port, f"simulator/{deed.starter}/{deed.what}", deed.setting)
+            return
+        result = await client.command(deed.starter, deed.what, within_s=RESULT_WITHIN_S)
+        if not result.is_confirmed:
+            log.warning("%s %s: %s %s", deed.starter, deed.what, result.phase, result.text)
+    except GatewayError as error:
+        log.warning("%s %s: %s", deed.starter, deed.what, error)

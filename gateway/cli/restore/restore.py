@@ -1,0 +1,245 @@
+"""`starter-gateway restore`: puts back what a backup holds, or the copies that an upgrade has left.
+
+Everything is verified before anything is written. Nothing is written outside the configuration's folder and
+the state directory, over files that are there without --replace, or beside a running gateway.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from gateway.cli.backup.backup import CONFIG, OUTSIDE, STATE, name_in_backup
+from gateway.cli.command import Subparsers
+from gateway.cli.restore.caution import HELD, give_to, give_to_owner_of, lock_all, note_past
+from gateway.cli.restore.rollback import roll_back
+from gateway.cli.restore.switch import RESTORED, Switch
+from gateway.config.load import load, parse
+from gateway.config.schema import Config
+from gateway.config.secrets import files_of
+from gateway.errors import ConfigError, DamagedError, NewerError, StartError, StoreError
+from gateway.starters.policy.motor_history import PRECAUTIONS_FILE
+from gateway.storage.audit.segments import FOLDER as AUDIT
+from gateway.storage.audit.segments import LOCK as AUDIT_LOCK
+from gateway.storage.formats.catalogue import FORMATS, newer_text
+from gateway.storage.upkeep.archive import Archive, open_archive
+from gateway.storage.upkeep.state_copy import is_state_name, replaced_in
+from gateway.storage.upkeep.versions import refuse_newer
+from gateway.system.clock import read_clocks
+from gateway.system.instance_lock import FILE, instance_lock, is_locked
+
+
+def add_parser(subparsers: Subparsers) -> None:
+    """Add the command's parser."""
+    parser = subparsers.add_parser(
+        "restore",
+        description="Put back what a backup holds; or, with --rollback, the copies that an upgrade left "
+        "beside files that an earlier version cannot read. The gateway must not run. Afterwards "
+        "every starter that can be locked is locked: what happened since the backup is not known.",
+    )
+    parser.add_argument(
+        "file", metavar="FILE", help="the backup; with --rollback the gateway's configuration"
+    )
+    parser.add_argument("--to", metavar="DIR", help="put everything below this folder, not where it was")
+    parser.add_argument("--replace", action="store_true", help="replace what is there; it is set aside")
+    parser.add_argument("--rollback", action="store_true", help="put back the copies of before an upgrade")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Restore, print what was done, and return 0."""
+    try:
+        if args.rollback:
+            path = Path(args.file)
+            roll_back(path.parent / (config := load(path)).gateway.state_dir, config)
+        else:
+            with open_archive(Path(args.file)) as archive:
+                _restore(archive, None if args.to is None else Path(args.to), is_replacing=args.replace)
+    except OSError as error:
+        raise StoreError(f"{error.filename}: {error.strerror or error}") from error
+    return 0
+
+
+def _restore(archive: Archive, to: Path | None, *, is_replacing: bool) -> None:
+    place = _place(archive, to)
+    switch = Switch(place.state_dir, place.path, [path for path in place.files if path != place.path])
+    _require_free(place, switch, is_replacing=is_replacing)
+    is_new = not place.state_dir.exists()
+    place.folder.mkdir(parents=True, exist_ok=True)
+    with instance_lock(place.state_dir):
+        _give_state_dir(archive, place, is_new=is_new)
+        try:
+            switch.begin()
+            locked = _write_state(archive, place, switch.stage)
+            _write_configured(archive, place)
+            switch.seal()
+        except BaseException:
+            switch.give_up()
+            raise
+        aside = switch.complete()
+    if aside is not None:
+        print(f"set aside: the state that was there, as {aside}")
+    _report(archive.manifest, place, locked)
+
+
+def _require_free(place: _Place, switch: Switch, *, is_replacing: bool) -> None:
+    """Raise StartError where something is in the way, or a gateway runs by what would be replaced."""
+    there = [*(path for path in place.files if os.path.lexists(path)), *replaced_in(place.state_dir)]
+    if there and not is_replacing:
+        hint = "--replace sets them aside, --to DIR restores elsewhere"
+        if switch.is_going_on:
+            hint = (
+                "an earlier restore was cut short: --replace goes on, and what was there before stays aside"
+            )
+        raise StartError(f"already there: {', '.join(str(each) for each in there[:3])}", hint)
+    with suppress(ConfigError, OSError):
+        state_dir = place.folder / load(place.path).gateway.state_dir
+        if state_dir != place.state_dir and is_locked(state_dir):
+            raise StartError(f"a gateway runs by {place.path}, with state_dir {state_dir}", "stop that one")
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Where everything goes; files by their place below the folder, with their names in the backup."""
+
+    config: Config
+    path: Path  # of the configuration
+    folder: Path
+    state_dir: Path
+    configured: Mapping[str, str]
+    state: Mapping[str, str]
+
+    @property
+    def files(self) -> list[Path]:
+        """Return where the configuration and its files go."""
+        return [self.folder / name for name in self.configured]
+
+
+def _place(archive: Archive, to: Path | None) -> _Place:
+    facts = archive.manifest
+    _refuse_newer(facts)
+    name, before = facts["config"], Path(facts["folder"])
+    folder = before if to is None else to.absolute()
+    configured, state = _places(archive)
+    if "/" in name or name not in configured or not before.is_absolute():
+        raise DamagedError("the backup does not say which its configuration is")
+    config = parse(archive.read(configured[name]).decode("utf-8", "replace"), str(folder / name))
+    _refuse_foreign(config, before, archive, name)
+    state_dir = _state_dir(config, folder, is_elsewhere=to is not None)
+    return _Place(config, folder / name, folder, state_dir, configured, state)
+
+
+def _give_state_dir(archive: Archive, place: _Place, *, is_new: bool) -> None:
+    """As root, give a folder that is new, or root's own, to the user that the state belonged to."""
+    if is_new or place.state_dir.stat().st_uid == 0:
+        for stored in list(place.state.values())[:1]:
+            give_to(place.state_dir, *archive.rights(stored)[1:])
+    give_to_owner_of(place.state_dir, [place.state_dir / FILE])
+
+
+def _write_state(archive: Archive, place: _Place, stage: Path) -> list[str]:
+    """Write the state as it is to be; return the starters that are locked in it."""
+    what, reading = f"restored from a backup of {archive.manifest['made']}", read_clocks()
+    before = place.state.get(PRECAUTIONS_FILE)
+    content = None if before is None else archive.read(before)
+    locked = lock_all(stage, place.config, reading, what, content)
+    for name, stored in sorted(place.state.items()):
+        if name != PRECAUTIONS_FILE:
+            path = stage / name
+            path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            archive.extract(stored, path)
+    refuse_newer(stage)
+    note_past(stage, reading, what)
+    (stage / AUDIT / AUDIT_LOCK).unlink(missing_ok=True)
+    give_to_owner_of(place.state_dir, [stage, *stage.rglob("*")])
+    return locked
+
+
+def _write_configured(archive: Archive, place: _Place) -> None:
+    """Write the configuration and what it refers to beside their places, each for those who might read it."""
+    for name, stored in place.configured.items():
+        path = place.folder / (name + RESTORED)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        archive.extract(stored, path)
+        mode, user, group = archive.rights(stored)
+        path.chmod(mode)
+        give_to(path, user, group)
+
+
+def _refuse_foreign(config: Config, folder: Path, archive: Archive, name: str) -> None:
+    """Raise DamagedError for a file of the configuration's folder that the configuration does not name."""
+    known = {f"{CONFIG}/{name}", *(name_in_backup(folder, each.path) for each in files_of(config))}
+    for entry in archive.entries:
+        if not entry.name.startswith(f"{STATE}/") and entry.name not in known:
+            raise DamagedError(f"the backup holds {entry.name}, which its configuration does not name")
+
+
+def _refuse_newer(facts: Mapping[str, Any]) -> None:
+    """Raise NewerError when this program could not read what would be restored."""
+    versions = facts.get("state")
+    known = {each.name: each for each in FORMATS.values()}
+    texts = [
+        newer_text(Path(name), version, known[name])
+        for name, version in (versions.items() if isinstance(versions, dict) else ())
+        if name in known and isinstance(version, int)
+    ]
+    if any(texts):
+        raise NewerError("\n".join(text for text in texts if text))
+
+
+def _places(archive: Archive) -> tuple[dict[str, str], dict[str, str]]:
+    """Return the files of the configuration's folder and of the state, each with its name in the backup."""
+    configured: dict[str, str] = {}
+    state: dict[str, str] = {}
+    for entry in archive.entries:
+        first, _, rest = entry.name.partition("/")
+        path = PurePosixPath(rest)
+        is_inside = rest and not path.is_absolute() and ".." not in path.parts and str(path) == rest
+        if first == CONFIG and is_inside:
+            configured[rest] = entry.name
+        elif first == OUTSIDE and is_inside:
+            configured[f"{OUTSIDE}/{rest}"] = entry.name
+        elif first == STATE and is_state_name(rest):
+            state[rest] = entry.name
+        else:
+            raise DamagedError(f"the backup holds {entry.name}, which no gateway has")
+    return configured, state
+
+
+def _state_dir(config: Config, folder: Path, *, is_elsewhere: bool) -> Path:
+    """Return where the state goes: with --to below that folder, whatever the configuration says."""
+    configured = config.gateway.state_dir
+    if not is_elsewhere:
+        return folder / configured
+    whole = Path(os.path.normpath(folder / configured))
+    return whole if whole.is_relative_to(folder) else folder / STATE
+
+
+def _report(facts: Mapping[str, Any], place: _Place, locked: list[str]) -> None:
+    config, folder = place.config, place.folder
+    print(f"gateway {config.gateway.name}, backup of {facts.get('made')} by version {facts.get('version')}")
+    print(f"configuration: {len(place.configured)} files in {folder}")
+    print(f"state: {len(place.state)} files in {place.state_dir}")
+    if folder / config.gateway.state_dir != place.state_dir:
+        print(
+            f"the configuration names another state_dir, {config.gateway.state_dir}: change it, or move them"
+        )
+    before = Path(facts["folder"])
+    for each in files_of(config) if before != folder else ():
+        name = name_in_backup(before, each.path)
+        if each.path.is_absolute() and name in place.configured.values() and name.startswith(f"{CONFIG}/"):
+            now = folder / name.removeprefix(f"{CONFIG}/")
+            print(f"the configuration names {each.path}, which is {now} now: change it")
+    if any(name.startswith(f"{OUTSIDE}/") for name in place.configured):
+        print(f"files of other folders are below {folder / OUTSIDE}: put each where it belongs")
+    missing = [*facts["left_out"], *(f"the password of login {each}" for each in facts["logins"])]
+    if missing:
+        print(f"not in the backup, to be given anew: {', '.join(missing)}")
+    if locked:
+        print(f"locked until an operator unlocks them: {', '.join(locked)}")
+    print(HELD)
+    print(f"then: starter-gateway check {place.path}")

@@ -1,0 +1,42 @@
+"""`starter-gateway web-password`: prints the line that a `[[web.user]]` has as its password."""
+
+from __future__ import annotations
+
+import argparse
+import getpass
+import sys
+
+from gateway.cli.command import Subparsers
+from gateway.errors import UsageError
+from gateway.system.password_hash import password_line
+
+SHORTEST = 8  # characters
+
+
+def add_parser(subparsers: Subparsers) -> None:
+    """Add the command's parser."""
+    subparsers.add_parser(
+        "web-password",
+        description="Read a password, twice from a terminal or once from standard input, and print the line"
+        " for `password` of a [[web.user]]. The password itself is stored nowhere.",
+    )
+
+
+def run(_: argparse.Namespace) -> int:
+    """Print the line; UsageError for a password that cannot be used."""
+    password = _asked() if sys.stdin.isatty() else sys.stdin.readline().rstrip("\r\n")
+    if len(password) < SHORTEST:
+        raise UsageError(f"the password has {len(password)} characters, at least {SHORTEST} are needed")
+    try:
+        line = password_line(password)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+    print(line)
+    return 0
+
+
+def _asked() -> str:
+    password = getpass.getpass("Password: ")
+    if getpass.getpass("Once more: ") != password:
+        raise UsageError("the two passwords differ")
+    return password

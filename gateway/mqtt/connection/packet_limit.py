@@ -1,0 +1,74 @@
+"""How large a packet from the broker may be: paho's client, which stores none that is announced larger.
+
+MQTT 5 lets a client ask the broker to hold larger ones back; MQTT 3.1.1 does not, and a broker may ignore it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Self
+
+from paho.mqtt import client as paho
+
+from gateway.mqtt.connection.reconnect import Notice
+
+MAX_INCOMING_BYTES = 65_536  # asked of the broker; commands are 4 KB at most
+MOST_SKIPPED_BYTES = 1_048_576  # of a larger packet its beginning is stored; beyond this it ends the session
+RETAIN = 0x01  # in a PUBLISH's first byte [MQTT3 3.3.1.3]
+
+
+class TooLargeError(Exception):
+    """The broker announced more than is taken; carries its size. An OSError would not come out of paho."""
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+        super().__init__(size)
+
+
+class LimitedClient(paho.Client):
+    """Reads over a packet that is too large, and says so to `on_skip`.
+
+    One that is larger than MOST_SKIPPED_BYTES would hold up what comes after it, and ends the session
+    (TooLargeError); unless it is retained, since the next session would get it too.
+    """
+
+    on_skip: Callable[[int], None]
+
+    def _sock_recv(self, bufsize: int) -> bytes:
+        """Read so much at most; for a packet's body paho first asks for its whole announced length."""
+        if bufsize > MAX_INCOMING_BYTES:
+            packet = self._in_packet
+            if not isinstance(packet["packet"], _Beginning):
+                is_retained = bool(packet["command"] & RETAIN)
+                if bufsize > MOST_SKIPPED_BYTES and not is_retained:
+                    raise TooLargeError(bufsize)
+                packet["packet"] = _Beginning()
+                self.on_skip(bufsize)
+        return super()._sock_recv(min(bufsize, MAX_INCOMING_BYTES))
+
+
+class _Beginning(bytearray):
+    """The body of a packet that is too large, as far as it is stored: its topic, and more than is taken."""
+
+    def __iadd__(self, data: Any) -> Self:  # type: ignore[misc]  # paho adds in place only
+        """Add what there is room for."""
+        self.extend(data[: 2 * MAX_INCOMING_BYTES - len(self)])
+        return self
+
+
+def skipped(size: int) -> Notice:
+    """Return what is wrong when the broker sends a packet that is read over."""
+    return Notice(
+        "message_too_large",
+        f"the broker sent a packet of {size} bytes, more than {MAX_INCOMING_BYTES}: it was not read (find "
+        "who sends that to a command topic, and clear it if it is retained)",
+    )
+
+
+def too_large(size: int) -> Notice:
+    """Return what is wrong when the broker announces a packet that is not even read over."""
+    return Notice(
+        "message_too_large",
+        f"the broker announced a packet of {size} bytes, more than {MAX_INCOMING_BYTES}: the connection was "
+        "closed before it was read (find who sends that to a command topic, and clear it if it is retained)",
+    )

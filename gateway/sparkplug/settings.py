@@ -1,0 +1,20 @@
+"""What the edge node runs by, as plain values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gateway.mqtt.connection.settings import BrokerSettings
+
+
+@dataclass(frozen=True, slots=True)
+class SparkplugSettings:
+    """One edge node; `servers` are tried one after the other."""
+
+    group: str
+    node: str
+    servers: tuple[BrokerSettings, ...]
+    primary_host: str | None = None
+    operator: str | None = None  # whose rights commands have; None: none are taken
+    ttl_s: float = 5.0  # how old a command may be
+    has_datatypes: bool = False  # in data messages too

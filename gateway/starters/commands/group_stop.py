@@ -1,0 +1,72 @@
+"""One stop for a group: each member is stopped on its own, and the results make one for the whole."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import replace
+
+from gateway.records import Phase
+from gateway.starters.commands.lifecycle import CommandReport, Final, Reporting
+from gateway.starters.policy.request import CommandRequest
+
+
+class GroupStop:
+    """Gathers the members' results into the group's: confirmed only when all members are."""
+
+    def __init__(self, report: CommandReport, members: Collection[str], reporting: Reporting) -> None:
+        self._report = report
+        self._missing = set(members)
+        self._ends: dict[str, Final] = {}
+        self._reporting = reporting
+
+    def member(self, name: str) -> CommandReport:
+        """Return the stop of one member: reported to the same client, with the same id, but not stored."""
+        request = replace(self._report.request, starter=name, correlation=None, response_topic=None)
+        return _MemberReport(request, self._reporting, whole=self)
+
+    def note_written(self) -> None:
+        """Record that something was written to a member."""
+        self._report.write()
+
+    def note_end(self, name: str, end: Final) -> None:
+        """Record a member's result; the last one ends the whole."""
+        self._ends[name] = end
+        self._missing.discard(name)
+        if not self._missing:
+            self._report.finish(self._end())
+
+    def _end(self) -> Final:
+        names = sorted(self._ends)
+        values = {"members": {n: {"phase": self._ends[n].phase, "code": self._ends[n].code} for n in names}}
+        others = [name for name in names if self._ends[name].phase is not Phase.CONFIRMED]
+        if not others:
+            return Final(Phase.CONFIRMED, "ok", f"all {len(names)} read back from their starters", values)
+        causes = "; ".join(f"{name}: {self._ends[name].code}, {self._ends[name].text}" for name in others[:5])
+        more = f"; and {len(others) - 5} more" if len(others) > 5 else ""
+        text = f"{len(others)} of {len(names)} not confirmed: {causes}{more}"
+        return Final(self._phase(others), "not_all", text, values)
+
+    def _phase(self, others: Collection[str]) -> Phase:
+        """Return the whole's phase when not all are confirmed: rejected only when nothing was written."""
+        if self._report.life.is_written:
+            return Phase.UNCONFIRMED
+        phases = {self._ends[name].phase for name in others}
+        return Phase.REJECTED if phases == {Phase.REJECTED} else Phase.FAILED
+
+
+class _MemberReport(CommandReport):
+    """One member's stop, which passes its progress on to the whole."""
+
+    def __init__(self, request: CommandRequest, reporting: Reporting, *, whole: GroupStop) -> None:
+        super().__init__(request, reporting, is_stored=False)
+        self._whole = whole
+
+    def write(self) -> None:
+        """Say that something went out to the starter."""
+        super().write()
+        self._whole.note_written()
+
+    def finish(self, end: Final, *, is_stored: bool = True) -> None:
+        """Give the final result."""
+        super().finish(end, is_stored=is_stored)
+        self._whole.note_end(self.request.starter, end)

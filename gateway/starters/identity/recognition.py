@@ -1,0 +1,108 @@
+"""Whether the device that answers now is the one that was identified, by what another would answer otherwise.
+
+Not every swap shows by a silence: an address that is given anew, a serial server that points elsewhere. Each
+family names the few requests that distinguish it from the others (`Question.is_distinctive`: by their value;
+`is_always_there`: by being answered). They are asked again before each write, after anything that is unlike
+the device, and now and then where the polls would not show it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Mapping
+
+from gateway.families.devices.device import Question
+from gateway.families.diagnosis.identify import identify, identify_requests
+from gateway.families.profile.schema import Profile
+from gateway.line.rtu.bus_faults import whole_frame
+from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused
+from gateway.modbus.codes import EXCEPTION_BIT
+
+Put = Callable[[Question], Awaitable[Outcome]]
+
+TRIES = 2  # a lost reply says nothing
+REFUSALS = 2  # each may answer an earlier request; another device answers one of so many
+
+
+class Recognition:
+    """Of one starter: what the device said when it was identified."""
+
+    def __init__(self, profile: Profile) -> None:
+        self._profile = profile
+        questions = identify_requests(profile)
+        self._questions = tuple(q for q in questions if q.is_distinctive or q.is_always_there)
+        self.is_hidden = any(q.is_distinctive for q in questions)  # the polls might not show another device
+        self._said: dict[Question, Outcome] = {}
+
+    def forget(self) -> None:
+        """Begin anew: the device is open."""
+        self._said.clear()
+
+    @property
+    def is_complete(self) -> bool:
+        """Return whether another device would show at once: each question had a clear answer."""
+        return all(question in self._said for question in self._questions)
+
+    def note(self, outcomes: Mapping[Question, Outcome]) -> None:
+        """Record what the device that is there now has answered."""
+        self._said = {q: outcomes[q] for q in self._questions if _is_clear(outcomes.get(q))}
+
+    async def is_completed_otherwise(self, put: Put) -> bool:
+        """Ask what was not asked yet of a device that is proved; return whether that denies it."""
+        for question in self._questions:
+            outcome = None if question in self._said else await put(question)
+            if not isinstance(outcome, Answered) and not isinstance(outcome, Refused):
+                continue
+            if isinstance(outcome, Answered):
+                family = identify(self._profile, {question.tag: outcome.value}).family_seen
+                if family not in (None, self._profile.family):
+                    return True
+            if _is_clear(outcome):
+                self._said[question] = outcome
+        return False
+
+    async def is_same(self, put: Put, *, is_brief: bool = False) -> bool | None:
+        """Return whether it answers as it did; None when it could not be asked.
+
+        `is_brief` asks only what the polls do not show. What it never answered clearly is not asked.
+        """
+        for question in self._questions:
+            if question in self._said and (question.is_distinctive or not is_brief):
+                is_same = await self._is_as_before(question, put)
+                if not is_same:
+                    return is_same
+        return True
+
+    async def _is_as_before(self, question: Question, put: Put) -> bool | None:
+        before = self._said[question]
+        refusals = misses = 0
+        while misses < TRIES:
+            now = await put(question)
+            if isinstance(now, Answered):
+                return isinstance(before, Answered) and (
+                    not question.is_distinctive or before.value == now.value
+                )
+            if isinstance(now, Refused) and now.is_lasting:
+                return isinstance(before, Refused) and before.code == now.code
+            if not isinstance(now, Garbled) or not is_refusal(now, question.request.function):
+                misses += 1
+            elif not isinstance(before, Refused):
+                return False
+            elif now.received[2] != before.code:  # unit, function, code [APP 7]
+                return None  # it answers an earlier request, or is another device's
+            else:
+                refusals += 1
+                if refusals == REFUSALS:
+                    return True
+        return None
+
+
+def is_refusal(outcome: Garbled, function: int | None = None) -> bool:
+    """Return whether a whole exception came, of this function, that may answer an earlier request."""
+    frame = whole_frame(outcome.received)
+    if frame is None or not frame.pdu[0] & EXCEPTION_BIT:
+        return False
+    return function is None or frame.pdu[0] == function | EXCEPTION_BIT
+
+
+def _is_clear(outcome: Outcome | None) -> bool:
+    return isinstance(outcome, Answered) or (isinstance(outcome, Refused) and outcome.is_lasting)

@@ -1,0 +1,139 @@
+"""Reads what a starter itself says of its past: after a trip its faults, now and then its own counters.
+
+All of it has the priority of the background, in short requests: no poll, stop or watchdog waits for it
+longer than for one of these. What is refused is left out.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
+from typing import Any, Protocol
+
+from gateway.errors import CommandError, PortLostError
+from gateway.families.profile.decode import alarm_code
+from gateway.families.profile.schema import Profile
+from gateway.families.reading.bulk import bulk_reads
+from gateway.line.scheduler.requests import Priority
+from gateway.starters.bulk_read import read_in_bulk
+from gateway.starters.identity.first_contact import IdentityStatus
+from gateway.starters.parameters.model import ParameterEntry, entries_of
+from gateway.starters.telemetry.view import StarterControlView
+from gateway.system.supervised import SupervisedTask
+
+logger = logging.getLogger(__name__)
+
+OWN_EVERY_S = 60.0  # the starter's own counters and thermal level
+SETTINGS_EVERY_S = 3600.0
+AGAIN_S = 1.0  # before what was not answered is asked for again,
+TRIES = 5  # that often after a trip
+LONGEST_BLOCK = 24  # registers: no request of an identification is shorter, so no stop waits longer
+
+Rows = Mapping[str, ParameterEntry]
+
+
+class PastListener(Protocol):
+    """Receives what was read; the app's history is one."""
+
+    def note_fault_data(
+        self, starter: str, at_fault: Mapping[str, Mapping[str, Any]], history: Sequence[Mapping[str, Any]]
+    ) -> None:
+        """Record what was read after a trip; both are empty where nothing could be read."""
+
+    def note_own_rows(self, starter: str, rows: Mapping[str, float]) -> None:
+        """Record numbers of rows that `Profile.history` names, by code, just read."""
+
+
+class PastReader:
+    """Reads one starter; everything on the app's loop."""
+
+    def __init__(self, starter: StarterControlView, listener: PastListener) -> None:
+        self._starter = starter
+        self._listener = listener
+        self._fault = SupervisedTask(f"fault data {starter.setup.name}")
+        self._own = SupervisedTask(f"own counters {starter.setup.name}")
+
+    def begin(self) -> None:
+        """Read the starter's own counters from now on; the starter is identified."""
+        if own_codes(self._starter.profile):
+            self._own.begin(self._read_own)
+
+    def read_fault(self) -> None:
+        """Read what the starter says of a trip that has just been seen."""
+        self._fault.begin(self._read_fault)
+
+    async def close(self) -> None:
+        """Read nothing more."""
+        await self._fault.close()
+        await self._own.close()
+
+    async def _read_fault(self) -> None:
+        starter = self._starter
+        rows = starter.profile.history
+        found: Rows = {}
+        for _ in range(TRIES):
+            found = await self._read((*rows.fault_history, *rows.at_fault))
+            if found:
+                break
+            await asyncio.sleep(AGAIN_S)
+        history = [_shown(starter.profile, code, found[code]) for code in rows.fault_history if code in found]
+        at_fault = {
+            code: _shown(starter.profile, code, found[code]) for code in rows.at_fault if code in found
+        }
+        for each in at_fault.values():
+            del each["code"]
+        self._listener.note_fault_data(starter.setup.name, at_fault, history)
+
+    async def _read_own(self) -> None:
+        counted, settings = own_codes(self._starter.profile), _settings(self._starter.profile)
+        settings_s = -SETTINGS_EVERY_S
+        while self._starter.is_answering:  # its next identification begins this anew
+            now_s = asyncio.get_running_loop().time()
+            codes = counted
+            if now_s - settings_s >= SETTINGS_EVERY_S:
+                codes, settings_s = (*counted, *settings), now_s
+            entries = await self._read(codes)
+            numbers = {
+                code: float(e.value) for code, e in entries.items() if isinstance(e.value, (int, float))
+            }
+            self._listener.note_own_rows(self._starter.setup.name, numbers)
+            await asyncio.sleep(OWN_EVERY_S)
+
+    async def _read(self, codes: Iterable[str]) -> Rows:
+        """Return these rows as far as they are given; none when the starter cannot be asked now."""
+        starter = self._starter
+        if not starter.is_answering or starter.identity_standing is not IdentityStatus.MATCHING:
+            return {}
+        longest = min(LONGEST_BLOCK, starter.profile.limits.read_registers)
+        reads = bulk_reads(starter.profile, codes, longest=longest)
+        ask = partial(starter.ask, lane=Priority.PARAMETERS)
+        try:
+            found = await read_in_bulk(ask, starter.profile, reads, tries=1)
+        except (CommandError, PortLostError) as error:  # the polls publish that it is silent
+            logger.debug("starter=%s its past is not read: %s", starter.setup.name, error)
+            return {}
+        return entries_of(starter.profile, starter.variant, found.rows)
+
+
+def own_codes(profile: Profile) -> tuple[str, ...]:
+    """Return the rows of a family that count or show its heat, and that no point is read from."""
+    rows = profile.history
+    polled = {point.code for point in profile.points.values()}
+    return tuple(code for code in (rows.thermal, rows.hours, rows.energy) if code and code not in polled)
+
+
+def _settings(profile: Profile) -> tuple[str, ...]:
+    rows = profile.history
+    return tuple(code for code in (rows.cooling, rows.after_stop, rows.between_starts) if code)
+
+
+def _shown(profile: Profile, code: str, entry: ParameterEntry) -> dict[str, Any]:
+    """Return a row as the record of a trip has it; a fault's number with the code of its alarm."""
+    shown: dict[str, Any] = {"code": code, "value": entry.value, "unit": entry.unit, "name": entry.name}
+    if entry.label is not None:
+        shown["label"] = entry.label
+    if code in profile.alarm_rows and isinstance(entry.value, int) and entry.value:
+        shown["alarm"] = alarm_code(profile.alarm_rows[code], entry.value)
+    return shown

@@ -1,0 +1,61 @@
+"""Files that appear whole or not at all, also over a power cut; and the copies of earlier versions."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from gateway.storage.formats.catalogue import copy_path, other_copies
+
+NEW = ".new"  # ends the name of a file that is still being written
+
+
+def private(path: str, flags: int) -> int:
+    """Open a file that only the gateway's own user may read; for `open(opener=)`."""
+    return os.open(path, flags, 0o600)
+
+
+def without_waiting(path: str, flags: int) -> int:
+    """Open what may be a pipe in a file's place, without waiting for its other end; for `open(opener=)`."""
+    return os.open(path, flags | os.O_NONBLOCK)
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Replace a file in one step, and return when that is on the disk; OSError."""
+    new = path.with_name(path.name + NEW)
+    with open(new, "wb", opener=private) as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+    put_in_place(new, path)
+
+
+def put_in_place(new: Path, path: Path) -> None:
+    """Rename a file that is on the disk already, and return when the name is as well; OSError."""
+    new.replace(path)
+    sync_folder(path.parent)
+
+
+def sync_file(path: Path) -> None:
+    """Return when a file's content is on the disk; OSError."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def sync_folder(folder: Path) -> None:
+    """Let a file's new name outlive a power cut as well; OSError."""
+    sync_file(folder)
+
+
+def write_copy(path: Path, version: int, content: bytes) -> None:
+    """Store what a file of an earlier version holds beside it; OSError."""
+    write_whole(copy_path(path, version), content)
+
+
+def forget_other_copies(path: Path, version: int) -> None:
+    """Delete the copies of all versions but this one; OSError."""
+    for each in other_copies(path, version):
+        each.unlink()

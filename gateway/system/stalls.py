@@ -1,0 +1,199 @@
+"""Stalls: a late event loop, a process that hangs, a process or machine that was suspended.
+
+faulthandler's C thread writes the stacks of a process that hangs: it needs neither a loop nor Python's lock,
+so it always works. What waited while the process was suspended is old.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import bisect
+import faulthandler
+import logging
+import math
+import sys
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+log = logging.getLogger(__name__)
+
+QUIET_S = 600.0  # between dumps: repeated stalls must not fill the journal
+
+
+class HangWatch:
+    """Armed by every sign of life; a dump follows when none came for half the service watchdog's limit."""
+
+    def __init__(
+        self,
+        patience_s: float | None,
+        *,
+        arm: Callable[..., Any] = faulthandler.dump_traceback_later,
+        disarm: Callable[[], Any] = faulthandler.cancel_dump_traceback_later,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._patience_s = patience_s
+        self._arm = arm
+        self._disarm = disarm
+        self._clock = clock
+        self._fed_s: float | None = None
+        self._dumped_s = float("-inf")
+        self.dumps = 0
+
+    def fed(self) -> None:
+        """Record a sign of life: the dump is now due later."""
+        if self._patience_s is None:
+            return
+        now_s = self._clock()
+        if self._fed_s is not None and now_s - self._fed_s >= self._patience_s:
+            self._note_stall(now_s, now_s - self._fed_s)
+        self._fed_s = now_s
+        if now_s - self._dumped_s >= QUIET_S:
+            self._arm(self._patience_s, file=sys.__stderr__)
+
+    def close(self) -> None:
+        """Dump nothing more."""
+        if self._patience_s is not None:
+            self._disarm()
+
+    def _note_stall(self, now_s: float, stalled_s: float) -> None:
+        self.dumps += 1
+        if now_s - self._dumped_s >= QUIET_S:
+            self._dumped_s = now_s
+            where = "its stacks are above, unless the machine stopped it"
+            log.error("the gateway stood still for %.1f s; %s", stalled_s, where)
+        self._disarm()
+
+
+class Delays(NamedTuple):
+    """How many delays were how long: `counts` by upper bound, the last of those beyond them all."""
+
+    bounds_s: tuple[float, ...]
+    counts: tuple[int, ...]
+    total_s: float
+
+    @property
+    def within(self) -> list[int]:
+        """Return how many were at most as long as each bound; the last: how many there were."""
+        summed, sums = 0, []
+        for count in self.counts:
+            summed += count
+            sums.append(summed)
+        return sums
+
+
+class DelayCounts:
+    """Counts delays by how long they were; noted by one thread, taken by any."""
+
+    def __init__(self, bounds_s: Sequence[float]) -> None:
+        self._bounds_s = tuple(bounds_s)
+        self._counts = [0] * (len(bounds_s) + 1)
+        self._total_s = 0.0
+
+    def note(self, delay_s: float) -> None:
+        """Count one."""
+        self._counts[bisect.bisect_left(self._bounds_s, delay_s)] += 1
+        self._total_s += delay_s
+
+    def taken(self) -> Delays:
+        """Return all that were counted so far."""
+        return Delays(self._bounds_s, tuple(self._counts), self._total_s)
+
+
+TICK_S = 0.25
+WINDOW_S = 60.0
+LAG_BOUNDS_S = (0.001, 0.002, 0.005, 0.01, 0.05, 0.25, 1.0)
+
+
+class LagMeter:
+    """The worst delays of one loop. `run` belongs to that loop; the rest may be read from anywhere.
+
+    A loop that stood still for some time shows that time, less up to one tick.
+    """
+
+    def __init__(self) -> None:
+        self._worst_s = 0.0  # in the present minute
+        self._before_s = 0.0  # in the minute before it
+        self._began_s = float("-inf")
+        self._unread_s = 0.0
+        self.delays = DelayCounts(LAG_BOUNDS_S)  # of each tick
+
+    @property
+    def worst_s(self) -> float:
+        """Return the worst delay of the last one to two minutes."""
+        return max(self._worst_s, self._before_s)
+
+    def take_worst_s(self) -> float:
+        """Return the worst delay since the last call."""
+        worst_s, self._unread_s = self._unread_s, 0.0
+        return worst_s
+
+    def note(self, delay_s: float, now_s: float) -> None:
+        """Record one delay."""
+        self.delays.note(delay_s)
+        if now_s - self._began_s >= WINDOW_S:
+            self._before_s = self._worst_s if now_s - self._began_s < 2 * WINDOW_S else 0.0
+            self._worst_s = 0.0
+            self._began_s = now_s
+        self._worst_s = max(self._worst_s, delay_s)
+        self._unread_s = max(self._unread_s, delay_s)
+
+    async def run(self) -> None:
+        """Measure until cancelled."""
+        loop = asyncio.get_running_loop()
+        while True:
+            due_s = loop.time() + TICK_S
+            await asyncio.sleep(TICK_S)
+            now_s = loop.time()
+            self.note(max(now_s - due_s, 0.0), now_s)
+
+
+SUSPEND_LIMIT_S = 2.0  # below any command's default validity, above a busy machine's worst delay
+LOOK_EVERY_S = 0.25
+
+
+def up_s() -> float:
+    """Return seconds on a clock that also runs while the machine sleeps."""
+    return time.clock_gettime(time.CLOCK_BOOTTIME)
+
+
+class SuspendWatch:
+    """Looks at two clocks again and again: a gap between two looks was a suspension.
+
+    A stopped process (SIGSTOP, a debugger, a starved machine) and one that slept with its machine show on the
+    first clock. A virtual machine that was paused shows on the second only, when that clock is set.
+    """
+
+    def __init__(
+        self,
+        now_s: Callable[[], float] = time.monotonic,
+        *,
+        up_s: Callable[[], float] = up_s,
+        utc_s: Callable[[], float] = time.time,
+    ) -> None:
+        self.on_suspended: Callable[[float], None] = lambda _: None  # gets how long it lasted
+        self._now_s = now_s  # the steady clock
+        self._ended_s = -math.inf
+        self._clocks = (up_s, utc_s)
+        self._seen_s: tuple[float, ...] | None = None
+
+    def look(self) -> None:
+        """Notice a suspension that ended since the last look; to be called before any command is judged."""
+        now_s = tuple(clock() for clock in self._clocks)
+        seen_s, self._seen_s = self._seen_s or now_s, now_s
+        longest_s = max(now - seen for now, seen in zip(now_s, seen_s, strict=True))
+        if longest_s > SUSPEND_LIMIT_S:
+            self._ended_s = self._now_s()
+            self.on_suspended(longest_s)
+
+    def ended_s(self) -> float:
+        """Look, and return when the latest suspension ended, on the steady clock."""
+        self.look()
+        return self._ended_s
+
+    async def run(self, *, also: Callable[[], None]) -> None:
+        """Look until cancelled, and call `also` each time."""
+        while True:
+            self.look()
+            also()
+            await asyncio.sleep(LOOK_EVERY_S)

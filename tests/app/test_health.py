@@ -1,0 +1,267 @@
+"""What feeds the service watchdog, and what is reported of delays; in virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from dataclasses import dataclass, field
+from typing import Any
+
+import pytest
+
+from gateway.app.health import Health
+from gateway.line.cable import WiredStarter
+from gateway.line.client import LineClient
+from gateway.records import LineRecord, Severity
+from gateway.system.stalls import HangWatch, LagMeter
+from tests.virtual_time import run_virtually
+
+LIMIT_S = 10.0
+
+
+class Line:
+    """A LineClient as far as Vitals asks."""
+
+    name = "pumps"
+    utilisation = 0.5
+    watchdogs: dict[str, float] | None = None
+
+    def __init__(self) -> None:
+        self.units: dict[int, dict[str, Any]] = {}
+
+    def statistics(self) -> dict[str, Any]:
+        rest = {} if self.watchdogs is None else {"watchdogs": self.watchdogs}
+        return {"polls": 7, "utilisation": self.utilisation, "units": self.units, **rest}
+
+
+@dataclass
+class World:
+    """Stands for the lines, systemd and the publisher around Vitals."""
+
+    moves: bool = True
+    steps: int = 0
+    fed_s: list[float] = field(default_factory=list)
+    armed_s: list[float] = field(default_factory=list)
+    reported: list[tuple[str, Severity]] = field(default_factory=list)
+    records: list[LineRecord] = field(default_factory=list)
+    states: list[tuple[str, str | None]] = field(default_factory=list)
+    lag: LagMeter = field(default_factory=LagMeter)
+    shortest_watchdog_s: float | None = 6.0
+    line: Line = field(default_factory=Line)
+    computed: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    def progress(self) -> dict[str, int]:
+        self.steps += self.moves
+        return {"pumps": self.steps}
+
+    # Notifier
+    def watchdog(self) -> None:
+        self.fed_s.append(asyncio.get_running_loop().time())
+
+    def ready(self, status: str) -> None:
+        pass
+
+    def status(self, text: str) -> None:
+        pass
+
+    # Publisher
+    def set_status(self, state: str, reason: str | None) -> None:
+        self.states.append((state, reason))
+
+    def put(self, record: LineRecord) -> None:
+        self.records.append(record)
+
+    def arm(self, after_s: float, *, file: Any) -> None:
+        self.armed_s.append(after_s)
+
+    def publish_event(self, code: str, severity: Severity, text: str) -> None:
+        self.reported.append((code, severity))
+
+    def health(self) -> Health:
+        line: LineClient = self.line  # type: ignore[assignment] # all that is asked of it
+        return Health(
+            [line],
+            progress=self.progress,
+            publisher=self,  # type: ignore[arg-type] # all that is asked of it
+            sink=self,  # type: ignore[arg-type] # the same
+            notifier=self,  # type: ignore[arg-type] # the same
+            watchdog_every_s=LIMIT_S / 2,
+            lines_lag=self.lag,
+            shortest_watchdog_s=self.shortest_watchdog_s,
+            publish_event=self.publish_event,
+            hangs=HangWatch(LIMIT_S / 2, arm=self.arm, disarm=lambda: None),
+            computed=self.computed,
+        )
+
+
+async def watched(world: World, *steps: tuple[float, Any]) -> None:
+    """Let Vitals run; after each pause do something."""
+    running = asyncio.create_task(world.health().run())
+    for pause_s, act in steps:
+        await asyncio.sleep(pause_s)
+        if act is not None:
+            act()
+    running.cancel()
+    await asyncio.wait([running])
+
+
+def test_the_watchdog_is_fed_well_within_its_limit_while_every_line_moves() -> None:
+    world = World()
+
+    run_virtually(watched(world, (21.0, None)))
+
+    gaps_s = [after - before for before, after in zip(world.fed_s, world.fed_s[1:], strict=False)]
+    assert max(gaps_s) <= LIMIT_S / 8 + 0.25
+    assert set(world.armed_s) == {LIMIT_S / 2}
+
+
+def test_a_line_that_stands_still_starves_the_watchdog() -> None:
+    world = World()
+
+    def stop() -> None:
+        world.moves = False
+
+    run_virtually(watched(world, (10.0, stop), (20.0, None)))
+
+    assert world.fed_s[-1] <= 10.0 + LIMIT_S / 8 + 0.25
+
+
+def test_a_late_loop_warns_once_and_stands_in_the_statistics(caplog: pytest.LogCaptureFixture) -> None:
+    world = World()
+
+    def late() -> None:
+        world.lag.note(0.06, 0.0)
+
+    with caplog.at_level(logging.WARNING):
+        run_virtually(watched(world, (1.0, late), (1.0, late), (40.0, None)))
+
+    assert caplog.text.count("was 0.060 s late") == 1
+    assert world.reported == []
+    assert world.records[-1].statistics["polls"] == 7
+    assert world.records[-1].statistics["lag_s"] == {"line": 0.06, "gateway": 0.0}
+
+
+def test_a_delay_that_a_starters_watchdog_may_feel_is_an_event_once_a_minute() -> None:
+    world = World()
+
+    def late() -> None:
+        world.lag.note(2.1, 0.0)
+
+    run_virtually(watched(world, (1.0, late), (1.0, late), (61.0, late), (1.0, None)))
+
+    assert world.reported == [("lag", Severity.ERROR)] * 2
+
+
+def test_without_any_stated_watchdog_nothing_alarms() -> None:
+    world = World(shortest_watchdog_s=None)
+
+    run_virtually(watched(world, (1.0, lambda: world.lag.note(30.0, 0.0)), (1.0, None)))
+
+    assert world.reported == []
+
+
+def fill(world: World, utilisation: float) -> Any:
+    def act() -> None:
+        world.line.utilisation = utilisation
+
+    return act
+
+
+def test_a_line_without_time_to_spare_is_reported_after_a_minute_and_when_it_is_relieved() -> None:
+    world = World(computed={"pumps": {"is_paced": True, "sweep_s": 1.0}})
+
+    run_virtually(watched(world, (5.0, fill(world, 0.99)), (70.0, fill(world, 0.4)), (70.0, None)))
+
+    assert world.reported == [("line_saturated", Severity.WARNING), ("line_relieved", Severity.INFO)]
+    assert world.records[-1].statistics["computed"] == {"is_paced": True, "sweep_s": 1.0}
+
+
+def test_a_line_that_is_to_be_full_is_not_reported() -> None:
+    world = World(computed={"pumps": {"is_paced": False}})
+
+    run_virtually(watched(world, (0.0, fill(world, 1.0)), (200.0, None)))
+
+    assert world.reported == []
+
+
+def test_watchdogs_that_the_line_does_not_keep_are_reported() -> None:
+    world = World(computed={})
+
+    def leave() -> None:
+        world.line.watchdogs = {"load": 0.2, "longest_share": 1.3, "unit": 7}
+
+    run_virtually(watched(world, (5.0, leave), (70.0, None)))
+
+    assert world.reported == [("watchdog_unkept", Severity.ERROR)]
+
+
+class Fans(Line):
+    """A line that comes later."""
+
+    name = "fans"
+
+
+def test_other_lines_are_watched_when_they_have_come_and_those_that_are_gone_no_more() -> None:
+    world = World(lag=LagMeter())
+    lines = {"pumps": 0}
+    health: Health
+
+    def progress() -> dict[str, int]:
+        for name in lines:
+            lines[name] += 1
+        return dict(lines)
+
+    async def reload() -> None:
+        nonlocal health
+        world.progress = progress  # type: ignore[method-assign] # what the host says
+        health = world.health()
+        health.note_port("pumps", "unplugged")
+        running = asyncio.create_task(health.run())
+        await asyncio.sleep(10.0)
+        fed = len(world.fed_s)
+        lines.clear()
+        lines["fans"] = 0
+        fans: LineClient = Fans()  # type: ignore[assignment] # all that is asked of it
+        health.watch([fans], shortest_watchdog_s=0.3, computed={"fans": {"is_paced": True}})
+        await asyncio.sleep(10.0)
+        assert len(world.fed_s) > fed + 5
+        world.lag.note(0.2, 20.0)
+        await asyncio.sleep(1.0)
+        running.cancel()
+        await asyncio.wait([running])
+
+    run_virtually(reload())
+
+    assert [record.line for record in world.records][-1] == "fans"
+    assert world.records[-1].statistics["computed"] == {"is_paced": True}
+    assert ("lag", Severity.ERROR) in world.reported
+    assert world.states[-2:] == [("degraded", "line pumps: unplugged"), ("online", None)]
+
+
+def test_what_is_wrong_with_a_cable_is_published_and_reported_when_it_appears_and_goes() -> None:
+    world = World()
+    counts = {"asked": 0, "corrupted": 0}
+    world.line.units = {1: {**counts, "silent": 0, "late": 0, "state": "answering"}}
+
+    def ask(corrupted: int) -> None:
+        for unit in world.line.units.values():
+            unit["asked"] += 40
+            unit["corrupted"] += corrupted
+
+    async def scenario() -> None:
+        health = world.health()
+        starter = WiredStarter("pump", 1, 0.2)
+        health.watch([world.line], shortest_watchdog_s=None, computed={}, wiring={"pumps": [starter]})  # type: ignore[list-item]
+        running = asyncio.create_task(health.run())
+        for corrupted in [8] * 20 + [0] * 30:
+            ask(corrupted)
+            await asyncio.sleep(30.0)
+        running.cancel()
+        await asyncio.wait([running])
+
+    run_virtually(scenario())
+    texts = [record.statistics["cable"]["texts"] for record in world.records]
+    assert world.reported == [("cable", Severity.WARNING), ("cable", Severity.INFO)]
+    assert texts[0] == texts[-1] == []
+    assert ["errors of pump" in text for found in texts for text in found].count(True) > 15
+    assert world.records[15].statistics["cable"]["starters"]["pump"]["error_rate"] == 0.2

@@ -1,0 +1,96 @@
+"""Where records go: to all subscribers, in one order, whatever one of them does."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from gateway.app.history.service import PARTS, HistoryService
+from gateway.app.integrations.latest import LatestRecords
+from gateway.app.record_bus import KINDS, RecordBus
+from gateway.app.record_log import RecordLog
+from gateway.app.restart.watch import RestartWatch
+from gateway.records import EventRecord, Record, ResultRecord, Severity, StartRecord, TripRecord
+from gateway.starters.policy.policy import Policy
+from gateway.starters.services.services import StarterServices
+from gateway.storage.state_dir import StateDir
+
+
+class Subscriber:
+    def __init__(self, name: str, seen: list[tuple[str, str]]) -> None:
+        self.name, self.seen = name, seen
+
+    def put(self, record: Record) -> None:
+        assert isinstance(record, EventRecord)
+        self.seen.append((self.name, record.code))
+
+
+class Results(Subscriber):
+    takes = (ResultRecord,)
+
+
+class Broken:
+    def put(self, record: Record) -> None:
+        raise RuntimeError("a bug")
+
+
+def event(code: str) -> EventRecord:
+    return EventRecord("", code, Severity.INFO, "", 0.0, 1)
+
+
+def test_every_subscriber_gets_every_record_in_the_order_of_subscription() -> None:
+    bus, seen = RecordBus(), list[tuple[str, str]]()
+    bus.connect(Subscriber("first", seen), Subscriber("second", seen))
+
+    bus.put(event("a"))
+    bus.put(event("b"))
+
+    assert seen == [("first", "a"), ("second", "a"), ("first", "b"), ("second", "b")]
+
+
+def test_a_subscriber_gets_only_the_kinds_that_it_names() -> None:
+    bus, seen = RecordBus(), list[tuple[str, str]]()
+    bus.put(event("early"))
+    bus.connect(Results("results", seen), Subscriber("all", seen))
+
+    bus.put(event("late"))
+
+    assert seen == [("all", "early"), ("all", "late")]
+
+
+@pytest.mark.parametrize(
+    "subscriber", [LatestRecords, Policy, RecordLog, RestartWatch, StarterServices, StateDir]
+)
+def test_a_subscriber_names_exactly_the_kinds_that_it_handles(subscriber: Any) -> None:
+    assert handled_in(subscriber.put) == set(subscriber.takes)
+
+
+def test_the_history_takes_what_its_parts_handle_but_not_what_it_makes_itself() -> None:
+    handled = set[type]().union(*(handled_in(part.take_record) for part in PARTS))
+
+    assert handled - {StartRecord, TripRecord} == set(HistoryService.takes)
+
+
+def handled_in(method: Any) -> set[type]:
+    return {kind for kind in KINDS if kind.__name__ in method.__code__.co_names}
+
+
+def test_what_was_put_before_there_were_subscribers_reaches_them_first() -> None:
+    bus, seen = RecordBus(), list[tuple[str, str]]()
+    bus.put(event("early"))
+
+    bus.connect(Subscriber("only", seen))
+    bus.put(event("late"))
+
+    assert seen == [("only", "early"), ("only", "late")]
+
+
+def test_a_subscriber_that_fails_keeps_nothing_from_the_others(caplog: pytest.LogCaptureFixture) -> None:
+    bus, seen = RecordBus(), list[tuple[str, str]]()
+    bus.connect(Broken(), Subscriber("second", seen))
+
+    bus.put(event("a"))
+
+    assert seen == [("second", "a")]
+    assert "subscriber=Broken" in caplog.text

@@ -1,0 +1,140 @@
+"""The journal: what happened to which starter, who asked for what and how it ended, each once."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from typing import Any
+
+from gateway.app.record_log import RecordLog
+from gateway.records import AvailabilityRecord, EventRecord, Phase, ResultRecord, Severity
+from tests.starters.fakes import FAULT, P014, READY, VB01
+from tests.starters.rig import CommandRig, virtually
+from tests.virtual_time import VirtualClock
+
+
+def result(phase: Phase, code: str = "ok", text: str = "", **more: Any) -> ResultRecord:
+    return ResultRecord("pump-1", "alice", "1", "start", phase, code, text, 0.0, **more)
+
+
+def event(code: str, text: str, data: dict[str, Any] | None = None, starter: str = "pump-1") -> EventRecord:
+    return EventRecord(starter, code, Severity.ERROR, text, 0.0, 1, data or {})
+
+
+@virtually
+async def test_a_commands_end_is_one_line_with_who_what_which_and_how_long() -> None:
+    lines = await logged([result(Phase.ACCEPTED), 0.2, result(Phase.WRITTEN), result(Phase.CONFIRMED)])
+
+    assert lines == [("INFO", "alice start pump-1: confirmed after 0.2 s")]
+
+
+@virtually
+async def test_a_command_that_was_not_carried_out_says_why() -> None:
+    lines = await logged([result(Phase.REJECTED, "not_allowed", "alice has no right to start pump-1")])
+
+    assert lines == [
+        ("WARNING", "alice start pump-1: rejected: alice has no right to start pump-1 [not_allowed]")
+    ]
+
+
+@virtually
+async def test_a_value_that_was_read_stands_in_the_line() -> None:
+    values = {"parameter": "P314", "value": 30, "unit": "s"}
+    lines = await logged([result(Phase.CONFIRMED, values=values)])
+
+    assert lines == [("INFO", "alice start pump-1: confirmed, P314 = 30 s")]
+
+
+@virtually
+async def test_a_repeated_result_is_not_logged_again() -> None:
+    assert await logged([result(Phase.CONFIRMED, is_duplicate=True)]) == []
+
+
+@virtually
+async def test_a_stop_that_was_not_confirmed_is_logged_once() -> None:
+    lines = await logged(
+        [
+            event("stop_unconfirmed", "no reply: the motor may be turning"),
+            result(Phase.UNCONFIRMED, "no_reply", "no reply: the motor may be turning"),
+        ]
+    )
+
+    assert [level for level, _ in lines] == ["ERROR"]
+
+
+@virtually
+async def test_a_starter_is_named_when_it_answers_first_and_then_by_its_events() -> None:
+    def availability(state: str, reason: str | None) -> AvailabilityRecord:
+        return AvailabilityRecord("pump-1", state, 0.0, reason)
+
+    lines = await logged(
+        [
+            availability("offline", "not yet read"),
+            availability("offline", "no reply"),
+            availability("offline", "no reply"),
+            availability("online", None),
+            availability("offline", "no reply"),
+            event("went_silent", "the starter went silent: no reply", {"frames": ["0.0 >> 02", "0.1 << 02"]}),
+        ]
+    )
+
+    assert [text for _, text in lines] == [
+        "pump-1 does not answer: no reply",
+        "pump-1 answers",
+        "pump-1 went silent: no reply; last frames:\n0.0 >> 02\n0.1 << 02",
+    ]
+
+
+@virtually
+async def test_foreign_text_cannot_begin_a_line_of_its_own() -> None:
+    (line,) = await logged([event("malformed_topic", "a message came on x\n<0>y\x1b[2J", starter="")])
+
+    assert line == ("ERROR", "a message came on x <0>y [2J")
+
+
+@virtually
+async def test_a_fault_of_a_starter_is_logged_once_with_its_number() -> None:
+    rig = CommandRig()
+    await rig.online()
+    await rig.poll_for(3.0)
+    rig.unit.holding[VB01] = READY | FAULT
+    rig.unit.holding[P014] = 5
+    rig.sink.clear()
+    await rig.poll_for(5.0)
+
+    texts = [text for _, text in await logged(rig.sink.records)]
+    assert texts == ["pump-1 fault E05 Motor overload"]
+
+
+@virtually
+async def test_a_fault_whose_number_is_not_read_is_logged_without_it() -> None:
+    fault = event("fault", "fault, its number is not known")
+
+    lines = await logged([fault, event("remote_operation", "the starter takes commands again")])
+
+    assert [text for _, text in lines] == [
+        "pump-1 fault, its number is not known",
+        "pump-1 takes commands again",
+    ]
+
+
+async def logged(records: list[Any]) -> list[tuple[str, str]]:
+    """Return level and text of what is logged of these records; a number is a pause in seconds."""
+    lines: list[tuple[str, str]] = []
+    record_log = RecordLog(VirtualClock(asyncio.get_running_loop()))
+    handler = logging.Handler()
+    handler.emit = lambda entry: lines.append((entry.levelname, entry.getMessage()))  # type: ignore[method-assign]
+    logger = logging.getLogger("gateway")
+    logger.addHandler(handler)
+    level = logger.level
+    logger.setLevel(logging.INFO)
+    try:
+        for record in records:
+            if isinstance(record, float):
+                await asyncio.sleep(record)
+            else:
+                record_log.put(record)
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(level)
+    return lines

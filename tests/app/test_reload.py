@@ -1,0 +1,219 @@
+"""What a request to read the configuration again does: off the loop, one at a time, with notices."""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import logging
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.app.reload import MOST_REMAINS, Reload
+from gateway.app.site import Site
+from gateway.errors import ConfigError, Problem
+from gateway.records import Severity
+from tests.config.sites import site
+
+MISTAKES = [Problem("line[0].baud", "is 7", "9600"), Problem("operator[0].may", "is empty")]
+
+
+@pytest.fixture(autouse=True)
+def _collector() -> Iterator[None]:
+    yield
+    gc.unfreeze()
+
+
+@dataclass
+class World:
+    """Stands for the file, the gateway and systemd."""
+
+    mistakes: list[Problem] = field(default_factory=list)
+    trouble: Exception | None = None
+    replaced: int = 0
+    reads: int = 0
+    changed: list[Site] = field(default_factory=list)
+    reported: list[tuple[str, Severity, str, dict[str, list[str]]]] = field(default_factory=list)
+    systemd: list[str] = field(default_factory=list)
+    gate: threading.Event = field(default_factory=threading.Event)
+    is_read: threading.Event = field(default_factory=threading.Event)
+    over: asyncio.Event = field(default_factory=asyncio.Event)
+
+    def read(self) -> Site:
+        assert threading.current_thread() is not threading.main_thread()
+        self.reads += 1
+        self.is_read.set()
+        assert self.gate.wait(10.0)
+        if self.mistakes:
+            raise ConfigError("site.toml", self.mistakes)
+        return Site.of(site(), folder=Path("/etc"), password="secret")
+
+    # App, as far as a reload calls it
+    async def change(self, site: Site) -> int:
+        if self.trouble is not None:
+            raise self.trouble
+        self.changed.append(site)
+        return self.replaced
+
+    def publish_event(self, code: str, severity: Severity, text: str, data: dict[str, list[str]]) -> None:
+        self.reported.append((code, severity, text, data))
+
+    # Notifier
+    def reloading(self) -> None:
+        self.systemd.append("reloading")
+
+    def ready(self, status: str) -> None:
+        self.systemd.append(f"ready: {status}")
+        self.over.set()
+
+    def reload(self) -> Reload:
+        notifier: Any = self
+        return Reload(self.read, self, notifier)
+
+    async def done(self, count: int = 1) -> None:
+        """Wait until systemd was notified that so many reloads are over."""
+        async with asyncio.timeout(10.0):
+            while sum(said.startswith("ready") for said in self.systemd) < count:
+                self.over.clear()
+                await self.over.wait()
+
+    async def begun(self) -> None:
+        """Wait until the file is being read."""
+        assert await asyncio.to_thread(self.is_read.wait, 10.0)
+
+
+@pytest.fixture
+def world() -> World:
+    return World()
+
+
+async def test_a_good_configuration_is_applied_and_systemd_is_notified_of_both_ends(world: World) -> None:
+    world.reload().begin()
+    await world.begun()
+    assert world.systemd == ["reloading"]
+
+    world.gate.set()
+    await world.done()
+
+    assert [each.config for each in world.changed] == [site()]
+    assert world.changed[0].computed["pumps"]["load"] > 0
+    assert "secret" not in repr(world.changed[0])
+    assert world.systemd[1].startswith("ready: polling")
+    assert world.reported == []
+
+
+async def test_a_bad_configuration_is_refused_with_all_its_mistakes_and_nothing_changes(
+    world: World, caplog: pytest.LogCaptureFixture
+) -> None:
+    world.mistakes = MISTAKES
+    world.gate.set()
+
+    world.reload().begin()
+    await world.done()
+
+    ((code, severity, text, data),) = world.reported
+    assert (code, severity) == ("reload_refused", Severity.ERROR)
+    assert "the old one stays in force: line[0].baud: is 7 (9600) (and 1 more)" in text
+    assert data == {"mistakes": ["line[0].baud: is 7 (9600)", "operator[0].may: is empty"]}
+    assert [record.message for record in caplog.records if record.levelno == logging.ERROR] == [
+        "reload refused: line[0].baud: is 7 (9600)",
+        "reload refused: operator[0].may: is empty",
+    ]
+    assert world.systemd == ["reloading", f"ready: {text}"]
+    assert world.changed == []
+
+
+async def test_what_needs_a_restart_is_refused_in_the_same_way(world: World) -> None:
+    world.trouble = ConfigError("site.toml", MISTAKES[:1])
+    world.gate.set()
+
+    world.reload().begin()
+    await world.done()
+
+    assert [code for code, *_ in world.reported] == ["reload_refused"]
+    assert world.reported[0][2].endswith("line[0].baud: is 7 (9600)")
+
+
+async def test_a_bug_is_reported_and_the_next_reload_tries_again(
+    world: World, caplog: pytest.LogCaptureFixture
+) -> None:
+    world.trouble = RuntimeError("bug")
+    world.gate.set()
+    reload = world.reload()
+
+    reload.begin()
+    await world.done()
+    world.trouble = None
+    reload.begin()
+    await world.done(2)
+
+    assert [code for code, *_ in world.reported] == ["reload_failed"]
+    assert "bug" in caplog.text
+    assert len(world.changed) == 1
+
+
+async def test_requests_that_come_meanwhile_are_one_more_reload(world: World) -> None:
+    reload = world.reload()
+    reload.begin()
+    await world.begun()
+    for _ in range(5):
+        reload.begin()
+
+    world.gate.set()
+    await world.done(2)
+
+    assert world.reads == 2
+    assert [said.split(":")[0] for said in world.systemd] == ["reloading", "ready"] * 2
+
+
+async def test_a_reload_that_is_cancelled_changes_nothing(world: World) -> None:
+    reload = world.reload()
+    reload.cancel()  # nothing is under way
+    reload.begin()
+    await world.begun()
+
+    reload.cancel()
+    world.gate.set()
+    await asyncio.to_thread(world.gate.wait)
+
+    assert world.changed == []
+    assert world.systemd == ["reloading"]
+
+
+async def test_the_memory_of_starters_that_are_gone_is_cleared_only_now_and_then(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    collections: list[int] = []
+    monkeypatch.setattr(gc, "collect", lambda: collections.append(1))
+    world.replaced = MOST_REMAINS // 4
+    world.gate.set()
+    reload = world.reload()
+
+    counts = []
+    for number in range(8):
+        reload.begin()
+        await world.done(number + 1)
+        counts.append(len(collections))
+
+    assert counts == [0, 0, 0, 1, 1, 1, 1, 2]
+
+
+async def test_a_site_is_read_with_its_secret_and_its_folder(tmp_path: Path) -> None:
+    text = (
+        '[gateway]\nname = "g"\nstate_dir = "state"\n[mqtt]\nurl = "mqtt://localhost"\n'
+        'password_file = "secret"\nusername = "g"\n[[line]]\nname = "l"\nport = "/dev/ttyUSB0"\nbaud = 9600\n'
+        'framing = "8N2"\n[[line.starter]]\nname = "s"\naddress = 1\nfamily = "ssw07"\n'
+    )
+    (tmp_path / "site.toml").write_text(text, "utf-8")
+    (tmp_path / "secret").write_text("hush\n", "utf-8")
+    (tmp_path / "secret").chmod(0o600)
+
+    read = Site.read(tmp_path / "site.toml", {})
+
+    assert read.password == "hush"
+    assert read.state_dir == tmp_path / "state"
+    assert set(read.computed) == {"l"}

@@ -1,0 +1,148 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from gateway.cli.main import main
+from gateway.records import AuditRecord
+from gateway.storage.audit.log import AuditLog
+from gateway.storage.audit.segments import ANCHOR, segment_path
+from tests.small_site import small_site
+
+CONFIG = small_site(("pump", "ssw07"))
+
+
+@pytest.fixture
+def state(tmp_path: Path) -> Path:
+    """A state directory with a start of the gateway and three decisions."""
+    log = AuditLog(tmp_path / "state" / "audit", boot="boot-1")
+    log.note("gateway_started", "version 1")
+    common = {"time_s": 1_760_000_000.0, "starter": "pump"}
+    log.put(
+        AuditRecord(
+            client="bob",
+            operator=None,
+            verb="start",
+            args={},
+            decision="rejected",
+            code="not_allowed",
+            seq=1,
+            **common,
+        )
+    )
+    log.put(
+        AuditRecord(
+            client="alice",
+            operator="Alice A.",
+            verb="set",
+            args={"parameter": "P102", "value": 5},
+            decision="confirmed",
+            code="ok",
+            seq=2,
+            before={"P102": 3, "P001": 1},
+            after={"P102": 5, "P001": 1},
+            id="7f",
+            reason="as agreed",
+            **common,
+        )
+    )
+    log.start(lambda _: None)
+    assert log.close(within_s=10.0)
+    return tmp_path / "state"
+
+
+def test_entries_are_shown_one_to_a_line(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["audit", "show", str(state)]) == 0
+
+    first, second, third = capsys.readouterr().out.splitlines()
+    assert first.endswith("-- gateway_started: version 1")
+    assert second == "2  2025-10-09T08:53:20.000Z  bob: start pump, id None: rejected (not_allowed)"
+    assert third == (
+        '3  2025-10-09T08:53:20.000Z  alice (says: Alice A.): set pump {"parameter": "P102", "value": 5}, '
+        "id 7f, reason given: as agreed: confirmed; P102 3 -> 5"
+    )
+
+
+def test_the_newest_can_be_shown_alone_and_as_they_are_stored(
+    state: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["audit", "show", str(state), "--last", "1", "--json"]) == 0
+
+    stored = segment_path(state / "audit", 1).read_text().splitlines()
+    assert capsys.readouterr().out.splitlines() == stored[-1:]
+
+
+def test_the_audit_is_found_by_the_configuration_too(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    config = state.parent / "site.toml"
+    config.write_text(CONFIG)
+
+    assert main(["audit", "verify", str(config)]) == 0
+    assert main(["audit", "verify", str(state / "audit")]) == 0
+
+    assert "3 entries from line 1 on, chain whole" in capsys.readouterr().out
+
+
+def test_where_there_is_no_audit_that_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["audit", "show", str(tmp_path)]) == 2
+
+    assert "no audit in" in capsys.readouterr().err
+
+
+def test_a_changed_entry_is_named_and_the_exit_code_says_so(
+    state: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    segment = segment_path(state / "audit", 1)
+    segment.write_text(segment.read_text().replace('"client":"bob"', '"client":"eve"'))
+
+    assert main(["audit", "verify", str(state)]) == 1
+
+    out = capsys.readouterr().out
+    assert "audit-00000001.jsonl:2: was changed" in out
+    assert "chain broken" in out
+
+
+def test_a_hash_that_was_noted_earlier_must_still_be_there(
+    state: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["audit", "verify", str(state)]) == 0
+    noted = capsys.readouterr().out.split("hash ")[1].strip()
+    segment = segment_path(state / "audit", 1)
+
+    assert main(["audit", "verify", str(state), "--contains", noted]) == 0
+    segment.write_text("".join(segment.read_text().splitlines(keepends=True)[:-1]))  # the newest cut off
+    assert main(["audit", "verify", str(state)]) == 0
+    assert main(["audit", "verify", str(state), "--contains", noted]) == 1
+
+    reported = capsys.readouterr().out
+    assert f"no line has the hash {noted}" in reported
+    assert "broken" not in reported
+    assert "chain whole" in reported
+
+
+def test_an_unreadable_anchor_is_a_problem(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (state / "audit" / ANCHOR).write_text("nonsense")
+
+    assert main(["audit", "verify", str(state)]) == 1
+
+    assert "anchor" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("line", ["nonsense", "[]"])
+def test_what_is_no_entry_is_shown_as_such(
+    state: Path, capsys: pytest.CaptureFixture[str], line: str
+) -> None:
+    with segment_path(state / "audit", 1).open("a") as file:
+        file.write(f"{line}\n")
+
+    assert main(["audit", "show", str(state), "--last", "1"]) == 0
+
+    assert capsys.readouterr().out == f"?  {line!r}\n"
+
+
+def test_an_empty_segment_is_an_empty_chain(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "audit-00000001.jsonl").touch()
+
+    assert main(["audit", "verify", str(tmp_path)]) == 0
+
+    assert capsys.readouterr().out == f"{tmp_path}: 0 entries from line 1 on, chain whole\n"

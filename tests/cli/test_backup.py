@@ -1,0 +1,254 @@
+"""`backup` and `restore`: what is in a backup, what comes back, and what must not."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import os
+import sqlite3
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.cli.main import main
+from gateway.cli.restore.caution import locked_document
+from gateway.config.load import load
+from gateway.starters.policy.motor_history import MotorHistory
+from gateway.storage.audit.chain import Head, verify
+from gateway.storage.audit.segments import FOLDER, lines
+from gateway.storage.database import Database
+from gateway.storage.formats.catalogue import FORMATS, FileKind, Format
+from gateway.storage.json_file import JsonFile
+from gateway.storage.ledger_table import LedgerTable
+from gateway.system.clock_steps import ClockReading
+from gateway.system.password_hash import unmatched_line
+from tests.cli.backup_site import HASH, files_below, lock_of, manifest_of, names_in, running
+
+
+def test_a_backup_has_configuration_files_and_state_but_no_secret_unless_it_is_asked_for(
+    site: Path, backup: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    full = tmp_path / "full.tar.gz"
+    assert main(["backup", str(site), str(full), "--secrets"]) == 0
+    out = capsys.readouterr().out
+
+    assert names_in(backup)[0] == "manifest.json"
+    state = {each.name for each in FORMATS.values() if not each.is_of_box}
+    wanted = {"manifest.json", "config/site.toml", f"outside{tmp_path}/ssl/ca.pem"}
+    wanted |= {f"state/{name}" for name in state} | {"state/audit/audit-00000001.jsonl"}
+    assert set(names_in(backup)) == wanted
+    assert set(names_in(full)) == wanted | {"config/secret/mqtt.password"}
+    assert b"hunter2" not in gzip.decompress(backup.read_bytes())
+    assert HASH.encode() not in gzip.decompress(backup.read_bytes())
+    assert HASH.encode() in gzip.decompress(full.read_bytes())
+    assert {path.stat().st_mode & 0o777 for path in (backup, full)} == {0o600}
+    assert "holds passwords and keys" in out
+    facts = manifest_of(backup)
+    assert facts["state"] == dict.fromkeys(state, 1)
+    assert (facts["left_out"], facts["logins"]) == (["secret/mqtt.password"], ["ann"])
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["etc", "full.tar.gz", "plant.tar.gz", "ssl"]
+
+
+def test_a_login_whose_password_cannot_be_found_in_the_text_is_not_stored_by_mistake(
+    site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site.write_text(site.read_text().replace('password = "$', 'password = "\\u0024'))
+
+    assert main(["backup", str(site), str(tmp_path / "plant.tar.gz")]) == 78
+
+    assert "the password of login ann cannot be left out (write it without escapes" in capsys.readouterr().err
+    assert not (tmp_path / "plant.tar.gz").exists()
+
+
+def test_a_database_that_another_process_holds_is_said_and_leaves_nothing(
+    site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("gateway.storage.database.LOCKED_WITHIN_S", 0.01)
+    holder = sqlite3.connect(site.parent / "state" / "outbox.sqlite", isolation_level=None)
+    holder.execute("PRAGMA locking_mode = EXCLUSIVE")  # as 0.2.0 does
+    holder.execute("PRAGMA journal_mode = WAL")
+    holder.execute("DELETE FROM loss")
+
+    assert main(["backup", str(site), str(tmp_path / "plant.tar.gz")]) == 1
+    holder.close()
+
+    assert "outbox.sqlite is in use by another process" in capsys.readouterr().err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["etc", "ssl"]
+
+
+def test_what_comes_back_is_what_was_there_but_locked_and_known_to_be_of_before(
+    backup: Path, site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["restore", str(backup), "--to", str(tmp_path / "new")]) == 0
+    out = capsys.readouterr().out
+    new, state = tmp_path / "new", tmp_path / "new" / "state"
+
+    config = load(new / "site.toml")
+    assert config.web is not None
+    assert config.web.users[0].password == unmatched_line()
+    assert (new / "site.toml").stat().st_mode & 0o777 == 0o640
+    assert (new / "outside" / str(tmp_path)[1:] / "ssl" / "ca.pem").read_text() == "authority"
+    for name in ("identities.json", "watchdogs.json", "faults.json", "wear.json", "home-assistant.json"):
+        assert (state / name).read_bytes() == (site.parent / "state" / name).read_bytes()
+    pump, mill = lock_of(state, "pump"), lock_of(state, "mill")
+    assert pump is not None
+    assert pump["by"] == "gateway"
+    assert pump["reason"].startswith("restored from a backup of 20")
+    assert mill is not None
+    assert mill["reason"] == "bearing"  # its own lock stays
+    before = json.loads((site.parent / "state/sparkplug/bdseq.json").read_text())["bdSeq"]
+    assert json.loads((state / "sparkplug/bdseq.json").read_text())["bdSeq"] == (before + 128) % 256
+    verification = verify(lines(state / FOLDER), after=Head())
+    assert verification.problems == ()
+    *_, (_, last) = lines(state / FOLDER)
+    assert json.loads(last)["code"] == "state_restored"
+    assert "locked until an operator unlocks them: pump\n" in out
+    assert "not in the backup, to be given anew: secret/mqtt.password, the password of login ann" in out
+    assert "put each where it belongs" in out
+
+
+def test_a_ledger_that_comes_back_counts_as_lost_from_its_first_use_on(backup: Path, tmp_path: Path) -> None:
+    main(["restore", str(backup), "--to", str(tmp_path / "new")])
+    table = LedgerTable()
+
+    database = Database(tmp_path / "new" / "state" / "gateway.sqlite", [table], 2**26)
+    assert database.open() == ""
+    (rows,) = database.transact([table.rows])
+    database.close()
+
+    assert database.lost_s is not None
+    assert "c2" in {row.id for row in rows}
+
+
+def test_starts_stay_as_old_as_they_were_on_a_machine_that_has_run_for_a_year(site: Path) -> None:
+    year_s = 365 * 86400.0
+    document = JsonFile(site.parent / "state" / "precautions.json").load()
+    assert document is not None
+    page = document["starters"]["pump"]
+    age_s = document["at"]["utc_s"] - page["starts"][0]
+    here = ClockReading(up_s=year_s, utc_s=document["at"]["utc_s"] + 60.0, boot_id="another")
+
+    stored, _ = locked_document(document, load(site), here, "restored")
+
+    history = MotorHistory(["pump"])
+    later = ClockReading(year_s + 5.0, here.utc_s + 5.0, "another")
+    history.restore(stored, now_s=1000.0, reading=later)
+    assert history.starts_since("pump", 0.0) == [pytest.approx(1000.0 - 5.0 - age_s)]
+
+
+def test_nothing_is_replaced_without_replace_and_then_it_is_set_aside(
+    backup: Path, site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    state = site.parent / "state"
+    before = files_below(site.parent)
+    (state / "wear.json").write_text('{"writes": {"pump": 9}}')
+
+    assert main(["restore", str(backup)]) == 1
+    assert files_below(site.parent) == before
+    assert "already there: " in capsys.readouterr().err
+    assert main(["restore", str(backup), "--replace"]) == 0
+
+    assert json.loads((state / "wear.json").read_text())["writes"] == {"pump": 1}
+    assert json.loads((state / "before-restore" / "wear.json").read_text())["writes"] == {"pump": 9}
+    assert (state / "before-restore" / "audit" / "audit-00000001.jsonl").exists()
+    assert (state / "before-restore").stat().st_mode & 0o077 == 0
+    assert (state / "clock.json").exists()
+    assert HASH in (site.parent / "site.toml.before-restore").read_text()
+    assert (
+        site.parent / "secret" / "mqtt.password"
+    ).read_text() == "hunter2\n"  # not in the backup: it stays
+    assert main(["restore", str(backup), "--replace"]) == 0  # one generation
+
+
+def test_a_gateway_that_runs_is_left_alone(
+    backup: Path, site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = files_below(site.parent) | {"state/gateway.lock"}
+    with running(site.parent / "state"):
+        assert main(["restore", str(backup), "--replace"]) == 1
+        assert main(["restore", "--rollback", str(site)]) == 1
+
+    assert files_below(site.parent) == before
+    assert capsys.readouterr().err.count("another gateway (") == 2
+
+
+def test_with_another_place_a_state_of_elsewhere_stays_below_it(
+    site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (site.parent / "state").rename(tmp_path / "var")
+    site.write_text(site.read_text().replace('"state"', f'"{tmp_path / "var"}"'))
+    main(["backup", str(site), str(tmp_path / "plant.tar.gz")])
+    before = files_below(tmp_path / "var")
+
+    assert main(["restore", str(tmp_path / "plant.tar.gz"), "--to", str(tmp_path / "new")]) == 0
+
+    assert (tmp_path / "new" / "state" / "gateway.sqlite").exists()
+    assert files_below(tmp_path / "var") == before
+    assert "the configuration names another state_dir" in capsys.readouterr().out
+
+
+def test_a_gateway_without_operators_is_not_locked(site: Path, tmp_path: Path) -> None:
+    text = site.read_text()
+    site.write_text(
+        text[: text.index("[[operator]]")].replace(text[text.index("[web]") : text.index("[[line]]")], "")
+    )
+    main(["backup", str(site), str(tmp_path / "plant.tar.gz")])
+
+    assert main(["restore", str(tmp_path / "plant.tar.gz"), "--to", str(tmp_path / "new")]) == 0
+
+    assert lock_of(tmp_path / "new" / "state", "pump") is None
+
+
+def test_rollback_puts_back_the_copies_of_before_an_upgrade_and_locks(
+    site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    state = site.parent / "state"
+
+    def add_column(connection: Any) -> None:
+        connection.execute("ALTER TABLE ledger ADD COLUMN more TEXT")
+
+    with monkeypatch.context() as later:
+        later.setitem(FORMATS, "gateway.sqlite", Format("gateway.sqlite", FileKind.SQLITE, (add_column,)))
+        later.setitem(
+            FORMATS,
+            "precautions.json",
+            Format("precautions.json", FileKind.JSON, (lambda each: {**each, "more": 1},)),
+        )
+        upgraded = Database(state / "gateway.sqlite", [LedgerTable()], 2**26)
+        upgraded.open()
+        upgraded.close()
+        memory = JsonFile(state / "precautions.json")
+        memory.write({**(memory.load() or {}), "starters": {}})
+    assert main(["check", str(site), "--upgrade"]) == 78
+    capsys.readouterr()
+
+    assert main(["restore", "--rollback", str(site)]) == 0
+    assert main(["check", str(site), "--upgrade"]) == 0
+
+    out = capsys.readouterr().out
+    assert "locked until an operator unlocks them: pump" in out
+    assert "for 62 s after its first start the gateway takes no command but stop" in out
+    assert lock_of(state, "mill") is not None
+    table = LedgerTable()
+    database = Database(state / "gateway.sqlite", [table], 2**26)
+    assert database.open() == ""
+    assert database.lost_s is not None
+    (rows,) = database.transact([table.rows])
+    database.close()
+    assert "c2" in {row.id for row in rows}
+    assert main(["restore", "--rollback", str(site)]) == 0
+    assert "nothing to do" in capsys.readouterr().out
+
+
+def test_rollback_without_a_copy_changes_nothing(site: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    state = site.parent / "state"
+    (state / "wear.json").write_text('{"version": 2}')
+    (state / "faults.json").write_text('{"version": 2}')
+    (state / "faults.json.1").write_text("{}")
+
+    assert main(["restore", "--rollback", str(site)]) == 1
+
+    assert "wear.json has no copy of before" in capsys.readouterr().err
+    assert (state / "faults.json").read_text() == '{"version": 2}'
+    assert os.path.exists(state / "faults.json.1")

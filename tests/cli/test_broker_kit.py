@@ -1,0 +1,344 @@
+"""What a kit for the broker holds, decided without a broker."""
+
+from __future__ import annotations
+
+import base64
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from gateway.cli.broker_kit.bridge import (
+    CentralBroker,
+    bridge_conf,
+    central_logins,
+    commands,
+    edge_logins,
+    telemetry,
+)
+from gateway.cli.broker_kit.expected import topics_of
+from gateway.cli.broker_kit.kit import broker_conf
+from gateway.cli.broker_kit.lint import overlap, warnings
+from gateway.cli.broker_kit.logins import Guests, Login, access_list, logins_of, remote_clients
+from gateway.cli.broker_kit.password_file import drawn_passwords, password_line, write_private
+from gateway.cli.main import main
+from gateway.config.schema import Config
+from gateway.errors import ConfigError, UsageError
+from gateway.mqtt.contract.strict_json import read_object
+from tests.config.sites import changed, site
+
+URL = 'url = "mqtts://broker.plant:8883"'
+NAMED = (URL, f'{URL}\nusername = "mcc1"\npassword_file = "mqtt.password"')
+DEEP = (URL, f'{URL}\nusername = "mcc1"\nbase = "acme/site1/{{gateway}}"')
+DATED = ('starters = ["pump-*"]', 'starters = ["pump-*"]\nfreshness = "issued_at"')
+SPARKPLUG = """
+[sparkplug]
+group = "plant"
+urls = ["mqtts://broker.plant"]
+username = "mcc1-spb"
+primary_host = "scada"
+commands = true
+operator = "alice"
+"""
+HOME_ASSISTANT = '\n[homeassistant]\noperator = "alice"\n'
+WITH_ALL = ("[[operator]]", f"{HOME_ASSISTANT}{SPARKPLUG}\n[[operator]]")
+CENTRAL = CentralBroker("central", 8883, "acme/mcc1", "/ca.pem")
+
+needs_openssl = pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl is not here")
+
+
+def by_name(config: Config, guests: Guests) -> dict[str, Login]:
+    return {login.name: login for login in logins_of(config, guests)}
+
+
+def allows(login: Login, topic: str, *, writing: bool) -> bool:
+    return any(overlap(each, topic) for each in (login.writes if writing else login.reads))
+
+
+def test_the_list_is_of_the_operators_and_of_a_base_of_any_depth() -> None:
+    text = access_list(logins_of(site(DEEP), Guests(viewers=("panel",))))
+
+    assert "user alice\n" in text
+    assert "topic write acme/site1/mcc1/command/+/alice/#\n" in text
+    assert "user panel\n" in text
+    assert "starters/" not in text
+
+
+@pytest.mark.parametrize("bridged", [False, True])
+def test_the_access_list_gives_what_the_proof_demands_and_nothing_else(bridged: bool) -> None:
+    config = site(NAMED, DATED, WITH_ALL)
+    logins = logins_of(config, Guests(further={"alice-send": "alice"}))
+    logins += edge_logins(config, config.base) if bridged else ()
+
+    for topic in topics_of(config, logins):
+        assert {each.name for each in logins if allows(each, topic.name, writing=True)} == topic.writers
+        if topic.writers:
+            assert {each.name for each in logins if allows(each, topic.name, writing=False)} == topic.readers
+
+
+def test_no_probe_of_the_proof_gets_through_where_something_exists() -> None:
+    config = site(NAMED, DATED, WITH_ALL)
+    logins = logins_of(config, Guests())
+
+    real = [topic for topic in topics_of(config, logins) if "pump-1" in topic.name]
+    assert {topic.name.rpartition("/")[2] for topic in real} >= {"start", "state", "pump-1"}
+    assert all(topic.is_real for topic in real)
+
+
+def test_a_probe_is_no_payload_of_a_command_but_a_stop() -> None:
+    with pytest.raises(ValueError, match="JSON"):
+        read_object(b"acl-probe-0123456789ab 17")
+
+
+def test_a_further_login_has_its_operators_rights() -> None:
+    found = by_name(site(NAMED), Guests(further={"alice-send": "alice"}))
+
+    assert found["alice-send"].writes == found["alice"].writes
+
+
+@pytest.mark.parametrize(
+    ("guests", "what"),
+    [
+        (Guests(viewers=("alice",)), "two logins have the name alice"),
+        (Guests(viewers=("prover",)), "the proof's own"),
+        (Guests(viewers=("a b",)), "no name for a login"),
+        (Guests(viewers=("..",)), "no name for a login"),
+        (Guests(viewers=("acl-probe",)), "the proof's own"),
+        (Guests(further={"x": "carol"}), "no \\[\\[operator\\]\\] carol"),
+    ],
+)
+def test_logins_that_cannot_be_are_refused(guests: Guests, what: str) -> None:
+    with pytest.raises(UsageError, match=what):
+        logins_of(site(NAMED), guests)
+
+
+def test_a_gateway_without_a_login_is_refused_with_what_to_write() -> None:
+    with pytest.raises(ConfigError, match='username = "mcc1"'):
+        logins_of(site(), Guests())
+
+
+def test_sparkplug_needs_a_login_of_its_own_at_this_broker() -> None:
+    own = ("[[operator]]", '[sparkplug]\ngroup = "plant"\n\n[[operator]]')
+    elsewhere = ("[[operator]]", '[sparkplug]\ngroup = "plant"\nurls = ["mqtts://other"]\n\n[[operator]]')
+
+    with pytest.raises(ConfigError, match="mcc1-spb"):
+        logins_of(site(NAMED, own), Guests())
+    assert "spBv1.0" not in access_list(logins_of(site(NAMED, elsewhere), Guests()))
+
+
+def test_a_password_is_hashed_as_mosquitto_passwd_does() -> None:
+    salt = base64.b64decode("AAECAwQFBgcICQoL")
+
+    line = password_line("alice", "secret", salt=salt)
+
+    assert line.startswith("alice:$7$101$AAECAwQFBgcICQoL$")
+    assert len(base64.b64decode(line.rpartition("$")[2])) == 64
+    assert password_line("alice", "secret") != password_line("alice", "secret")
+
+
+def test_stored_passwords_are_drawn_no_second_time(tmp_path: Path) -> None:
+    write_private(tmp_path / "alice", "known\n")
+
+    passwords = drawn_passwords(["alice", "bob"], tmp_path)
+
+    assert passwords["alice"] == "known"
+    assert len(passwords["bob"]) >= 27
+    assert (tmp_path / "alice").stat().st_mode & 0o777 == 0o600
+
+
+def test_only_operators_whose_commands_are_dated_pass_the_bridge() -> None:
+    twice = ("[[operator]]", '[[operator]]\nclient = "bob"\nmay = ["stop"]\nstarters = ["*"]\n\n[[operator]]')
+
+    assert remote_clients(site(NAMED, twice)) == ()
+    assert remote_clients(site(NAMED, twice, DATED)) == ("alice",)
+    assert commands(site(NAMED), "acme/mcc1") == ()
+
+
+def test_an_operator_with_another_entry_that_takes_tokens_does_not_pass() -> None:
+    also = (
+        "[[operator]]",
+        '[[operator]]\nclient = "alice"\nmay = ["read"]\nstarters = ["*"]\n\n[[operator]]',
+    )
+
+    assert remote_clients(site(NAMED, DATED, also)) == ()
+
+
+def test_without_remote_operators_nothing_comes_in() -> None:
+    passwords = dict.fromkeys(("bridge-up", "bridge-down", "mcc1-up", "mcc1-down"), "x")
+
+    conf = bridge_conf(site(NAMED), CENTRAL, passwords, passwords)
+
+    assert conf.count("\nconnection ") == 2
+    assert "command" not in conf.partition("connection")[2]
+
+
+def test_the_bridge_names_every_topic_and_waits_only_with_telemetry() -> None:
+    config = site(NAMED, DATED, WITH_ALL)
+    passwords = dict.fromkeys(("bridge-up", "bridge-down", "mcc1-up", "mcc1-down"), "x")
+
+    conf = bridge_conf(config, CENTRAL, passwords, passwords)
+
+    blocks = {block.partition("\n")[0]: block for block in conf.split("\nconnection ")[1:]}
+    clean = {name for name, block in blocks.items() if "cleansession true" in block}
+    assert clean == {"mcc1-commands", "mcc1-edge-commands"}
+    # Mosquitto's bridges ask for no session expiry: with MQTT 5 nothing would be stored for them.
+    newer = {name for name, block in blocks.items() if "bridge_protocol_version mqttv50" in block}
+    assert newer == clean
+    assert "topic +/alice/+ in 1 starters/mcc1/command/ acme/mcc1/command/" in blocks["mcc1-commands"]
+    assert (
+        "topic +/alice/+ out 1 starters/mcc1/command/ starters/mcc1/command/" in blocks["mcc1-edge-commands"]
+    )
+    assert "topic spBv1.0/plant/DCMD/mcc1/+ in 1" in blocks["mcc1-commands"]
+    assert "topic spBv1.0/plant/DDATA/mcc1/+ out 1" in blocks["mcc1-telemetry"]
+    assert "homeassistant" not in conf  # the bases differ
+    assert list(warnings(conf, config.base)) == []
+
+
+@pytest.mark.parametrize(
+    ("url", "port"),
+    [(URL, "18883"), ('url = "mqtt://localhost"', "1883"), ('url = "mqtt://[::1]"', "18883")],
+)
+def test_the_bridge_reaches_the_edge_on_a_listener_that_the_kit_has(url: str, port: str) -> None:
+    config = site((URL, f'{url}\nusername = "mcc1"'))
+    passwords = dict.fromkeys(("bridge-up", "bridge-down", "mcc1-up", "mcc1-down"), "x")
+
+    conf = bridge_conf(config, CENTRAL, passwords, passwords)
+
+    assert f"\naddress 127.0.0.1:{port}\n" in conf
+    assert broker_conf(config, has_bridge=True).count(f"\nlistener {port} 127.0.0.1\n") == 1
+    assert "127.0.0.1" not in broker_conf(site(NAMED), has_bridge=False)
+
+
+def test_the_broker_listens_on_the_loopback_address_of_the_configuration() -> None:
+    config = site((URL, 'url = "mqtt://[::1]"\nusername = "mcc1"'))
+
+    assert "\nlistener 1883 ::1\n" in broker_conf(config, has_bridge=False)
+
+
+def test_an_operator_with_the_name_of_a_bridges_login_is_refused() -> None:
+    named = ('client = "alice"', 'client = "mcc1-up"')
+
+    with pytest.raises(UsageError, match="has the name of the bridge's login"):
+        central_logins(site(NAMED, DATED, named), "acme/mcc1")
+
+
+def test_discovery_passes_a_bridge_whose_bases_are_the_same() -> None:
+    config = site(NAMED, DATED, WITH_ALL)
+
+    assert ("homeassistant/device/+/config", "") in telemetry(config, config.base)
+    assert ("homeassistant/status", "") in commands(config, config.base)
+
+
+def test_no_login_of_the_central_broker_reaches_beyond_its_site() -> None:
+    logins = central_logins(site(NAMED, DATED), "acme/mcc1")
+
+    filters = [each for login in logins for each in (*login.reads, *login.writes)]
+    assert {login.name for login in logins} == {"mcc1-up", "mcc1-down", "alice"}
+    assert [each for each in filters if not each.startswith("acme/mcc1/")] == []
+    up, down = logins[0], logins[1]
+    assert (up.reads, down.writes) == ([], [])
+
+
+@pytest.fixture
+def config_file(tmp_path: Path) -> Path:
+    path = tmp_path / "site.toml"
+    path.write_text(changed(NAMED), "utf-8")
+    return path
+
+
+@needs_openssl
+def test_an_update_adds_what_is_new_and_keeps_passwords_and_authority(
+    config_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    kit = tmp_path / "kit"
+    assert (
+        main(["broker-kit", str(config_file), str(kit), "--host", "broker.plant", "--viewer", "panel"]) == 0
+    )
+    before = {name: (kit / name).read_text("utf-8") for name in ("logins/alice", "ca.pem", "broker.pem")}
+    config_file.write_text(changed(NAMED).replace('client = "alice"', 'client = "bob"'), "utf-8")
+
+    assert main(["broker-kit", str(config_file), str(kit), "--update"]) == 0
+
+    assert (kit / "ca.pem").read_text("utf-8") == before["ca.pem"]
+    assert (kit / "broker.pem").read_text("utf-8") != before["broker.pem"]
+    assert sorted(os.listdir(kit / "logins")) == ["auditor", "bob", "mcc1", "panel", "prover"]
+    assert "user alice" not in (kit / "acl").read_text("utf-8")
+    assert "is valid until" in capsys.readouterr().out
+
+
+@needs_openssl
+def test_the_brokers_certificate_has_its_names_and_is_of_the_authority(
+    config_file: Path, tmp_path: Path
+) -> None:
+    kit = tmp_path / "kit"
+    assert main(["broker-kit", str(config_file), str(kit), "--host", "b.plant", "--host", "10.0.0.7"]) == 0
+
+    openssl = ["openssl", "x509", "-noout", "-text", "-in", str(kit / "broker.pem")]
+    shown = subprocess.run(openssl, capture_output=True, text=True, check=True, timeout=20).stdout
+    assert "DNS:b.plant, IP Address:10.0.0.7" in shown
+    verify = ["openssl", "verify", "-x509_strict", "-CAfile", str(kit / "ca.pem"), str(kit / "broker.pem")]
+    subprocess.run(verify, capture_output=True, check=True, timeout=20)
+    assert (kit / "ca.key").stat().st_mode & 0o777 == 0o600
+    assert (kit / "broker.key").stat().st_mode & 0o777 == 0o600
+
+
+@needs_openssl
+def test_the_plants_certificates_are_taken_and_must_fit_together(
+    config_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plant, other = tmp_path / "plant", tmp_path / "other"
+    for folder in (plant, other):
+        assert main(["broker-kit", str(config_file), str(folder)]) == 0
+    given = ["--ca", str(plant / "ca.pem"), "--cert", str(plant / "broker.pem")]
+
+    kit = ["broker-kit", str(config_file), str(tmp_path / "kit"), *given]
+    assert main([*kit, "--key", str(other / "broker.key")]) == 2
+    assert "--key is not the key of --cert" in capsys.readouterr().err
+    assert main([*kit, "--key", str(plant / "broker.key")]) == 0
+
+    assert not (tmp_path / "kit" / "ca.key").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "what"),
+    [
+        (["--ca", "x"], "go together"),
+        (["--login", "x"], "NAME=OPERATOR"),
+        (["--bridge", "central:x"], "HOST"),
+        (["--bridge", "central evil:8883"], "HOST"),
+        (["--bridge", "[::1]:8883"], "HOST"),
+        (["--bridge", "central", "--bridge-base", "a/#"], "no base"),
+        (["--bridge", "central", "--bridge-base", "acme/site 1"], "no base"),
+        (["--bridge", "central", "--bridge-base", "acme\ntopic # out"], "no base"),
+        (["--bridge", "central", "--bridge-base", "$share/acme"], "no base"),
+        (["--bridge-ca", "/nowhere"], "no file"),
+    ],
+)
+def test_wrong_options_are_refused_before_anything_is_written(
+    config_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], what: str
+) -> None:
+    assert main(["broker-kit", str(config_file), str(tmp_path / "kit"), *options]) == 2
+
+    assert what in capsys.readouterr().err
+    assert not (tmp_path / "kit").exists()
+
+
+def test_a_topic_with_a_space_is_refused_for_a_bridge(
+    config_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    spaced = (WITH_ALL[0], WITH_ALL[1].replace('"plant"', '"Werk Süd"'))
+    config_file.write_text(changed(NAMED, spaced), "utf-8")
+
+    assert main(["broker-kit", str(config_file), str(tmp_path / "kit"), "--bridge", "central"]) == 2
+
+    assert "spBv1.0/Werk Süd/NBIRTH/mcc1: Mosquitto's bridges take no space" in capsys.readouterr().err
+
+
+def test_a_proof_without_a_kit_says_so(
+    config_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["broker-kit", str(config_file), str(tmp_path / "kit"), "--prove"]) == 2
+
+    assert "holds no kit" in capsys.readouterr().err

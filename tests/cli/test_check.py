@@ -1,0 +1,248 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from gateway.app.site import Site
+from gateway.cli.main import main
+from gateway.errors import ConfigError, Problem
+from tests.config.sites import SITE, changed
+
+PASSWORD = (
+    'url = "mqtts://broker.plant:8883"',
+    'url = "mqtts://broker.plant:8883"\nusername = "mcc1"\npassword_file = "mqtt.password"',
+)
+EXAMPLES = sorted((Path(__file__).parents[2] / "config").glob("*.toml"))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "site.toml").write_text(SITE, "utf-8")
+    return tmp_path
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.name)
+def test_every_example_site_is_right_with_its_password_file(
+    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site = tmp_path / path.name
+    site.write_text(path.read_text("utf-8"), "utf-8")
+    (tmp_path / "mqtt.password").write_text("secret\n", "utf-8")
+    (tmp_path / "mqtt.password").chmod(0o600)
+
+    assert main(["check", str(site)]) == 0
+
+    assert f"{site}: valid, " in capsys.readouterr().out
+
+
+def test_the_budget_of_every_line_is_printed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(folder / "site.toml")]) == 0
+
+    out = capsys.readouterr().out
+    assert "valid, 2 starters on 1 line, 1 operator\n" in out
+    assert "line pumps: /dev/rs485-pumps, 19200 8E1\n" in out
+    assert "load " in out
+    assert "a stop waits at most " in out
+    assert "not stated, must be above " in out
+    assert "warning" not in out
+
+
+def test_json_has_the_same_statistics(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(folder / "site.toml"), "--json"]) == 0
+
+    shown = json.loads(capsys.readouterr().out)
+    (line,) = shown["lines"]
+    assert shown["is_valid"] is True
+    assert shown["warnings"] == []
+    assert 0.0 < line["load"] < 1.0
+    assert line["sweep_s"] > 0.0
+    assert line["stop_latency_s"] > 0.0
+    assert set(line["starters"][0]["age_s"]) == {"status", "values", "slow"}
+    assert line["starters"][0]["watchdog_margin_s"] is None
+
+
+def test_json_has_the_problems_of_a_wrong_configuration(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "site.toml").write_text(changed(("address = 2", "address = 1")), "utf-8")
+
+    assert main(["check", "--json", str(folder / "site.toml")]) == 78
+
+    captured = capsys.readouterr()
+    shown = json.loads(captured.out)
+    assert shown["is_valid"] is False
+    assert shown["problems"] == [
+        {
+            "line": 20,
+            "key": "line[0].starter[1].address",
+            "what": "1 is also line[0].starter[0].address",
+            "hint": "each starter on a line needs its own address",
+            "mend": "each starter on a line needs its own address",
+        }
+    ]
+    assert captured.err.startswith("starter-gateway: ")
+
+
+@pytest.mark.parametrize(
+    ("changes", "warning"),
+    [
+        (
+            [("address = 1\n", "address = 1\nevery_s = 0.02\n")],
+            "line pumps: asked for ",
+        ),
+        (
+            [("every_s = 2.0", "watchdog_s = 2.5")],
+            "starter pump-2: its watchdog of 2.5 s has ",
+        ),
+        ([("/dev/rs485-pumps", "/dev/ttyUSB0")], "line pumps: /dev/ttyUSB0 may be another adapter tomorrow"),
+        ([("[mqtt]", '[mqtt]\nca_file = "plant-ca.pem"')], "plant-ca.pem is not there"),
+        (
+            [("[mqtt]", '[web]\ncert_file = "web.pem"\nkey_file = "site.toml"\n[mqtt]')],
+            "web.pem is not there",
+        ),
+        (
+            [("mqtts://broker.plant:8883", "mqtt://broker"), ("[mqtt]", "[mqtt]\nallow_plaintext = true")],
+            "mqtt.url: passwords and commands cross the network unencrypted",
+        ),
+    ],
+)
+def test_what_is_right_but_unwise_is_a_warning(
+    folder: Path, changes: list[tuple[str, str]], warning: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "site.toml").write_text(changed(*changes), "utf-8")
+
+    assert main(["check", str(folder / "site.toml")]) == 0
+
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("warning: ")]
+    assert warning in line
+
+
+def test_a_watchdog_that_is_off_and_a_disabled_line_are_shown(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    changes = [("address = 1\n", "address = 1\nwatchdog_s = 0\n"), ("every_s = 2.0", "enabled = false")]
+    (folder / "site.toml").write_text(changed(*changes), "utf-8")
+    main(["check", str(folder / "site.toml")])
+    off = capsys.readouterr().out
+
+    (folder / "site.toml").write_text(changed(("1\n", "1\nenabled = false\n"), changes[1]), "utf-8")
+    main(["check", str(folder / "site.toml")])
+    disabled = capsys.readouterr().out
+
+    assert " off\n" in off
+    assert "load 0%" in disabled
+    assert "starter  " not in disabled
+
+
+@pytest.mark.parametrize(
+    ("content", "mode", "said"),
+    [
+        ("secret\n", 0o600, ""),
+        ("secret\n", 0o644, "others than its owner may use it (chmod 600 "),
+        ("", 0o600, "is empty (write it as its first line)"),
+    ],
+)
+def test_a_password_file_that_run_refuses_is_refused_by_check(
+    content: str, mode: int, said: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    password = folder / "mqtt.password"
+    password.write_text(content, "utf-8")
+    password.chmod(mode)
+    path = folder / "site.toml"
+    path.write_text(changed(PASSWORD), "utf-8")
+
+    checked = main(["check", str(path), "--json"])
+
+    reported = json.loads(capsys.readouterr().out)
+    assert (checked, reported["is_valid"]) == ((78, False) if said else (0, True))
+    refused = _refused_by_run(path)
+    assert [each["what"] for each in reported.get("problems", [])] == [each.what for each in refused]
+    assert bool(refused) == bool(said)
+    assert said.startswith(tuple(each.what for each in refused) or ("",))
+
+
+def _refused_by_run(path: Path) -> list[Problem]:
+    """Return why `run` would end before it begins."""
+    try:
+        Site.read(path, {})
+    except ConfigError as error:
+        return error.problems
+    return []
+
+
+def test_a_password_file_that_is_missing_is_refused_by_check_as_by_run(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "site.toml").write_text(changed(PASSWORD), "utf-8")
+
+    assert main(["check", str(folder / "site.toml")]) == 78
+    checked = capsys.readouterr().err
+    assert main(["run", str(folder / "site.toml")]) == 78
+
+    assert capsys.readouterr().err == checked
+    assert "mqtt.password: password_file: No such file or directory" in checked
+
+
+def test_a_line_that_is_asked_for_more_than_it_has_is_the_first_line(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "site.toml").write_text(changed(("address = 1\n", "address = 1\nevery_s = 0.02\n")), "utf-8")
+
+    assert main(["check", str(folder / "site.toml")]) == 0
+
+    assert capsys.readouterr().out.splitlines()[0].startswith("warning: line pumps: asked for ")
+
+
+@pytest.mark.parametrize(
+    ("families", "text"),
+    [
+        (["ssw06"] * 30, ""),
+        (["ssw07"] * 31, "31 starters need a repeater, WEG SSW-07/SSW-08 allows 30 without"),
+        (["ssw900"] * 32, ""),
+        (["ssw900"] * 33, "33 starters need a repeater, WEG SSW900 allows 32 without"),
+        (["ssw900"] * 30 + ["ssw06"], "31 starters need a repeater, WEG SSW-06 allows 30 without"),
+        (["sst"] * 40, ""),
+    ],
+)
+def test_a_line_with_more_devices_than_a_segment_carries_needs_a_repeater(
+    families: list[str], text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "site.toml"
+    starters = "".join(
+        f'[[line.starter]]\nname = "s{number}"\naddress = {number}\nfamily = "{family}"\nevery_s = 60.0\n'
+        f"enabled = {'true' if number < 31 else 'false'}\n"
+        for number, family in enumerate(families, 1)
+    )
+    head = '[gateway]\nname = "g"\n[mqtt]\nurl = "mqtt://127.0.0.1"\n[[line]]\nname = "hall"\n'
+    path.write_text(f'{head}port = "/dev/rs485"\nbaud = 19200\nframing = "8N2"\n{starters}', "utf-8")
+
+    assert main(["check", str(path)]) == 0
+    assert [line for line in capsys.readouterr().out.splitlines() if "repeater" in line] == (
+        [f"warning: line hall: {text} (put one in, or use more lines)"] if text else []
+    )
+
+
+def test_the_language_of_the_names_is_printed_with_the_families_that_lack_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def printed(language: str, family: str) -> str:
+        path = tmp_path / "site.toml"
+        text = changed(('name = "mcc1"', f'name = "mcc1"\nlanguage = "{language}"'))
+        path.write_text(text.replace('family = "ssw07"', f'family = "{family}"'), "utf-8")
+        assert main(["check", str(path)]) == 0
+        return capsys.readouterr().out
+
+    assert 'names in language = "en"; there are also: es (ssw06), pt (no family)' in printed("en", "ssw06")
+    spanish = printed("es", "ssw07")
+    assert 'names in language = "es"; ssw07, ssw900 in English, since no manual of theirs is in it' in spanish
+    assert "there are also: pt (no family)" in spanish
+
+
+def test_an_unknown_language_is_a_mistake_with_those_that_exist(tmp_path: Path) -> None:
+    path = tmp_path / "site.toml"
+    path.write_text(changed(('name = "mcc1"', 'name = "mcc1"\nlanguage = "de"')), "utf-8")
+
+    with pytest.raises(ConfigError, match=r"gateway\.language: is 'de' \(one of en, es, pt\)"):
+        Site.read(path, {})

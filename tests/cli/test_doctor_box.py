@@ -1,0 +1,117 @@
+"""Problems of the machine."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from gateway.cli.doctor.machine import (
+    clock_remark,
+    latency_remark,
+    state_dir_remark,
+    wear_remarks,
+)
+from gateway.families.devices.findings import Weight
+from tests.ordinary_user import give
+from tests.storage.golden.state import unpack_golden
+
+
+@pytest.mark.parametrize(("milliseconds", "weight"), [("1", None), ("2", None), ("16", Weight.WARNING)])
+def test_an_adapter_that_holds_replies_back_is_a_problem(
+    milliseconds: str, weight: Weight | None, tmp_path: Path
+) -> None:
+    device = tmp_path / "ttyUSB0" / "device"
+    device.mkdir(parents=True)
+    (device / "latency_timer").write_text(f"{milliseconds}\n", "ascii")
+
+    remark = latency_remark("/dev/ttyUSB0", "line hall", sysfs=tmp_path)
+
+    assert remark is not None
+    assert remark.weight is weight
+
+
+def test_an_adapter_without_a_latency_timer_is_no_matter(tmp_path: Path) -> None:
+    assert latency_remark("/dev/ttyS0", "line hall", sysfs=tmp_path) is None
+    assert latency_remark("socket://box:4001", "line hall", sysfs=tmp_path) is None
+
+
+@pytest.mark.parametrize(("said", "weight"), [(True, None), (False, Weight.WARNING), (None, Weight.NOTE)])
+def test_a_clock_that_is_not_synchronised_is_a_problem(said: bool | None, weight: Weight | None) -> None:
+    assert clock_remark(lambda: said).weight is weight
+
+
+def test_the_clock_of_this_machine_can_be_looked_at() -> None:
+    assert clock_remark().where == "clock"
+
+
+def test_a_state_directory_must_be_there_and_be_a_folder(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.touch()
+
+    assert state_dir_remark(tmp_path).weight is None
+    assert state_dir_remark(file).weight is Weight.ERROR
+    assert state_dir_remark(tmp_path / "none").weight is Weight.ERROR
+
+
+def test_a_state_directory_that_may_not_be_written_is_a_problem(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "access", lambda *_: False)
+
+    assert "chown" in state_dir_remark(tmp_path).text
+
+
+def test_a_file_in_the_state_directory_that_may_not_be_written_is_a_problem(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    unpack_golden(tmp_path)
+    (tmp_path / "not-the-gateways").touch()
+    assert state_dir_remark(tmp_path).weight is None
+    foreign, access = "history.db", os.access
+    monkeypatch.setattr(os, "access", lambda path, how: Path(path).name != foreign and access(path, how))
+
+    file = state_dir_remark(tmp_path)
+    foreign = "audit"
+    folder = state_dir_remark(tmp_path)
+
+    assert file.weight is folder.weight is Weight.ERROR
+    assert f"{tmp_path}/history.db in it may not be written by the gateway's user (chown -R" in file.text
+    assert f"{tmp_path}/audit" in folder.text
+    foreign = "not-the-gateways"
+    assert state_dir_remark(tmp_path).weight is None
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give files away")
+def test_root_finds_files_that_are_not_those_of_the_folders_owner(tmp_path: Path) -> None:
+    unpack_golden(tmp_path)
+    (tmp_path / "gateway.sqlite").rename(tmp_path / "gateway.sqlite.aside-1")
+    for path in (tmp_path, *tmp_path.rglob("*")):
+        give(path)
+    assert state_dir_remark(tmp_path).weight is None
+
+    os.chown(tmp_path / "audit" / "audit-00000001.jsonl", 0, 0)
+
+    assert "audit-00000001.jsonl in it may not be written" in state_dir_remark(tmp_path).text
+
+
+def test_how_often_each_memory_was_written_is_reported_and_is_a_problem_when_flash_could_be_worn(
+    tmp_path: Path,
+) -> None:
+    assert wear_remarks(tmp_path) == []
+
+    (tmp_path / "wear.json").write_text('{"writes": {"pump": 10000, "fan": 12}}', "utf-8")
+
+    remarks = wear_remarks(tmp_path)
+    assert [(remark.where, remark.weight) for remark in remarks] == [
+        ("starter fan", None),
+        ("starter pump", Weight.WARNING),
+    ]
+    assert "has written 12 times" in remarks[0].text
+
+
+def test_damaged_counts_are_noted(tmp_path: Path) -> None:
+    (tmp_path / "wear.json").write_text('{"writes": 7}', "utf-8")
+
+    assert [remark.weight for remark in wear_remarks(tmp_path)] == [Weight.NOTE]

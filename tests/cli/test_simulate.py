@@ -1,0 +1,155 @@
+"""What `simulate` makes of a starter's tables in the configuration."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from gateway.cli.simulate.simulate import simulate, simulated_unit
+from gateway.config.load import parse
+from gateway.errors import ConfigError, UsageError
+from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegisters, ReadInputRegisters
+from gateway.modbus.writes import WriteCoil, WriteRegister
+from tests.config.sites import changed
+from tests.sim.wire import Talk
+
+
+def talk_to(family: str, more: str) -> Talk:
+    text = changed(
+        ('family = "ssw07"', f'family = "{family}"\n{more}'), ('framing = "8E1"', 'framing = "8N2"')
+    )
+    return Talk(simulated_unit(parse(text, "site.toml").lines[0].starters[0]))
+
+
+def word(talk: Talk, register: int) -> int:
+    return int(talk.ask(ReadHoldingRegisters(register, 1))[0])
+
+
+def test_the_slot_of_the_configuration_is_the_accessorys() -> None:
+    talk: Any = talk_to("ssw900", "slot = 2")
+
+    talk.ask(WriteRegister(686, 0x0013))
+    talk.wait(20.0)
+
+    assert talk.unit.motor.is_turned_on
+    assert word(talk, 680) & 1
+
+
+def test_firmware_and_parameters_are_the_configurations() -> None:
+    talk = talk_to(
+        "ssw07", '[line.starter.simulated]\nfirmware = "1.30"\nparameters = { P630 = 30, P314 = 9 }'
+    )
+
+    assert (word(talk, 23), word(talk, 314)) == (130, 9)
+    talk.ask(WriteCoil(100, is_on=True))
+    talk.wait(10.0)
+    talk.ask(WriteCoil(100, is_on=False))
+    talk.wait(12.0)
+    talk.ask(WriteCoil(100, is_on=True))
+    assert word(talk, 6) == 11
+    assert not talk.unit.motor.is_turned_on
+
+
+def test_an_sst_has_the_firmware_and_registers_of_the_configuration() -> None:
+    talk = talk_to("sst", '[line.starter.simulated]\nfirmware = "4.21"\nparameters = { R41 = 8 }')
+
+    assert talk.ask(ReadInputRegisters(2, 2)) == (0x0204, 0x0001)
+    assert talk.ask(ReadInputRegisters(41, 1)) == (8,)
+
+
+def test_an_ssw900_has_the_softplc_markers_of_the_configuration() -> None:
+    talk = talk_to("ssw900", "[line.starter.simulated]\nmarkers = { DI7 = true, COIL9 = false }")
+
+    assert talk.ask(ReadDiscreteInputs(7, 1)) == (True,)
+    talk.ask(WriteCoil(9, is_on=True))
+    assert talk.ask(ReadCoils(9, 1)) == (True,)
+
+
+def test_a_braked_motor_shows_it_until_standstill() -> None:
+    talk = talk_to("ssw06", "[line.starter.simulated]\nbraking_s = 3.0")
+    talk.ask(WriteCoil(100, is_on=True))
+    talk.wait(10.0)
+
+    talk.ask(WriteCoil(100, is_on=False))
+    talk.wait(1.0)
+    assert word(talk, 5001) & 0x0201 == 0x0200
+    talk.wait(2.1)
+    assert word(talk, 5001) & 0x0201 == 0
+    assert not talk.unit.motor.is_turning
+
+
+@pytest.mark.parametrize(
+    ("family", "more", "text"),
+    [
+        ("ssw07", "parameters = { P999 = 1 }", "simulated.parameters.P999: ssw07 has no such parameter"),
+        ("sst", "parameters = { COIL1 = 1 }", "simulated.parameters.COIL1: sst has no such parameter"),
+        (
+            "ssw07",
+            "parameters = { P314 = 70000 }",
+            "simulated.parameters.P314: is 70000 (must be at most 65535",
+        ),
+        ("ssw07", "markers = { DI1 = true }", "simulated.markers: is for ssw900 (leave it out)"),
+        ("ssw900", "markers = { P1 = true }", "simulated.markers.P1: ssw900 has no such marker (write COIL"),
+        ("ssw900", "markers = { DI70000 = true }", "simulated.markers.DI70000: ssw900 has no such marker"),
+        ("ssw900", "markers = { DI7 = 1 }", "simulated.markers.DI7: is 1 (must be true or false"),
+        ("ssw07", 'firmware = "new"', "simulated.firmware: is 'new' (two numbers with a point"),
+        ("ssw900", "braking_s = 3.0", "simulated.braking_s: is for ssw06 and ssw07 (set C7.4.1"),
+    ],
+)
+def test_what_a_simulated_starter_cannot_be_is_a_mistake(family: str, more: str, text: str) -> None:
+    with pytest.raises(ConfigError) as error:
+        talk_to(family, f"[line.starter.simulated]\n{more}")
+
+    assert text in str(error.value)
+
+
+async def test_a_real_port_is_warned_of_loudly_and_left_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    config = parse(changed(("/dev/rs485-pumps", "/dev/null")), "site.toml")
+
+    simulating = asyncio.create_task(simulate(config))
+    reported = ""
+    while "line pumps" not in reported:
+        await asyncio.sleep(0.01)
+        captured = capsys.readouterr()
+        reported += captured.err
+    simulating.cancel()
+    await asyncio.wait((simulating,))
+
+    assert reported.startswith("WARNING: line pumps: /dev/null IS A REAL PORT and is not simulated")
+    assert "moves REAL MOTORS" in reported
+
+
+def test_the_motor_of_a_simulated_starter_and_its_supply_are_as_configured() -> None:
+    talk = talk_to(
+        "ssw07",
+        "[line.starter.simulated.motor]\nload_pct = 50.0\nramp_up_s = 12.0\nfriction_pct = 10.0\n"
+        'wear_per_start_pct = 2.0\nthermal_pct = 40.0\nline_voltage_pct = 95.0\nlost_phase = "t"\n',
+    )
+    motor = talk.unit.motor
+
+    assert (motor.load_pct, motor.friction_pct, motor.thermal_pct) == pytest.approx(
+        (50.0, 10.0, 40.0), abs=0.1
+    )
+    assert (motor.data.ramp_up_s, motor.data.wear_per_start_pct) == pytest.approx((12.0, 2.0))
+    assert motor.line_voltage_pct == pytest.approx(95.0)
+    assert motor.lost_phase == 2
+
+
+def test_a_motor_of_which_nothing_is_configured_is_as_ever() -> None:
+    motor = talk_to("ssw07", "").unit.motor
+
+    assert motor.line_voltage_pct == pytest.approx(100.0)
+    assert motor.lost_phase is None
+    assert motor.friction_pct == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize(("model", "number"), [("SST130i", 130), ("sst360i", 360), ("SST130i-140-M-ES", 130)])
+def test_an_sst_is_simulated_by_the_name_that_it_gives_itself(model: str, number: int) -> None:
+    assert talk_to("sst", f'model = "{model}"').ask(ReadInputRegisters(0, 1)) == (number,)
+
+
+def test_a_model_that_cannot_be_simulated_is_named() -> None:
+    with pytest.raises(UsageError, match="cannot be simulated: model 'SST999' is not one of SST330i"):
+        talk_to("sst", 'model = "SST999"')

@@ -1,0 +1,106 @@
+"""`[sparkplug]`: what it may say, and what becomes of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.app.integrations.sparkplug import is_wanted, settings_of
+from gateway.cli.main import main
+from gateway.errors import ConfigError
+from gateway.mqtt.connection.reconnect import Version
+from tests.sparkplug.sites import site
+
+
+def problems(folder: Path, table: str) -> list[str]:
+    with pytest.raises(ConfigError) as caught:
+        site(folder, table)
+    return [f"{each.key}: {each.what}" for each in caught.value.problems]
+
+
+def test_without_the_table_there_is_no_node(tmp_path: Path) -> None:
+    assert not is_wanted(site(tmp_path, ""))
+
+
+def test_by_default_the_node_is_the_gateway_at_the_main_broker_and_takes_no_commands(tmp_path: Path) -> None:
+    read = site(tmp_path, '[sparkplug]\ngroup = "plant"\noperator = "scada"\n')
+    settings = settings_of(read, seed=1)
+
+    assert is_wanted(read)
+    assert (settings.group, settings.node, settings.primary_host) == ("plant", "mcc1", None)
+    assert settings.operator is None
+    (server,) = settings.servers
+    assert (server.host, server.port, server.client_id) == ("localhost", 1884, "mcc1-spb")
+    assert (server.username, server.password) == ("gateway", "secret of main.password")
+    assert (server.version, server.tls) == (None, None)
+
+
+def test_servers_of_its_own_have_a_login_of_their_own(tmp_path: Path) -> None:
+    table = """
+[sparkplug]
+group = "plant"
+node = "Gateway 1"
+urls = ["mqtts://one.example", "mqtts://two.example:9999"]
+username = "edge"
+password_file = "own.password"
+mqtt_version = "3.1.1"
+primary_host = "scada"
+commands = true
+operator = "scada"
+"""
+    settings = settings_of(site(tmp_path, table), seed=1)
+
+    assert [(each.host, each.port) for each in settings.servers] == [
+        ("one.example", 8883),
+        ("two.example", 9999),
+    ]
+    assert {(each.username, each.password) for each in settings.servers} == {
+        ("edge", "secret of own.password")
+    }
+    assert all(each.tls is not None and each.version is Version.V311 for each in settings.servers)
+    assert (settings.node, settings.primary_host, settings.operator) == ("Gateway 1", "scada", "scada")
+    assert "secret of" not in repr(settings)
+
+
+def test_no_secret_is_shown(tmp_path: Path) -> None:
+    assert "secret of" not in repr(site(tmp_path, '[sparkplug]\ngroup = "plant"\n'))
+
+
+@pytest.mark.parametrize(
+    ("table", "expected"),
+    [
+        ('operator = "x"', "sparkplug.operator: 'x' is no [[operator]]'s client"),
+        ("commands = true", "sparkplug.commands: needs operator beside it"),
+        ('username = "x"', "sparkplug.username: needs urls beside it"),
+        ('urls = ["http://x"]', "sparkplug.urls[0]: 'http://x' is no broker address"),
+        ('urls = ["mqtt://x"]', "sparkplug.urls[0]: would send passwords and commands unencrypted"),
+        ('urls = ["mqtts://a:b@x"]', "sparkplug.urls[0]: holds a login"),
+        (
+            'urls = ["mqtts://x"]\npassword_file = "own.password"',
+            "sparkplug.password_file: needs username beside it",
+        ),
+        ('urls = ["mqtts://x"]\ncert_file = "x"', "sparkplug.cert_file: needs key_file beside it"),
+    ],
+)
+def test_a_mistake_is_named(tmp_path: Path, table: str, expected: Any) -> None:
+    assert problems(tmp_path, f'[sparkplug]\ngroup = "plant"\n{table}\n') == [expected]
+
+
+@pytest.mark.parametrize("group", ["", "a/b", "a+", "#"])
+def test_a_group_has_no_reserved_sign(tmp_path: Path, group: str) -> None:
+    (problem,) = problems(tmp_path, f'[sparkplug]\ngroup = "{group}"\n')
+
+    assert problem.startswith("sparkplug.group")
+
+
+def test_check_says_that_every_host_is_the_same_person(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site(tmp_path, '[sparkplug]\ngroup = "plant"\ncommands = true\noperator = "scada"\n')
+
+    assert main(["check", str(tmp_path / "site.toml")]) == 0
+
+    warning = "warning: sparkplug.commands: every Sparkplug host is the same person, operator scada"
+    assert f"{warning} (let the broker's access list say who may write" in capsys.readouterr().out

@@ -1,0 +1,418 @@
+"""The bridge of docs/broker.md between two real Mosquittos, over a link that is cut."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import re
+import shutil
+import time
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from gateway.records import rfc3339
+from tests.end_to_end.deploy.kit_site import BROKER_PAGE, TOP, KitPlace, commands
+from tests.end_to_end.deploy.link import Link, linked
+from tests.end_to_end.site import Program
+from tests.mosquitto import Certificate, MosquittoBroker, Seen, StartMosquitto, Watcher
+
+pytestmark = [
+    pytest.mark.paired,
+    pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl is not here"),
+]
+
+BASE, CENTRAL_BASE, OTHER_SITE = "starters/mcc1", "acme/site1/mcc1", "acme/site2/mcc1"
+CUT_S = 6.0
+AWAY_S = 3.0
+CONNECTED_S = 2.5  # for 2 s after a connection no dated start acts
+STALLED_S = 6.5  # more than the 5 s that a command is good for
+ATTEMPT = "Connecting bridge (step 1) mcc1-telemetry"
+CONSUMER = ("consumer", "consumer's")
+SITE = """
+[gateway]
+name = "mcc1"
+state_dir = "state"
+clock = "trusted"
+
+[mqtt]
+url = "mqtt://127.0.0.1:8883"
+username = "mcc1"
+password_file = "mqtt.password"
+
+[[line]]
+name = "hall"
+port = "{port}"
+baud = 19200
+framing = "8N2"
+adapter_allowance_s = 0.3
+
+[[line.starter]]
+name = "pump"
+address = 1
+family = "ssw07"
+every_s = 0.1
+
+[[operator]]
+client = "alice"
+may = ["*"]
+starters = ["*"]
+
+[[operator]]
+client = "dispatch"
+may = ["start", "stop"]
+starters = ["*"]
+freshness = "issued_at"
+"""
+
+
+@dataclass
+class Observed:
+    """What a watcher of one broker has seen, its base taken away."""
+
+    base: str
+    messages: list[Seen] = field(default_factory=list)
+
+    def numbered(self) -> dict[tuple[str, str, int], str]:
+        """Return the payload of each message that has a name of its own: topic, boot, seq."""
+        found = {}
+        for seen in self.messages:
+            body = json.loads(seen.payload) if seen.payload.startswith("{") else {}
+            if "seq" in body and "boot" in body:
+                found[seen.topic.removeprefix(self.base), body["boot"], body["seq"]] = seen.payload
+        return found
+
+    def bodies(self, topic: str) -> list[dict[str, object]]:
+        return [json.loads(each.payload) for each in self.messages if each.topic == f"{self.base}/{topic}"]
+
+    async def until(self, topic: str, *, within_s: float = 20.0, **wanted: object) -> dict[str, object]:
+        """Wait for a message of a topic with all these fields."""
+        deadline_s = time.monotonic() + within_s
+        while time.monotonic() < deadline_s:
+            for body in self.bodies(topic):
+                if wanted.items() <= body.items():
+                    return body
+            await asyncio.sleep(0.05)
+        raise AssertionError(f"{topic} never had {wanted}: {self.bodies(topic)[-3:]}")
+
+    async def identified(self, starter: str, *, within_s: float = 20.0) -> None:
+        """Wait until it is known who a starter is: before that a start is refused."""
+        deadline_s = time.monotonic() + within_s
+        while not any(body["firmware"] for body in self.bodies(f"starter/{starter}/info")):
+            assert time.monotonic() < deadline_s, f"{starter} is not identified"
+            await asyncio.sleep(0.05)
+
+    async def collect(self, watcher: Watcher) -> None:
+        while True:
+            self.messages.append(await watcher.next(within_s=600.0))
+
+
+@dataclass
+class Bridged:
+    """Two brokers, a bridge, a gateway with a simulated starter, and who watches."""
+
+    place: KitPlace
+    central: MosquittoBroker
+    link: Link
+    at_edge: Observed
+    at_central: Observed
+    logins: dict[str, str]  # of the central broker
+
+    async def send(self, topic: str, payload: str, *, client: str = "dispatch") -> None:
+        """Publish at the central broker, with a login of it."""
+        user = (client, self.logins[client])
+        await asyncio.to_thread(self.central.publish, topic, payload, user=user)
+
+    async def command(self, verb: str, id_: str) -> None:
+        """Send a command as the remote operator, dated now."""
+        body = json.dumps({"id": id_, "issued_at": rfc3339(time.time())})
+        await self.send(f"{CENTRAL_BASE}/command/pump/dispatch/{verb}", body)
+
+    async def local(self, verb: str) -> None:
+        """Send a command at the edge, as alice, and wait for its end."""
+        id_ = f"local-{time.monotonic_ns()}"
+        token = str(self.at_edge.bodies("gateway/fresh")[-1]["token"])
+        publish = [
+            *(str(shutil.which("mosquitto_pub")), "-h", "127.0.0.1"),
+            *("-p", str(plain_port(self.place)), "-q", "1"),
+        ]
+        login = ["-u", "alice", "-P", (self.place.kit / "logins/alice").read_text("utf-8").strip()]
+        what = ["-t", f"{BASE}/command/pump/alice/{verb}", "-m", json.dumps({"id": id_, "token": token})]
+        process = await asyncio.create_subprocess_exec(*publish, *login, *what)
+        async with asyncio.timeout(10.0):
+            assert await process.wait() == 0
+        await self.at_edge.until("result/pump/alice", id=id_, phase="confirmed")
+
+
+def plain_port(place: KitPlace) -> int:
+    """Return where the edge's broker takes connections without TLS on this machine."""
+    return place.loopback_port if "mqtts" in place.config.read_text("utf-8") else place.port
+
+
+def install(place: KitPlace, link: Link, authority: Path, *, is_tls: bool) -> None:
+    """Follow the pages: a kit, then the bridge; only the addresses are this test's."""
+    (place.root / "etc/starter-gateway").mkdir()
+    text = SITE.format(port=place.root / "ttyHALL").replace(":8883", f":{place.port}")
+    if is_tls:
+        text = text.replace("mqtt://127.0.0.1", "mqtts://localhost")
+        text = text.replace("[[line]]", 'ca_file = "plant-ca.pem"\n\n[[line]]')
+    place.config.write_text(text, "utf-8")
+    shutil.copy(authority, place.root / "root/central-ca.pem")
+    left_out = r"--prove| check " if is_tls else r"\.pem|--prove| check "
+    for line in commands("4. Broker"):
+        if line.startswith(("/opt", "install")) and not re.search(left_out, line):
+            place.follow(line)
+    bridge = place.root / "etc/mosquitto/starter-gateway/bridge.conf"
+    for line in commands("A bridge to a central broker", page=BROKER_PAGE):
+        place.follow(line.replace("central.acme:8883", f"localhost:{link.port}"))
+        if "bridge.conf /root" in line:
+            text = re.sub(r"restart_timeout \d+ \d+", "restart_timeout 1 2", bridge.read_text("utf-8"))
+            bridge.write_text(text, "utf-8")  # each attempt of seconds here is one of minutes there
+
+
+def central_users(place: KitPlace) -> dict[str, str]:
+    """Return the logins of the central broker: this site's, another site's, and a consumer's."""
+    folder = place.kit / "central/logins"
+    users = {each.name: each.read_text("utf-8").strip() for each in folder.iterdir()}
+    return {**users, "other": "other's", **dict([CONSUMER])}
+
+
+@asynccontextmanager
+async def bridged(
+    folder: Path, start_mosquitto: StartMosquitto, *, is_tls: bool = False
+) -> AsyncIterator[Bridged]:
+    certificate = Certificate.make(folder)
+    place = KitPlace(folder / "edge")
+    async with AsyncExitStack() as stack:
+        link = await stack.enter_async_context(linked(0))
+        stack.callback(place.stop_broker)
+        await asyncio.to_thread(install, place, link, certificate.cert, is_tls=is_tls)
+        users = central_users(place)
+        acl = (place.kit / "central/acl").read_text("utf-8")
+        acl += f"user other\ntopic read {OTHER_SITE}/#\ntopic write {OTHER_SITE}/command/+/other/#\n"
+        acl += f"user {CONSUMER[0]}\ntopic read acme/#\ntopic readwrite test/ready\n"
+        central = start_mosquitto(
+            users=users, acl=acl, tls=certificate, options=("use_username_as_clientid true",)
+        )
+        link.target = central.port
+        edge = _watch(place, "prover", f"{BASE}/#")
+        here, there = Observed(BASE), Observed(CENTRAL_BASE)
+        for observed, watching in ((here, edge), (there, central.watch("acme/#", user=CONSUMER))):
+            task = asyncio.create_task(observed.collect(await stack.enter_async_context(watching)))
+            stack.callback(task.cancel)
+        simulator = await stack.enter_async_context(Program("gateway", "simulate", str(place.config)))
+        await simulator.says("line hall")
+        await stack.enter_async_context(Program("gateway", "run", str(place.config)))
+        site = Bridged(place, central, link, here, there, users)
+        await there.until("starter/pump/state", state="ready", quality="good")
+        await there.identified("pump")
+        await there.until("gateway/status", state="online")
+        yield site
+
+
+class _EdgeBroker:
+    """What a Watcher asks of its broker."""
+
+    def publish(self, *_: object, **__: object) -> None:
+        """The prover may publish nothing; the gateway's own topics show that it listens."""
+
+
+def _watch(place: KitPlace, login: str, topic: str) -> _EdgeWatcher:
+    password = (place.kit / "logins" / login).read_text("utf-8").strip()
+    command = [str(shutil.which("mosquitto_sub")), "-h", "127.0.0.1", "-p", str(plain_port(place))]
+    command += ["-V", "mqttv5"]
+    command += ["-u", login, "-P", password, "-q", "1", "-F", r"%t\t%q\t%r\t%p", "-t", topic]
+    return _EdgeWatcher(_EdgeBroker(), command, None)  # type: ignore[arg-type]
+
+
+class _EdgeWatcher(Watcher):
+    async def __aenter__(self) -> Watcher:
+        self._process = await asyncio.create_subprocess_exec(*self._command, stdout=asyncio.subprocess.PIPE)
+        return self
+
+
+@pytest.mark.long
+async def test_nothing_acts_late_over_a_bridge_and_nothing_is_lost(
+    tmp_path: Path, start_mosquitto: StartMosquitto
+) -> None:
+    async with bridged(tmp_path, start_mosquitto) as site:
+        await asyncio.sleep(CONNECTED_S)
+        await check_fresh(site)
+        await check_severed(site)
+        await check_stalled(site)
+        await check_complete(site)
+        await check_crossing(site)
+
+
+async def test_telemetry_of_a_tls_edge_waits_there_while_the_bridge_is_away(
+    tmp_path: Path, start_mosquitto: StartMosquitto
+) -> None:
+    async with bridged(tmp_path, start_mosquitto, is_tls=True) as site:
+        await asyncio.sleep(CONNECTED_S)
+        await check_fresh(site)
+        await settled(site)
+        await asyncio.to_thread(site.place.stop_bridge)
+        before = len(site.at_central.messages)
+        await site.command("start", "while-away")
+        await site.local("start")
+        await asyncio.sleep(AWAY_S)
+        await site.local("stop")
+        assert len(site.at_central.messages) - before <= 2  # the notice, and the start itself
+
+        await asyncio.to_thread(site.place.start_bridge)
+
+        await check_complete(site)
+        assert "while-away" not in str(site.at_edge.messages)
+
+
+async def check_fresh(site: Bridged) -> None:
+    """A dated start acts at once, one with a token alone is refused."""
+    token = site.at_central.bodies("gateway/fresh")[-1]["token"]
+    body = json.dumps({"id": "by-token", "token": token})
+    await site.send(f"{CENTRAL_BASE}/command/pump/dispatch/start", body)
+    refusal = await site.at_central.until("result/pump/dispatch", id="by-token", phase="rejected")
+    assert refusal["code"] == "not_fresh"
+    assert "need issued_at" in str(refusal["text"])
+
+    await site.command("start", "live")
+    await site.at_central.until("result/pump/dispatch", id="live", phase="confirmed")
+    await site.command("stop", "live-stop")
+    await site.at_central.until("result/pump/dispatch", id="live-stop", phase="confirmed")
+
+
+async def check_severed(site: Bridged) -> None:
+    """A start of while the link was cut never arrives; what happened meanwhile does, without a storm."""
+    site.link.sever()
+    await notice(site, "0")
+    before = len(site.at_central.messages), len(site.at_edge.messages)
+    attempts = site.place.log("bridge").count(ATTEMPT)
+    await site.command("start", "while-severed")
+    await site.local("start")
+    await asyncio.sleep(CUT_S)
+    await site.local("stop")
+    assert len(site.at_central.messages) - before[0] <= 2  # the notice, and the start itself
+
+    await site.link.restore()
+    await notice(site, "1")
+    await settled(site)
+
+    assert "while-severed" not in str(site.at_edge.messages)
+    edge, central = len(site.at_edge.messages) - before[1], len(site.at_central.messages) - before[0]
+    attempts = site.place.log("bridge").count(ATTEMPT) - attempts
+    retained = len({seen.topic for seen in site.at_edge.messages})
+    assert attempts >= 2
+    assert central <= edge + (attempts + 2) * retained  # Mosquitto queues what is retained with each attempt
+    quiet = len(site.at_central.messages), len(site.at_edge.messages)
+    await asyncio.sleep(2.0)
+    grown = len(site.at_central.messages) - quiet[0], len(site.at_edge.messages) - quiet[1]
+    assert grown[0] <= grown[1] + 5
+
+
+async def check_stalled(site: Bridged) -> None:
+    """A start that was held up on an open connection arrives, and is refused."""
+    site.link.stall()
+    await site.command("start", "held-up")
+    await asyncio.sleep(STALLED_S)
+    assert "held-up" not in str(site.at_edge.messages)
+
+    await site.link.restore()
+
+    refusal = await site.at_central.until("result/pump/dispatch", id="held-up", phase="rejected")
+    assert refusal["code"] == "expired"
+    phases = [
+        body["phase"] for body in site.at_edge.bodies("result/pump/dispatch") if body["id"] == "held-up"
+    ]
+    assert phases == ["rejected"]
+
+
+async def check_complete(site: Bridged) -> None:
+    """Every numbered message of the edge is at the central broker, the same to the byte."""
+    await settled(site)
+    edge, central = site.at_edge.numbered(), site.at_central.numbered()
+    assert len(edge) > 50
+    assert {name: central.get(name) for name in edge} == edge
+
+
+async def check_crossing(site: Bridged) -> None:
+    """No login of the central broker reaches further than it may."""
+    await commands_pass(site)
+    down, up = "mcc1-down", "mcc1-up"
+    tries = [
+        ("dispatch", f"{OTHER_SITE}/command/pump/other/start"),
+        ("dispatch", f"{OTHER_SITE}/command/pump/dispatch/start"),
+        ("dispatch", f"{CENTRAL_BASE}/command/pump/alice/start"),
+        ("dispatch", f"{CENTRAL_BASE}/result/pump/dispatch"),
+        ("other", f"{CENTRAL_BASE}/command/pump/dispatch/start"),
+        ("other", f"{CENTRAL_BASE}/command/pump/other/start"),
+        (CONSUMER[0], f"{CENTRAL_BASE}/command/pump/dispatch/start"),
+        (up, f"{CENTRAL_BASE}/command/pump/dispatch/start"),
+        (up, f"{OTHER_SITE}/starter/pump/state"),
+        (down, f"{CENTRAL_BASE}/command/pump/dispatch/start"),
+        (down, f"{CENTRAL_BASE}/starter/pump/state"),
+    ]
+    for number, (client, topic) in enumerate(tries):
+        if client == CONSUMER[0]:
+            continue  # its watcher is connected; it has no right to write in the list
+        await site.send(topic, f"crossing-{number}", client=client)
+    allowed = f"{OTHER_SITE}/command/pump/other/start"
+    await site.send(allowed, "crossing-allowed", client="other")
+    await commands_pass(site)  # after all others, over the same way
+
+    crossed = [seen for seen in site.at_central.messages if "crossing-" in seen.payload]
+    assert [(seen.topic, seen.payload) for seen in crossed] == [(allowed, "crossing-allowed")]
+    assert "crossing-" not in str(site.at_edge.messages)
+
+
+async def commands_pass(site: Bridged) -> None:
+    """Wait until a stop comes through: one that is sent while the bridge connects again is lost."""
+    for number in range(20):
+        id_ = f"passes-{time.monotonic_ns()}-{number}"
+        await site.command("stop", id_)
+        with suppress(AssertionError):
+            for place in (site.at_central, site.at_edge):
+                await place.until("result/pump/dispatch", within_s=5.0, id=id_, phase="confirmed")
+            return
+    raise AssertionError("no stop comes through")
+
+
+async def notice(site: Bridged, payload: str) -> None:
+    """Wait until the newest notice of the bridge at the central broker is this."""
+    deadline_s = time.monotonic() + 20.0
+    while [each.payload for each in site.at_central.messages if each.topic.endswith("/bridge")][-1:] != [
+        payload
+    ]:
+        assert time.monotonic() < deadline_s, payload
+        await asyncio.sleep(0.05)
+
+
+async def settled(site: Bridged, *, within_s: float = 20.0) -> None:
+    """Wait until the central broker has had the newest that the edge had a moment ago."""
+    await asyncio.sleep(0.5)
+    wanted = site.at_edge.numbered()
+    deadline_s = time.monotonic() + within_s
+    while not wanted.keys() <= site.at_central.numbered().keys():
+        missing = wanted.keys() - site.at_central.numbered().keys()
+        assert time.monotonic() < deadline_s, sorted(missing)[:5]
+        await asyncio.sleep(0.2)
+
+
+def test_the_look_finds_nothing_in_the_kit_and_everything_in_a_bridge_of_all_topics(tmp_path: Path) -> None:
+    place = KitPlace(tmp_path)
+    (place.root / "etc/starter-gateway").mkdir()
+    shutil.copy(TOP / "config/plant.toml", place.config)
+    conf = place.root / "root/bridge.conf"
+    conf.write_text("connection all\naddress central:1883\ntopic # both 1\n", "utf-8")
+
+    done = place.run("starter-gateway broker-kit /etc/starter-gateway/site.toml --lint /root/bridge.conf")
+
+    assert done.returncode == 1
+    assert [line.partition("connection all: ")[2][:40] for line in done.stdout.splitlines()] == [
+        "# sends commands out, those that came in",
+        "# lets the other broker write what only ",
+        "commands that were sent while the link w",
+        "MQTT 3.1.1 passes no expiry of commands ",
+        "# lets in commands of others than operat",
+    ]

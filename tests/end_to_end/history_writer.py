@@ -1,0 +1,79 @@
+"""Records the starts of analytic motors as fast as it can, and names each that is stored: to be killed."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import os
+import sys
+from pathlib import Path
+
+from gateway.app.history import HistoryService
+from gateway.config.convert import setups_of
+from gateway.config.load import parse
+from gateway.history.readings import Readings
+from gateway.records import EventRecord, Record, SequenceNumbers, Severity, StartRecord
+from gateway.system.clock import SystemClock
+from tests.history.support import AnalyticStart, ReadMotor
+from tests.small_site import small_site
+
+STARTERS = ("pump", "fan")
+SITE = small_site(*((name, "ssw07") for name in STARTERS))
+
+
+class Stored:
+    """A sink that has the names of starts as soon as they are published, and hands records to the history."""
+
+    def __init__(self) -> None:
+        self.published: list[tuple[str, str]] = []  # and not named yet
+        self.history: HistoryService | None = None
+
+    def put(self, record: Record) -> None:
+        if self.history is not None:
+            self.history.put(record)
+        if isinstance(record, StartRecord):
+            self.published.append((record.starter, record.id))
+        if isinstance(record, EventRecord):
+            os.write(1, f"{record.code}: {record.text}\n".encode())
+
+
+def replies(number: int) -> list[Readings]:
+    """Return the replies of one start, the whole of it within virtual time."""
+    begin_s = 60.0 * number + 10.0
+    motor = ReadMotor(AnalyticStart(begin_s, 3.0), seed=number, is_ours=True)
+    return list(motor.replies(60.0 * number, begin_s + 12.0))
+
+
+async def write(folder: Path, run: str) -> None:
+    """Record start after start, without end; one is named once the file has it."""
+    sink = Stored()
+    config = parse(SITE, "site.toml")
+    setups = [setup for line in config.lines for setup in setups_of(line)]
+
+    def report(code: str, _severity: Severity, text: str) -> None:
+        os.write(1, f"{code}: {text}\n".encode())
+
+    service = HistoryService(
+        folder,
+        setups,
+        boot=run,
+        sink=sink,
+        clock=SystemClock(),
+        sequence=SequenceNumbers(),
+        publish_event=report,
+    )
+    sink.history = service
+    service.start()
+    await service.loaded()
+    for number in itertools.count():
+        starter = STARTERS[number % len(STARTERS)]
+        for readings in replies(number // len(STARTERS)):
+            service.take_readings(starter, readings)
+        await service.flushed()
+        lines = [f"{starter} {id_}\n" for starter, id_ in sink.published]
+        os.write(1, "".join(lines).encode())  # one piece that no kill can cut
+        sink.published.clear()
+
+
+if __name__ == "__main__":
+    asyncio.run(write(Path(sys.argv[1]), sys.argv[2]))

@@ -1,0 +1,157 @@
+"""A plant with a status page, and a real Chromium that looks at it."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import os
+import secrets
+import shutil
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.async_api import Page, async_playwright, expect
+
+from tests.end_to_end.site import FOUR_FAMILIES, Program, Scada, site_config, write_config
+from tests.mosquitto import MosquittoBroker, free_port
+
+HOLD = ".hold-box:not([hidden]) button.hold"
+STARTERS = ("pump", "fan", "mill", "belt")
+USER, PASSWORD = "anna", "correct horse"
+PATIENCE_MS = 20_000.0
+expect.set_options(timeout=PATIENCE_MS)
+
+CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
+
+
+def need_chromium() -> None:
+    """Skip where there is no Chromium; in CI that is a failure."""
+    if CHROMIUM is None:
+        text = "not installed: chromium (apt-get install chromium)"
+        if os.environ.get("CI") == "true":
+            pytest.fail(text)
+        pytest.skip(text)
+
+
+def password_line(password: str) -> str:
+    """Return a password as the configuration stores it; computed here, not by the gateway."""
+    salt = secrets.token_bytes(16)
+    key = hashlib.scrypt(password.encode(), salt=salt, n=2**14, r=8, p=5, maxmem=64 * 2**20, dklen=32)
+    text = [base64.b64encode(each).decode().rstrip("=") for each in (salt, key)]
+    return f"$scrypt$ln=14,r=8,p=5${text[0]}${text[1]}"
+
+
+@dataclass
+class PagePlant:
+    """What a test of the page has at hand."""
+
+    url: str
+    scada: Scada
+    gateway: Program
+    config: Path
+    port: int
+
+    async def by_hand(self, starter: str, control: str, setting: str) -> None:
+        """Do at a simulated starter what a hand there would do."""
+        await self.scada.set_knob(starter, control, setting)
+
+
+@asynccontextmanager
+async def page_plant(
+    broker: MosquittoBroker,
+    folder: Path,
+    *,
+    starters: str = FOUR_FAMILIES,
+    names: tuple[str, ...] = STARTERS,
+    web: str = "",
+) -> AsyncIterator[PagePlant]:
+    """Run simulator and gateway with a page, and wait until all starters are ready."""
+    port = free_port()
+    text = site_config(broker_port=broker.port, port=str(folder / "ttyHALL"), starters=starters)
+    text += f'\n[web]\nlisten = "127.0.0.1:{port}"\n{web}[[web.user]]\nname = "{USER}"\n'
+    text += f'password = "{password_line(PASSWORD)}"\noperator = "alice"\n'
+    config = write_config(folder, text)
+    controls = f"mqtt://127.0.0.1:{broker.port}"
+    async with (
+        Program("gateway", "simulate", str(config), "--knobs", controls) as simulator,
+        broker.watch("starters/plant/#") as watcher,
+    ):
+        await simulator.says("line hall")
+        async with Program("gateway", "run", str(config)) as gateway:
+            scada = Scada(broker, watcher)
+            for starter in names:
+                await scada.ready(starter)
+            await gateway.says("the status page is served")
+            yield PagePlant(f"http://127.0.0.1:{port}/", scada, gateway, config, port)
+
+
+@dataclass
+class Browser:
+    """One browser, its pages' complaints, and how a person uses it."""
+
+    chromium: Any
+    complaints: list[str] = field(default_factory=list)
+
+    async def open(self, url: str, **options: Any) -> Page:
+        """Return a page on an address, in a session of its own; `options` are Chromium's (viewport ..)."""
+        context = await self.chromium.new_context(**{"viewport": {"width": 1280, "height": 800}, **options})
+        page: Page = await context.new_page()
+        page.set_default_timeout(PATIENCE_MS)
+        page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        page.on("console", lambda said: said.type == "error" and self.complaints.append(said.text))
+        await page.goto(url)
+        return page
+
+
+@asynccontextmanager
+async def browser() -> AsyncIterator[Browser]:
+    """Start Chromium; at its end no page may have had an error of its script or of the content policy."""
+    async with async_playwright() as playwright:
+        chromium = await playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        try:
+            opened = Browser(chromium)
+            yield opened
+            expected = ("Failed to load resource", "net::ERR")  # refused logins, servers that stand still
+            assert [each for each in opened.complaints if not each.startswith(expected)] == []
+        finally:
+            await chromium.close()
+
+
+async def log_in(page: Page, password: str = PASSWORD) -> None:
+    await page.click("#account")
+    await page.fill("input[name=user]", USER)
+    await page.fill("input[name=password]", password)
+    await page.click("#login-form button[type=submit]")
+
+
+async def logged_in(page: Page) -> None:
+    await log_in(page)
+    await page.get_by_role("button", name=f"{USER}: log out").wait_for()
+
+
+async def select_start(page: Page) -> tuple[float, float]:
+    """Select a start and return where the button to hold stands."""
+    await page.locator("button[data-action^='start ']:enabled").click()
+    box = await page.locator(HOLD).bounding_box()
+    assert box is not None
+    return box["x"] + 20, box["y"] + 20
+
+
+async def hold_to_start(page: Page) -> None:
+    """Select a start and hold the button that appears until it is carried out."""
+    await page.mouse.move(*await select_start(page))
+    await page.mouse.down()
+    await page.locator(".hold-box").wait_for(state="hidden")
+    await page.mouse.up()
+
+
+async def hold_for(page: Page, hold_ms: int) -> None:
+    """Hold the button of a selected start for so long by the page's own clock."""
+    await page.locator(HOLD).evaluate(
+        "(button) => { const at = (name) => button.dispatchEvent(new PointerEvent(name, {button: 0}));"
+        f" at('pointerdown'); setTimeout(() => at('pointerup'), {hold_ms}); }}"
+    )

@@ -1,0 +1,295 @@
+"""Nothing on the page starts a motor that its operator did not mean, and STOP always tries."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import re
+import signal
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
+import pytest
+from playwright.async_api import Page, Route, expect
+
+from tests.end_to_end.page.relay import relayed
+from tests.end_to_end.page.support import (
+    HOLD,
+    PagePlant,
+    browser,
+    hold_for,
+    logged_in,
+    need_chromium,
+    page_plant,
+    select_start,
+)
+from tests.end_to_end.web.raw_client import until
+from tests.mosquitto import StartMosquitto
+
+pytestmark = [pytest.mark.long]
+
+NOT_LIVE_MS = 14_000.0  # 12 s, and the next look
+# Timers that come every ten seconds or later come twenty times as often.
+QUICK_TIMERS = (
+    "const slow = setInterval; window.setInterval = (f, ms) => slow(f, ms >= 10000 ? ms / 20 : ms);"
+)
+
+
+@pytest.fixture(autouse=True)
+def chromium() -> None:
+    need_chromium()
+
+
+async def nothing_started(page: Page, plant: PagePlant, deed: str) -> None:
+    """Wait for what may be on its way, and see that no start was given."""
+    await page.wait_for_timeout(1500.0)
+    await expect(page.locator(".big-state")).to_have_text("ready")
+    await plant.scada.command("pump", "read", f"after {deed}", parameter="P003")
+    await plant.scada.result("pump", id=f"after {deed}", phase="confirmed")
+    assert not any(each["verb"] == "start" for each in plant.scada.results), deed
+
+
+def browser_processes() -> list[int]:
+    """Return the processes of the Chromium that this test has started."""
+    children: dict[int, list[int]] = {}
+    for status in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = status.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        children.setdefault(int(fields[1]), []).append(int(status.parent.name))
+    found, waiting = [], [os.getpid()]
+    while waiting:
+        for each in children.get(waiting.pop(), []):
+            waiting.append(each)
+            if "chrom" in Path(f"/proc/{each}/comm").read_text():
+                found.append(each)
+    return found
+
+
+def stand_still(number: signal.Signals) -> None:
+    for each in browser_processes():
+        os.kill(each, number)
+
+
+async def hold_then_sleep(page: Page, x: float, y: float) -> None:
+    """Hold the button, and let the browser stand still meanwhile, as a laptop whose lid is shut."""
+    await page.mouse.move(x, y)
+    await page.mouse.down()
+    stand_still(signal.SIGSTOP)
+    await asyncio.sleep(4.0)
+    stand_still(signal.SIGCONT)
+
+
+async def hold_nearly_a_second(page: Page, *_: float) -> None:
+    await hold_for(page, 930)
+
+
+async def slide_off(page: Page, x: float, y: float) -> None:
+    """Touch the button and let the finger slide off it."""
+    session = await page.context.new_cdp_session(page)
+    touch = {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]}
+    away = {"type": "touchMove", "touchPoints": [{"x": x, "y": y - 250}]}
+    await asyncio.gather(*(session.send("Input.dispatchTouchEvent", each) for each in (touch, away)))
+    await page.wait_for_timeout(1500.0)
+
+
+async def double_tap(page: Page, x: float, y: float) -> None:
+    for _ in range(6):
+        await page.touchscreen.tap(x, y)
+
+
+async def press_keys_again_and_again(page: Page, *_: float) -> None:
+    await page.locator(HOLD).focus()
+    for _ in range(15):
+        await page.keyboard.press("Enter", delay=100.0)
+
+
+async def switch_windows(page: Page, x: float, y: float) -> None:
+    await page.locator(HOLD).evaluate(
+        "(button) => button.addEventListener('pointerdown',"
+        " () => setTimeout(() => window.dispatchEvent(new Event('blur')), 300))"
+    )
+    await page.mouse.move(x, y)
+    await page.mouse.down()
+    await page.wait_for_timeout(1600.0)
+
+
+DEEDS: tuple[Callable[..., Awaitable[None]], ...] = (
+    hold_then_sleep,
+    hold_nearly_a_second,
+    slide_off,
+    double_tap,
+    press_keys_again_and_again,
+    switch_windows,
+)
+
+
+async def test_what_is_no_second_of_holding_starts_nothing(
+    start_mosquitto: StartMosquitto, tmp_path: Path
+) -> None:
+    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
+        for deed in DEEDS:
+            page = await chromium.open(f"{plant.url}#/starter/pump", has_touch=True)
+            await logged_in(page)
+            await deed(page, *await select_start(page))
+            await nothing_started(page, plant, deed.__name__)
+            await page.context.close()
+
+
+async def test_enter_held_from_the_selection_on_starts_nothing(
+    start_mosquitto: StartMosquitto, tmp_path: Path
+) -> None:
+    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
+        page = await chromium.open(f"{plant.url}#/starter/pump")
+        await logged_in(page)
+        await page.locator("button[data-action^='start ']:enabled").focus()
+        for _ in range(60):
+            await page.keyboard.down("Enter")  # after the first these are the keyboard's own repetitions
+            await page.wait_for_timeout(50.0)
+        await nothing_started(page, plant, "Enter")
+
+
+async def test_a_selection_that_is_answered_late_is_given_up(
+    start_mosquitto: StartMosquitto, tmp_path: Path
+) -> None:
+    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
+        page = await chromium.open(f"{plant.url}#/starter/pump")
+        await logged_in(page)
+
+        async def late(route: Route) -> None:
+            answer = await route.fetch()
+            await asyncio.sleep(7.0)
+            await route.fulfill(response=answer)
+
+        await page.route("**/select", late)
+        await page.locator("button[data-action^='start ']:enabled").click()
+        await plant.scada.result("pump", verb="select", phase="confirmed")
+        await plant.scada.result("pump", verb="cancel", phase="confirmed")
+
+        await expect(page.locator(".hold-box")).to_be_hidden()
+
+
+async def test_a_login_that_ends_takes_the_selection_with_it(
+    start_mosquitto: StartMosquitto, tmp_path: Path
+) -> None:
+    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
+        page = await chromium.open(f"{plant.url}#/starter/pump")
+        second = await page.context.new_page()
+        await second.goto(plant.url)
+        await logged_in(page)
+        await select_start(page)
+
+        await second.get_by_role("button", name="log out").click()
+
+        await expect(page.locator(".hold-box")).to_be_hidden()
+        await expect(page.locator("button[data-action^='start ']")).to_be_disabled()
+
+
+async def test_when_the_network_is_cut_the_page_says_so_and_a_stop_leaves_the_browser_at_once(
+    start_mosquitto: StartMosquitto, tmp_path: Path
+) -> None:
+    async with (
+        page_plant(start_mosquitto(), tmp_path) as plant,
+        relayed(plant.url) as (url, relay),
+        browser() as chromium,
+    ):
+        page = await chromium.open(f"{url}#/starter/pump")
+        await page.add_init_script(QUICK_TIMERS)
+        await page.reload()
+        await logged_in(page)
+        relay.cut()
+        await expect(page.locator("#veil")).to_contain_text("NOT LIVE", timeout=NOT_LIVE_MS)
+
+        await page.click("button.stop")
+        await until(lambda: b"POST /api/v1/command/pump/stop" in relay.received)
+        await expect(page.locator(".toast").last).to_contain_text(
+            "not known whether it arrived", timeout=4000.0
+        )
+
+        relay.join()
+        await plant.scada.result("pump", verb="stop", phase="confirmed")
+
+
+async def test_a_clock_that_is_set_back_makes_no_old_value_live(
+    start_mosquitto: StartMosquitto, tmp_path: Path
+) -> None:
+    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
+        page = await chromium.open(plant.url)
+        await expect(page.locator("#live")).to_have_text("LIVE")
+        plant.gateway.signal(signal.SIGSTOP)
+        await page.evaluate("const now = Date.now; Date.now = () => now() - 3600000; 0")
+
+        await expect(page.locator("#live")).to_have_text("NOT LIVE", timeout=NOT_LIVE_MS)
+        plant.gateway.signal(signal.SIGCONT)
+
+
+async def test_stop_stands_at_the_same_place_whatever_else_the_page_shows(
+    start_mosquitto: StartMosquitto, tmp_path: Path
+) -> None:
+    places: dict[int, list[list[float]]] = {}  # by the width of the page
+    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
+        pages = {}
+        for width in (360, 768, 1280, 1920):
+            size = {"width": width, "height": 740}
+            pages[width] = page = await chromium.open(f"{plant.url}#/starter/pump", viewport=size)
+            await logged_in(page)
+            places[width] = [await stop_place(page)]
+            for _ in range(5):
+                await page.click("button.stop")
+            await expect(page.locator(".toast")).to_have_count(5)
+            places[width].append(await stop_place(page))
+            await page.evaluate("window.scrollTo(0, document.body.scrollHeight)")
+            places[width].append(await stop_place(page))
+        plant.gateway.signal(signal.SIGSTOP)
+        for width, page in pages.items():
+            await expect(page.locator("#veil")).to_be_visible()
+            places[width].append(await stop_place(page))
+        plant.gateway.signal(signal.SIGCONT)
+
+    assert places == {width: [seen[0]] * 4 for width, seen in places.items()}
+
+
+async def stop_place(page: Page) -> list[float]:
+    """Return where STOP stands, and that nothing covers it."""
+    found = await page.locator("button.stop").evaluate(
+        "(stop) => { const { x, y, width, height } = stop.getBoundingClientRect();"
+        " const top = document.elementFromPoint(x + width / 2, y + height / 2);"
+        " return [x, y, width, height, Number(stop.contains(top))]; }"
+    )
+    assert found[4] == 1, "something covers STOP"
+    return [float(each) for each in found]
+
+
+async def test_a_starter_that_a_reload_removes_shows_nothing_old_and_takes_no_command(
+    start_mosquitto: StartMosquitto, tmp_path: Path
+) -> None:
+    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
+        page = await chromium.open(f"{plant.url}#/starter/pump")
+        await logged_in(page)
+        await expect(page.locator("button[data-action^='start ']:enabled")).to_have_count(1)
+        text = plant.config.read_text("utf-8")
+        without = text.replace(
+            text[text.index("[[line.starter]]") : text.index('name = "fan"')], "[[line.starter]]\n"
+        )
+        plant.config.write_text(without, "utf-8")
+        plant.gateway.signal(signal.SIGHUP)
+
+        await expect(page.locator(".trouble").first).to_contain_text("no starter pump")
+        await expect(page.locator("button[data-action^='start ']:enabled")).to_have_count(0)
+        await expect(page.locator(".big-state")).to_have_text("")
+        await expect(page.locator(".big-current")).to_have_text("")
+
+
+async def test_a_lock_asks_for_its_reason(start_mosquitto: StartMosquitto, tmp_path: Path) -> None:
+    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
+        page = await chromium.open(f"{plant.url}#/starter/pump")
+        await logged_in(page)
+        await page.locator("button[data-action^='lock ']:enabled").click()
+        await page.get_by_label("Reason of the lock").fill("new bearings")
+        await page.keyboard.press("Enter")
+
+        await plant.scada.result("pump", verb="lock", phase="confirmed")
+        await expect(page.locator(".trouble").first).to_contain_text("locked by alice")
+        await expect(page.locator("button[data-action^='start ']")).to_be_disabled()
+        await expect(page.locator(".faceplate")).to_contain_text(re.compile("new bearings"))

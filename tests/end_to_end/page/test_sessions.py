@@ -1,0 +1,133 @@
+"""A login that ends by itself, and the browser's own buttons: a real Chromium, without a gateway."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+import pytest
+from playwright.async_api import Page, expect
+
+from gateway.web.interface import WebSettings
+from gateway.web.server import Server
+from gateway.web.sessions import IDLE_S
+from gateway.web.static_files import read_files
+from tests.end_to_end.page.support import browser, need_chromium
+from tests.web.support import SETTINGS, PageRig
+
+pytestmark = [pytest.mark.long]
+
+STOP = {"verb": "stop", "args": {}, "permitted": True, "two_step": False, "code": "", "text": ""}
+START = {**STOP, "verb": "start", "two_step": True}
+
+
+@pytest.fixture(autouse=True)
+def chromium() -> None:
+    need_chromium()
+
+
+@asynccontextmanager
+async def paged() -> AsyncIterator[tuple[PageRig, str]]:
+    """Serve the shipped page with two starters, and values that go on."""
+    rig = PageRig(files=read_files())
+    rig.access.offers = [START, STOP]
+    rig.model.publish("starters/mcc1/gateway/status", b'{"state":"online"}', is_retained=True)
+    for starter in ("pump-1", "pump-2"):
+        rig.state(starter, "ready")
+    server = Server(rig.page, WebSettings(port=0, users=SETTINGS.users))
+    task = asyncio.create_task(server.run())
+    await server.is_open.wait()
+    assert server.address is not None
+    try:
+        yield rig, f"http://127.0.0.1:{server.address[1]}/"
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+
+async def logged_in(page: Page) -> None:
+    await page.click("#account")
+    await page.fill("input[name=user]", "anna")
+    await page.fill("input[name=password]", "right")
+    await page.click("#login-form button[type=submit]")
+    await expect(page.locator("#account")).to_have_text("anna: log out")
+
+
+async def test_a_session_that_was_not_used_for_too_long_ends_and_the_page_says_so() -> None:
+    async with paged() as (rig, url), browser() as chromium:
+        page = await chromium.open(f"{url}#/starter/pump-1")
+        await logged_in(page)
+        await expect(page.locator("button[data-action^='start ']")).to_be_enabled()
+
+        rig.clock.s += IDLE_S + 1.0
+
+        notice = page.locator(".toast", has_text="anna was logged out")
+        await expect(notice).to_contain_text("Log in again to operate")
+        await expect(page.locator("#account")).to_have_text("Log in")
+        await expect(page.locator("#live")).to_have_text("LIVE")
+        await logged_in(page)
+        await expect(notice).to_have_count(0)
+
+
+async def test_what_is_asked_for_just_after_the_session_ended_is_not_lost_in_silence() -> None:
+    async with paged() as (rig, url), browser() as chromium:
+        page = await chromium.open(f"{url}#/starter/pump-1")
+        await logged_in(page)
+        stop = page.get_by_role("button", name="STOP")
+        await expect(stop).to_be_enabled()
+
+        rig.clock.s += IDLE_S + 1.0
+        await stop.click()
+
+        await expect(page.locator(".toast", has_text="stop pump-1")).to_contain_text(
+            "not carried out: log in first"
+        )
+        await expect(page.locator(".toast", has_text="anna was logged out")).to_be_visible()
+        assert rig.access.commands == []
+
+
+async def test_a_logout_in_another_tab_is_shown_here_and_ones_own_is_not() -> None:
+    async with paged() as (_, url), browser() as chromium:
+        here = await chromium.open(url)
+        await logged_in(here)
+        there = await here.context.new_page()
+        await there.goto(url)
+        await expect(there.locator("#account")).to_have_text("anna: log out")
+
+        await there.click("#account")
+
+        await expect(here.locator(".toast", has_text="anna was logged out")).to_be_visible()
+        await expect(there.locator("#account")).to_have_text("Log in")
+        await expect(there.locator(".toast")).to_have_count(0)
+
+
+async def test_back_and_forward_go_through_the_views_and_each_is_live() -> None:
+    async with paged() as (rig, url), browser() as chromium:
+        page = await chromium.open(url)
+        await page.get_by_role("link", name="pump-2").first.click()
+        heading = page.get_by_role("heading", level=1)
+        await expect(heading).to_have_text("pump-2")
+        await page.get_by_role("link", name="Events").click()
+        await expect(page).to_have_title("Events – mcc1")
+        await expect(page.locator(".stop-place")).to_have_count(0)
+
+        await page.go_back()
+        await expect(heading).to_have_text("pump-2")
+        rig.state("pump-2", "running")
+        await expect(page.locator(".big-state")).to_contain_text("running")
+        await expect(page.get_by_role("button", name="STOP")).to_have_count(1)
+
+        await page.go_back()
+        await expect(page.locator(".stop-place")).to_have_count(0)
+        rig.state("pump-1", "fault")
+        await expect(page.get_by_role("link", name="pump-1").first).to_be_visible()
+        await expect(page.locator("#main")).to_contain_text("fault")
+
+        await page.go_forward()
+        await expect(heading).to_have_text("pump-2")
+        await page.go_forward()
+        await expect(page).to_have_title("Events – mcc1")
+        await page.reload()
+        await expect(page).to_have_title("Events – mcc1")
+        await expect(page.locator("#live")).to_have_text("LIVE")

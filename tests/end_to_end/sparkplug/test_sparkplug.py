@@ -1,0 +1,171 @@
+"""The gateway as an edge node, with real processes: Mosquitto, simulated starters, an independent host."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import signal
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+from tests.end_to_end.site import Program, Scada, site_config, write_config
+from tests.end_to_end.sparkplug.judges import PYTHON, python_judges
+from tests.mosquitto import MosquittoBroker, StartMosquitto
+
+PATIENCE_S = 20.0
+SPARKPLUG = '\n[sparkplug]\ngroup = "plant"\ncommands = true\noperator = "alice"\ndatatypes_in_data = true\n'
+HOST = Path(__file__).with_name("host_server.py")
+PUMP = """
+[[line.starter]]
+name = "pump"
+address = 1
+family = "ssw07"
+every_s = 0.2
+
+[[operator]]
+client = "alice"
+may = ["*"]
+starters = ["*"]
+"""
+
+
+class Host:
+    """The independent host application as a process."""
+
+    def __init__(self, process: asyncio.subprocess.Process) -> None:
+        self._process = process
+        self.seen: list[dict[str, Any]] = []
+
+    @classmethod
+    @asynccontextmanager
+    async def at(cls, broker: MosquittoBroker) -> AsyncIterator[Host]:
+        process = await asyncio.create_subprocess_exec(
+            str(PYTHON),
+            str(HOST),
+            str(broker.port),
+            stdin=asyncio.subprocess.PIPE,
+            stdout=asyncio.subprocess.PIPE,
+            limit=2**20,
+            env={**os.environ, "PROTOCOL_BUFFERS_PYTHON_IMPLEMENTATION": "python"},
+        )
+        host = cls(process)
+        try:
+            await host.until(lambda seen: seen["kind"] == "connected")
+            yield host
+        finally:
+            process.kill()
+            await process.communicate()
+
+    async def until(self, is_wanted: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        """Return the first further message that is wanted."""
+        assert self._process.stdout is not None
+        async with asyncio.timeout(PATIENCE_S):
+            while line := await self._process.stdout.readline():
+                if line.startswith(b"{"):
+                    self.seen.append(json.loads(line))
+                    if is_wanted(self.seen[-1]):
+                        return self.seen[-1]
+        raise AssertionError(f"the host ended: {self.seen[-3:]}")
+
+    async def message(self, kind: str, **values: Any) -> dict[str, Any]:
+        """Return the next message of a kind with these metrics."""
+
+        def is_wanted(seen: dict[str, Any]) -> bool:
+            metrics = seen.get("metrics", {})
+            is_there = all(metrics.get(name, {}).get("value") == value for name, value in values.items())
+            return f"/{kind}/" in seen.get("topic", "") and is_there
+
+        return await self.until(is_wanted)
+
+    async def write(self, name: str, value: Any, *, device: str | None = "pump") -> None:
+        """Write a metric."""
+        assert self._process.stdin is not None
+        line = json.dumps({"node": "plant", "device": device, "name": name, "value": value})
+        self._process.stdin.write(line.encode() + b"\n")
+        await self._process.stdin.drain()
+
+
+@asynccontextmanager
+async def site(
+    broker: MosquittoBroker, folder: Path, more: str = SPARKPLUG
+) -> AsyncIterator[tuple[Scada, Program, Path, Program]]:
+    """Run a simulated starter and the gateway until the starter is ready."""
+    text = site_config(broker_port=broker.port, port=str(folder / "ttyHALL"), starters=PUMP)
+    text = text.replace("[mqtt]", 'clock = "trusted"\n\n[mqtt]', 1)  # the kernel's may not be synchronised
+    config = write_config(folder, text + more)
+    async with (
+        Program("gateway", "simulate", str(config)) as simulator,
+        broker.watch("starters/plant/#") as watcher,
+    ):
+        await simulator.says("line hall")
+        async with Program("gateway", "run", str(config)) as gateway:
+            scada = Scada(broker, watcher)
+            await scada.ready("pump")
+            yield scada, gateway, config, simulator
+
+
+@python_judges
+async def test_an_independent_host_sees_births_and_data_commands_the_starter_and_sees_deaths(
+    start_mosquitto: StartMosquitto, tmp_path: Path
+) -> None:
+    broker = start_mosquitto()
+    async with Host.at(broker) as host, site(broker, tmp_path) as (scada, gateway, _, simulator):
+        birth = await host.message("NBIRTH")
+        device = await host.message("DBIRTH", **{"Properties/Hardware Make": "WEG"})
+        assert birth["metrics"]["bdSeq"]["value"] == 0
+        assert device["metrics"]["Command/Start"]["value"] is False
+
+        await scada.ready("pump")
+        await host.write("Node Control/Rebirth", True, device=None)
+        again = await host.message("NBIRTH")
+        await host.message("DBIRTH", state="ready")
+        assert (int(again["seq"]), again["metrics"]["bdSeq"]["value"]) == (0, 0)
+
+        await asyncio.sleep(2.1)  # after the birth: this clock might be ahead of the gateway's
+        await host.write("Command/Start", True)
+        await host.message("DDATA", **{"Command/Last/Verb": "start", "Command/Last/Phase": "confirmed"})
+        await host.message("DDATA", state="running")
+        await host.write("Command/Stop", True)
+        await host.message("DDATA", **{"Command/Last/Verb": "stop", "Command/Last/Phase": "confirmed"})
+        audit = await scada.until("audit", verb="stop", decision="confirmed")
+        assert (audit["client"], audit["source"]) == ("alice", "sparkplug")
+
+        simulator.signal(signal.SIGSTOP)
+        await host.message("DDEATH")
+        simulator.signal(signal.SIGCONT)
+        await host.message("DBIRTH")
+        gateway.signal(signal.SIGTERM)
+        death = await host.message("NDEATH")
+        assert death["metrics"]["bdSeq"]["value"] == 0
+        assert await gateway.exit_code() == 0
+
+
+async def test_a_reload_switches_the_node_on_and_off_and_a_lost_broker_brings_it_back(
+    start_mosquitto: StartMosquitto, tmp_path: Path
+) -> None:
+    broker = start_mosquitto()
+    async with site(broker, tmp_path, "") as (_, gateway, config, _):
+        plain = config.read_text("utf-8")
+        async with broker.watch("spBv1.0/#", options=("-F", r"%t\t%q\t%r\t%l")) as watcher:
+            config.write_text(plain + '\n[sparkplug]\ngroup = "plant"\n', "utf-8")
+            gateway.signal(signal.SIGHUP)
+            on = await watcher.until(lambda seen: "/DBIRTH/" in seen.topic, within_s=PATIENCE_S)
+            assert on[0].topic == "spBv1.0/plant/NBIRTH/plant"
+
+            config.write_text(plain, "utf-8")
+            gateway.signal(signal.SIGHUP)
+            off = await watcher.until(lambda seen: "/NDEATH/" in seen.topic, within_s=PATIENCE_S)
+            assert off[-1].qos == 1
+
+            config.write_text(plain + '\n[sparkplug]\ngroup = "plant"\n', "utf-8")
+            gateway.signal(signal.SIGHUP)
+            await watcher.until(lambda seen: "/DBIRTH/" in seen.topic, within_s=PATIENCE_S)
+        await asyncio.to_thread(broker.restart)
+        async with broker.watch("spBv1.0/#", options=("-F", r"%t\t%q\t%r\t%l")) as watcher:
+            again = await watcher.until(lambda seen: "/DBIRTH/" in seen.topic, within_s=10.0)
+            assert all(not seen.retain for seen in again)
+        gateway.signal(signal.SIGTERM)
+        assert await gateway.exit_code() == 0

@@ -1,0 +1,146 @@
+"""Lines behind a serial server, as docs/recipes.md has them: clear, packing, with gaps, of Modbus TCP."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import tty
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import AsyncExitStack, asynccontextmanager
+from pathlib import Path
+
+from pymodbus.server import ModbusTcpServer
+from pymodbus.simulator import DataType, SimData, SimDevice
+
+from tests.end_to_end.site import Program, Scada, write_config
+from tests.mosquitto import StartMosquitto, free_port
+
+PACKING_S = 0.05
+GAP_S = 0.02
+
+LINE = """
+[[line]]
+name = "{name}"
+port = "{port}"
+baud = 19200
+framing = "8N2"
+adapter_allowance_s = {allowance_s}
+
+[[line.starter]]
+name = "{name}-1"
+address = 1
+family = "ssw07"
+every_s = 0.2
+"""
+
+Send = Callable[[asyncio.StreamWriter, "asyncio.Queue[bytes]"], Awaitable[None]]
+
+
+async def at_once(writer: asyncio.StreamWriter, line: asyncio.Queue[bytes]) -> None:
+    while True:
+        writer.write(await line.get())
+
+
+async def packed(writer: asyncio.StreamWriter, line: asyncio.Queue[bytes]) -> None:
+    """Collect what comes until the line has been silent for a while."""
+    while True:
+        data = await line.get()
+        try:
+            while True:
+                data += await asyncio.wait_for(line.get(), PACKING_S)
+        except TimeoutError:
+            writer.write(data)
+
+
+async def with_gaps(writer: asyncio.StreamWriter, line: asyncio.Queue[bytes]) -> None:
+    """Send in pieces with silences that would end a frame on a line (3.5 characters: 2 ms)."""
+    while True:
+        data = await line.get()
+        for begin in range(0, len(data), 3):
+            writer.write(data[begin : begin + 3])
+            await asyncio.sleep(GAP_S)
+
+
+@asynccontextmanager
+async def box(device: Path, send: Send) -> AsyncIterator[str]:
+    """Serve one device of a simulator to one TCP client at a time; give the URL."""
+    line: asyncio.Queue[bytes] = asyncio.Queue()
+    fd = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    tty.setraw(fd)
+    loop = asyncio.get_running_loop()
+    loop.add_reader(fd, lambda: line.put_nowait(os.read(fd, 4096)))
+
+    async def accept(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        sending = asyncio.ensure_future(send(writer, line))
+        try:
+            while data := await reader.read(4096):
+                os.write(fd, data)
+        except ConnectionError:
+            pass
+        finally:
+            sending.cancel()
+            writer.close()
+
+    server = await asyncio.start_server(accept, "127.0.0.1", 0)
+    try:
+        yield f"socket://127.0.0.1:{server.sockets[0].getsockname()[1]}"
+    finally:
+        loop.remove_reader(fd)
+        os.close(fd)
+        server.close()
+
+
+@asynccontextmanager
+async def modbus_tcp() -> AsyncIterator[str]:
+    """Run an independent server of Modbus TCP; give the URL that does not fit it."""
+    port = free_port()
+    device = SimDevice(1, [SimData(0, values=0, count=6000, datatype=DataType.REGISTERS)])
+    server = ModbusTcpServer(device, address=("127.0.0.1", port))
+    await server.serve_forever(background=True)
+    try:
+        yield f"socket://127.0.0.1:{port}"
+    finally:
+        await server.shutdown()
+
+
+async def test_a_box_that_packs_or_leaves_gaps_costs_time_and_one_of_modbus_tcp_is_silent(
+    start_mosquitto: StartMosquitto, tmp_path: Path
+) -> None:
+    broker = start_mosquitto()
+    ways: dict[str, Send] = {"clear": at_once, "packed": packed, "unsaid": packed, "gaps": with_gaps}
+    allowances_s = {"unsaid": 0.0}  # the gateway is not informed of what this box adds
+    head = f'[gateway]\nname = "plant"\nstate_dir = "state"\n\n[mqtt]\nurl = "{broker.url}"\n'
+    (tmp_path / "simulated").mkdir()
+    devices = {name: tmp_path / name for name in ways}
+    simulated = write_config(
+        tmp_path / "simulated",
+        head + "".join(LINE.format(name=name, port=port, allowance_s=0.3) for name, port in devices.items()),
+    )
+    async with AsyncExitStack() as stack:
+        simulator = await stack.enter_async_context(Program("gateway", "simulate", str(simulated)))
+        for name in ways:
+            await simulator.says(f"line {name}")
+        urls = {
+            name: await stack.enter_async_context(box(devices[name], send)) for name, send in ways.items()
+        }
+        urls["wrong"] = await stack.enter_async_context(modbus_tcp())
+        lines = "".join(
+            LINE.format(name=name, port=url, allowance_s=allowances_s.get(name, 0.3))
+            for name, url in urls.items()
+        )
+        config = write_config(tmp_path, head + lines)
+        watcher = await stack.enter_async_context(broker.watch("starters/plant/#"))
+        scada = Scada(broker, watcher)
+        await stack.enter_async_context(Program("gateway", "run", str(config)))
+        for name in ("clear", "packed", "gaps"):
+            await scada.ready(f"{name}-1")
+        for name in ("unsaid", "wrong"):
+            await scada.until(f"starter/{name}-1/availability", state="offline")
+        for name in urls:
+            scada.latest.pop(f"gateway/line/{name}", None)
+        found = {name: await scada.until(f"gateway/line/{name}", within_s=40.0) for name in urls}
+
+    answered = {name for name, line in found.items() if line["answered"]}
+    assert answered == {"clear", "packed", "gaps"}
+    assert found["packed"]["units"]["1"]["response_time_s"]["p50"] > PACKING_S
+    assert found["unsaid"]["stray_bytes"] > 0  # answers that come when they are not waited for any more

@@ -1,0 +1,119 @@
+"""The terminal table against a real gateway and a real broker."""
+
+from __future__ import annotations
+
+import asyncio
+import fcntl
+import os
+import pty
+import re
+import signal
+import struct
+import sys
+import termios
+from pathlib import Path
+
+import pytest
+
+from tests.end_to_end.plant import plant
+from tests.end_to_end.site import PATIENCE_S, Program
+from tests.mosquitto import StartMosquitto, missing_programs
+
+pytestmark = pytest.mark.skipif(bool(missing_programs()), reason="mosquitto is not installed")
+
+_CONTROL = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]")
+
+
+class Terminal:
+    """A program on a terminal of its own, 40 lines of 150 signs."""
+
+    def __init__(self, *arguments: str) -> None:
+        self._arguments = arguments
+        self._drawn = asyncio.Event()
+        self.text = ""
+
+    async def __aenter__(self) -> Terminal:
+        self._ours, theirs = pty.openpty()
+        fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 150, 0, 0))
+        environ = {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "LINES")}
+        self.process = await asyncio.create_subprocess_exec(
+            sys.executable,
+            "-m",
+            *self._arguments,
+            stdin=theirs,
+            stdout=theirs,
+            stderr=theirs,
+            env={**environ, "TERM": "xterm"},
+            start_new_session=True,
+        )
+        os.close(theirs)
+        os.set_blocking(self._ours, False)
+        asyncio.get_running_loop().add_reader(self._ours, self._read)
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        asyncio.get_running_loop().remove_reader(self._ours)
+        if self.process.returncode is None:
+            self.process.kill()
+        await self.process.wait()
+        os.close(self._ours)
+
+    async def shows(self, pattern: str) -> None:
+        """Wait until what is drawn from now on matches."""
+        self.text = ""
+        try:
+            async with asyncio.timeout(PATIENCE_S):
+                while not re.search(pattern, self.text):
+                    self._drawn.clear()
+                    await self._drawn.wait()
+        except TimeoutError:
+            raise AssertionError(f"never showed {pattern!r}:\n{self.text[-4000:]}") from None
+
+    def _read(self) -> None:
+        try:
+            self.text += _CONTROL.sub("", os.read(self._ours, 65536).decode(errors="replace"))
+            self._drawn.set()
+        except OSError:  # its end
+            asyncio.get_running_loop().remove_reader(self._ours)
+
+
+@pytest.mark.long
+async def test_the_table_follows_a_start_and_says_when_it_is_not_live(
+    start_mosquitto: StartMosquitto, tmp_path: Path
+) -> None:
+    broker = start_mosquitto()
+    async with plant(broker, tmp_path) as (scada, gateway, config):
+        async with Terminal("gateway", "watch", str(config)) as terminal:
+            await terminal.shows(r"starters/plant +online +LIVE")
+            await terminal.shows(r"pump +│ ready")
+            await scada.command("pump", "start", "one")
+            await terminal.shows(r"pump +│ running .* A .*alice start: confirmed")
+            gateway.signal(signal.SIGSTOP)
+            await terminal.shows(r"NOT LIVE for")
+            gateway.signal(signal.SIGCONT)
+            await terminal.shows(r"online +LIVE")
+            terminal.process.send_signal(signal.SIGINT)
+            assert await asyncio.wait_for(terminal.process.wait(), PATIENCE_S) == 1
+        gateway.signal(signal.SIGTERM)
+        assert await gateway.exit_code() == 0
+
+
+async def test_without_a_terminal_the_table_is_printed_once(
+    start_mosquitto: StartMosquitto, tmp_path: Path
+) -> None:
+    broker = start_mosquitto()
+    url = f"mqtt://127.0.0.1:{broker.port}"
+    async with plant(broker, tmp_path), Program("gateway", "watch", url) as program:
+        assert await program.exit_code() == 0
+
+    assert "starters/plant  online  LIVE" in program.output
+    for starter in ("pump", "fan", "mill", "belt"):
+        assert starter in program.output
+
+
+async def test_the_demo_shows_the_table_where_it_has_a_terminal_and_its_plant_runs() -> None:
+    async with Terminal("gateway", "demo", "--plant") as terminal:
+        await terminal.shows(r"starters/demo +online +LIVE")
+        await terminal.shows(r"pump +│ running .*demo start: confirmed")
+        terminal.process.send_signal(signal.SIGINT)
+        assert await asyncio.wait_for(terminal.process.wait(), PATIENCE_S) == 0

@@ -1,0 +1,259 @@
+"""The page's socket under clients that mean no good: slow, huge, malformed, many."""
+
+from __future__ import annotations
+
+import asyncio
+import random
+import socket
+import struct
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
+
+import pytest
+
+from gateway.web import server as web_server
+from gateway.web.interface import WebSettings
+from gateway.web.server import MOST_CONNECTIONS, Server
+from gateway.web.streams import MOST_STREAMS
+from tests.end_to_end.web.raw_client import RawAnswer, WebClient, exchange, read_answer, request, until
+from tests.web.support import SETTINGS, PageRig, shown_site
+
+QUICK_S = 0.6
+
+
+@asynccontextmanager
+async def served(rig: PageRig | None = None) -> AsyncIterator[tuple[PageRig, Server, int]]:
+    """Serve a page on a free port of loopback."""
+    rig = rig or PageRig()
+    server = Server(rig.page, WebSettings(port=0, users=SETTINGS.users))
+    task = asyncio.create_task(server.run())
+    await server.is_open.wait()
+    assert server.address is not None
+    try:
+        yield rig, server, server.address[1]
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let every deadline of a connection be short."""
+    for wait in web_server._LIMITS_S:
+        monkeypatch.setitem(web_server._LIMITS_S, wait, QUICK_S)
+    monkeypatch.setattr(web_server, "LOOK_S", 0.1)
+
+
+async def is_well(port: int) -> bool:
+    return (await exchange(port, request("GET", "/api/v1/session", port=port))).status == 200
+
+
+def malformed(chance: random.Random) -> bytes:
+    """Return something that is no request, or a request with something wrong."""
+    good = request("POST", "/api/v1/login", b'{"user":"x"}', port=1)
+    match chance.randrange(8):
+        case 0:
+            return chance.randbytes(chance.randrange(1, 300))
+        case 1:
+            return good[: chance.randrange(1, len(good))] + b"\x00\xff\r\n\r\n"
+        case 2:
+            place = chance.randrange(len(good))
+            return good[:place] + chance.randbytes(3) + good[place + 1 :]
+        case 3:
+            return b"GET / HTTP/1.1\r\nHost: a\r\nHost: b\r\n\r\n"
+        case 4:
+            return b"POST / HTTP/1.1\r\nHost: x\r\nContent-Length: 5\r\nContent-Length: 6\r\n\r\nabcdef"
+        case 5:
+            head = b"POST / HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\nContent-Length: 3\r\n\r\n"
+            return head + b"zz\r\n\r\n"
+        case 6:
+            return b"GET " + b"/" * chance.randrange(9000) + b" HTTP/9.9\r\n\r\n"
+        case _:
+            return b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03" + chance.randbytes(
+                50
+            )  # TLS to a plain port
+
+
+async def hit(port: int, data: bytes) -> None:
+    """Send bytes and reset the connection."""
+    loop = asyncio.get_running_loop()
+    with socket.socket() as sock, suppress(OSError, TimeoutError):
+        sock.setblocking(False)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        await loop.sock_connect(sock, ("127.0.0.1", port))
+        async with asyncio.timeout(0.02):
+            await loop.sock_sendall(sock, data)
+            await loop.sock_recv(sock, 4096)
+
+
+@pytest.mark.long
+async def test_ten_thousand_malformed_requests_change_nothing_and_log_nothing(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    chance = random.Random(8480)
+    errors: list[object] = []
+    asyncio.get_running_loop().set_exception_handler(lambda _, context: errors.append(context))
+    async with served() as (rig, server, port):
+        for _ in range(500):
+            await asyncio.gather(*(hit(port, malformed(chance)) for _ in range(20)))
+
+        assert await is_well(port)
+        assert rig.access.commands == []
+        assert {login[1] for login in rig.access.logins} <= {"wrong_login"}
+        assert len(server._connections) < MOST_CONNECTIONS
+    assert errors == []
+    assert len(caplog.records) <= 5, [record.getMessage() for record in caplog.records[:9]]
+
+
+@pytest.mark.usefixtures("quick")
+async def test_a_client_that_sends_its_head_byte_by_byte_is_cut_off() -> None:
+    async with served() as (_, _, port):
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        began_s = asyncio.get_running_loop().time()
+        with suppress(OSError):
+            for (
+                sign
+            ) in b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa":
+                writer.write(bytes((sign,)))
+                await writer.drain()
+                await asyncio.sleep(0.05)
+        with suppress(OSError):
+            assert await reader.read() == b""
+
+        assert asyncio.get_running_loop().time() - began_s < 10 * QUICK_S
+        assert await is_well(port)
+
+
+@pytest.mark.usefixtures("quick")
+async def test_a_client_that_never_sends_its_body_or_nothing_at_all_is_cut_off() -> None:
+    async with served() as (_, _, port):
+        for sent in (b"", request("POST", "/api/v1/login", b"x" * 20, port=port)[:-19]):
+            answer = await exchange(port, sent, within_s=5.0)
+            assert answer.status == 0
+
+
+@pytest.mark.usefixtures("quick")
+async def test_a_client_that_takes_nothing_of_its_stream_is_cut_off() -> None:
+    rig = PageRig(site=shown_site(*(f"pump-{n}" for n in range(2000))))
+    async with served(rig) as (_, server, port):
+        sock = socket.socket()
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
+        sock.setblocking(False)
+        loop = asyncio.get_running_loop()
+        await loop.sock_connect(sock, ("127.0.0.1", port))
+        await loop.sock_sendall(sock, request("GET", "/api/v1/events", port=port))
+        for n in range(200):
+            rig.clock.s += 10.0  # with a beat each time
+            for k in range(2000):
+                rig.value(f"pump-{k}", "current", float(n))
+            await asyncio.sleep(0.02)
+            if n > 20 and not server._connections and not len(rig.streams):
+                break
+        sock.close()
+
+        assert not server._connections
+        assert len(rig.streams) == 0
+
+
+async def test_a_head_of_more_than_eight_kilobytes_is_refused() -> None:
+    async with served() as (_, _, port):
+        headers = {f"X-{n}": "a" * 200 for n in range(60)}
+        answer = await exchange(port, request("GET", "/", port=port, headers=headers))
+        cookie = await exchange(port, request("GET", "/", port=port, headers={"Cookie": "a" * 20_000}))
+
+        assert (answer.status, cookie.status) == (431, 431)
+        assert await is_well(port)
+
+
+async def test_more_connections_than_there_may_be_are_refused_and_idle_ones_make_room() -> None:
+    async with served() as (_, server, port):
+        many = [await asyncio.open_connection("127.0.0.1", port) for _ in range(3 * MOST_CONNECTIONS)]
+        await asyncio.sleep(0.2)
+
+        assert len(server._connections) <= MOST_CONNECTIONS
+        assert await is_well(port), "a new client gets in while others only hold connections"
+        for _, writer in many:
+            writer.close()
+
+
+async def test_of_a_hundred_streams_at_once_some_are_open_and_the_others_learn_why_not() -> None:
+    async with served() as (rig, _, port):
+
+        async def asked(number: int) -> tuple[RawAnswer, asyncio.StreamWriter]:
+            own = f"127.0.1.{1 + number}", 0
+            reader, writer = await asyncio.open_connection("127.0.0.1", port, local_addr=own)
+            writer.write(request("GET", "/api/v1/events", port=port))
+            async with asyncio.timeout(10.0):
+                return await read_answer(reader), writer
+
+        answers = [await asked(number) for number in range(100)]
+        statuses = [answer.status for answer, _ in answers]
+        last = answers[-1][0]
+
+        assert (statuses.count(200), statuses.count(503)) == (MOST_STREAMS, 100 - MOST_STREAMS)
+        assert len(rig.streams) == MOST_STREAMS
+        assert (last.json["error"], last.headers["retry-after"]) == ("busy", "5")
+        assert "too many pages are open" in last.json["text"]
+        assert await is_well(port)
+
+        answers[0][1].close()
+        await until(lambda: len(rig.streams) < MOST_STREAMS)
+        answers.append(await asked(100))
+        assert answers[-1][0].status == 200, "one that is closed makes room"
+        for _, writer in answers:
+            writer.close()
+            with suppress(OSError):
+                await writer.wait_closed()
+
+
+async def test_a_request_smuggled_behind_another_is_not_taken_for_one() -> None:
+    async with served() as (rig, _, port):
+        inner = request("POST", "/api/v1/command/pump-1/stop", b"{}", port=port)
+        both = b"Transfer-Encoding: chunked\r\nContent-Length: 4\r\n\r\n0\r\n\r\n"
+        head = f"POST /api/v1/login HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nContent-Type: application/json\r\n"
+        answer = await exchange(port, head.encode() + both + inner)
+
+        assert answer.status in (0, 400)
+        assert rig.access.commands == []
+
+
+async def test_there_is_no_websocket_and_http_1_0_without_a_host_gets_nothing() -> None:
+    async with served() as (_, _, port):
+        upgrade = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Key": "x"}
+        plain = await exchange(port, request("GET", "/api/v1/session", port=port, headers=upgrade))
+        old = await exchange(port, b"GET /api/v1/state HTTP/1.0\r\n\r\n")
+
+        assert plain.status == 200, "an upgrade that is not offered is passed over [RFC 9110 7.8]"
+        assert old.status == 421
+
+
+async def test_wrong_hosts_and_cross_site_posts_over_a_socket() -> None:
+    async with served() as (rig, _, port):
+        rebinding = await exchange(port, request("GET", "/", headers={"Host": f"evil.example:{port}"}))
+        cross = await WebClient(port).post("/api/v1/login", {"user": "anna"}, Origin="http://evil.example")
+
+        assert (rebinding.status, cross.status) == (421, 403)
+        assert rig.access.logins == []
+
+
+async def test_several_requests_go_over_one_connection_in_order() -> None:
+    async with served() as (_, _, port):
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        one = request("GET", "/api/v1/session", port=port)
+        writer.write(one + request("GET", "/nothing", port=port) + one)
+        answers: list[RawAnswer] = [await read_answer(reader) for _ in range(3)]
+        writer.close()
+
+        assert [each.status for each in answers] == [200, 404, 200]
+
+
+async def test_the_end_of_the_server_ends_open_streams_within_a_moment() -> None:
+    rig = PageRig()
+    async with served(rig) as (_, _, port):
+        stream = WebClient(port).events()
+        assert (await anext(stream))[0] == "snapshot"
+        began_s = asyncio.get_running_loop().time()
+    assert asyncio.get_running_loop().time() - began_s < 2.0
+    with suppress(asyncio.IncompleteReadError, OSError):
+        await asyncio.wait_for(anext(stream, None), 5.0)
+    await stream.aclose()  # type: ignore[attr-defined]

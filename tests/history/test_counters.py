@@ -1,0 +1,183 @@
+import json
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gateway.history.counters import MotorCounters, Totals, band_of
+
+
+def run(
+    counters: MotorCounters, since_s: float, until_s: float, *, every_s: float = 1.0, **more: Any
+) -> None:
+    at_s = since_s
+    while at_s <= until_s + 1e-9:
+        counters.note_readings({"running": counters.is_operating} | more, at_s=at_s)
+        at_s += every_s
+
+
+def test_hours_are_the_time_between_readings_of_a_motor_that_runs() -> None:
+    counters = MotorCounters()
+    counters.note_state("ready")
+    run(counters, 0, 100)
+    counters.note_state("running")
+    run(counters, 101, 700)
+    counters.note_state("ready")
+    run(counters, 701, 900)
+
+    assert counters.totals.operating_s == 600.0  # up to the reading that showed the standstill
+
+
+@pytest.mark.parametrize("state", ["starting", "running", "stopping"])
+def test_a_motor_that_starts_or_stops_operates(state: str) -> None:
+    counters = MotorCounters()
+    counters.note_state(state)
+    run(counters, 0, 10)
+
+    assert counters.totals.operating_s == 10.0
+
+
+def test_time_in_which_the_starter_was_not_seen_does_not_count() -> None:
+    counters = MotorCounters()
+    counters.note_state("running")
+    run(counters, 0, 10)
+    counters.note_state("unknown")
+    counters.note_state("running")
+    run(counters, 20, 25)
+
+    assert counters.totals.operating_s == 15.0
+
+
+def test_a_gap_between_readings_does_not_count_even_where_the_state_stayed_known() -> None:
+    counters = MotorCounters(period_s=1.0)
+    counters.note_state("running")
+    run(counters, 0, 10)
+    run(counters, 3610, 3620)
+
+    assert counters.totals.operating_s == 20.0
+
+
+def test_a_starter_that_is_read_once_in_ten_minutes_counts_all_the_same() -> None:
+    counters = MotorCounters(period_s=600.0)
+    counters.note_state("running")
+    run(counters, 0, 36_000, every_s=600.0)
+
+    assert counters.totals.operating_s == 36_000.0
+
+
+@pytest.mark.parametrize(
+    ("load", "band"), [(0, "low"), (49.9, "low"), (50, "normal"), (90, "high"), (120, "over"), (600, "over")]
+)
+def test_bands_of_load(load: float, band: str) -> None:
+    assert band_of(load) == band
+
+
+def test_hours_by_load_follow_the_load_that_was_read_last() -> None:
+    counters = MotorCounters()
+    counters.note_state("running")
+    run(counters, 0, 10, current_pct=40.0)
+    run(counters, 11, 20, current_pct=95.0)
+
+    bands = counters.totals.bands_s
+    assert bands == {"low": 11.0, "normal": 0.0, "high": 9.0, "over": 0.0}
+
+
+def test_the_load_follows_from_the_current_where_the_rated_current_is_known() -> None:
+    counters = MotorCounters()
+    counters.rated_a = 50.0
+    counters.note_state("running")
+    run(counters, 0, 10, current=65.0)
+
+    assert counters.totals.bands_s["over"] == 9.0 + 1.0
+
+
+def test_without_a_load_hours_count_and_no_band_does() -> None:
+    counters = MotorCounters()
+    counters.note_state("running")
+    run(counters, 0, 10, current=65.0)
+
+    assert counters.totals.operating_s == 10.0
+    assert sum(counters.totals.bands_s.values()) == 0.0
+    assert not counters.has_load
+
+
+def test_energy_is_the_area_under_the_power() -> None:
+    counters = MotorCounters()
+    counters.note_state("running")
+    for at_s in range(0, 3601, 10):
+        counters.note_readings({"active_power": 100.0 * at_s / 3600}, at_s=at_s)
+
+    assert counters.totals.energy_kwh == pytest.approx(50.0)
+
+
+def test_energy_does_not_bridge_a_silence() -> None:
+    counters = MotorCounters()
+    counters.note_state("running")
+    counters.note_readings({"active_power": 100.0}, at_s=0.0)
+    counters.note_state("unknown")
+    counters.note_state("running")
+    counters.note_readings({"active_power": 100.0}, at_s=20.0)
+
+    assert counters.totals.energy_kwh == 0.0
+    assert counters.has_power
+
+
+def test_readings_out_of_order_take_nothing_away() -> None:
+    counters = MotorCounters()
+    counters.note_state("running")
+    run(counters, 0, 10, active_power=10.0)
+    before = counters.totals.to_dict()
+    counters.note_readings({"running": True, "active_power": 10.0}, at_s=5.0)
+
+    assert counters.totals.to_dict() == before
+
+
+def test_trips_count_by_code_within_bounds() -> None:
+    counters = MotorCounters()
+    for number in range(200):
+        counters.note_trip(f"e{number}")
+    counters.note_trip("e5")
+
+    trips = counters.totals.trips
+    assert trips["e5"] == 2
+    assert sum(trips.values()) == 201
+    assert len(trips) == 65
+
+
+def test_totals_survive_their_json() -> None:
+    counters = MotorCounters()
+    counters.note_state("running")
+    run(counters, 0, 10, current_pct=100.0, active_power=5.0)
+    counters.note_start()
+    counters.note_trip("e05")
+
+    data = json.loads(json.dumps(counters.totals.to_dict()))
+
+    assert Totals.from_dict(data).to_dict() == counters.totals.to_dict()
+
+
+@pytest.mark.parametrize(
+    "data",
+    [{"operating_s": -1}, {"starts": "x"}, {"trips": []}, {"energy_kwh": float("nan")}, {"bands_s": 3}],
+)
+def test_what_is_no_count_is_refused(data: dict[str, Any]) -> None:
+    with pytest.raises((ValueError, TypeError, AttributeError)):
+        Totals.from_dict(data)
+
+
+@given(
+    st.lists(
+        st.tuples(st.floats(0.0, 50.0), st.sampled_from(["running", "ready", "unknown", "fault", "starting"]))
+    )
+)
+def test_never_more_time_counts_than_has_passed(steps: list[tuple[float, str]]) -> None:
+    counters, at_s = MotorCounters(), 0.0
+    for pause_s, state in steps:
+        at_s += pause_s
+        counters.note_readings({"running": True, "current_pct": 80.0}, at_s=at_s)
+        counters.note_state(state)
+
+    totals = counters.totals
+    assert 0.0 <= totals.operating_s <= at_s
+    assert sum(totals.bands_s.values()) <= totals.operating_s + 1e-6

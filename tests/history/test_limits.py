@@ -1,0 +1,148 @@
+import math
+
+import pytest
+
+from gateway.history.limits import StartLimits, ThermalModel, pause_left_s, starts_left
+
+
+def test_starts_left_are_those_of_the_last_hour() -> None:
+    limits = StartLimits(starts_per_hour=3)
+
+    assert starts_left(limits, [], now_s=10_000) == 3
+    assert starts_left(limits, [6000, 7000], now_s=10_000) == 2
+    assert starts_left(limits, [7000, 8000, 9000, 9500], now_s=10_000) == 0
+
+
+def test_without_a_rule_the_number_of_starts_is_not_known() -> None:
+    assert starts_left(StartLimits(), [1.0], now_s=2.0) is None
+
+
+@pytest.mark.parametrize(
+    ("limits", "starts", "since", "pause"),
+    [
+        (StartLimits(), [], 0.0, 0.0),
+        (StartLimits(after_stop_s=60), [], 9_980.0, 40.0),
+        (StartLimits(after_stop_s=60), [], 0.0, 0.0),
+        (StartLimits(after_stop_s=60), [], None, 60.0),  # it runs: the pause begins with its standstill
+        (StartLimits(between_starts_s=300), [9_900.0], 9_950.0, 200.0),
+        (StartLimits(starts_per_hour=2), [7_000.0, 9_000.0], 9_990.0, 600.0),
+        (StartLimits(starts_per_hour=2), [9_000.0], 9_990.0, 0.0),
+        (StartLimits(starts_per_hour=2, after_stop_s=900), [7_000.0, 9_000.0], 9_990.0, 890.0),
+    ],
+)
+def test_the_pause_is_the_longest_that_any_limit_demands(
+    limits: StartLimits, starts: list[float], since: float | None, pause: float
+) -> None:
+    assert pause_left_s(limits, starts, standing_since_s=since, now_s=10_000.0) == pause
+
+
+def cool(model: ThermalModel, *, level: float, tau_s: float, until_s: float, since_s: float = 0.0) -> float:
+    """A motor at rest whose level the starter gives as whole numbers, every 10 s."""
+    at_s = since_s
+    while at_s <= until_s:
+        shown = round(level * math.exp(-(at_s - since_s) / tau_s))
+        model.note_level(shown, at_s=at_s, is_standing=True)
+        at_s += 10.0
+    return at_s
+
+
+def test_the_time_constant_is_learnt_while_the_motor_cools() -> None:
+    model = ThermalModel(trip_level=250.0)
+
+    cool(model, level=250.0, tau_s=1200.0, until_s=900.0)
+
+    assert model.tau_s == pytest.approx(1200.0, rel=0.05)
+
+
+def test_the_time_to_restart_agrees_with_the_cooling_that_follows() -> None:
+    model = ThermalModel(trip_level=250.0)
+    end_s = cool(model, level=250.0, tau_s=1200.0, until_s=300.0)
+
+    estimate = model.restart_in_s(end_s)
+
+    reached_s = 1200.0 * math.log(250.0 / model.restart_level)
+    assert estimate == pytest.approx(reached_s - end_s, rel=0.15)
+
+
+def test_nothing_is_estimated_before_anything_is_known() -> None:
+    model = ThermalModel(trip_level=250.0)
+    assert model.restart_in_s(0.0) is None
+
+    model.note_level(250.0, at_s=0.0, is_standing=True)
+    assert model.restart_in_s(0.0) is None
+
+
+def test_what_the_starter_is_set_to_counts_until_something_is_learnt() -> None:
+    model = ThermalModel(trip_level=100.0, set_tau_s=1000.0)
+    model.note_level(100.0, at_s=0.0, is_standing=True)
+
+    assert model.restart_in_s(0.0) == pytest.approx(1000.0 * math.log(1 / 0.7))
+
+
+def test_a_cool_motor_needs_no_wait() -> None:
+    model = ThermalModel(trip_level=250.0)
+    model.note_level(50.0, at_s=0.0, is_standing=True)
+
+    assert model.restart_in_s(0.0) == 0.0
+
+
+def test_a_motor_that_runs_teaches_nothing_of_cooling() -> None:
+    model = ThermalModel(trip_level=250.0)
+    for count in range(100):
+        model.note_level(200.0 - count, at_s=count * 10.0, is_standing=False)
+
+    assert model.tau_s is None
+
+
+def test_a_silence_breaks_a_fall() -> None:
+    model = ThermalModel(trip_level=250.0)
+    model.note_level(250.0, at_s=0.0, is_standing=True)
+    model.forget()
+    model.note_level(100.0, at_s=1000.0, is_standing=True)
+
+    assert model.tau_s is None
+
+
+def test_a_start_needs_the_room_that_starts_have_needed() -> None:
+    model = ThermalModel(trip_level=250.0)
+    model.note_level(20.0, at_s=0.0, is_standing=True)
+    model.note_start()
+    model.note_level(60.0, at_s=5.0, is_standing=False)
+    model.note_started()
+    model.note_level(70.0, at_s=10.0, is_standing=False)
+
+    assert model.restart_level == 200.0
+
+
+def test_an_ssw900_set_to_thirty_minutes_whose_starts_heat_by_forty_percent() -> None:
+    model = ThermalModel(trip_level=100.0, set_tau_s=30 * 60.0)  # S4.2.1, C5.9.7.7
+    for before, after in ((10.0, 50.0), (20.0, 45.0)):
+        model.note_level(before, at_s=0.0, is_standing=True)
+        model.note_start()
+        model.note_started()
+        model.note_level(after, at_s=10.0, is_standing=False)
+    model.note_level(100.0, at_s=1000.0, is_standing=True)  # F005
+
+    # The worst start needs 40 %, so it waits for 60 %: 1800 s * ln(100 / 60) = 919.5 s.
+    assert model.restart_in_s(1000.0) == pytest.approx(919.5, abs=0.1)
+    assert model.restart_in_s(1300.0) == pytest.approx(619.5, abs=0.1)
+    assert model.restart_in_s(3000.0) == 0.0
+
+
+def test_an_ssw07_that_was_seen_to_cool_from_250_to_200_percent_in_ten_minutes() -> None:
+    model = ThermalModel(trip_level=250.0)  # P050
+    model.note_level(250.0, at_s=0.0, is_standing=True)  # E05
+    model.note_level(200.0, at_s=600.0, is_standing=True)
+
+    # tau = 600 s / ln(250 / 200) = 2689 s; no start was seen, so 30 % of 250 are left free: 175.
+    assert model.tau_s == pytest.approx(2688.9, abs=0.1)
+    assert model.restart_in_s(600.0) == pytest.approx(2688.9 * math.log(200 / 175), abs=0.1)
+
+
+def test_what_was_learnt_survives() -> None:
+    model = ThermalModel(trip_level=250.0)
+    cool(model, level=250.0, tau_s=1200.0, until_s=900.0)
+    again = ThermalModel(trip_level=250.0)
+    again.restore(model.to_dict())
+
+    assert again.tau_s == model.tau_s

@@ -1,0 +1,183 @@
+"""A year of a motor that ages, as a gateway records it; `write` puts it into a state directory.
+
+A fan whose bearing wears from the eighth month on: it takes ever longer to full speed.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import random
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from gateway.app.history.part import Surroundings
+from gateway.app.history.starts import StartHistory
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.schema import Variant
+from gateway.history.ring import ReadingTable
+from gateway.history.trip_record import TripSnapshot
+from gateway.records import EventRecord, Record, SequenceNumbers, rfc3339
+from gateway.starters.setup import StarterSetup
+from gateway.storage.history import HistoryStore
+from gateway.storage.history_table import HistoryRow
+from gateway.system.clock import Clock
+from tests.history.memory_file import MemoryFile
+from tests.history.support import UTC_S, AnalyticStart, ReadMotor
+
+STARTER = "cooling-fan-2"
+DAY_S = 86400.0
+BEGAN_S = datetime(2025, 11, 1, tzinfo=UTC).timestamp()
+DAYS = 380
+
+CONFIG = f"""
+[gateway]
+name = "cement-mill"
+state_dir = "state"
+
+[mqtt]
+url = "mqtt://127.0.0.1:{{port}}"
+
+[[line]]
+name = "cooling"
+port = "/dev/ttyRS485-1"
+baud = 19200
+framing = "8E1"
+
+[[line.starter]]
+name = "{STARTER}"
+address = 7
+family = "ssw07"
+model = "SSW-07 200A"
+"""
+
+
+class YearClock(Clock):
+    """Stands where the readings are."""
+
+    at_s = 0.0
+
+    def now_s(self) -> float:
+        return self.at_s
+
+    def utc_s(self, at_s: float | None = None) -> float:
+        return UTC_S + (self.at_s if at_s is None else at_s)
+
+
+@dataclass
+class Year:
+    """What was stored, and what was published on the way."""
+
+    rows: list[HistoryRow]
+    events: list[EventRecord]
+
+
+async def lived(*, days: int = DAYS, per_day: int = 3, seed: int = 7) -> Year:
+    """Let the motor live its year and return what the gateway would have stored."""
+    chance = random.Random(seed)
+    clock, memory, records = YearClock(), MemoryFile(), _Records()
+    here = Surroundings("8c41d07e", records, memory, clock, SequenceNumbers())
+    profile = load_profile("ssw07")
+    setup = StarterSetup(STARTER, "cooling", 7, profile, Variant(rated_current_a=200.0))
+    history = StartHistory(setup, here)
+    history.restore(())
+    starts, hours = 0, 0.0
+    for day in range(days):
+        for number in range(per_day):
+            begin_s = BEGAN_S - UTC_S + day * DAY_S + 5 * 3600 + number * 5.5 * 3600 + chance.uniform(0, 1800)
+            for readings in _start(begin_s, day, chance).replies(begin_s - 3.0, begin_s + 32.0):
+                clock.at_s = readings.at_s
+                history.take_readings(readings)
+            starts, hours = starts + 1, hours + chance.uniform(4.0, 5.0)
+            await asyncio.sleep(0)
+    history.close()
+    rows = [*memory.rows.values(), *_trips(), _counters(starts, hours, clock)]
+    return Year(rows, [each for each in records.found if isinstance(each, EventRecord)])
+
+
+def _start(begin_s: float, day: int, chance: random.Random) -> ReadMotor:
+    """Return a start of this day: warmer days start easier, and wear grows from day 240 on."""
+    wear = max(0.0, (day - 240) / 140) ** 1.3
+    season = 0.3 * (1 if 120 < day < 300 else 0)
+    ramp_s = 9.0 - season + 2.4 * wear + chance.gauss(0, 0.15)
+    peak_a = 640.0 + 45.0 * wear + chance.gauss(0, 6.0)
+    load_a = 168.0 + 6.0 * wear + chance.gauss(0, 2.0)
+    start = AnalyticStart(begin_s, ramp_s, peak_a, load_a)
+    return ReadMotor(start, seed=chance.randrange(1 << 30), noise=0.012, fast_s=0.2, is_ours=True)
+
+
+def _trips() -> list[HistoryRow]:
+    found = []
+    for number, (day, code, text) in enumerate(
+        ((96, "e03", "Phase loss"), (331, "e05", "Motor overload"), (362, "e05", "Motor overload"))
+    ):
+        time_s = BEGAN_S + day * DAY_S + 47_000.0 + 911 * number
+        id_ = f"8c41d07e-t{number}"
+        trip = TripSnapshot(
+            id_, rfc3339(time_s), "8c41d07e", number, code, text, "running", ReadingTable.of([])
+        )
+        found.append(HistoryRow(STARTER, "trip", id_, time_s, trip.to_dict(), 100))
+    return found
+
+
+def _counters(starts: int, hours: float, clock: YearClock) -> HistoryRow:
+    bands = {"low": 0.02, "normal": 0.81, "high": 0.16, "over": 0.01}
+    totals = {
+        "operating_s": hours * 3600,
+        "bands_s": {name: share * hours * 3600 for name, share in bands.items()},
+        "energy_kwh": hours * 96.0,
+        "starts": starts,
+        "trips": {"e05": 2, "e03": 1},
+    }
+    data = {"totals": totals, "thermal": {}, "is_whole": True}
+    return HistoryRow(STARTER, "counters", "8c41d07e", clock.utc_s(), data, 1)
+
+
+class _Records:
+    def __init__(self) -> None:
+        self.found: list[Record] = []
+
+    def put(self, record: Record) -> None:
+        self.found.append(record)
+
+
+async def write(folder: Path, rows: Sequence[HistoryRow], *, port: int = 1) -> Path:
+    """Write configuration, history, audit and identity, and return the configuration's path."""
+    state_dir = folder / "state"
+    store = HistoryStore(state_dir, on_news=lambda *_: None)
+    store.start()
+    for row in rows:
+        store.put(*row[:3], time_s=row.time_s, data=row.data, limit=row.limit)
+    assert await store.close(10.0)
+    (state_dir / "identities.json").write_text(
+        json.dumps({"starters": {STARTER: {"model": "SSW-07", "firmware": "1.60", "serial": None}}})
+    )
+    audit = state_dir / "audit"
+    audit.mkdir()
+    entries = (
+        _set(40, "maintenance", "P314", 10, {"P314": 0}),
+        _set(342, "maintenance", "P314", 5, {}),
+        _set(342, "maintenance", "P313", 2, {"P313": 0}),
+    )
+    (audit / "audit-00000001.jsonl").write_text("".join(json.dumps(entry) + "\n" for entry in entries))
+    path = folder / "site.toml"
+    path.write_text(CONFIG.format(port=port))
+    return path
+
+
+def _set(day: int, client: str, code: str, value: int, before: dict[str, int]) -> dict[str, Any]:
+    return {
+        "kind": "command",
+        "time": rfc3339(BEGAN_S + day * DAY_S + 33_000),
+        "starter": STARTER,
+        "client": client,
+        "verb": "set",
+        "args": {"parameter": code, "value": value},
+        "decision": "confirmed",
+        "code": "ok",
+        "before": before,
+        "after": {},
+    }

@@ -1,0 +1,78 @@
+"""What the gateway announces of a starter of each family; and Home Assistant's templates, rendered."""
+
+from __future__ import annotations
+
+import json
+import random
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from typing import Any
+
+from jinja2.sandbox import ImmutableSandboxedEnvironment
+
+from gateway.app.integrations.home_assistant import facts_of
+from gateway.config.convert import setups_of
+from gateway.config.load import parse
+from gateway.config.schema import Config
+from gateway.families.devices.device import Identity
+from gateway.home_assistant.discovery import gateway_message, starter_message
+from gateway.home_assistant.site_facts import SiteFacts
+from gateway.mqtt.contract.payloads import Message, Payloads
+from gateway.mqtt.contract.topics import Topics
+from gateway.starters.telemetry.emitter import info_of
+
+STARTERS = {"pump-1": "ssw07", "fan": "ssw06", "mill": "ssw900", "belt": "sst"}
+TABLE = '[homeassistant]\noperator = "home-assistant"\ncommands = true\n'
+OPERATOR = '[[operator]]\nclient = "home-assistant"\nmay = ["start", "stop", "reset"]\nstarters = ["*"]\n'
+
+
+def config(
+    table: str = TABLE, *, base: str = "starters/{gateway}", operator: str = OPERATOR, more: str = ""
+) -> Config:
+    starters = "".join(
+        f'[[line.starter]]\nname = "{name}"\naddress = {place}\nfamily = "{family}"\n'
+        for place, (name, family) in enumerate(STARTERS.items(), 1)
+    )
+    head = f'[gateway]\nname = "mcc1"\n[mqtt]\nurl = "mqtt://127.0.0.1"\nbase = "{base}"\n'
+    line = '[[line]]\nname = "hall"\nport = "/dev/hall"\nbaud = 19200\nframing = "8N2"\n'
+    return parse(head + table + operator + line + starters + more, "site.toml")
+
+
+def facts(*arguments: str, **options: Any) -> SiteFacts:
+    found = facts_of(config(*arguments, **options))
+    assert found is not None
+    return found
+
+
+def info_messages(site: Config) -> dict[str, Message]:
+    """Return the retained `info` of each starter, as it is before the starter has answered."""
+    payloads = Payloads(Topics(site.base), "run-1")
+    setups = [setup for line in site.lines for setup in setups_of(line)]
+    return {setup.name: payloads.message(info_of(setup, setup.variant, Identity())) for setup in setups}
+
+
+def announced(*arguments: str, **options: Any) -> dict[str, dict[str, Any]]:
+    """Return the discovery of each starter, and of the gateway under an empty name."""
+    site = facts(*arguments, **options)
+    infos = info_messages(config(*arguments, **options))
+    found = {name: starter_message(site, name, json.loads(each.payload)) for name, each in infos.items()}
+    return {name: json.loads(each.payload) for name, each in {**found, "": gateway_message(site)}.items()}
+
+
+class Rendering:
+    """Renders as Home Assistant does: in the same sandbox, which bounds `range`, at a time of the test's."""
+
+    def __init__(self, seed: int = 1) -> None:
+        self.utc_s = 1_760_000_000.0
+        chance = random.Random(seed)
+        self._sandbox = ImmutableSandboxedEnvironment()
+        self._sandbox.globals["utcnow"] = lambda: datetime.fromtimestamp(self.utc_s, UTC)
+        self._sandbox.filters["random"] = chance.choice
+
+    def command(self, template: str) -> str:
+        return self._sandbox.from_string(template).render(value="PRESS")
+
+    def value(self, template: str, payload: Mapping[str, Any]) -> str:
+        return self._sandbox.from_string(template).render(
+            value=json.dumps(payload), value_json=json.loads(json.dumps(payload))
+        )

@@ -1,0 +1,178 @@
+"""What is announced: its form, names, entities and defaults."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import pytest
+
+from tests.home_assistant.announced import STARTERS, announced, config, facts, info_messages
+
+ALL = announced()
+EVERYWHERE = {"state", "online", "running", "fault", "remote", "current", "hours_total", "starts_total"} | {
+    *("trouble", "stop", "start", "reset", "result"),
+}
+ROOT_KEYS = frozenset(  # others cost the whole device before Home Assistant 2026.11
+    {
+        *("device", "origin", "components", "availability", "availability_mode", "availability_topic"),
+        *("availability_template", "payload_available", "payload_not_available"),
+        *("state_topic", "command_topic", "qos", "encoding"),
+    }
+)
+TOPIC = re.compile(r"homeassistant/device/([a-zA-Z0-9_-]+)/config")
+
+
+def components(starter: str, **options: Any) -> dict[str, dict[str, Any]]:
+    found: dict[str, dict[str, Any]] = announced(**options)[starter]["components"]
+    return found
+
+
+@pytest.mark.parametrize("name", [*STARTERS, ""])
+def test_the_root_has_no_key_that_costs_the_whole_device(name: str) -> None:
+    assert set(ALL[name]) <= ROOT_KEYS
+    assert ALL[name]["origin"]["name"] == "starter-gateway"
+    assert all({"platform", "unique_id"} <= set(each) for each in ALL[name]["components"].values())
+    assert all("qos" in each for each in ALL[name]["components"].values())  # not inherited from the root
+
+
+def test_a_starter_has_the_entities_that_its_family_can_fill() -> None:
+    assert set(ALL["belt"]["components"]) == EVERYWHERE | {"line_voltage", "heatsink_temperature"}
+    assert set(ALL["fan"]["components"]) == EVERYWHERE | {
+        "alarm",
+        "current_pct",
+        "active_power",
+        "energy_kwh",
+    }
+    assert set(ALL["pump-1"]["components"]) == EVERYWHERE | {
+        *("current_pct", "line_frequency", "heatsink_temperature", "fault_code", "thermal_load"),
+    }
+    assert set(ALL["mill"]["components"]) == EVERYWHERE | {
+        *("alarm", "current_pct", "line_voltage", "output_voltage", "active_power", "power_factor"),
+        *("line_frequency", "torque_pct", "heatsink_temperature", "energy_kwh", "fault_code", "thermal_load"),
+    }
+
+
+def test_of_many_entities_only_the_useful_ones_are_on_at_first() -> None:
+    on = {
+        name: {key for key, each in ALL[name]["components"].items() if each.get("enabled_by_default", True)}
+        for name in STARTERS
+    }
+
+    usual = {"state", "online", "running", "fault", "current", "trouble", "stop", "reset", "result"}
+    assert on == {
+        "pump-1": usual | {"fault_code"},
+        "fan": usual | {"active_power", "energy_kwh"},
+        "mill": usual | {"active_power", "energy_kwh", "fault_code"},
+        "belt": usual,
+    }
+
+
+def test_the_gateway_is_a_device_of_its_own_to_which_the_starters_belong() -> None:
+    assert set(ALL[""]["components"]) == {"status", "boot", "line_hall"}
+    assert {ALL[name]["device"]["via_device"] for name in STARTERS} == set(ALL[""]["device"]["identifiers"])
+
+
+def test_only_the_stop_is_there_unless_more_is_asked_for() -> None:
+    buttons = {"stop", "start", "reset"}
+    without = components("fan", table='[homeassistant]\noperator = "home-assistant"\n')
+
+    assert buttons & set(without) == {"stop"}
+    assert buttons & set(components("fan", table="[homeassistant]\n")) == set()
+    assert "result" not in components("fan", table="[homeassistant]\n")
+
+
+def test_a_button_is_there_only_where_the_operator_has_the_right_and_can_use_it() -> None:
+    operator = '[[operator]]\nclient = "home-assistant"\nmay = ["stop", "start"]\nstarters = ["fan"]\n'
+    rules = '[[rules]]\nstarters = ["fan"]\ntwo_step = ["start"]\n'
+
+    assert {"stop", "start", "reset"} & set(components("fan", operator=operator)) == {"stop", "start"}
+    assert {"stop", "start", "reset"} & set(components("mill", operator=operator)) == set()
+    assert {"stop", "start"} & set(components("fan", operator=operator, more=rules)) == {"stop"}
+
+
+def test_a_stop_can_be_pressed_though_the_starter_is_silent_and_a_start_cannot() -> None:
+    found = ALL["fan"]["components"]
+
+    assert [each["topic"] for each in ALL["fan"]["availability"]] == [
+        "starters/mcc1/gateway/status",
+        "starters/mcc1/starter/fan/availability",
+    ]
+    for key in ("stop", "result", "online"):
+        assert [each["topic"] for each in found[key]["availability"]] == ["starters/mcc1/gateway/status"]
+    assert "availability" not in found["start"]
+
+
+def test_a_start_never_waits_in_home_assistant_and_a_stop_does() -> None:
+    found = ALL["fan"]["components"]
+
+    assert (found["start"]["qos"], found["reset"]["qos"], found["stop"]["qos"]) == (0, 0, 1)
+    assert {found[verb]["retain"] for verb in ("start", "stop", "reset")} == {False}
+    assert "command_template" not in found["stop"]  # nothing that can fail
+
+
+def test_no_entity_shows_a_value_without_its_quality() -> None:
+    unjudged = {
+        key
+        for name in STARTERS
+        for key, each in ALL[name]["components"].items()
+        if each["platform"] in ("sensor", "binary_sensor")
+        and "quality == 'good'" not in each["value_template"]
+    }
+
+    assert unjudged == {"online"}
+
+
+def test_every_name_is_one_that_home_assistant_takes_and_no_two_are_the_same() -> None:
+    gateways = ("a", "a_b", "a-b", "a_", "a_u")
+    starters = ("b", "b_c", "c", "_b", "u_b", "b-c")
+    ids = []
+    for gateway in gateways:
+        site = facts()
+        site = type(site)(gateway, "x/y", "1", "homeassistant", "homeassistant/status", {})
+        ids += [site.object_id(starter) for starter in ("", *starters)]
+        match = TOPIC.fullmatch(site.config_topic("b_c"))
+        assert match is not None
+
+    assert len(ids) == len(set(ids))
+    unique = [each["unique_id"] for name in ALL for each in ALL[name]["components"].values()]
+    assert len(unique) == len(set(unique))
+    assert [each for each in unique if not re.fullmatch(r"[a-zA-Z0-9_-]+", each)] == []
+
+
+def test_the_names_are_the_same_in_every_run() -> None:
+    assert announced() == ALL
+    assert ALL["pump-1"]["components"]["current"]["unique_id"] == "sg_mcc1_pump-1_Ecurrent"
+    assert ALL["pump-1"]["components"]["current"]["default_entity_id"] == "sensor.mcc1_pump_1_current"
+    assert ALL["pump-1"]["components"]["current"]["object_id"] == "mcc1_pump_1_current"
+
+
+@pytest.mark.parametrize("base", ["x", "plant/area-1/line_2/cell/{gateway}"])
+def test_a_base_of_any_depth_is_announced(base: str) -> None:
+    found = announced(base=base)["fan"]["components"]
+
+    whole = base.replace("{gateway}", "mcc1")
+    assert found["state"]["state_topic"] == f"{whole}/starter/fan/state"
+    assert found["stop"]["command_topic"] == f"{whole}/command/fan/home-assistant/stop"
+
+
+def test_every_point_that_is_announced_is_one_that_the_starter_publishes() -> None:
+    site = config()
+    infos = info_messages(site)
+    for name in STARTERS:
+        topics = {
+            each["state_topic"]
+            for each in ALL[name]["components"].values()
+            if "/value/" in each.get("state_topic", "")
+        }
+        for topic in topics:
+            assert f'"{topic.rpartition("/")[2]}":' in infos[name].payload.decode()
+
+
+def test_a_page_that_others_reach_is_shown_at_each_device() -> None:
+    table = '[homeassistant]\npage_url = "https://mcc1.plant/"\n'
+
+    assert {each["device"]["configuration_url"] for each in announced(table).values()} == {
+        "https://mcc1.plant/"
+    }
+    assert "configuration_url" not in ALL["fan"]["device"]

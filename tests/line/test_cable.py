@@ -1,0 +1,231 @@
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from math import sqrt
+
+import pytest
+
+from gateway.line.cable import CableHealth, WiredStarter
+from gateway.line.cable.counts import StarterCounts, bounds
+from tests.line.cable_lines import STEP_S, CableLine
+
+LINES = 15  # of each kind of fault
+
+
+def shares(chance: random.Random, addresses: range, least: float = 0.04) -> dict[int, float]:
+    """As a common cause has it: not the same share everywhere."""
+    return {address: chance.uniform(least, 3 * least) for address in addresses}
+
+
+def good(count: int, seed: int, chance: random.Random) -> tuple[CableLine, str]:
+    usual = {address: chance.uniform(0.0, 0.001) for address in range(1, count + 1)}
+    return CableLine(count, seed, corrupted=usual), ""
+
+
+def broken_after(count: int, seed: int, chance: random.Random) -> tuple[CableLine, str]:
+    last = chance.randrange(1, count - 1)
+    line = CableLine(count, seed, corrupted=shares(chance, range(last + 1, count + 1)))
+    line.lost = shares(chance, range(last + 1, count + 1), 0.01)
+    return line, f"from pump-{last + 1} (address {last + 1}) on: look at the cable after pump-{last} "
+
+
+def noise(count: int, seed: int, chance: random.Random) -> tuple[CableLine, str]:
+    return CableLine(count, seed, corrupted=shares(chance, range(1, count + 1))), "errors of all starters"
+
+
+def one_bad(count: int, seed: int, chance: random.Random) -> tuple[CableLine, str]:
+    bad = chance.randint(1, count)
+    return CableLine(count, seed, corrupted={bad: 0.06}, lost={bad: 0.02}), f"errors only of pump-{bad} "
+
+
+def one_slow(count: int, seed: int, chance: random.Random) -> tuple[CableLine, str]:
+    slow = chance.randint(1, count)
+    return CableLine(count, seed, late={slow: 0.08}), f"late replies of pump-{slow} "
+
+
+def one_off(count: int, seed: int, chance: random.Random) -> tuple[CableLine, str]:
+    return CableLine(count, seed, off={chance.randint(1, count)}), ""
+
+
+def cut_after(count: int, seed: int, chance: random.Random) -> tuple[CableLine, str]:
+    last = chance.randrange(1, count - 1)
+    return CableLine(count, seed, off=set(range(last + 1, count + 1))), f"no replies from pump-{last + 1} "
+
+
+Kind = Callable[[int, int, random.Random], tuple[CableLine, str]]
+
+
+@pytest.mark.parametrize("kind", [good, broken_after, noise, one_bad, one_slow, one_off, cut_after])
+@pytest.mark.parametrize("per_s", [0.2, 2.0])
+def test_of_many_lines_with_a_fault_of_a_kind_each_is_named_as_what_it_is(kind: Kind, per_s: float) -> None:
+    wrong, unsteady = [], 0
+    for seed in range(LINES):
+        chance = random.Random(f"{kind.__name__} {seed}")
+        line, expected = kind(chance.randint(3, 16), seed, chance)
+        line.per_s = per_s
+        texts = line.run(1.0)
+        is_right = len(texts) == 1 and expected in texts[0] if expected else texts == []
+        if not is_right:
+            wrong.append((seed, expected, texts))
+        unsteady += len(line.appeared) > 1  # another sentence before, of few requests
+
+    assert wrong == []
+    assert unsteady <= 2
+
+
+def test_a_low_share_of_errors_shows_over_the_day() -> None:
+    line = CableLine(4, seed=1, corrupted=dict.fromkeys(range(1, 5), 0.012))
+
+    assert line.run(0.25) == []
+    (text,) = line.run(12)
+    assert text.startswith("errors of all starters")
+    assert "in 24 h" in text
+
+
+def test_nothing_is_said_of_few_requests_however_bad_they_are() -> None:
+    line = CableLine(3, seed=1, per_s=1 / STEP_S, corrupted={2: 0.5})
+
+    assert line.run(49 * STEP_S / 3600) == []
+    assert line.run(1.0) != []
+
+
+def test_sentences_appear_once_and_go_when_the_cable_is_repaired() -> None:
+    line = CableLine(8, seed=3, corrupted=dict.fromkeys((6, 7, 8), 0.1))
+    line.run(2)
+    assert [text[:42] for text in line.appeared] == ["errors only from pump-6 (address 6) on: lo"]
+    line.corrupted = {}
+
+    assert line.run(0.3) == []
+
+    assert len(line.gone) == len(line.appeared) == 1
+    assert line.run(24) == []
+    assert len(line.appeared) == 1
+
+
+@pytest.mark.parametrize("share", [0.004, 0.01, 0.02, 0.03])
+def test_sentences_do_not_flicker_at_any_share(share: float) -> None:
+    changes = []
+    for seed in range(2):
+        line = CableLine(6, seed=seed, corrupted=dict.fromkeys(range(1, 7), share))
+        line.run(24)
+        changes.append(len(line.appeared) + len(line.gone))
+
+    assert sum(changes) <= 6  # of 2 times 2880 judgements
+
+
+def test_the_order_is_that_of_the_cable() -> None:
+    line = CableLine(5, seed=1, order=(4, 2, 5, 1, 3), corrupted={1: 0.1, 3: 0.1})
+
+    assert [text.split(" (")[0] for text in line.run(1)] == ["errors only from pump-1"]
+    assert "after pump-5 (address 5)" in line.texts[0]
+
+
+def test_a_starter_that_is_off_by_night_does_not_count_as_errors() -> None:
+    line = CableLine(4, seed=1)
+    for _ in range(3):
+        line.off = {2}
+        line.run(8)
+        line.off = set()
+        line.run(8)
+
+    assert line.texts == line.appeared == []
+    assert line.health.to_dict()["starters"]["pump-2"]["silent_rate"] <= 0.005
+
+
+def test_corrupted_lost_and_late_replies_have_rates_of_their_own() -> None:
+    line = CableLine(2, seed=1, per_s=4, corrupted={1: 0.1}, lost={1: 0.2}, late={1: 0.3})
+    line.run(1)
+
+    rates = line.health.to_dict()["starters"]["pump-1"]
+    assert rates["error_rate"] == pytest.approx(0.1, abs=0.02)
+    assert rates["silent_rate"] == pytest.approx(0.2, abs=0.03)
+    assert rates["late_rate"] == pytest.approx(0.3, abs=0.03)
+
+
+def test_slow_answers_are_named_before_they_come_too_late() -> None:
+    line = CableLine(3, seed=1, p99_s={2: 0.17})
+
+    assert line.run(1) == ["slow answers of pump-2 (address 2): its response time (170 ms of 200 ms)"]
+    line.p99_s = {2: 0.13}
+    assert line.run(1) != []
+    line.p99_s = {2: 0.1}
+    assert line.run(1) == []
+
+
+def test_late_replies_of_all_starters_are_the_adapters() -> None:
+    line = CableLine(3, seed=1, late=dict.fromkeys((1, 2, 3), 0.1))
+
+    assert [text.split(":")[0] for text in line.run(1)] == ["late replies of all starters"]
+
+
+def test_what_the_uart_counts_stands_in_the_sentence() -> None:
+    line = CableLine(1, seed=1, corrupted={1: 0.2})
+    line.run(1)
+    units = {1: dict(line.units[1])}
+    for step in range(1, 6):
+        errors = {"framing": 7 * step, "overrun": 0}
+        line.health.take({"units": units, "uart_errors": errors}, line.now_s + step * STEP_S)
+
+    assert "the UART counted 28 framing errors" in line.texts[0]
+
+
+def test_counters_that_begin_anew_subtract_nothing() -> None:
+    counts = StarterCounts()
+    unit = {"asked": 1000, "silent": 10, "corrupted": 5, "late": 0, "state": "answering"}
+    counts.take(unit, 0.0)
+    counts.take(unit | {"asked": 1100, "corrupted": 6}, 60.0)
+    counts.take(unit | {"asked": 3, "silent": 0, "corrupted": 0}, 120.0)
+    counts.take(unit | {"asked": 53, "silent": 0, "corrupted": 0}, 180.0)
+
+    assert counts.since(600.0, 180.0) == (150, 1, 0, 0)
+
+
+def test_a_day_of_counts_is_bounded() -> None:
+    counts = StarterCounts()
+    for minute in range(3 * 1440):
+        counts.take({"asked": minute, "silent": 0, "state": "answering"}, minute * 60.0)
+
+    assert len(counts._stored) < 120
+    assert counts.since(600.0, 3 * 86400.0 - 60).asked == 10
+    assert counts.since(3600.0, 3 * 86400.0 - 60).asked == 60
+    assert 1440 <= counts.since(86400.0, 3 * 86400.0 - 60).asked <= 1470
+
+
+@pytest.mark.parametrize(("count", "of"), [(0, 600), (10, 100), (3, 7), (5, 5)])
+def test_the_share_seen_is_just_within_reach_of_both_bounds(count: int, of: int) -> None:
+    """The definition of Wilson's interval: as many standard deviations of the bound's own distribution."""
+    for bound in bounds(count, of):
+        away = abs(count / of - bound)
+        assert away == pytest.approx(2.576 * sqrt(bound * (1 - bound) / of), abs=1e-9)
+
+
+def test_of_no_requests_anything_may_be_so() -> None:
+    assert bounds(0, 0) == (0.0, 1.0)
+
+
+def test_another_order_forgets_nothing_of_the_starters_that_stay() -> None:
+    line = CableLine(3, seed=1, corrupted={2: 0.2})
+    line.run(1)
+
+    line.health.rewire([WiredStarter(f"pump-{each}", each, 0.2) for each in (3, 2)])
+    line.run(12 * STEP_S / 3600)
+
+    assert line.health.to_dict()["starters"].keys() == {"pump-2", "pump-3"}
+    assert line.texts[0].startswith("errors only of pump-2 (address 2)")
+
+
+def test_a_line_whose_port_is_away_is_not_judged() -> None:
+    health = CableHealth([WiredStarter("pump", 1, 0.2)])
+
+    assert health.take({"is_open": False, "units": {}}, 0.0) == ((), ())
+    assert health.to_dict() == {"texts": [], "starters": {}}
+
+
+def test_a_line_on_which_no_starter_answers_has_one_sentence() -> None:
+    line = CableLine(4, seed=1, off={1, 2, 3, 4})
+
+    (text,) = line.run(1)
+    assert text.startswith("no starter answers: no supply, the adapter")
+    line.off = set()
+    assert line.run(1) == []

@@ -1,0 +1,158 @@
+"""What a flood of jobs leaves of a line: to polls, to watchdogs, to other jobs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import pytest
+
+from gateway.line.scheduler.job_queue import BACKGROUND_WEIGHT, JOBS_SHARE
+from gateway.line.scheduler.line_time import LineTimeBudget
+from gateway.line.scheduler.requests import Job, Poll, Priority, Slot
+from gateway.line.scheduler.scheduler import Scheduler
+from gateway.modbus.reads import ReadHoldingRegisters
+from tests.line.fakes import poll
+from tests.line.ideal_line import IdealLine
+
+TOOK_S = 0.025  # one transaction at 19200 bit/s
+UNDER_WAY = 16  # commands that wait for this line at the same time
+READ = ReadHoldingRegisters(0, 1)
+
+
+FLOODING, SINGLE = 99, 100  # units: another job follows each of the first one's
+
+
+def job(lane: Priority, unit: int = FLOODING) -> Job:
+    return Job(unit, READ, 0.01, lane, lambda outcome: None)
+
+
+def flooded(polls: Sequence[Poll], lanes: Sequence[Priority], *, seconds: float = 120.0) -> IdealLine:
+    """Serve a line on which a job of each lane waits at any moment, several of the last."""
+    line = IdealLine(polls, lambda slot: _took_s(line.scheduler, slot, lambda: line.now_s))
+    for lane in lanes:
+        for _ in range(UNDER_WAY):
+            line.scheduler.jobs.submit(job(lane), 0.0)
+    line.run(seconds)
+    return line
+
+
+def _took_s(scheduler: Scheduler, slot: Slot, now_s: Callable[[], float]) -> float:
+    if slot.job is not None and slot.job.unit == FLOODING:
+        scheduler.jobs.submit(job(slot.job.lane), now_s())
+    return TOOK_S
+
+
+def per_s(line: IdealLine, key: str) -> float:
+    return 1 / (sum(line.gaps_s[key]) / len(line.gaps_s[key]))
+
+
+def used_by(line: IdealLine, lane: Priority) -> float:
+    """Return the share of the line's time that a lane has used."""
+    slots = [slot for _, slot in line.slots if slot.job is not None and slot.job.lane is lane]
+    return len(slots) * TOOK_S / line.now_s
+
+
+def test_a_flood_of_reads_and_settings_leaves_a_busy_lines_polls_their_rates() -> None:
+    polls = [poll(f"{unit}", unit=unit, every_s=0.3) for unit in range(1, 9)]  # two thirds of the line
+
+    line = flooded(polls, [Priority.PARAMETERS])
+
+    assert min(per_s(line, each.key) for each in polls) > 0.95 / 0.3
+    assert max(max(line.gaps_s[each.key]) for each in polls) < 0.3 + 0.35
+    assert used_by(line, Priority.PARAMETERS) > 0.2
+
+
+def test_an_over_full_line_gives_a_flood_of_reads_a_quarter_and_no_more() -> None:
+    polls = [poll(f"{unit}", unit=unit, every_s=0.1) for unit in range(1, 9)]  # twice what the line can
+
+    line = flooded(polls, [Priority.PARAMETERS])
+
+    assert used_by(line, Priority.PARAMETERS) == pytest.approx(JOBS_SHARE / BACKGROUND_WEIGHT, abs=0.03)
+    calm_s = 8 * TOOK_S
+    assert max(max(line.gaps_s[each.key]) for each in polls) < 3 * calm_s
+
+
+def test_all_floods_together_leave_the_polls_of_an_over_full_line_one_half() -> None:
+    polls = [poll(f"{unit}", unit=unit, every_s=0.1) for unit in range(1, 9)]
+
+    line = flooded(polls, [Priority.COMMAND, Priority.READ_BACK, Priority.PARAMETERS])
+
+    assert 0.4 < sum(used_by(line, lane) for lane in Priority) < JOBS_SHARE + 0.03
+    assert max(max(line.gaps_s[each.key]) for each in polls) < 6 * 8 * TOOK_S
+
+
+def test_a_flood_stretches_short_and_long_periods_by_one_factor() -> None:
+    polls = [poll(f"{unit}", unit=unit, every_s=every_s) for unit, every_s in enumerate((0.05, 0.2, 1.0), 1)]
+
+    line = flooded(polls, [Priority.COMMAND])
+
+    factor = sum(TOOK_S / each.every_s for each in polls) / (1.0 - JOBS_SHARE)
+    assert line.scheduler.polls.stretch == pytest.approx(factor, rel=0.05)
+    for each in polls:
+        assert per_s(line, each.key) == pytest.approx(1 / (factor * each.every_s), rel=0.1)
+
+
+def test_no_lane_of_a_flooded_line_starves_another() -> None:
+    polls = [poll(f"{unit}", unit=unit, every_s=0.1) for unit in range(1, 9)]
+
+    line = flooded(polls, [Priority.COMMAND, Priority.READ_BACK, Priority.PARAMETERS])
+
+    assert (
+        min(used_by(line, lane) for lane in (Priority.COMMAND, Priority.READ_BACK, Priority.PARAMETERS))
+        > 0.04
+    )
+
+
+def test_an_idle_line_serves_as_many_reads_as_it_can() -> None:
+    line = flooded([poll("a", every_s=5.0)], [Priority.PARAMETERS])
+
+    assert used_by(line, Priority.PARAMETERS) > 0.99
+
+
+@pytest.mark.parametrize(
+    "lanes", [[Priority.PARAMETERS], [Priority.COMMAND], [Priority.COMMAND, Priority.PARAMETERS]]
+)
+@pytest.mark.parametrize("every_s", [0.1, 5.0])
+def test_watchdogs_are_met_in_any_flood(lanes: list[Priority], every_s: float) -> None:
+    polls = [
+        replace(poll(f"{unit}", unit=unit, every_s=every_s), deadline_s=1.0 + 0.1 * unit)
+        for unit in range(1, 17)
+    ]
+
+    line = flooded(polls, lanes)
+
+    assert all(line.unserved_s[each.unit] <= (each.deadline_s or 0.0) for each in polls)
+
+
+def test_a_command_passes_the_reads_that_wait_and_one_that_is_new_passes_a_full_line() -> None:
+    polls = [poll(f"{unit}", unit=unit, every_s=0.1) for unit in range(1, 9)]
+    line = flooded(polls, [Priority.PARAMETERS], seconds=30.0)
+    for _ in range(4):
+        line.scheduler.jobs.submit(job(Priority.COMMAND, SINGLE), line.now_s)
+
+    line.run(30.0 + 10 * TOOK_S)
+
+    since = [slot.job.lane for at_s, slot in line.slots if at_s >= 30.0 and slot.job is not None]
+    assert since.count(Priority.COMMAND) >= 3
+
+
+def test_a_share_can_be_saved_up_but_only_so_far() -> None:
+    budget = LineTimeBudget(0.5, 0.2)
+    budget.spend(0.19, 0.0)
+
+    assert budget.has_room(0.0)
+    budget.spend(0.02, 0.0)
+    assert not budget.has_room(0.0)
+    assert budget.has_room(0.1)
+
+
+def test_what_an_idle_line_gave_is_not_owed_for_long() -> None:
+    budget = LineTimeBudget(0.25, 0.2)
+    for second in range(1000):
+        budget.spend(1.0, float(second))
+
+    assert not budget.has_room(999.5)
+    assert budget.has_room(1000.0)
+    budget.fill()
+    assert budget.has_room(999.0)

@@ -1,0 +1,207 @@
+"""The lines' thread; real threads and a real clock, but no waiting longer than a few transactions."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import logging
+import sys
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from gateway.line import thread as host_module
+from gateway.line.events import LineEvent, PollResult, PortChanged, UnitChanged
+from gateway.line.rtu.outcome import Answered, Silent
+from gateway.line.thread import SWITCH_INTERVAL_S, LineHost
+from tests.line.fakes import TIMING, FakeOpener, FakePort, Units, poll, until
+from tests.line.hosted import LONG_S, NO_PORT, WaitingListener, add, ask, fake_opener
+
+
+@pytest.fixture(autouse=True)
+def _switch_interval() -> Iterator[None]:
+    before_s = sys.getswitchinterval()
+    yield
+    sys.setswitchinterval(before_s)
+
+
+class BrokenOpener(FakeOpener):
+    """An opener with a bug."""
+
+    def __init__(self) -> None:
+        super().__init__(lambda: FakePort(Units({1})))
+        self.has_bug = True
+
+    async def __call__(self) -> FakePort:
+        if self.has_bug:
+            raise RuntimeError("bug")
+        return await super().__call__()
+
+
+async def test_the_app_transacts_on_lines_that_run_in_a_thread_of_their_own() -> None:
+    listener = WaitingListener()
+    host = LineHost(listener.handle)
+    line = add(host, opener := fake_opener())
+    assert await ask(line) == NO_PORT
+
+    await host.start()
+    await listener.wait_for("pumps poll a")
+    outcomes = await asyncio.gather(*(ask(line) for _ in range(5)))
+    await host.stop()
+
+    assert all(isinstance(outcome, Answered) and outcome.value == (100, 101) for outcome in outcomes)
+    assert listener.order == ["pumps port True", "pumps unit 1", "pumps poll a"]
+    assert opener.ports[0].is_closed
+    assert sys.getswitchinterval() == pytest.approx(SWITCH_INTERVAL_S)
+    assert "lines" not in [thread.name for thread in threading.enumerate()]
+    assert await ask(line) == NO_PORT
+    await host.stop()  # once more does no harm
+
+
+async def test_a_line_with_a_bug_is_started_again_and_the_others_go_on(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(host_module, "RESTART_PAUSE_S", 0.01)
+    monkeypatch.setattr(host_module, "STATISTICS_EVERY_S", 0.01)
+    listener = WaitingListener()
+    host = LineHost(listener.handle)
+    broken = add(host, opener := BrokenOpener(), "broken")
+    sound = add(host, fake_opener(), "sound", every_s=0.0)
+
+    await host.start()
+    await listener.wait_for("sound poll a")
+    assert await ask(broken) == NO_PORT
+    assert isinstance(await ask(sound), Answered)
+    opener.has_bug = False
+    await listener.wait_for("broken poll a")
+    while broken.statistics()["polls"] == 0:
+        await listener.wait_for("sound poll a")
+    progress = host.progress()
+    await host.stop()
+
+    assert broken.statistics()["crashes"] >= 1
+    assert sound.statistics()["crashes"] == 0
+    assert sound.statistics()["answered"] > 1
+    assert set(progress) == {"broken", "sound"}
+    assert all(progress.values())
+    crash = next(record for record in caplog.records if "line=broken crashed" in record.getMessage())
+    assert crash.levelno == logging.ERROR
+    assert crash.exc_info is not None
+
+
+async def test_stopping_lets_the_transaction_under_way_end_and_ends_the_waiting_ones() -> None:
+    listener = WaitingListener()
+    host = LineHost(listener.handle)
+    line = host.add_line(name="pumps", opener=(opener := fake_opener()), timing=TIMING, polls=[])
+    await host.start()
+    await listener.wait_for("pumps port True")
+
+    asked = [asyncio.create_task(ask(line)) for _ in range(50)]  # more than it can do meanwhile
+    await asyncio.sleep(0)
+    await until(lambda: bool(opener.ports[0].sent))
+    await host.stop()
+    async with asyncio.timeout(LONG_S):
+        outcomes = await asyncio.gather(*asked)
+
+    assert isinstance(outcomes[0], Answered)
+    assert outcomes[-1] == NO_PORT
+
+
+async def test_a_transaction_given_up_by_the_app_is_withdrawn() -> None:
+    listener = WaitingListener()
+    host = LineHost(listener.handle)
+    opener = FakeOpener(lambda: FakePort(Units(set())))
+    line = host.add_line(name="pumps", opener=opener, timing=TIMING, polls=[])
+    await host.start()
+    await listener.wait_for("pumps port True")
+
+    asked = [asyncio.create_task(ask(line, response_time_s=0.5)) for _ in range(5)]
+    await asyncio.sleep(0)
+    for task in asked:
+        task.cancel()
+    await asyncio.wait(asked)
+    last = await ask(line)
+    await host.stop()
+
+    assert last == Silent()
+    assert len(opener.ports[0].sent) <= 2
+
+
+async def test_polls_are_changed_from_the_app() -> None:
+    listener = WaitingListener()
+    host = LineHost(listener.handle)
+    line = add(host, fake_opener(), every_s=3600.0)
+    line.expect_silence(1, 0.0)
+    await host.start()
+    await listener.wait_for("pumps poll a")
+
+    line.add_poll(poll("b", every_s=3600.0))
+    await listener.wait_for("pumps poll b")
+    line.expedite("b")
+    await listener.wait_for("pumps poll b")
+    line.remove_poll("a")
+    line.set_every("b", 0.01)
+    await listener.wait_for("pumps poll b")
+    await host.stop()
+
+    assert line.name == "pumps"
+    assert line.timing is TIMING
+
+
+async def test_an_event_that_is_a_bug_for_the_app_does_not_hold_up_the_events_behind_it(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    handled: list[LineEvent] = []
+
+    def handle(event: LineEvent) -> None:
+        handled.append(event)
+        if len(handled) == 1:
+            raise ValueError("bug")
+
+    host = LineHost(handle)
+    add(host, fake_opener())
+    await host.start()
+    await until(lambda: len(handled) == 3)
+    await host.stop()
+
+    assert [type(event) for event in handled] == [PortChanged, UnitChanged, PollResult]
+    assert "event=PortChanged failed" in caplog.text
+
+
+def test_events_for_a_closed_app_are_dropped() -> None:
+    async def start() -> LineHost:
+        add(host := LineHost(lambda _: None), fake_opener())
+        await host.start()
+        return host
+
+    host = asyncio.run(start())
+    ended = threading.Event()
+    host.to_line(host.remove_line("pumps").close)
+    host.to_line(ended.set)
+    assert ended.wait(LONG_S)
+    asyncio.run(host.stop())
+
+
+async def test_frames_are_handed_on_to_the_app_while_it_captures() -> None:
+    listener = WaitingListener()
+    host = LineHost(listener.handle)
+    add(host, fake_opener(), "pumps", every_s=0.0)
+    add(host, fake_opener(), "fans", every_s=0.0)
+    frames: asyncio.Queue[tuple[str, float, str, bytes]] = asyncio.Queue()
+
+    def note(*frame: object) -> None:
+        assert threading.current_thread() is threading.main_thread()
+        frames.put_nowait(frame)  # type: ignore[arg-type] # what OnFrame says
+
+    await host.start()
+    host.capture(note)
+    async with asyncio.timeout(LONG_S):
+        seen = [await frames.get() for _ in range(8)]
+    host.capture(None)
+    await host.stop()
+
+    assert {line for line, *_ in seen} == {"pumps", "fans"}
+    directions = [direction for line, _, direction, _ in seen if line == "pumps"]
+    assert {">>", "<<"} >= set(directions)
+    assert all(first != second for first, second in itertools.pairwise(directions))

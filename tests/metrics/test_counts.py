@@ -1,0 +1,111 @@
+"""What is counted of records, and what a client cannot do to the counters."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gateway.metrics.counts import MOST_PENDING, RecordCounts
+from gateway.records import (
+    EventRecord,
+    Phase,
+    Quality,
+    ResultRecord,
+    Severity,
+    StartRecord,
+    TripRecord,
+    ValueRecord,
+)
+
+VERBS = frozenset({"start", "stop"})
+
+
+def result(phase: Phase, *, code: str = "ok", verb: str = "start", id_: str | None = "1", **more: Any) -> Any:
+    return ResultRecord("pump-1", "alice", id_, verb, phase, code, "", 0.0, **more)
+
+
+def counts(*, has_own_values: bool = False) -> RecordCounts:
+    return RecordCounts(VERBS, has_own_values=has_own_values)
+
+
+def test_each_phase_is_counted_and_the_time_to_the_final_one() -> None:
+    here = counts()
+
+    here.put(result(Phase.ACCEPTED), 10.0)
+    here.put(result(Phase.WRITTEN), 10.1)
+    here.put(result(Phase.CONFIRMED), 10.3)
+
+    taken = here.taken()
+    phases = ("accepted", "written", "confirmed")
+    assert taken.commands == {("start", phase, "ok"): 1 for phase in phases}
+    assert taken.command_times["start"].within[-1] == 1
+    assert abs(taken.command_times["start"].total_s - 0.3) < 1e-9
+
+
+def test_a_refusal_and_a_command_that_was_not_seen_to_act_have_counters_of_their_own() -> None:
+    here = counts()
+
+    here.put(result(Phase.REJECTED, code="in_local"), 1.0)
+    here.put(result(Phase.ACCEPTED, id_="2"), 1.0)
+    here.put(result(Phase.UNCONFIRMED, code="not_seen", id_="2"), 4.0)
+
+    taken = here.taken()
+    assert (taken.rejected, taken.unconfirmed) == ({"in_local": 1}, {"pump-1": 1})
+    assert taken.command_times["start"].within[-1] == 1  # a refusal at once takes no time worth a bucket
+
+
+def test_a_repeated_result_is_counted_once() -> None:
+    here = counts()
+
+    here.put(result(Phase.CONFIRMED), 1.0)
+    here.put(result(Phase.CONFIRMED, is_duplicate=True), 2.0)
+
+    assert here.taken().commands == {("start", "confirmed", "ok"): 1}
+
+
+def test_verbs_that_clients_invent_make_one_series() -> None:
+    here = counts()
+
+    for number in range(500):
+        here.put(result(Phase.REJECTED, code="unknown_verb", verb=f"verb_{number}"), 1.0)
+
+    assert here.taken().commands == {("other", "rejected", "unknown_verb"): 500}
+
+
+def test_commands_that_never_end_are_forgotten_beyond_a_bound() -> None:
+    here = counts()
+
+    for number in range(2 * MOST_PENDING):
+        here.put(result(Phase.ACCEPTED, id_=str(number)), 1.0)
+
+    assert len(here._pending) == MOST_PENDING
+
+
+def test_starts_trips_and_drifts_are_counted_by_starter() -> None:
+    here = counts()
+
+    for _ in range(2):
+        here.put(StartRecord("pump-1", "s", {}), 1.0)
+    here.put(TripRecord("pump-1", "t", {"code": "e05"}), 1.0)
+    for code in ("start_drift", "start_drift_over", "started"):
+        here.put(EventRecord("pump-1", code, Severity.WARNING, "", 0.0, 1), 1.0)
+
+    taken = here.taken()
+    assert taken.starts == {"pump-1": 2}
+    assert taken.trips == {("pump-1", "e05"): 1}
+    assert taken.drifts == {"pump-1": 1}
+
+
+def test_values_are_retained_only_of_the_gateways_own_points_and_only_when_they_are_exported() -> None:
+    own = ValueRecord("pump-1", "hours_total", 3.5, "h", Quality.GOOD, 0.0, 1)
+    stale = ValueRecord("pump-1", "energy_kwh", 3.5, "kWh", Quality.STALE, 0.0, 1)
+    other = ValueRecord("pump-1", "current", 3.5, "A", Quality.GOOD, 0.0, 1)
+    without, with_all = counts(), counts(has_own_values=True)
+
+    for each in (own, stale, other):
+        without.put(each, 0.0)
+        with_all.put(each, 0.0)
+
+    assert without.taken().own_values == {}
+    assert with_all.taken().own_values == {("pump-1", "hours_total"): own}
+    with_all.want_own_values(has_own_values=False)
+    assert with_all.taken().own_values == {}

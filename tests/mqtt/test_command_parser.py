@@ -1,0 +1,253 @@
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gateway.mqtt.contract.commands import Incoming, Rejection
+from gateway.starters.policy.request import CommandRequest
+from tests.mqtt.commands import NOW, START, command, fresh, judge, refusal
+
+STOP = "b/command/pump-1/alice/stop"
+
+
+def test_a_complete_command_is_passed_on_with_everything_it_says() -> None:
+    incoming = command(
+        {
+            "id": "c1",
+            "issued_at": NOW,
+            "ttl_s": 5,
+            "boot": "boot-1",
+            "operator": "Ana Pérez",
+            "reason": "morning",
+            "args": {"parameter": "P314", "value": 30},
+        },
+        topic="b/command/pump-1/alice/set",
+        correlation=b"42",
+        response_topic="b/result/pump-1/alice",
+    )
+
+    assert judge(incoming) == CommandRequest(
+        starter="pump-1",
+        client="alice",
+        verb="set",
+        id="c1",
+        args={"parameter": "P314", "value": 30},
+        operator="Ana Pérez",
+        reason="morning",
+        received_s=7.0,
+        correlation=b"42",
+        response_topic="b/result/pump-1/alice",
+        expires_s=12.0,
+        decided_s=5.0,
+        decided_by="issued_at",
+    )
+
+
+@pytest.mark.parametrize(("freshness", "boot"), [("token", ""), ("issued_at", ""), ("boot", "boot-1")])
+def test_a_command_carries_the_boot_only_where_that_proves_its_copies_fresh(
+    freshness: str, boot: str
+) -> None:
+    judged = judge(command(fresh(issued_at=NOW, boot="boot-1")), freshness=freshness)
+
+    assert isinstance(judged, CommandRequest)
+    assert judged.boot == boot
+
+
+def test_what_is_no_command_topic_is_no_command() -> None:
+    assert judge(command(fresh(), topic="b/commands/pump-1/alice/start")) is None
+
+
+@pytest.mark.parametrize(
+    ("topic", "starter", "client"),
+    [("pump-1/alice/START", "pump-1", "alice"), ("pump-1/alice", "", ""), ("pump-1/Alice/start", "", "")],
+)
+def test_a_malformed_command_topic_is_refused_with_what_can_be_known(
+    topic: str, starter: str, client: str
+) -> None:
+    refused = refusal(command(fresh(), topic=f"b/command/{topic}"))
+
+    assert (refused.starter, refused.client, refused.id, refused.code) == (
+        starter,
+        client,
+        "c1",
+        "malformed_topic",
+    )
+
+
+def test_only_a_command_with_the_present_boot_is_one_that_the_boot_proves_fresh() -> None:
+    judged = judge(command({"id": "c1", "issued_at": NOW}))
+
+    assert isinstance(judged, CommandRequest)
+    assert judged.boot == ""
+
+
+def test_a_response_topic_elsewhere_is_ignored() -> None:
+    judged = judge(command(fresh(), response_topic="b/result/pump-1/bob"))
+
+    assert isinstance(judged, CommandRequest)
+    assert judged.response_topic is None
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        b"",
+        b"stop please",
+        b"\xff\xfe",
+        b"{",
+        b"[]",
+        b'{"id": 7, "args": 3, "operator": "", "reason": "\\n", "surprise": 1}',
+        b'{"id": "' + b"x" * 65 + b'"}',
+        b"x" * 5000,
+        b'{"issued_at": "1999-01-01T00:00:00Z", "boot": "another"}',
+    ],
+)
+def test_a_stop_needs_nothing_but_its_topic(payload: bytes) -> None:
+    assert judge(Incoming(STOP, payload), clock_is_synchronised=False) == CommandRequest(
+        "pump-1", "alice", "stop", received_s=7.0
+    )
+
+
+def test_a_stop_keeps_its_id_and_who_wanted_it_but_no_arguments() -> None:
+    incoming = command(
+        {"id": "s1", "operator": "Ana", "reason": "smoke", "args": {"a": 1}, "b": 2}, topic=STOP
+    )
+
+    assert judge(incoming) == CommandRequest(
+        "pump-1", "alice", "stop", id="s1", operator="Ana", reason="smoke", received_s=7.0
+    )
+
+
+def test_an_old_message_may_still_be_a_stop() -> None:
+    assert isinstance(judge(Incoming(STOP, b"", expiry_s=0)), CommandRequest)
+
+
+@pytest.mark.parametrize("verb", ["start", "stop", "reset", "set", "read", "anything"])
+def test_a_retained_command_is_never_acted_on(verb: str) -> None:
+    incoming = command(fresh(), topic=f"b/command/pump-1/alice/{verb}", is_retained=True)
+
+    assert refusal(incoming).code == "retained"
+
+
+def test_a_refusal_names_the_command_so_that_its_sender_can_be_notified() -> None:
+    incoming = command(
+        {"id": "c1", "operator": "Ana", "args": {"value": 3}, "surprise": 1}, correlation=b"42"
+    )
+
+    rejection = refusal(incoming)
+
+    assert rejection == Rejection(
+        starter="pump-1",
+        client="alice",
+        verb="start",
+        id="c1",
+        code="bad_payload",
+        text="surprise is no known key",
+        operator="Ana",
+        args={"value": 3},
+        correlation=b"42",
+    )
+
+
+@pytest.mark.parametrize(
+    ("payload", "code", "text"),
+    [
+        (b"", "bad_json", "empty payload"),
+        (b"start", "bad_json", "not JSON at character 1: 'start'"),
+        (b'{"id":"a","id":"b"}', "bad_json", "a key stands twice"),
+        (b'{"ttl_s":NaN}', "bad_json", "NaN is not JSON"),
+        (b"x" * 4097, "too_big", "4097 bytes of payload, at most 4096"),
+        (b'{"' + b"k" * 300 + b'":1}', "bad_payload", "kkkk"),
+        (b'{"a\\u0007":1}', "bad_payload", "a? is no known key"),
+        (b'{"id":7}', "bad_payload", "id must be a text in quotes"),
+        (b'{"id":"a","ttl_s":9999}', "bad_payload", "ttl_s must be at most"),
+    ],
+)
+def test_a_payload_that_cannot_be_read_is_refused_with_its_reason(
+    payload: bytes, code: str, text: str
+) -> None:
+    rejection = refusal(Incoming(START, payload))
+
+    assert rejection.code == code
+    assert text in rejection.text
+    assert len(rejection.text) <= 200
+    assert rejection.text.isprintable()
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"id": 7},
+        {"id": ""},
+        {"id": "x" * 65},
+        {"id": "a\n"},
+        {"ttl_s": "5"},
+        {"ttl_s": True},
+        {"ttl_s": 0},
+        {"ttl_s": -1},
+        {"ttl_s": 60.1},
+        {"issued_at": 1_795_222_923},
+        {"issued_at": "2026-11-21T01:02:03"},
+        {"issued_at": "2026-11-21"},
+        {"issued_at": "2026-13-21T01:02:03Z"},
+        {"issued_at": "2026-11-21T01:02:60Z"},
+        {"issued_at": "٢026-11-21T01:02:03Z"},
+        {"issued_at": f"{NOW}\n"},
+        {"issued_at": "now"},
+        {"boot": 1},
+        {"operator": ["Ana"]},
+        {"operator": "x" * 65},
+        {"reason": "x" * 257},
+        {"reason": "a\x1b[31m"},
+        {"args": []},
+        {"args": None},
+        {"Id": "c1"},
+    ],
+)
+def test_a_field_of_the_wrong_form_is_refused(fields: dict[str, object]) -> None:
+    assert refusal(command(fresh(**fields))).code == "bad_payload"
+
+
+@pytest.mark.parametrize("fields", [{}, {"id": None}])
+def test_every_command_but_stop_needs_an_id(fields: dict[str, object]) -> None:
+    assert refusal(command({"boot": "boot-1", **fields})).code == "no_id"
+
+
+@given(
+    topic=st.sampled_from([START, STOP, "b/command/pump-1/alice/set", "b/audit"]) | st.text(max_size=30),
+    payload=st.binary(max_size=300),
+    is_retained=st.booleans(),
+    is_synchronised=st.booleans(),
+    expiry_s=st.none() | st.integers(0, 9),
+)
+def test_random_messages_never_raise_and_only_a_live_stop_gets_through(
+    *, topic: str, payload: bytes, is_retained: bool, is_synchronised: bool, expiry_s: int | None
+) -> None:
+    judged = judge(
+        Incoming(topic, payload, is_retained=is_retained, expiry_s=expiry_s),
+        clock_is_synchronised=is_synchronised,
+    )
+
+    if isinstance(judged, CommandRequest):
+        assert judged.verb == "stop"
+        assert not is_retained
+
+
+def test_the_page_names_the_operator_itself_and_its_commands_are_marked() -> None:
+    judged = judge(command(fresh(operator="mallory"), source="web", operator="anna"))
+
+    assert isinstance(judged, CommandRequest)
+    assert (judged.operator, judged.source) == ("anna", "web")
+    rejected = refusal(command({"id": "c1"}, source="web", operator="anna"))
+    assert (rejected.operator, rejected.source) == ("anna", "web")
+
+
+@pytest.mark.parametrize("freshness", ["token", "issued_at", "boot"])
+def test_a_command_of_the_page_is_fresh_by_its_token_whatever_counts_over_mqtt(freshness: str) -> None:
+    taken = judge(command(fresh(boot="boot-1"), source="web"), freshness=freshness)
+    by_boot = refusal(command({"id": "c1", "boot": "boot-1"}, source="web"), freshness=freshness)
+
+    assert isinstance(taken, CommandRequest)
+    assert taken.boot == ""
+    assert by_boot.code == "not_fresh"

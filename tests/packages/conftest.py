@@ -1,0 +1,35 @@
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from deploy.wheel import DOCS, UPLOT
+from tests.packages.built import Packages
+from tests.packages.container import Container, why_not
+from tests.packages.site import SYSTEMS
+
+
+@pytest.fixture(scope="session")
+def packages(tmp_path_factory: pytest.TempPathFactory) -> Packages:
+    if os.environ.get("CI") == "true" and os.geteuid() != 0:
+        pytest.skip("not root: CI tests the packages once, as root")
+    if not (DOCS / "index.html").exists() or not UPLOT.exists():
+        pytest.skip("not built: the documentation or uPlot (make test-deb builds them)")
+    return Packages(tmp_path_factory.mktemp("packages"))
+
+
+@pytest.fixture(params=SYSTEMS)
+def distribution(request: pytest.FixtureRequest) -> str:
+    name = str(request.param)
+    if reason := why_not(SYSTEMS[name]):
+        pytest.skip(f"no fresh system of Debian: {reason}")
+    return name
+
+
+@pytest.fixture
+def system(distribution: str, tmp_path: Path) -> Iterator[Container]:
+    with Container(SYSTEMS[distribution], tmp_path) as container:
+        yield container

@@ -1,0 +1,193 @@
+"""An installation in a fresh system of Debian, with simulated starters and a tap on their line."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from tests.packages.built import Packages
+from tests.packages.container import Container
+from tests.packages.line_tap import LineTap
+
+SYSTEMS = {"deb12": "bookworm", "deb13": "trixie"}
+TOP = "/usr/lib/starter-gateway"
+UNIT = "/usr/lib/systemd/system/starter-gateway.service"
+WATCHDOG_S = 60
+PATIENCE_S = 60.0
+LONGEST_GAP_S = 10.0  # far below the watchdog, which would stop the motor besides
+SITE = """\
+[gateway]
+name = "plant"
+state_dir = "/var/lib/starter-gateway"
+language = "{language}"
+
+[mqtt]
+url = "mqtt://127.0.0.1:1883"
+username = "plant"
+
+[[line]]
+name = "hall"
+port = "{port}"
+baud = 19200
+framing = "8N2"
+adapter_allowance_s = 0.3
+
+[[line.starter]]
+name = "pump"
+address = 1
+family = "ssw06"
+model = "SSW-06 820A"
+every_s = 0.2
+watchdog_s = {watchdog_s}
+
+[line.starter.simulated]
+parameters = {{ P313 = 2, P314 = {watchdog_s} }}
+
+[[operator]]
+client = "alice"
+may = ["*"]
+starters = ["*"]
+"""
+DROP_IN = "[Service]\nDeviceAllow=char-pts rw\n"
+CREDENTIAL = "LoadCredential=mqtt.password:/etc/starter-gateway/mqtt.password\n"
+ENCRYPTED = "LoadCredentialEncrypted=mqtt.password:/etc/starter-gateway/mqtt.password.cred\n"
+IDENTIFIED = '"firmware":"'  # before its information has this, a start is refused
+LOGIN = ("plant", "secret of the plant")
+BROKER = "listener 1883 127.0.0.1\nallow_anonymous false\npassword_file /etc/mosquitto/plant.passwords\n"
+
+
+class InstalledSite:
+    """An installation in a system: what its administrator does and sees."""
+
+    def __init__(self, system: Container, packages: Packages, distribution: str) -> None:
+        self.system, self._packages, self._distribution = system, packages, distribution
+        self.port = ""
+
+    def install(self, version: str, change: Callable[[Path], None] | None = None, **environ: str) -> str:
+        options = ("--yes", "--allow-downgrades", "--no-install-recommends")
+        environ |= {"DEBIAN_FRONTEND": "noninteractive"}
+        return self.system.run("apt-get", "install", *options, self.put(version, change), environ=environ)
+
+    def simulated(self) -> LineTap:
+        """Start the simulated starters; the gateway's port is the tap's."""
+        self.write("/root/sim.toml", port="/run/ttySIM")
+        self._simulator = self.system.start("starter-gateway", "simulate", "/root/sim.toml")
+        assert self._simulator.stdout is not None
+        first = self._simulator.stdout.readline()
+        (pty,) = re.findall(r"-> (/dev/pts/\d+)", first) or [first]
+        tap = LineTap(pty, baud=19200)
+        self.port = tap.path
+        return tap
+
+    def write(
+        self, path: str = "/etc/starter-gateway/site.toml", *, language: str = "es", port: str = ""
+    ) -> None:
+        self.system.write(path, SITE.format(language=language, port=port or self.port, watchdog_s=WATCHDOG_S))
+
+    def run(self, credential: str) -> None:
+        """Run the service with a broker, and start the motor."""
+        user, password = LOGIN
+        self.write()
+        self.system.write("/etc/mosquitto/conf.d/plant.conf", BROKER)
+        self.system.run("mosquitto_passwd", "-b", "-c", "/etc/mosquitto/plant.passwords", user, password)
+        self.system.run("chown", "mosquitto:", "/etc/mosquitto/plant.passwords")
+        self.system.run("systemctl", "restart", "mosquitto")
+        self.drop_in("site", DROP_IN + credential)
+        self.system.run("systemctl", "enable", "--now", "starter-gateway")
+        self.until("starter/pump/state", "ready")
+        self.until("starter/pump/info", IDENTIFIED)
+        words = ("/etc/starter-gateway/site.toml", "pump", "start", "--client", "alice")
+        self.system.run(
+            "starter-gateway", "send", *words, environ={"STARTER_GATEWAY_MQTT_PASSWORD": password}
+        )
+        self.until("starter/pump/state", "running")
+
+    def drop_in(self, name: str, text: str) -> None:
+        """Give the unit a drop-in, as `systemctl edit` does."""
+        self.system.write(f"/etc/systemd/system/starter-gateway.service.d/{name}.conf", text)
+        self.system.run("systemctl", "daemon-reload")
+
+    def shell(self, text: str) -> str:
+        """Return what a script of the administrator prints, however it ends."""
+        return self.system.run("sh", "-c", f"cd /; {{ {text}\n}} || true")
+
+    def put(self, version: str, change: Callable[[Path], None] | None = None) -> str:
+        """Copy a version's package into the system; return its path there."""
+        package = self._packages.package(self._distribution, version, change)
+        path = f"/root/{package.name}"
+        (self.system.root / path.lstrip("/")).write_bytes(package.read_bytes())
+        return path
+
+    def pid(self) -> int:
+        return int(self.system.run("systemctl", "show", "--property=MainPID", "--value", "starter-gateway"))
+
+    def version_that_started_last(self) -> str:
+        """Return what the process itself has written into the audit."""
+        folder = self.system.root / "var/lib/starter-gateway/audit"
+        text = "".join(path.read_text("utf-8") for path in sorted(folder.iterdir()))
+        return str(re.findall(r"gateway_started.*?version ([\d.]+)", text)[-1])
+
+    def topic(self, topic: str) -> str:
+        user, password = LOGIN
+        words = ("-h", "127.0.0.1", "-u", user, "-P", password, "-C", "1", "-W", "30")
+        return self.system.run("mosquitto_sub", *words, "-t", f"starters/plant/{topic}").strip()
+
+    def until(self, topic: str, text: str) -> None:
+        """Wait until what is retained in a topic has this text."""
+        self._until(lambda: self.topic(topic), text, topic)
+
+    def until_started(self, version: str) -> None:
+        """Wait until the audit, which is written beside the rest, says that this version started last."""
+        self._until(self.version_that_started_last, version, "the version that started last")
+
+    def until_served(self, url: str) -> None:
+        """Wait until a page is served."""
+        script = f"import urllib.request as u; print(u.urlopen('{url}', timeout=10).status)"
+        self._until(lambda: self.shell(f'python3 -c "{script}"'), "200\n", url)
+
+    def _until(self, look: Callable[[], str], text: str, what: str) -> None:
+        give_up_s = time.monotonic() + PATIENCE_S
+        while text not in (seen := look()):
+            assert time.monotonic() < give_up_s, f"{what} is {seen}, not {text}\n{self.journal()}"
+            time.sleep(0.1)
+
+    def journal(self) -> str:
+        return self.system.run("journalctl", "-u", "starter-gateway", "--no-pager", "-n", "60")
+
+
+def assert_version(site: InstalledSite, *, running: str, installed: str) -> None:
+    site.until_started(running)
+    assert running in site.system.run("starter-gateway", "--version")
+    assert installed in site.system.run(f"{TOP}/starter-gateway", "--version")
+
+
+def assert_motor_was_left_alone(site: InstalledSite, tap: LineTap, since_s: float) -> None:
+    """No write since then, every gap is short, and the motor still runs."""
+    assert tap.writes_since(since_s) == []
+    assert tap.longest_gap_s(1, since_s) < LONGEST_GAP_S
+    site.until("starter/pump/state", "running")
+
+
+def files_of(system: Container) -> set[str]:
+    """Return every file but what programs log and cache."""
+    changing = (
+        "var/log",
+        "var/cache",
+        "var/lib/dpkg",
+        "var/lib/apt",
+        "var/lib/systemd",
+        "var/lib/mosquitto",
+        "etc/mosquitto",
+        "root",
+    )
+    found = subprocess.run(
+        ["find", ".", "-xdev", "-printf", "%P\\n"],
+        cwd=system.root,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return {path for path in found.stdout.splitlines() if not path.startswith(changing)}

@@ -1,0 +1,28 @@
+"""The generated pages, by their names below docs/."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tests.reference import (
+    asyncapi,
+    commands_page,
+    configuration_page,
+    events_page,
+    topics_page,
+    wiring,
+)
+
+FOLDER = Path(__file__).parents[2] / "docs"
+
+
+def pages() -> dict[str, str]:
+    """Return the text of each generated page."""
+    return {
+        "reference/configuration.md": configuration_page.page(),
+        "reference/topics.md": topics_page.page(),
+        "reference/asyncapi.yaml": asyncapi.page(),
+        "reference/events.md": events_page.page(),
+        "reference/commands.md": commands_page.page(),
+        **wiring.drawings(),
+    }

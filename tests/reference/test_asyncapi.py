@@ -1,0 +1,46 @@
+from __future__ import annotations
+
+import json
+import os
+
+import pytest
+import yaml
+from jsonschema import Draft7Validator
+
+from tests.reference.asyncapi import document
+from tests.reference.pages import FOLDER
+
+SCHEMA = FOLDER.parent / "build" / "asyncapi" / "3.0.0.json"  # by get-asyncapi.sh
+FILE = FOLDER / "reference" / "asyncapi.yaml"
+
+
+def test_the_file_is_asyncapi_3() -> None:
+    if not SCHEMA.exists():
+        assert os.environ.get("CI") != "true", "tests/reference/get-asyncapi.sh could not fetch the schema"
+        pytest.skip("the published schema of AsyncAPI is not here (npm is needed; make asyncapi)")
+    schema = json.loads(SCHEMA.read_text("utf-8"))
+
+    errors = Draft7Validator(schema).iter_errors(yaml.safe_load(FILE.read_text("utf-8")))
+
+    assert [f"{'.'.join(map(str, error.path))}: {error.message[:200]}" for error in errors] == []
+
+
+def test_every_payload_is_a_right_json_schema() -> None:
+    for message in document()["components"]["messages"].values():
+        Draft7Validator.check_schema(message["payload"])
+
+
+def test_every_reference_in_the_file_leads_somewhere() -> None:
+    whole = document()
+
+    def refs(node: object) -> list[str]:
+        if isinstance(node, dict):
+            here = [node["$ref"]] if "$ref" in node else []
+            return here + [each for value in node.values() for each in refs(value)]
+        return [each for value in node for each in refs(value)] if isinstance(node, list) else []
+
+    for ref in refs(whole):
+        node: object = whole
+        for part in ref.removeprefix("#/").split("/"):
+            assert isinstance(node, dict)
+            node = node[part]

@@ -1,0 +1,127 @@
+"""Takes the pictures of the status page for the documents: `python -m tests.screenshots [--minutes 13]`.
+
+It runs the demo's plant until it has a history, then looks at it with Chromium. The trip of the day is
+waited for, so that the overview shows something abnormal.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import re
+import struct
+import sys
+import zlib
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from playwright.async_api import Browser, Page, async_playwright, expect
+
+from tests.end_to_end.page.support import CHROMIUM
+from tests.end_to_end.site import Program
+
+FOLDER = Path(__file__).parent.parent / "docs" / "pictures"
+MOST_BYTES = 150_000
+MINUTES = 13.0  # then the sparklines' ten minutes are full
+TRIP_WITHIN_S = 180.0  # the plant's day has two minutes
+USER = PASSWORD = "demo"
+DESK = {"viewport": {"width": 1280, "height": 800}}
+PHONE = {"viewport": {"width": 360, "height": 740}, "device_scale_factor": 2}
+
+
+class Picture(NamedTuple):
+    """One picture: its file, the page's view, and how the browser shows it."""
+
+    name: str
+    view: str
+    options: dict[str, Any]
+
+
+PICTURES = (
+    Picture("page-overview", "#/", DESK),
+    Picture("page-dark", "#/", {**DESK, "color_scheme": "dark"}),
+    Picture("page-phone", "#/starter/mill", PHONE),
+    Picture("page-events", "#/events", DESK),
+    Picture("page-starter", "#/starter/pump", {"viewport": {"width": 1280, "height": 1000}}),
+    Picture("page-lines", "#/lines", DESK),
+    Picture("page-gateway", "#/gateway", DESK),
+)
+
+
+async def take(minutes: float) -> None:
+    """Run the plant, take the pictures, and write them."""
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    async with (
+        Program("gateway", "demo", "--plant", environ={"TMPDIR": "/tmp"}) as demo,
+        async_playwright() as playwright,
+    ):
+        await demo.says("the status page is served")
+        found = re.search(r"http://127\.0\.0\.1:\d+/", demo.output)
+        assert found is not None
+        await asyncio.sleep(minutes * 60)
+        chromium = await playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        async with visitor(chromium, found[0], DESK) as page:
+            await expect(page.locator(".counter.fault .count")).to_have_text(
+                "1", timeout=TRIP_WITHIN_S * 1000
+            )
+        for picture in PICTURES:
+            async with visitor(chromium, found[0] + picture.view, picture.options) as page:
+                write(FOLDER / f"{picture.name}.png", await page.screenshot())
+        await chromium.close()
+
+
+@asynccontextmanager
+async def visitor(chromium: Browser, url: str, options: dict[str, Any]) -> AsyncIterator[Page]:
+    """Open a page, log in, and wait until it shows what it loads."""
+    context = await chromium.new_context(**options)
+    page = await context.new_page()
+    await page.goto(url)
+    await page.click("#account")
+    await page.fill("input[name=user]", USER)
+    await page.fill("input[name=password]", PASSWORD)
+    await page.click("#login-form button[type=submit]")
+    await page.get_by_role("button", name="log out").wait_for()
+    await page.wait_for_timeout(1000.0)
+    yield page
+    await context.close()
+
+
+def write(path: Path, png: bytes) -> None:
+    """Write a picture as small as it gets; ValueError when it is too large for a document."""
+    small = squeezed(png)
+    if len(small) > MOST_BYTES:
+        raise ValueError(f"{path.name} has {len(small)} bytes, more than {MOST_BYTES}")
+    path.write_bytes(small)
+    sys.stdout.write(f"{path.name}: {len(small)} bytes\n")
+
+
+def squeezed(png: bytes) -> bytes:
+    """Return a PNG with one image chunk compressed as far as zlib goes, and nothing that is not seen."""
+    at, chunks, pixels = 8, [], b""
+    while at < len(png):
+        (size,) = struct.unpack(">I", png[at : at + 4])
+        kind, content = png[at + 4 : at + 8], png[at + 8 : at + 8 + size]
+        if kind == b"IDAT":
+            pixels += content
+        elif kind in (b"IHDR", b"PLTE", b"tRNS"):
+            chunks.append((kind, content))
+        at += size + 12
+    chunks += [(b"IDAT", zlib.compress(zlib.decompress(pixels), 9)), (b"IEND", b"")]
+    parts = [png[:8]]
+    for kind, content in chunks:
+        crc = zlib.crc32(kind + content)
+        parts.append(struct.pack(">I", len(content)) + kind + content + struct.pack(">I", crc))
+    return min(png, b"".join(parts), key=len)
+
+
+def main() -> None:
+    """Take all pictures."""
+    parser = argparse.ArgumentParser(prog="python -m tests.screenshots", description=__doc__)
+    parser.add_argument("--minutes", type=float, default=MINUTES, help="how long the plant runs before")
+    asyncio.run(take(parser.parse_args().minutes))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,101 @@
+"""Payloads as bytes: types, properties, and what a host may send."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gateway.mqtt.contract.payloads import Message
+from gateway.sparkplug.payload import DataType, Metric, decoded_command, encoded
+from tests.sparkplug.support import EPOCH_S, NodeRig, dcmd, read, write
+
+
+def one(metric: Metric) -> dict[str, object]:
+    payload = encoded([metric], time_s=EPOCH_S, seq=0)
+    return read(Message("spBv1.0/g/DDATA/n/d", payload, 0, retain=False)).metrics[0]
+
+
+@pytest.mark.parametrize(
+    ("datatype", "value", "field", "written"),
+    [
+        (DataType.INT32, -7, "int_value", 2**32 - 7),
+        (DataType.INT64, -7, "long_value", 2**64 - 7),
+        (DataType.DOUBLE, 0.1, "double_value", 0.1),
+        (DataType.BOOLEAN, False, "boolean_value", False),
+        (DataType.STRING, "°C", "string_value", "°C"),
+    ],
+)
+def test_each_type_has_its_number_and_its_field(
+    datatype: DataType, value: bool | int | float | str, field: str, written: object
+) -> None:
+    metric = one(Metric("x", datatype, value))
+
+    assert (metric["field"], metric["value"], metric["null"]) == (field, written, False)
+    numbers = {each.name: each.value for each in DataType}  # [Sparkplug 3.0, 6.4.16]
+    assert numbers == {"INT32": 3, "INT64": 4, "DOUBLE": 10, "BOOLEAN": 11, "STRING": 12}
+
+
+def test_properties_have_as_many_keys_as_values_each_with_its_type() -> None:
+    rig = NodeRig()
+    rig.online()
+    rig.node.end()
+    rig.node.begin(1)
+
+    for birth in rig.say():
+        for metric in birth.metrics:
+            assert len(metric["keys"]) == len(metric["property_types"])
+            types = [3 if key == "Quality" else 12 for key in metric["keys"]]
+            assert metric["property_types"] == types
+
+
+def test_a_metric_without_a_time_has_that_of_its_payload() -> None:
+    assert one(Metric("x", DataType.DOUBLE, 1.0))["time_ms"] == EPOCH_S * 1000
+
+
+def test_the_bytes_are_those_of_the_field_numbers() -> None:
+    metric = Metric("a", DataType.DOUBLE, 1.0, 1.0, 500)
+
+    payload = encoded([metric], time_s=2.0, seq=5)
+
+    properties = "0a 07 5175616c697479" + "12 05 08 03 18 f4 03"
+    body = "0a 01 61" + "18 e8 07" + "20 0a" + "4a 10" + properties + "69 000000000000f03f"
+    expected = "08 d0 0f" + "12 23" + body + "18 05"
+    assert payload == bytes.fromhex(expected)
+
+
+@given(st.binary(max_size=200))
+def test_any_bytes_are_a_command_or_broken_and_nothing_raises(payload: bytes) -> None:
+    command = decoded_command(payload)
+
+    assert len(command.writes(20, first="Command/Stop")) == min(len(command.metrics), 20)
+    assert not command.is_asking("Command/Stop")
+
+
+@given(st.binary(max_size=30), st.binary(max_size=30), st.integers(0, 60))
+def test_whatever_surrounds_a_metric_that_is_whole_it_is_found_up_to_where_the_payload_is_none(
+    before: bytes, after: bytes, cut: int
+) -> None:
+    whole = dcmd({"name": "other"}, write("Command/Stop"), time_s=None)
+
+    assert decoded_command(whole + after).is_asking("Command/Stop")
+    decoded_command(before + whole)
+    assert decoded_command(whole[: len(whole) - cut]).is_asking("Command/Stop") is (cut == 0)
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [b"\xff\xff", b"\x0a", b'{"value": true}', b"\x12\x7f", b"\x13" * 50, b"\x12\x02\x0a", b"\xff" * 20],
+)
+def test_what_is_no_payload_is_broken_and_asks_nothing(payload: bytes) -> None:
+    command = decoded_command(payload)
+
+    assert command.is_broken
+    assert len(command.metrics) == 0
+
+
+def test_a_name_that_is_no_utf_8_is_a_name_that_is_not_known() -> None:
+    bad = b"\x12\x08" + b"\x0a\x04\xff\xfeab" + b"\x70\x01"
+    (first, second) = decoded_command(bad + dcmd(write("b"), time_s=None)).writes(20, first="")
+
+    assert (first.name, first.is_true, second.name) == ("\ufffd\ufffdab", True, "b")

@@ -1,0 +1,100 @@
+from __future__ import annotations
+
+import pytest
+
+from gateway.families.devices.device import Identity
+from gateway.starters.identity.fingerprint import (
+    FIELDS,
+    Fingerprint,
+    Known,
+    completed,
+    contradicts,
+    differences,
+    fingerprint_of,
+    known_from,
+)
+
+PUMP = Fingerprint("ssw07", "SSW-07 85.0A", "85 A", "1.60", None)
+
+
+def test_the_fingerprint_of_a_starter_is_what_it_says_of_itself() -> None:
+    identity = Identity("ssw07", "SSW-07 85.0A", "1.60", rated_current_a=85.0)
+
+    assert fingerprint_of(identity) == PUMP
+
+
+def test_an_ssw900_says_its_size_instead_of_its_current() -> None:
+    identity = Identity("ssw900", "SSW900", "1.20", "77", rating="45 to 105 A")
+
+    assert fingerprint_of(identity) == Fingerprint("ssw900", "SSW900", "45 to 105 A", "1.20", "77")
+
+
+@pytest.mark.parametrize("field", FIELDS)
+def test_each_field_that_says_something_else_is_a_difference(field: str) -> None:
+    known = Fingerprint("a", "b", "c", "d", "e")
+
+    seen = Fingerprint(**{**known.as_data(), field: "other"})
+
+    assert differences(known, seen) == (field,)
+
+
+def test_what_one_of_them_does_not_know_makes_no_difference() -> None:
+    assert differences(PUMP, Fingerprint("ssw07", serial="4711")) == ()
+    assert differences(Fingerprint(), PUMP) == ()
+
+
+def test_what_is_not_said_now_is_taken_from_before() -> None:
+    seen = Fingerprint("ssw07", "SSW-07 85.0A", serial="4711")
+
+    assert completed(seen, PUMP) == Fingerprint("ssw07", "SSW-07 85.0A", "85 A", "1.60", "4711")
+
+
+def test_what_is_stored_comes_back_as_it_was() -> None:
+    known = Known(PUMP, "SSW-07 130A")
+
+    assert known_from(known.as_data()) == known
+
+
+@pytest.mark.parametrize("stored", [None, 7, ["ssw07"], {"model": 7}, {"despite_model": {}}])
+def test_what_is_no_fingerprint_is_not_taken_for_one(stored: object) -> None:
+    assert known_from(stored) is None
+
+
+@pytest.mark.parametrize(
+    ("configured", "model", "current"),
+    [
+        (None, "SSW-07 85.0A", "85 A"),
+        ("SSW-07 85A", None, None),
+        ("SSW-07 85A", "SSW-07 85.0A", "85 A"),
+        ("ssw07 85A", "SSW-07 85.0A", "85 A"),
+        ("SSW 07", "SSW-07 85.0A", "85 A"),
+        ("SSW-06 820A", "SSW-06 820.0A", "820 A"),
+        ("SSW-08", "something of its own", None),
+        ("SSW900 105A", "SSW900", "45 to 105 A"),
+        ("SSW900 105A", "SSW-900 K", None),
+        ("SST330i", "SST330i-75", None),
+        ("SST330i-75", "SST330i", None),
+        ("pump of 85A", "SSW-07 85.0A", "85 A"),
+    ],
+)
+def test_a_configured_model_may_be_spelt_otherwise(
+    configured: str | None, model: str | None, current: str | None
+) -> None:
+    assert not contradicts(configured, Fingerprint("x", model, current))
+
+
+@pytest.mark.parametrize(
+    ("configured", "model", "current"),
+    [
+        ("SSW-07 130A", "SSW-07 85.0A", "85 A"),
+        ("SSW-06 85A", "SSW-07 85.0A", "85 A"),
+        ("SSW-08", "SSW-07 85.0A", "85 A"),
+        ("SSW900 130A", "SSW900", "45 to 105 A"),
+        ("SST330i-75", "SST330i-30", None),
+        ("SST330i", "SST360i", None),
+    ],
+)
+def test_another_series_or_current_contradicts_the_configuration(
+    configured: str, model: str, current: str | None
+) -> None:
+    assert contradicts(configured, Fingerprint("x", model, current))

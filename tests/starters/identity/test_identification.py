@@ -1,0 +1,175 @@
+from __future__ import annotations
+
+import asyncio
+import itertools
+import logging
+from collections.abc import Callable
+
+import pytest
+
+from gateway.families.devices.device import Identity
+from gateway.families.diagnosis.identify import identify_requests
+from gateway.families.profile.load import FAMILIES
+from gateway.line.rtu.outcome import Outcome, Silent
+from gateway.line.scheduler.requests import Priority
+from gateway.modbus.device_id import ReadDeviceIdentification
+from gateway.modbus.pdu import Request
+from gateway.records import EventRecord
+from gateway.starters.identity.first_contact import UNANSWERED_MOST, FirstContact, IdentityStatus
+from tests.starters.rig import Rig, virtually
+
+
+def asked(rig: Rig) -> list[float]:
+    return [sent.at_s for sent in rig.line.sent if isinstance(sent.request, ReadDeviceIdentification)]
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+@virtually
+async def test_every_family_is_identified_by_reading(family: str) -> None:
+    rig = Rig(family)
+    rig.telemetry.start()
+    rig.poll()
+
+    await asyncio.sleep(0.5)
+
+    assert rig.telemetry.identity_standing is IdentityStatus.MATCHING
+    assert rig.telemetry.identity_reason == ""
+    assert rig.line.writes == []
+    questions = {each.request for each in identify_requests(rig.setup.profile) if not each.is_for_doubt}
+    asked = [sent for sent in rig.line.sent if sent.request in questions]
+    assert {sent.request for sent in asked} == questions
+    assert {sent.lane for sent in asked} == {Priority.READ_BACK}
+
+
+@virtually
+async def test_nothing_is_identified_before_the_first_answer() -> None:
+    rig = Rig()
+    rig.telemetry.start()
+
+    await asyncio.sleep(100.0)
+
+    assert rig.line.sent == []
+    assert rig.telemetry.identity_standing is IdentityStatus.UNKNOWN
+
+
+@virtually
+async def test_another_family_at_the_address_holds_commands_and_is_one_event() -> None:
+    rig = Rig("ssw07")
+    rig.unit.objects = {0: "WEG", 1: "SSW-06 820.0A", 2: "V1.60"}
+    rig.telemetry.start()
+    rig.poll()
+
+    await asyncio.sleep(300.0)
+
+    assert rig.telemetry.identity_standing is IdentityStatus.MISMATCHED
+    (event,) = [record for record in rig.sink.of(EventRecord) if record.code == "identity_mismatch"]
+    assert (event.data["expected"], event.data["seen"]) == ("ssw07", "ssw06")
+    assert rig.telemetry.variant == rig.setup.variant
+
+
+@virtually
+async def test_a_unit_that_proves_nothing_is_asked_ever_less_often() -> None:
+    rig = Rig()
+    rig.unit.objects = None
+    rig.telemetry.start()
+    rig.poll()
+
+    await asyncio.sleep(100.0)
+
+    times_s = asked(rig)
+    gaps_s = [round(later - earlier) for earlier, later in itertools.pairwise(times_s)]
+    assert gaps_s == [2, 4, 8, 16, 32]
+    assert rig.telemetry.identity_standing is IdentityStatus.UNKNOWN
+    assert rig.sink.events().count("identity_unknown") == 1
+
+
+@virtually
+async def test_a_lost_answer_is_asked_for_again_but_never_twice_at_once() -> None:
+    rig = Rig()
+    rig.telemetry.start()
+    rig.line.rules.append(lose(asked_for=ReadDeviceIdentification, times=1))
+    rig.poll()
+
+    await asyncio.sleep(10.0)
+
+    assert rig.telemetry.identity_standing is IdentityStatus.MATCHING
+    first_s, second_s = asked(rig)
+    assert second_s - first_s > 1.9
+
+
+@virtually
+async def test_a_starter_that_matches_but_leaves_a_question_open_is_not_asked_for_ever() -> None:
+    rig = Rig("ssw06")
+    rig.telemetry.start()
+    rig.line.rules.append(lose(asked_for=ReadDeviceIdentification, times=1000))
+    rig.poll()
+
+    await asyncio.sleep(1000.0)
+
+    assert rig.telemetry.identity_standing is IdentityStatus.MATCHING
+    assert len(asked(rig)) == UNANSWERED_MOST
+
+
+@virtually
+async def test_a_starter_is_identified_again_after_each_silence() -> None:
+    rig = await Rig().online()
+    rig.lose()
+    assert "went silent" in rig.telemetry.identity_reason
+
+    rig.poll()
+    await asyncio.sleep(0.5)
+
+    assert rig.telemetry.identity_standing is IdentityStatus.MATCHING
+
+
+@virtually
+async def test_a_silence_ends_an_identification_under_way() -> None:
+    rig = Rig()
+    rig.unit.objects = None
+    rig.telemetry.start()
+    rig.poll()
+    await asyncio.sleep(1.0)
+    rig.lose()
+
+    await asyncio.sleep(100.0)
+
+    assert len(asked(rig)) == 1
+
+
+@virtually
+async def test_an_error_inside_is_logged_and_leaves_the_identity_unknown(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    rig = Rig()
+
+    def fail(identity: Identity) -> None:
+        raise RuntimeError("a bug")
+
+    contact = FirstContact(rig.setup, rig.line, on_rows=lambda _: None, on_identity=fail)
+
+    with caplog.at_level(logging.ERROR):
+        contact.begin(is_known=False)
+        await asyncio.sleep(1.0)
+
+    assert "task=first contact pump-1 ended by a bug" in caplog.text
+
+
+@virtually
+async def test_closing_before_anything_began_does_nothing() -> None:
+    rig = Rig()
+
+    await rig.telemetry.close()
+
+    assert rig.sink.records == []
+
+
+def lose(*, asked_for: type[ReadDeviceIdentification], times: int) -> Callable[[Request], Outcome | None]:
+    left = [times]
+
+    def rule(request: Request) -> Outcome | None:
+        if isinstance(request, asked_for) and left[0] > 0:
+            left[0] -= 1
+            return Silent()
+        return None
+
+    return rule

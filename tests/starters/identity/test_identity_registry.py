@@ -1,0 +1,336 @@
+"""Another starter than before, or than configured: commands are held until somebody accepts it."""
+
+from __future__ import annotations
+
+import asyncio
+import random
+from typing import Any
+
+import pytest
+
+from gateway.modbus.adu import decode
+from gateway.records import (
+    AuditRecord,
+    AvailabilityRecord,
+    Phase,
+    Quality,
+    Severity,
+    StateRecord,
+    ValueRecord,
+)
+from gateway.sim.bus.faults import Reply
+from gateway.sim.core.unit import SimulatedUnit
+from gateway.sim.factory import make_unit
+from gateway.starters.identity.first_contact import IdentityStatus
+from tests.starters.one_starter import OneStarter, TestMemory, one_starter
+from tests.starters.rig import virtually
+
+OURS: dict[str, dict[str, Any]] = {
+    "ssw06": {"rated_current_a": 85.0, "firmware": "1.60"},
+    "ssw07": {"rated_current_a": 85.0, "firmware": "1.60"},
+    "ssw900": {"serial_number": 1, "firmware": "1.20"},
+    "sst": {"serial_number": 1},
+}
+OTHERS: list[tuple[str, dict[str, Any], str]] = [
+    ("ssw06", {"rated_current_a": 130.0}, "rated_current"),
+    ("ssw07", {"firmware": "1.70"}, "firmware"),
+    ("ssw07", {"rated_current_a": 130.0}, "model"),
+    ("ssw900", {"serial_number": 2}, "serial"),
+    ("ssw900", {"rated_current_a": 950.0}, "rated_current"),
+    ("ssw900", {"firmware": "1.30"}, "firmware"),
+    ("sst", {"serial_number": 2}, "serial"),
+]
+
+
+def ours(family: str, **changes: Any) -> SimulatedUnit:
+    return make_unit(family, 1, **{**OURS[family], **changes})
+
+
+async def ask(
+    here: OneStarter, verb: str, id_: str, within_s: float = 30.0, **args: Any
+) -> tuple[Phase, str]:
+    here.submit(verb, id_, **args)
+    await asyncio.sleep(within_s)
+    final = here.sink.final(id_)
+    return final.phase, final.code
+
+
+@pytest.mark.parametrize("family", list(OURS))
+@virtually
+async def test_a_starter_that_was_never_seen_is_taken_as_it_is(family: str) -> None:
+    memory = TestMemory()
+    async with one_starter(ours(family), memory=memory) as here:
+        await asyncio.sleep(10.0)
+
+        assert here.telemetry.identity_standing is IdentityStatus.MATCHING
+        assert here.events("identity_changed") == []
+        assert memory.document is not None
+        assert memory.document["starters"]["pump"]["family"] == family
+
+
+@pytest.mark.parametrize(("family", "change", "field"), OTHERS)
+@virtually
+async def test_another_starter_than_last_time_gets_no_command_and_says_what_differs(
+    family: str, change: dict[str, Any], field: str
+) -> None:
+    memory = TestMemory()
+    async with one_starter(ours(family), memory=memory):
+        await asyncio.sleep(10.0)
+
+    async with one_starter(ours(family, **change), memory=memory) as here:
+        await asyncio.sleep(10.0)
+
+        (event,) = here.events("identity_changed")
+        assert event.severity is Severity.ERROR
+        assert event.data["known"][field] != event.data["seen"][field]
+        assert f"{field} was" in event.text
+        assert await ask(here, "start", "1") == (Phase.REJECTED, "identity_changed")
+        assert list(here.unit.writes) == []
+
+
+@virtually
+async def test_telemetry_goes_on_while_commands_are_held() -> None:
+    async with one_starter(ours("ssw900")) as here:
+        await asyncio.sleep(10.0)
+        await here.replace(ours("ssw900", serial_number=2))
+        here.sink.clear()
+        await asyncio.sleep(330.0)
+
+        assert {record.quality.value for record in here.sink.of(ValueRecord)} == {"good"}
+        assert here.events("identity_changed") == []  # it was said once
+
+
+@virtually
+async def test_a_stop_is_never_held() -> None:
+    async with one_starter(ours("ssw07")) as here:
+        await asyncio.sleep(10.0)
+        await here.replace(ours("ssw07", firmware="1.70"))
+        here.unit.motor.start()
+        await asyncio.sleep(30.0)
+        assert here.telemetry.identity_standing is IdentityStatus.CHANGED
+
+        assert await ask(here, "stop", "1", 60.0) == (Phase.CONFIRMED, "ok")
+
+        assert not here.unit.motor.is_turned_on
+
+
+@virtually
+async def test_what_an_operator_accepts_gets_commands_again_and_is_remembered() -> None:
+    memory = TestMemory()
+    async with one_starter(ours("ssw07"), memory=memory) as here:
+        await asyncio.sleep(10.0)
+        await here.replace(ours("ssw07", firmware="1.70"))
+
+        assert await ask(here, "accept", "1") == (Phase.CONFIRMED, "ok")
+        assert await ask(here, "start", "2") == (Phase.CONFIRMED, "ok")
+        (audit,) = [a for a in here.sink.of(AuditRecord) if a.verb == "accept" and a.decision == "confirmed"]
+        assert (audit.before["firmware"], audit.after["firmware"]) == ("1.60", "1.70")
+        assert here.events("identity_accepted")
+
+    async with one_starter(ours("ssw07", firmware="1.70"), memory=memory) as here:
+        await asyncio.sleep(10.0)
+
+        assert here.events("identity_changed") == []
+
+
+@virtually
+async def test_the_starter_that_comes_back_needs_no_acceptance() -> None:
+    async with one_starter(ours("ssw07")) as here:
+        await asyncio.sleep(10.0)
+        await here.replace(ours("ssw07", firmware="1.70"))
+        await here.replace(ours("ssw07"))
+
+        assert here.telemetry.identity_standing is IdentityStatus.MATCHING
+        assert await ask(here, "start", "1") == (Phase.CONFIRMED, "ok")
+
+
+@pytest.mark.parametrize("is_other", [False, True])
+@virtually
+async def test_there_is_nothing_to_accept_while_nothing_is_held_or_no_device_answers(
+    *, is_other: bool
+) -> None:
+    async with one_starter(ours("ssw07")) as here:
+        await asyncio.sleep(10.0)
+        if is_other:
+            await here.replace(ours("ssw07", firmware="1.70"))
+            here.unit.power_off()
+            await asyncio.sleep(30.0)
+
+        assert await ask(here, "accept", "1") == (Phase.REJECTED, "nothing_to_accept")
+
+
+@virtually
+async def test_an_acceptance_takes_no_arguments() -> None:
+    async with one_starter(ours("ssw07")) as here:
+        await asyncio.sleep(10.0)
+        await here.replace(ours("ssw07", firmware="1.70"))
+
+        assert await ask(here, "accept", "1", parameter="P220") == (Phase.REJECTED, "bad_arguments")
+
+
+@virtually
+async def test_another_model_than_configured_is_held_until_it_is_accepted_for_that_configuration() -> None:
+    memory = TestMemory()
+    async with one_starter(ours("ssw07"), model="SSW-07 130A", memory=memory) as here:
+        await asyncio.sleep(10.0)
+        (event,) = here.events("identity_changed")
+        assert "the configuration says SSW-07 130A" in event.text
+        assert await ask(here, "start", "1") == (Phase.REJECTED, "identity_changed")
+        assert await ask(here, "accept", "2") == (Phase.CONFIRMED, "ok")
+
+    async with one_starter(ours("ssw07"), model="SSW-07 130A", memory=memory) as here:
+        await asyncio.sleep(10.0)
+        assert here.events("identity_changed") == []
+
+    async with one_starter(ours("ssw07"), model="SSW-07 200A", memory=memory) as here:
+        await asyncio.sleep(10.0)
+        assert len(here.events("identity_changed")) == 1
+
+
+@virtually
+async def test_an_acceptance_that_cannot_be_stored_counts_for_this_run_and_says_so() -> None:
+    memory = TestMemory()
+    async with one_starter(ours("ssw07"), memory=memory) as here:
+        await asyncio.sleep(10.0)
+        await here.replace(ours("ssw07", firmware="1.70"))
+        memory.is_full = True
+
+        assert await ask(here, "accept", "1") == (Phase.FAILED, "not_kept")
+        assert here.telemetry.identity_standing is IdentityStatus.MATCHING
+        assert here.events("identities_away")
+
+        memory.is_full = False
+        await asyncio.sleep(30.0)
+        assert here.events("identities_back")
+
+
+@pytest.mark.parametrize("stored", [{"starters": 7}, None])
+@virtually
+async def test_after_a_damage_every_starter_counts_as_new_and_that_is_an_event(
+    stored: dict[str, Any] | None,
+) -> None:
+    memory = TestMemory(stored)
+    memory.is_damaged = stored is None
+    async with one_starter(ours("ssw07"), memory=memory) as here:
+        await asyncio.sleep(10.0)
+
+        assert "every starter counts as new" in here.events("memory_damaged")[0].text
+        assert here.telemetry.identity_standing is IdentityStatus.MATCHING
+        assert len(memory.aside) == 1
+
+
+@virtually
+async def test_what_is_no_fingerprint_in_the_file_is_passed_over() -> None:
+    memory = TestMemory({"starters": {"pump": {"model": 7}}})
+    async with one_starter(ours("ssw07"), memory=memory) as here:
+        await asyncio.sleep(10.0)
+
+        assert here.telemetry.identity_standing is IdentityStatus.MATCHING
+
+
+class WithoutVersion:
+    """An impairment: replies with S3.2.1 (121) are lost in any form, so that only FC43 says a version."""
+
+    def apply(self, reply: Reply, dice: random.Random) -> tuple[Reply, ...]:
+        pdu = decode(reply.adu).pdu
+        words = [pdu[at : at + 2] for at in range(2, len(pdu), 2)]
+        return () if pdu[0] == 3 and (121).to_bytes(2, "big") in words else (reply,)
+
+
+@virtually
+async def test_an_open_question_holds_commands_but_is_no_change_yet() -> None:
+    memory = TestMemory()
+    async with one_starter(ours("ssw900"), memory=memory):
+        await asyncio.sleep(10.0)
+    assert memory.document is not None
+    memory.document["starters"]["pump"]["firmware"] = "1.21"  # as S3.2.1 said, unlike FC43
+
+    unit: Any = ours("ssw900")
+    unit.fixed[328] = 121
+    async with one_starter(unit, memory=memory) as here:
+        here.bus.impair(1, WithoutVersion())
+        await asyncio.sleep(2.5)
+        assert await ask(here, "start", "0", 0.1) == (Phase.REJECTED, "identity_changed")
+        assert await ask(here, "accept", "1", 0.1) == (Phase.REJECTED, "nothing_to_accept")
+
+        here.bus.heal(1)
+        await asyncio.sleep(30.0)
+
+        assert here.telemetry.identity_standing is IdentityStatus.MATCHING
+        assert here.events("identity_changed") == []
+
+
+@virtually
+async def test_values_of_a_device_of_another_family_are_bad_with_the_reason() -> None:
+    unit = make_unit("ssw06", 1, rated_current_a=950.0)
+    async with one_starter(unit, family="ssw07") as here:
+        await asyncio.sleep(10.0)
+        here.sink.records.clear()
+        await asyncio.sleep(330.0)
+
+        latest = here.sink.values("current")[-1]
+        assert (latest.value, latest.quality) == (None, Quality.BAD)
+        assert "it is ssw06, not ssw07" in latest.reason
+        assert not [record for record in here.sink.of(ValueRecord) if record.quality is not Quality.BAD]
+        assert {record.state for record in here.sink.of(StateRecord)} == {"unknown"}
+
+
+@virtually
+async def test_a_contradicting_device_is_degraded_and_its_raw_words_can_be_read() -> None:
+    unit = make_unit("ssw06", 1, rated_current_a=950.0)
+    async with one_starter(unit, family="ssw07") as here:
+        await asyncio.sleep(10.0)
+
+        assert await ask(here, "read", "1", parameter="P003") == (Phase.CONFIRMED, "ok")
+        values = here.sink.final("1").values
+        assert values["value"] is None
+        assert values["raw"] == list(here.telemetry.snapshot.rows["P003"])
+        assert "not ssw07" in values["reason"]
+        assert (await ask(here, "start", "2"))[1] == "identity_mismatch"
+        availability = here.sink.of(AvailabilityRecord)[-1]
+        assert availability.state == "degraded"
+        assert "it is ssw06, not ssw07" in (availability.reason or "")
+
+
+@virtually
+async def test_values_of_another_model_than_configured_are_bad_until_it_is_accepted() -> None:
+    async with one_starter(ours("ssw07"), model="SSW-07 130A") as here:
+        await asyncio.sleep(30.0)
+        held = here.telemetry.snapshot.readings["current"]
+        assert (held.value, held.quality) == (None, Quality.BAD)
+        assert "the configuration says SSW-07 130A" in held.reason
+
+        assert await ask(here, "accept", "1") == (Phase.CONFIRMED, "ok")
+
+        assert {each.quality for each in here.telemetry.snapshot.readings.values()} >= {Quality.GOOD}
+        assert here.telemetry.snapshot.readings["current"].quality is Quality.GOOD
+        assert here.telemetry.snapshot.readings["current"].reason == ""
+        assert here.sink.of(AvailabilityRecord)[-1].state == "online"
+
+
+@virtually
+async def test_values_are_bad_again_when_a_contradicting_device_comes_back_from_a_silence() -> None:
+    unit = make_unit("ssw06", 1, rated_current_a=950.0)
+    async with one_starter(unit, family="ssw07") as here:
+        await asyncio.sleep(10.0)
+        here.sink.records.clear()
+        here.bus.remove(unit)
+        await asyncio.sleep(30.0)
+        here.bus.add(unit)
+        await asyncio.sleep(120.0)
+
+        assert not [record for record in here.sink.of(ValueRecord) if record.quality is Quality.GOOD]
+        assert here.sink.of(AvailabilityRecord)[-1].state == "degraded"
+
+
+@virtually
+async def test_values_of_another_device_that_the_configuration_allows_stay_good() -> None:
+    memory = TestMemory()
+    async with one_starter(ours("ssw06"), memory=memory):
+        await asyncio.sleep(10.0)
+
+    async with one_starter(ours("ssw06", rated_current_a=130.0), memory=memory) as here:
+        await asyncio.sleep(10.0)
+
+        assert here.telemetry.identity_standing is IdentityStatus.CHANGED
+        assert here.telemetry.snapshot.readings["current"].quality is Quality.GOOD

@@ -1,0 +1,138 @@
+"""A refusal in passing, or a lost reply, neither hides the right device nor lets a wrong one pass."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import pytest
+
+from gateway.families.diagnosis.identify import identify_requests
+from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.modbus.codes import ExceptionCode
+from gateway.modbus.pdu import encode_exception
+from gateway.records import Phase, Quality, StateRecord
+from tests.starters.identity.habits import Answer, Habit, device, good_values, is_fc43
+from tests.starters.one_starter import one_starter
+from tests.starters.rig import virtually
+
+VB00 = bytes.fromhex("03 13 88 00 01")
+CODES = (
+    ExceptionCode.ILLEGAL_FUNCTION,
+    ExceptionCode.ILLEGAL_DATA_ADDRESS,
+    ExceptionCode.SERVER_DEVICE_FAILURE,
+    ExceptionCode.SERVER_DEVICE_BUSY,
+)
+
+
+def at_first(times: int, is_meant: Callable[[bytes], bool], *, code: int | None) -> Habit:
+    """Answer so many of these requests with an exception, or not at all where there is no code."""
+
+    def habit(_: object, answer: Answer) -> Answer:
+        left = [times]
+
+        def handle(pdu: bytes, now_s: float) -> bytes | None:
+            if not is_meant(pdu) or not left[0]:
+                return answer(pdu, now_s)
+            left[0] -= 1
+            return None if code is None else encode_exception(pdu[0], code)
+
+        return handle
+
+    return habit
+
+
+@dataclass
+class Losing:
+    """A device of which the next `left` replies are lost."""
+
+    left: int = 0
+
+    def habit(self, _: object, answer: Answer) -> Answer:
+        def handle(pdu: bytes, now_s: float) -> bytes | None:
+            reply = answer(pdu, now_s)
+            if not self.left:
+                return reply
+            self.left -= 1
+            return None
+
+        return handle
+
+
+@pytest.mark.parametrize("code", CODES)
+@pytest.mark.parametrize("times", [1, 2])
+@pytest.mark.parametrize("family", ["ssw06", "ssw07", "ssw900"])
+@virtually
+async def test_refusals_of_a_register_do_not_hide_a_device_that_fc43_names(
+    family: str, times: int, code: int
+) -> None:
+    (first, *_) = [each for each in identify_requests(load_profile(family)) if each.is_always_there]
+    refused = first.request.encode()
+    async with one_starter(device(family, 0, at_first(times, refused.__eq__, code=code))) as here:
+        await asyncio.sleep(10.0)
+
+        assert here.sink.of(StateRecord)[-1].quality is Quality.GOOD
+        assert not here.events("identity_mismatch", "went_silent")
+
+
+@pytest.mark.parametrize("code", [ExceptionCode.SERVER_DEVICE_FAILURE, ExceptionCode.SERVER_DEVICE_BUSY])
+@virtually
+async def test_a_refusal_of_vb00_that_passes_does_not_stand_for_its_answer(code: int) -> None:
+    vb00, silent = at_first(1, VB00.__eq__, code=code), at_first(10_000, is_fc43, code=None)
+    unit = device("ssw06", 0, lambda unit, answer: silent(unit, vb00(unit, answer)))
+    async with one_starter(unit, family="ssw07") as here:
+        await asyncio.sleep(60.0)
+
+        assert good_values(here) == []
+        assert len(here.events("identity_mismatch")) == 1
+
+
+@pytest.mark.parametrize("lost", [2, 3, 4])
+@virtually
+async def test_a_device_that_is_named_only_later_is_one_event(lost: int) -> None:
+    unit = device("ssw06", 0, at_first(lost, is_fc43, code=None))
+    async with one_starter(unit, family="ssw07") as here:
+        await asyncio.sleep(60.0)
+
+        assert good_values(here) == []
+        assert len(here.events("identity_mismatch")) == 1
+
+
+@pytest.mark.parametrize("lost", [1, 2, 3])
+@pytest.mark.parametrize("after_s", [0.5, 3.0, 10.0])
+@pytest.mark.parametrize("family", FAMILIES)
+@virtually
+async def test_after_a_lost_reply_the_right_device_is_started_as_ever(
+    family: str, after_s: float, lost: int
+) -> None:
+    """What it refuses might answer an earlier request then; that it refuses it twice cannot."""
+    losing = Losing()
+    async with one_starter(device(family, 0, losing.habit)) as here:
+        await asyncio.sleep(40.0)
+        losing.left = lost
+        await asyncio.sleep(lost + after_s)
+        here.submit("start", "s1")
+        await asyncio.sleep(60.0)
+
+        end = here.sink.final("s1")
+        assert end.phase is Phase.CONFIRMED, end
+
+
+@virtually
+async def test_one_refusal_that_another_device_has_left_behind_starts_nothing() -> None:
+    losing = Losing()
+    late = at_first(1, VB00.__eq__, code=ExceptionCode.ILLEGAL_DATA_ADDRESS)
+    async with one_starter(device("ssw07", 0, losing.habit)) as here:
+        await asyncio.sleep(40.0)
+        losing.left = 1
+        await asyncio.sleep(1.5)
+        here.bus.remove(here.unit)
+        here.bus.add(device("ssw06", 4, late))
+        here.bus.transcript.clear()
+        here.submit("start", "s1")
+        await asyncio.sleep(30.0)
+
+        assert here.sink.final("s1").phase is Phase.REJECTED
+        assert here.requests().count(VB00) >= 2
+        assert not [pdu for pdu in here.requests() if pdu[0] in (5, 6, 15, 16)]

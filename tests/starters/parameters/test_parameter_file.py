@@ -1,0 +1,133 @@
+"""Parameter sets as TOML, and what two of them differ in."""
+
+from __future__ import annotations
+
+import tomllib
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gateway.errors import UsageError
+from gateway.families.profile.load import load_profile
+from gateway.families.profile.schema import Variant
+from gateway.starters.parameters.model import ParameterEntry, ParameterSet, differences, entries_of
+from gateway.starters.parameters.toml_file import from_toml, to_toml
+
+TEXT = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
+VALUE = st.none() | st.booleans() | st.integers(0, 9) | st.floats(0, 1e6) | TEXT
+RAW = st.lists(st.integers(0, 0xFFFF), min_size=1, max_size=4).map(tuple)
+ENTRY = st.builds(ParameterEntry, name=TEXT, value=VALUE, label=st.none() | TEXT, unit=TEXT, raw=RAW)
+CODES = st.from_regex(r"[A-Z]{1,4}[0-9.]{1,8}", fullmatch=True)
+
+SSW07 = load_profile("ssw07")
+
+
+def saved(**parameters: ParameterEntry) -> ParameterSet:
+    return ParameterSet("pump-1", "ssw07", parameters=parameters)
+
+
+@given(st.dictionaries(CODES, ENTRY, max_size=5), TEXT, st.none() | TEXT)
+def test_what_is_written_is_read_again_as_it_was(
+    parameters: dict[str, ParameterEntry], reason: str, model: str | None
+) -> None:
+    one = ParameterSet(
+        "pump-1", "ssw07", "2026-11-21T01:02:03+00:00", model, "1.40", None, parameters, {"P089": reason}
+    )
+
+    assert from_toml(to_toml(one), "a.toml") == one
+
+
+def test_a_file_is_made_for_people_one_line_a_parameter() -> None:
+    rows = {"P230": (2,), "P003": (400,), "P314": (30,)}
+
+    text = to_toml(ParameterSet("p", "ssw07", parameters=entries_of(SSW07, Variant(), rows)))
+
+    assert 'P003 = { name = "motor current", value = 40.0, unit = "A", raw = [400] }' in text.splitlines()
+    assert tomllib.loads(text)["parameters"]["P230"]["label"] == "Serial"
+
+
+def test_people_may_write_bare_values_and_small_letters() -> None:
+    text = '[starter]\nname = "p"\nfamily = "ssw07"\n[parameters]\np314 = 30\nP230 = "Serial"\n'
+
+    found = from_toml(text, "a.toml").parameters
+
+    assert (found["P314"].value, found["P230"].value) == (30, "Serial")
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("[starter", "a.toml"),
+        ("[parameters]\n", "[starter]"),
+        ('[starter]\nname = "p"\nfamily = "ssw07"\n', "[parameters]"),
+        ('[starter]\nname = "p"\n[parameters]\n', "family"),
+        ('[starter]\nname = 1\nfamily = "ssw07"\n[parameters]\n', "name"),
+        ('[starter]\nname = "p"\nfamily = "ssw07"\n[parameters]\nP1 = {}\n', "P1"),
+        ('[starter]\nname = "p"\nfamily = "ssw07"\n[parameters]\nP1 = { colour = 1 }\n', "colour"),
+        ('[starter]\nname = "p"\nfamily = "ssw07"\n[parameters]\nP1 = { raw = [70000] }\n', "raw"),
+        ('[starter]\nname = "p"\nfamily = "ssw07"\n[parameters]\nP1 = { raw = 5 }\n', "raw"),
+        ('[starter]\nname = "p"\nfamily = "ssw07"\n[parameters]\nP1 = nan\n', "value"),
+        ('[starter]\nname = "p"\nfamily = "ssw07"\n[parameters]\nP1 = [1]\n', "value"),
+    ],
+)
+def test_a_file_that_is_none_is_refused_with_its_place(text: str, named: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        from_toml(text, "a.toml")
+
+    assert named in str(caught.value)
+    assert str(caught.value).startswith("a.toml")
+
+
+def test_a_difference_is_shown_with_values_and_labels() -> None:
+    before = saved(**entries_of(SSW07, Variant(), {"P230": (2,), "P314": (0,)}))
+    after = saved(**entries_of(SSW07, Variant(), {"P230": (1,), "P314": (0,)}))
+
+    (found,) = differences(before, after, profile=SSW07)
+
+    assert found.text == "P230 command selection, remote mode: 2 (Serial) -> 1 (DI)"
+
+
+def test_what_is_measured_counts_only_when_asked_for() -> None:
+    before, after = (saved(**entries_of(SSW07, Variant(), {"P003": (raw,)})) for raw in (1, 2))
+
+    assert differences(before, after, profile=SSW07) == ()
+    assert [each.code for each in differences(before, after, profile=SSW07, with_readings=True)] == ["P003"]
+
+
+def test_a_parameter_that_one_set_lacks_is_a_difference() -> None:
+    (found,) = differences(
+        saved(), saved(P314=ParameterEntry(name="timeout", value=3, unit="s")), profile=SSW07
+    )
+
+    assert found.text == "P314 timeout: not there -> 3 s"
+
+
+@pytest.mark.parametrize("value", [2, 2.0, "serial"])
+def test_a_value_that_people_wrote_is_the_same_as_the_raw_number(value: int | float | str) -> None:
+    live = saved(**entries_of(SSW07, Variant(), {"P230": (2,)}))
+
+    assert differences(live, saved(P230=ParameterEntry(value=value)), profile=SSW07) == ()
+
+
+def test_unlike_texts_differ() -> None:
+    one, other = saved(P230=ParameterEntry(value="DI")), saved(P230=ParameterEntry(value="Serial"))
+
+    assert len(differences(one, other, profile=SSW07)) == 1
+
+
+@pytest.mark.parametrize(
+    ("entry", "shown"),
+    [
+        (ParameterEntry(value=None, raw=(1, 2)), "raw 1 2"),
+        (ParameterEntry(value=True), "true"),
+        (ParameterEntry(value=1.5, unit="s"), "1.5 s"),
+        (ParameterEntry(value=2, label="Serial"), "2 (Serial)"),
+    ],
+)
+def test_an_entry_is_shown_for_a_person(entry: ParameterEntry, shown: str) -> None:
+    assert entry.shown == shown
+
+
+def test_rows_that_no_manual_names_come_last() -> None:
+    assert list(entries_of(SSW07, Variant(), {"P500": (1,), "P003": (2,)})) == ["P003", "P500"]

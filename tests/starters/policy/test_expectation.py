@@ -1,0 +1,69 @@
+"""What an operator takes for granted is compared with what was just read."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from gateway.errors import CommandError
+from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.starters.policy.preconditions import Expectation
+
+READY = {
+    "fault": False,
+    "general_enabled": True,
+    "power_present": True,
+    "running": False,
+    "accelerating": False,
+    "decelerating": False,
+    "full_voltage": False,
+    "jog": False,
+    "braking": False,
+    "reversing": False,
+    "fault_code": 0,
+}
+
+
+def refusal(wanted: dict[str, Any], points: dict[str, Any]) -> str:
+    try:
+        Expectation(load_profile("ssw07"), wanted).check(points)
+    except CommandError as error:
+        return f"{error.code}: {error.text}"
+    return "ok"
+
+
+def test_nothing_expected_is_always_so() -> None:
+    assert Expectation(load_profile("ssw07"), {}).codes == ()
+    assert refusal({}, {}) == "ok"
+
+
+def test_a_state_that_is_still_so_lets_pass() -> None:
+    assert refusal({"state": "ready", "running": False, "fault_code": 0}, READY) == "ok"
+
+
+@pytest.mark.parametrize(
+    ("wanted", "points", "text"),
+    [
+        ({"state": "running"}, READY, "state: expected running, but it is ready"),
+        ({"running": True}, READY, "running: expected true, but it is false"),
+        ({"running": True}, {}, "running: expected true, but it is unknown"),
+        ({"running": 0}, READY, "running: expected 0, but it is false"),
+        ({"fault_code": False}, READY, "fault_code: expected false, but it is 0"),
+        ({"state": "ready"}, {}, "state: expected ready, but it is unknown"),
+    ],
+)
+def test_what_is_no_longer_so_is_reported_with_its_reading(
+    wanted: dict[str, Any], points: dict[str, Any], text: str
+) -> None:
+    assert refusal(wanted, points).startswith(f"not_as_expected: {text}")
+
+
+@pytest.mark.parametrize("wanted", [{"state": "stopped"}, {"state": 1}, {"speed": 3}])
+def test_what_the_family_does_not_have_cannot_be_expected(wanted: dict[str, Any]) -> None:
+    assert refusal(wanted, READY).startswith("bad_expect")
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_the_state_of_every_family_is_known_from_rows(family: str) -> None:
+    assert Expectation(load_profile(family), {"state": "ready"}).codes

@@ -1,0 +1,187 @@
+"""What is remembered of starts, standstills and locks, and what a restart or a clock's step makes of it."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from gateway.errors import DamagedError
+from gateway.records import LockRecord
+from gateway.starters.policy.motor_history import MOST_STARTS, MotorHistory
+from gateway.system.clock_steps import ClockReading
+
+UTC_S = 1_760_000_000.0
+SAVED = ClockReading(5000.0, UTC_S, "boot-1")
+DAY_S = 86400.0
+
+
+def seen(*states: tuple[float, str]) -> MotorHistory:
+    motor_history = MotorHistory(["a"])
+    for now_s, state in states:
+        motor_history.note_state("a", state, now_s=now_s)
+    return motor_history
+
+
+def restored(
+    motor_history: MotorHistory, *, saved_s: float, now_s: float, reading: ClockReading
+) -> MotorHistory:
+    """Return the motor history of the next run, whose steady clock shows `now_s` at that reading."""
+    document = json.loads(json.dumps(motor_history.to_document(now_s=saved_s, reading=SAVED)))
+    new = MotorHistory(["a"])
+    new.restore(document, now_s=now_s, reading=reading)
+    return new
+
+
+def later(seconds: float, *, step_s: float = 0.0) -> ClockReading:
+    """Return the machine's clocks so long after `SAVED`, the wall's set ahead by a step."""
+    return ClockReading(SAVED.up_s + seconds, SAVED.utc_s + seconds + step_s, SAVED.boot_id)
+
+
+def test_a_standstill_counts_from_when_it_was_first_seen() -> None:
+    motor_history = seen((5.0, "ready"), (9.0, "not_ready"), (10.0, "fault"))
+
+    assert motor_history.standing_since("a") == 5.0
+
+
+def test_a_moving_motor_does_not_stand() -> None:
+    motor_history = seen((5.0, "ready"), (9.0, "starting"), (10.0, "running"), (11.0, "stopping"))
+
+    assert motor_history.standing_since("a") is None
+
+
+def test_a_local_start_counts_as_a_start() -> None:
+    motor_history = seen((5.0, "ready"), (9.0, "starting"), (10.0, "running"))
+
+    assert motor_history.starts_since("a", 0.0) == [9.0]
+
+
+def test_a_motor_that_runs_when_it_is_first_seen_was_not_started_then() -> None:
+    assert seen((5.0, "running")).starts_since("a", 0.0) == []
+
+
+def test_our_own_start_counts_once() -> None:
+    motor_history = seen((5.0, "ready"))
+    motor_history.note_start("a", now_s=9.0)
+    motor_history.note_state("a", "starting", now_s=9.5)
+
+    assert motor_history.starts_since("a", 0.0) == [9.0]
+
+
+def test_a_motor_that_moves_long_after_our_start_was_started_by_another() -> None:
+    motor_history = seen((5.0, "ready"))
+    motor_history.note_start("a", now_s=9.0)
+    motor_history.note_state("a", "starting", now_s=60.0)
+
+    assert motor_history.starts_since("a", 0.0) == [9.0, 60.0]
+
+
+def test_a_state_that_is_not_known_changes_nothing() -> None:
+    motor_history = seen((5.0, "ready"))
+
+    assert not motor_history.note_state("a", "unknown", now_s=7.0)
+    assert not motor_history.note_state("a", "ready", now_s=8.0)
+    assert motor_history.standing_since("a") == 5.0
+
+
+def test_a_starter_that_is_not_configured_has_no_page() -> None:
+    assert not MotorHistory(["a"]).note_state("b", "ready", now_s=7.0)
+
+
+def test_starts_older_than_an_hour_are_forgotten_and_never_more_than_a_thousand_stored() -> None:
+    motor_history = MotorHistory(["a"])
+    motor_history.note_start("a", now_s=0.0)
+    for second in range(MOST_STARTS + 10):
+        motor_history.note_start("a", now_s=3601.0 + second)
+
+    starts = motor_history.starts_since("a", -1.0)
+
+    assert len(starts) == MOST_STARTS
+    assert starts[0] == 3611.0
+
+
+def test_a_restart_forgets_nothing() -> None:
+    motor_history = seen((100.0, "ready"))
+    motor_history.note_start("a", now_s=150.0)
+    motor_history.set_lock("a", LockRecord("alice", UTC_S, "belt", "Alice A."))
+
+    new = restored(motor_history, saved_s=200.0, now_s=7.0, reading=later(30.0))
+
+    assert new.standing_since("a") == pytest.approx(7.0 - 130.0)
+    assert new.starts_since("a", -1e9) == [pytest.approx(7.0 - 80.0)]
+    assert new.lock_of("a") == LockRecord("alice", UTC_S, "belt", "Alice A.")
+
+
+def test_a_motor_that_moved_before_the_restart_stands_since_it_is_seen_to() -> None:
+    new = restored(seen((1.0, "running")), saved_s=2.0, now_s=7.0, reading=later(600.0))
+    assert new.standing_since("a") is None
+
+    new.note_state("a", "ready", now_s=9.0)
+
+    assert new.standing_since("a") == 9.0
+
+
+@pytest.mark.parametrize("step_s", [-DAY_S, -20.0, 20.0, DAY_S])
+def test_a_clock_that_was_set_between_two_runs_changes_no_age(step_s: float) -> None:
+    motor_history = seen((100.0, "ready"))
+    motor_history.note_start("a", now_s=150.0)
+
+    new = restored(motor_history, saved_s=200.0, now_s=7.0, reading=later(30.0, step_s=step_s))
+
+    assert new.standing_since("a") == pytest.approx(7.0 - 130.0)
+    assert new.starts_since("a", 7.0 - 3600.0) == [pytest.approx(7.0 - 80.0)]
+
+
+@pytest.mark.parametrize("boot_id", ["boot-2", "boot-1"])  # the same: as where it cannot be read
+def test_over_a_restart_of_the_machine_only_the_time_since_its_boot_has_certainly_passed(
+    boot_id: str,
+) -> None:
+    motor_history = seen((100.0, "ready"))
+    motor_history.note_start("a", now_s=150.0)
+
+    new = restored(
+        motor_history, saved_s=200.0, now_s=7.0, reading=ClockReading(40.0, UTC_S + DAY_S, boot_id)
+    )
+
+    assert new.standing_since("a") == pytest.approx(7.0 - 140.0)
+    assert new.starts_since("a", 7.0 - 3600.0) == [pytest.approx(7.0 - 90.0)]
+
+
+def test_a_file_of_an_earlier_version_is_dated_by_the_wall_clock() -> None:
+    page = {"starts": [UTC_S - 50.0], "moving": False, "standing_since": UTC_S + 5.0, "lock": None}
+    new = MotorHistory(["a"])
+
+    new.restore({"version": 1, "starters": {"a": page}}, now_s=7.0, reading=SAVED)
+
+    assert new.starts_since("a", 7.0 - 3600.0) == [pytest.approx(7.0 - 50.0)]
+    assert new.standing_since("a") == 7.0
+
+
+def test_what_was_stored_of_a_starter_that_is_configured_no_more_is_dropped() -> None:
+    new = MotorHistory(["b"])
+
+    new.restore(seen((1.0, "ready")).to_document(now_s=1.0, reading=SAVED), now_s=0.0, reading=later(0.0))
+
+    assert new.standing_since("b") is None
+
+
+PAGE: dict[str, Any] = {"starts": [], "moving": None, "standing_since": None, "lock": None}
+
+
+@pytest.mark.parametrize(
+    "document",
+    [
+        {},
+        {"version": 2, "starters": {}},
+        {"version": 1, "starters": []},
+        {"version": 1, "starters": {"a": {}}},
+        {"version": 1, "starters": {"a": {**PAGE, "starts": ["x"]}}},
+        {"version": 1, "starters": {"a": {**PAGE, "starts": [float("nan")]}}},
+        {"version": 1, "starters": {"a": {**PAGE, "lock": {"by": "x"}}}},
+        {"version": 1, "starters": {"a": {**PAGE, "more": 1}}},
+    ],
+)
+def test_what_is_not_what_was_stored_is_damaged(document: dict[str, Any]) -> None:
+    with pytest.raises(DamagedError):
+        MotorHistory(["a"]).restore(document, now_s=0.0, reading=SAVED)

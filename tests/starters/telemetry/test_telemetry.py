@@ -1,0 +1,300 @@
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from gateway.line.rtu.outcome import Garbled, Outcome, Refused, Silent
+from gateway.records import AvailabilityRecord, EventRecord, Quality, StateRecord, ValueRecord
+from tests.starters.fakes import P003, READY
+from tests.starters.rig import Rig, virtually
+
+STATUS, VALUES = "pump-1/status:VB01", "pump-1/values:P002"
+STALE = Quality.STALE
+
+
+@virtually
+async def test_before_the_first_answer_everything_is_bad_and_the_starter_offline() -> None:
+    rig = Rig()
+
+    rig.telemetry.start()
+
+    values = rig.sink.of(ValueRecord)
+    assert {value.point for value in values} == set(rig.setup.profile.points)
+    assert all((value.value, value.quality, value.time_s) == (None, Quality.BAD, None) for value in values)
+    assert [(r.state, r.reason) for r in rig.sink.of(AvailabilityRecord)] == [("offline", "not yet read")]
+    (state,) = rig.sink.of(StateRecord)
+    assert (state.state, state.quality, state.time_s) == ("unknown", Quality.BAD, None)
+
+
+@virtually
+async def test_a_disabled_starter_is_never_asked() -> None:
+    rig = Rig(is_enabled=False)
+
+    rig.telemetry.start()
+
+    assert rig.telemetry.polls() == ()
+    assert rig.sink.of(AvailabilityRecord)[0].state == "disabled"
+
+
+@virtually
+async def test_a_value_is_published_with_the_time_its_reply_left_the_wire() -> None:
+    rig = await Rig().online()
+    rig.unit.holding[P003] = 815
+    await asyncio.sleep(1.0)
+
+    rig.poll(VALUES)
+
+    (current,) = rig.sink.values("current")
+    assert (current.value, current.unit, current.quality) == (81.5, "A", Quality.GOOD)
+    assert current.time_s == rig.clock.utc_s()
+
+
+@virtually
+async def test_a_change_within_the_pause_goes_out_when_the_pause_is_over() -> None:
+    rig = await Rig().online()
+    rig.unit.holding[P003] = 100
+    await asyncio.sleep(1.0)
+    rig.poll(VALUES)
+    await asyncio.sleep(0.1)
+    rig.unit.holding[P003] = 200
+    rig.poll(VALUES)
+    assert [record.value for record in rig.sink.values("current")] == [10.0]
+
+    await asyncio.sleep(0.16)
+
+    assert [record.value for record in rig.sink.values("current")] == [10.0, 20.0]
+
+
+@virtually
+async def test_a_starter_that_goes_silent_is_offline_and_all_its_values_stale() -> None:
+    rig = await Rig().online()
+    rig.unit.holding[P003] = 815
+    await asyncio.sleep(1.0)
+    rig.poll()
+    read_s = rig.clock.utc_s()
+    await asyncio.sleep(1.0)
+    rig.sink.clear()
+
+    rig.lose("no reply", frames=(">> 07 03", "<< nothing"))
+
+    assert [(r.state, r.reason) for r in rig.sink.of(AvailabilityRecord)] == [("offline", "no reply")]
+    assert [(v.value, v.quality, v.time_s) for v in rig.sink.values("current")] == [(81.5, STALE, read_s)]
+    assert {v.quality for v in rig.sink.of(ValueRecord)} == {STALE}
+    (state,) = rig.sink.of(StateRecord)
+    assert (state.state, state.quality, state.time_s) == ("unknown", STALE, read_s)
+    assert set(state.flags.values()) == {None}
+    (event,) = rig.sink.of(EventRecord)
+    assert event.code == "went_silent"
+    assert event.data["frames"] == [">> 07 03", "<< nothing"]
+
+
+@virtually
+async def test_every_point_that_was_good_is_published_as_stale_even_right_after_a_publication() -> None:
+    rig = await Rig().online()
+    await asyncio.sleep(1.0)
+    rig.unit.holding[P003] = 815
+    rig.poll(VALUES)
+
+    rig.lose()
+    await asyncio.sleep(0.3)
+
+    assert [record.quality for record in rig.sink.values("current")] == [Quality.GOOD, STALE]
+
+
+@virtually
+async def test_nothing_is_published_as_good_while_a_starter_is_lost() -> None:
+    rig = await Rig().online()
+    rig.lose()
+    rig.sink.clear()
+
+    await asyncio.sleep(1000.0)
+
+    assert {record.quality for record in rig.sink.of(ValueRecord)} <= {STALE, Quality.BAD}
+    assert {record.quality for record in rig.sink.of(StateRecord)} == {STALE}
+    assert len(rig.sink.values("current")) == 3
+
+
+@virtually
+async def test_silence_is_one_event() -> None:
+    rig = await Rig().online()
+
+    rig.lose()
+    rig.lose()
+
+    assert rig.sink.events() == ["went_silent"]
+
+
+@virtually
+async def test_the_first_answer_after_a_silence_brings_the_starter_back() -> None:
+    rig = await Rig().online()
+    rig.lose()
+    rig.sink.clear()
+    await asyncio.sleep(5.0)
+
+    rig.poll()
+    await asyncio.sleep(0.3)
+
+    assert [record.state for record in rig.sink.of(AvailabilityRecord)] == ["online"]
+    assert rig.sink.events() == ["answers_again"]
+    assert rig.sink.states() == ["unknown", "ready"][-len(rig.sink.states()) :]
+    assert {value.quality for value in rig.sink.values("running")} == {Quality.GOOD}
+
+
+@virtually
+async def test_news_that_a_unit_answers_brings_it_online_once() -> None:
+    rig = Rig()
+    rig.telemetry.start()
+
+    rig.telemetry.on_unit(is_answering=True, reason="")
+    rig.telemetry.on_unit(is_answering=True, reason="")
+
+    assert [record.state for record in rig.sink.of(AvailabilityRecord)] == ["offline", "online"]
+
+
+@virtually
+async def test_a_starter_that_never_answered_is_offline_for_the_reason_the_line_gives() -> None:
+    rig = Rig()
+    rig.telemetry.start()
+
+    rig.lose("no reply")
+    rig.lose("no reply")
+
+    assert [record.reason for record in rig.sink.of(AvailabilityRecord)] == ["not yet read", "no reply"]
+    assert rig.sink.events() == []
+
+
+@virtually
+async def test_rows_read_for_a_command_bring_a_lost_starter_back() -> None:
+    rig = await Rig().online()
+    rig.lose()
+
+    rig.telemetry.take_rows({"VB01": (READY,)}, at_s=rig.clock.now_s())
+    await asyncio.sleep(0)
+
+    assert rig.telemetry.is_answering
+
+
+@virtually
+async def test_a_disabled_starter_that_is_stopped_stays_disabled() -> None:
+    rig = Rig(is_enabled=False)
+    rig.telemetry.start()
+    rig.sink.clear()
+
+    rig.telemetry.take_rows({"VB01": (READY,)}, at_s=rig.clock.now_s())
+
+    assert rig.sink.records == []
+    assert rig.telemetry.snapshot.rows == {"VB01": (READY,)}
+
+
+@pytest.mark.parametrize("outcome", [Silent(), Garbled("bad CRC", b""), Refused(6, 0.0)])
+@virtually
+async def test_values_that_are_no_longer_answered_become_stale(outcome: Outcome) -> None:
+    rig = await Rig().online()
+    await asyncio.sleep(1.0)
+    rig.poll()
+
+    for _ in range(11):
+        rig.telemetry.on_poll(VALUES, outcome)
+        rig.poll(STATUS)
+        await asyncio.sleep(1.0)
+
+    assert rig.telemetry.is_answering
+    assert rig.sink.values("current")[-1].quality is STALE
+    assert rig.telemetry.snapshot.readings["running"].quality is Quality.GOOD
+    assert "unknown" not in rig.sink.states()
+
+
+@virtually
+async def test_a_line_that_reports_nothing_more_makes_everything_stale() -> None:
+    rig = await Rig().online()
+    await asyncio.sleep(1.0)
+    rig.poll()
+
+    await asyncio.sleep(120.0)
+
+    assert rig.sink.states()[-1] == "unknown"
+    assert {rig.sink.values(point)[-1].quality for point in rig.setup.profile.points} <= {STALE, Quality.BAD}
+
+
+@virtually
+async def test_a_slow_line_does_not_make_its_values_stale() -> None:
+    rig = await Rig().online()
+
+    for _ in range(80):
+        await asyncio.sleep(3.9)
+        rig.poll()
+
+    assert {record.quality for record in rig.sink.values("running")} == {Quality.GOOD}
+
+
+@pytest.mark.parametrize("every_s", [0.0, 1.0])
+@virtually
+async def test_a_line_with_long_rounds_makes_its_values_stale_at_most_once(every_s: float) -> None:
+    rig = await Rig(every_s=every_s).online()
+
+    for _ in range(10):
+        await asyncio.sleep(15.0)
+        rig.poll()
+
+    qualities = [record.quality for record in rig.sink.values("running")]
+    assert qualities.count(STALE) == 1
+    assert qualities[-1] is Quality.GOOD
+
+
+@virtually
+async def test_closing_leaves_no_timer_and_no_task_behind() -> None:
+    rig = Rig()
+    rig.telemetry.start()
+    rig.poll()
+
+    await rig.telemetry.close()
+    rig.sink.clear()
+    await asyncio.sleep(100.0)
+
+    assert rig.sink.records == []
+    assert len(asyncio.all_tasks()) == 1
+
+
+@virtually
+async def test_an_end_says_offline_then_stale_states_then_stale_values_and_nothing_good_after_that() -> None:
+    rig = await Rig().online()
+    rig.unit.holding[P003] = 815
+    rig.poll(VALUES)  # within the pause after a publication
+    good = {
+        name for name, reading in rig.telemetry.snapshot.readings.items() if reading.quality is Quality.GOOD
+    }
+    rig.sink.clear()
+
+    rig.telemetry.end("the gateway ended")
+    rig.poll()  # what was under way
+    rig.telemetry.take_rows({"P003": (1,)}, at_s=rig.clock.now_s())
+    rig.telemetry.on_unit(is_answering=True, reason="answers")
+    rig.telemetry.publish_stale_values()
+    await rig.telemetry.close()
+    await asyncio.sleep(100.0)
+
+    kinds = [type(record) for record in rig.sink.records]
+    assert kinds[:2] == [AvailabilityRecord, StateRecord]
+    assert kinds.count(AvailabilityRecord) == kinds.count(StateRecord) == 1
+    (availability,) = rig.sink.of(AvailabilityRecord)
+    assert (availability.state, availability.reason) == ("offline", "the gateway ended")
+    assert [record.quality for record in rig.sink.of(StateRecord)] == [STALE]
+    values = rig.sink.of(ValueRecord)
+    assert {record.point for record in values if record.quality is STALE} == good
+    assert all(record.quality in (STALE, Quality.BAD) for record in values)
+    assert rig.sink.values("current")[-1].value == 81.5  # the last good one, with its own time
+    assert rig.sink.events() == []
+
+
+@virtually
+async def test_an_end_leaves_a_disabled_starter_disabled_and_one_that_never_answered_offline_as_it_was() -> (
+    None
+):
+    disabled, silent = Rig(is_enabled=False), Rig()
+    for rig in (disabled, silent):
+        rig.telemetry.start()
+        rig.telemetry.end("the gateway ended")
+
+    assert [record.state for record in disabled.sink.of(AvailabilityRecord)] == ["disabled"]
+    assert [record.reason for record in silent.sink.of(AvailabilityRecord)] == ["not yet read"]

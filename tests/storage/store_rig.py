@@ -1,0 +1,72 @@
+"""A store of texts, with its news, for tests."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+from gateway.storage.database import Connection
+from gateway.storage.worker import News, Store
+
+T = TypeVar("T")
+PATIENCE_S = 10.0
+INSERT = "INSERT INTO thing (text) VALUES (?)"
+
+
+class Things:
+    """A table of texts."""
+
+    def create(self, connection: Connection) -> None:
+        connection.execute(
+            "CREATE TABLE IF NOT EXISTS thing (number INTEGER PRIMARY KEY, text TEXT NOT NULL)"
+        )
+        connection.execute("SELECT number, text FROM thing LIMIT 1")
+
+    def make_room(self, connection: Connection) -> None:
+        connection.execute("DELETE FROM thing WHERE number IN (SELECT number FROM thing LIMIT 20)")
+
+
+def insert(text: str) -> Callable[[Connection], None]:
+    def work(connection: Connection) -> None:
+        connection.execute(INSERT, (text,))
+
+    return work
+
+
+def texts(connection: Connection) -> list[str]:
+    return [text for (text,) in connection.execute("SELECT text FROM thing ORDER BY number")]
+
+
+class Keeping:
+    """A store with its news, until `close`."""
+
+    def __init__(self, path: Path, *, max_bytes: int = 2**20) -> None:
+        self.news: list[tuple[News, str]] = []
+        self._changed = threading.Condition()
+        self.store = Store(path, [Things()], max_bytes=max_bytes, retry_s=0.02)
+        self.store.start(self._on_news)
+
+    def do(self, work: Callable[[Connection], T]) -> T:
+        return self.store.submit(work).result(PATIENCE_S)
+
+    def until(self, news: News) -> str:
+        """Wait until this was reported, and return the text."""
+        with self._changed:
+            assert self._changed.wait_for(lambda: news in self.kinds(), PATIENCE_S), self.news
+        return next(text for kind, text in self.news if kind is news)
+
+    def kinds(self) -> list[News]:
+        return [kind for kind, _ in self.news]
+
+    def close(self) -> None:
+        assert self.store.close(within_s=PATIENCE_S)
+
+    def _on_news(self, news: News, text: str) -> None:
+        with self._changed:
+            self.news.append((news, text))
+            self._changed.notify_all()
+
+
+Make = Callable[..., Keeping]

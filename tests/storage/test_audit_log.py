@@ -1,0 +1,184 @@
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.records import AuditRecord
+from gateway.storage.audit import log as audit_log
+from gateway.storage.audit.chain import read_line, verify
+from gateway.storage.audit.log import AuditLog
+from gateway.storage.audit.segments import lines, read_anchor
+
+PATIENCE_S = 10.0
+
+
+def record(seq: int, **more: Any) -> AuditRecord:
+    fields = {
+        "starter": "pump-1",
+        "client": "alice",
+        "operator": "Alice A.",
+        "verb": "set",
+        "args": {"parameter": "P102", "value": 5.0},
+        "decision": "confirmed",
+        "code": "ok",
+        "time_s": 1_760_000_000.0,
+        "seq": seq,
+        "before": {"current": float("nan")},
+        "after": {"current": 12.5},
+        "id": "7f",
+        "reason": "as agreed",
+    }
+    return AuditRecord(**{**fields, **more})
+
+
+def entries(folder: Path) -> list[dict[str, Any]]:
+    return [read_line(line)[0] for _, line in lines(folder)]
+
+
+class Trouble:
+    """What the log has reported, and a way to wait for it."""
+
+    def __init__(self) -> None:
+        self.reported: list[str] = []
+        self._changed = threading.Condition()
+
+    def receive(self, trouble: str) -> None:
+        with self._changed:
+            self.reported.append(trouble)
+            self._changed.notify_all()
+
+    def until(self, count: int) -> None:
+        with self._changed:
+            assert self._changed.wait_for(lambda: len(self.reported) >= count, PATIENCE_S)
+
+
+@pytest.fixture
+def trouble() -> Trouble:
+    return Trouble()
+
+
+@pytest.fixture
+def log(tmp_path: Path, trouble: Trouble) -> Iterator[AuditLog]:
+    log = AuditLog(tmp_path / "audit", boot="boot-1", retry_s=0.02)
+    yield log
+    log.close(within_s=PATIENCE_S)
+
+
+def test_an_entry_says_who_claimed_what_and_what_became_of_it(
+    log: AuditLog, tmp_path: Path, trouble: Trouble
+) -> None:
+    log.start(trouble.receive)
+    log.put(record(4))
+    assert log.close(within_s=PATIENCE_S)
+
+    (entry,) = entries(tmp_path / "audit")
+    assert {key: entry[key] for key in entry.keys() - {"hash", "prev"}} == {
+        "n": 1,
+        "kind": "command",
+        "boot": "boot-1",
+        "seq": 4,
+        "time": "2025-10-09T08:53:20.000Z",
+        "starter": "pump-1",
+        "client": "alice",
+        "claimed_operator": "Alice A.",
+        "claimed_reason": "as agreed",
+        "id": "7f",
+        "verb": "set",
+        "args": {"parameter": "P102", "value": 5.0},
+        "decision": "confirmed",
+        "code": "ok",
+        "before": {"current": None},
+        "after": {"current": 12.5},
+    }
+
+
+def test_entries_stand_in_their_order_and_the_chain_is_whole(
+    log: AuditLog, tmp_path: Path, trouble: Trouble
+) -> None:
+    log.note("gateway_started", "version 1")
+    for seq in range(1000):
+        log.put(record(seq))
+    log.start(trouble.receive)
+    assert log.close(within_s=PATIENCE_S)
+
+    note, *commands = entries(tmp_path / "audit")
+    assert (note["kind"], note["code"], note["text"]) == ("note", "gateway_started", "version 1")
+    assert [entry["seq"] for entry in commands] == list(range(1000))
+    folder = tmp_path / "audit"
+    assert verify(lines(folder), after=read_anchor(folder).head).problems == ()
+
+
+def test_a_disk_that_is_away_is_reported_once_and_what_waited_is_written_later(
+    log: AuditLog, tmp_path: Path, trouble: Trouble
+) -> None:
+    obstacle = tmp_path / "audit"
+    obstacle.touch()
+    log.start(trouble.receive)
+    log.put(record(1))
+    trouble.until(1)
+    log.put(record(2))
+    obstacle.unlink()
+    trouble.until(2)
+    assert log.close(within_s=PATIENCE_S)
+
+    assert trouble.reported[0].startswith(str(obstacle))
+    assert trouble.reported[1:] == [""]
+    assert [entry["seq"] for entry in entries(obstacle)] == [1, 2]
+
+
+def test_a_disk_that_stays_away_does_not_hold_up_the_end(
+    log: AuditLog, tmp_path: Path, trouble: Trouble
+) -> None:
+    (tmp_path / "audit").touch()
+    log.start(trouble.receive)
+    log.put(record(1))
+    trouble.until(1)
+
+    assert log.close(within_s=PATIENCE_S)
+
+
+def test_entries_that_are_too_many_are_counted(
+    log: AuditLog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, trouble: Trouble
+) -> None:
+    monkeypatch.setattr(audit_log, "MOST_WAITING", 3)
+    for seq in range(5):
+        log.put(record(seq))
+    log.start(trouble.receive)
+    assert log.close(within_s=PATIENCE_S)
+
+    reported = entries(tmp_path / "audit")
+    assert [entry.get("seq") for entry in reported] == [0, 1, 2, None]
+    assert reported[-1]["code"] == "entries_lost"
+    assert reported[-1]["text"].startswith("2 entries")
+
+
+def test_an_entry_that_cannot_be_written_at_all_is_counted_and_the_next_one_is_written(
+    log: AuditLog, tmp_path: Path, caplog: pytest.LogCaptureFixture, trouble: Trouble
+) -> None:
+    endless: dict[str, Any] = {}
+    endless["again"] = endless
+    gone = threading.Event()
+
+    class Listening(dict[str, Any]):
+        def items(self) -> Any:
+            gone.set()
+            return super().items()
+
+    log.start(trouble.receive)
+    log.put(record(1, args=Listening(endless)))
+    assert gone.wait(PATIENCE_S)
+    while not caplog.records:
+        gone.wait(0.001)
+    log.put(record(2))
+    assert log.close(within_s=PATIENCE_S)
+
+    reported = entries(tmp_path / "audit")
+    assert [entry.get("code") for entry in reported] == ["ok", "entries_lost"]
+
+
+def test_a_log_that_was_never_started_is_closed_at_once(log: AuditLog) -> None:
+    assert log.close(within_s=0.0)

@@ -1,0 +1,190 @@
+"""The history's file in its own thread."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import sqlite3
+import threading
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.errors import StoreError
+from gateway.storage.history import FILE, MOST_UNSAVED, HistoryStore, read_history
+from gateway.storage.history_table import HistoryRow
+from gateway.storage.worker import News
+
+PATIENCE_S = 10.0
+
+
+class OpenHistory:
+    """A store with its news."""
+
+    def __init__(self, folder: Path, *, collect_s: float = 0.0) -> None:
+        self.news: list[News] = []
+        self._changed = asyncio.Event()
+        self.store = HistoryStore(folder, on_news=self._receive, retry_s=0.02, collect_s=collect_s)
+        self.store.start()
+
+    def put(self, id_: str, *, kind: str = "start", starter: str = "p", limit: int = 3, **data: Any) -> None:
+        self.store.put(starter, kind, id_, time_s=1.0, data=data, limit=limit, is_urgent=True)
+
+    async def ids(self, starter: str = "p", kind: str = "start") -> list[str]:
+        return [row.id for row in (await self.store.load([starter])).get(starter, []) if row.kind == kind]
+
+    async def until(self, news: News) -> None:
+        async with asyncio.timeout(PATIENCE_S):
+            while news not in self.news:
+                self._changed.clear()
+                await self._changed.wait()
+
+    def _receive(self, news: News, text: str) -> None:
+        assert text
+        assert threading.current_thread() is threading.main_thread()
+        self.news.append(news)
+        self._changed.set()
+
+
+@pytest.fixture
+async def opened(tmp_path: Path) -> AsyncIterator[OpenHistory]:
+    here = OpenHistory(tmp_path)
+    yield here
+    assert await here.store.close(PATIENCE_S)
+
+
+async def test_what_was_put_is_there_after_a_restart(tmp_path: Path) -> None:
+    first = OpenHistory(tmp_path)
+    first.put("a", value=1.5, name="é")
+    await first.store.close(PATIENCE_S)
+
+    second = OpenHistory(tmp_path)
+    rows = await second.store.load()
+    await second.store.close(PATIENCE_S)
+
+    assert rows == {"p": [HistoryRow("p", "start", "a", 1.0, {"value": 1.5, "name": "é"})]}
+
+
+async def test_the_newest_of_a_kind_stay_for_each_starter(opened: OpenHistory) -> None:
+    for number in range(10):
+        opened.put(str(number))
+    opened.put("only", kind="month")
+    opened.put("other", starter="q")
+
+    assert await opened.ids() == ["7", "8", "9"]
+    assert await opened.ids(kind="month") == ["only"]
+    assert await opened.ids("q") == ["other"]
+
+
+async def test_a_row_of_the_same_id_takes_the_place_of_the_one_before(opened: OpenHistory) -> None:
+    opened.put("a", value=1)
+    opened.put("b", value=2)
+    opened.put("a", value=3)
+
+    assert await opened.ids() == ["a", "b"]
+    row = await opened.store.row("p", "start", "a")
+    assert row is not None
+    assert row.data == {"value": 3}
+    assert await opened.store.row("p", "start", "c") is None
+
+
+async def test_what_is_not_urgent_is_collected_into_one_transaction(tmp_path: Path) -> None:
+    here = OpenHistory(tmp_path, collect_s=3600.0)
+    await here.until(News.OPEN)
+    for number in range(100):
+        here.store.put("p", "counters", "now", time_s=1.0, data={"n": number}, limit=1)
+    assert read_history(tmp_path, "p") == []
+
+    here.put("a")  # takes everything before it along
+
+    assert [(r.kind, r.data) for r in (await here.store.load())["p"]] == [
+        ("counters", {"n": 99}),
+        ("start", {}),
+    ]
+    await here.store.close(PATIENCE_S)
+
+
+async def test_an_orderly_end_writes_what_was_being_collected(tmp_path: Path) -> None:
+    here = OpenHistory(tmp_path, collect_s=3600.0)
+    here.store.put("p", "counters", "now", time_s=1.0, data={"n": 1}, limit=1)
+    await here.store.close(PATIENCE_S)
+
+    assert [row.data for row in read_history(tmp_path, "p")] == [{"n": 1}]
+
+
+async def test_another_process_reads_while_the_gateway_writes_and_changes_nothing(
+    opened: OpenHistory, tmp_path: Path
+) -> None:
+    opened.put("a", value=1)
+    await opened.ids()
+
+    assert [row.id for row in read_history(tmp_path, "p")] == ["a"]
+    opened.put("b", value=1)
+    assert await opened.ids() == ["a", "b"]
+
+
+def test_a_history_that_is_not_there_is_an_error_and_is_not_made(tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match=FILE):
+        read_history(tmp_path, "p")
+
+    assert list(tmp_path.iterdir()) == []
+
+
+async def test_a_foreign_file_is_an_error_to_read(tmp_path: Path) -> None:
+    connection = sqlite3.connect(tmp_path / FILE)
+    connection.execute("CREATE TABLE theirs (x)")
+    connection.close()
+
+    with pytest.raises(StoreError, match="another program"):
+        read_history(tmp_path, "p")
+
+
+async def test_a_damaged_row_is_left_out_and_the_others_are_read(tmp_path: Path) -> None:
+    first = OpenHistory(tmp_path)
+    for name in ("a", "b", "c"):
+        first.put(name, value=name * 50)
+    await first.store.close(PATIENCE_S)
+    connection = sqlite3.connect(tmp_path / FILE)
+    with connection:
+        (data,) = connection.execute("SELECT data FROM history WHERE id = 'b'").fetchone()
+        wrong = bytes((*data[:-1], data[-1] ^ 1))
+        connection.execute("UPDATE history SET data = ? WHERE id = 'b'", (wrong,))
+    connection.close()
+
+    second = OpenHistory(tmp_path)
+
+    assert await second.ids() == ["a", "c"]
+    await second.store.close(PATIENCE_S)
+
+
+async def test_a_damaged_file_is_set_aside_and_a_new_one_is_used(tmp_path: Path) -> None:
+    (tmp_path / FILE).write_bytes(b"no database at all" * 500)
+
+    here = OpenHistory(tmp_path)
+    await here.until(News.LOST)
+    here.put("a")
+
+    assert await here.ids() == ["a"]
+    await here.store.close(PATIENCE_S)
+    assert any(".aside-" in name for name in os.listdir(tmp_path))
+
+
+async def test_while_the_disk_is_away_rows_wait_in_bounded_memory_in_their_order(tmp_path: Path) -> None:
+    folder = tmp_path / "state"
+    folder.write_text("no folder")
+    here = OpenHistory(folder)
+    await here.until(News.AWAY)
+    for number in range(MOST_UNSAVED + 10):
+        here.put(str(number), limit=10_000)
+    with pytest.raises(StoreError):
+        await here.store.load()
+
+    folder.unlink()
+    await here.until(News.OPEN)
+
+    ids = await here.ids()
+    assert sorted(ids, key=int) == [str(number) for number in range(10, MOST_UNSAVED + 10)]
+    assert here.store.lost_rows == 10
+    await here.store.close(PATIENCE_S)

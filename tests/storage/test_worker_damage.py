@@ -1,0 +1,278 @@
+"""A store whose file is foreign, damaged, gone, locked or on a bad disk: it never prevents anything."""
+
+from __future__ import annotations
+
+import random
+import sqlite3
+import time
+from pathlib import Path
+
+import pytest
+
+from gateway.errors import DamagedError, StoreError
+from gateway.storage.database import MOST_ASIDE, Connection, snapshot, stored_version
+from gateway.storage.worker import News
+from tests.storage.store_rig import Keeping, Make, insert, texts
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """A file with 200 rows that was closed in order."""
+    path = tmp_path / "x.sqlite"
+    one = Keeping(path)
+    for number in range(200):
+        one.do(insert(f"{number} {'x' * 100}"))
+    one.close()
+    return path
+
+
+def test_a_foreign_file_is_put_aside_and_preserved(keeping: Make, path: Path) -> None:
+    path.write_text("Dear diary, " * 1000)
+
+    one = keeping(path)
+
+    assert one.do(texts) == []
+    assert one.kinds() == [News.LOST, News.OPEN]
+    (aside,) = path.parent.glob("*.aside-*")
+    assert aside.read_text().startswith("Dear diary")
+    assert aside.name in one.news[0][1]
+    assert one.store.lost_s is not None
+
+
+def test_that_a_file_was_lost_is_still_known_after_a_restart(keeping: Make, path: Path) -> None:
+    path.write_text("Dear diary, " * 1000)
+    first = keeping(path)
+    first.until(News.OPEN)
+    lost_s = first.store.lost_s
+    first.close()
+
+    second = keeping(path)
+    second.until(News.OPEN)
+
+    assert second.store.lost_s == lost_s is not None
+
+
+@pytest.mark.parametrize(
+    "sql",
+    [
+        "PRAGMA application_id = 7",
+        "PRAGMA user_version = 0",
+        "DROP TABLE thing",
+        "ALTER TABLE thing RENAME COLUMN text TO other",
+        "DELETE FROM sqlite_master WHERE name = 'thing'",
+    ],
+)
+def test_a_database_of_another_shape_is_put_aside_or_repaired(keeping: Make, path: Path, sql: str) -> None:
+    connection = sqlite3.connect(path)
+    connection.execute("PRAGMA writable_schema = 1")
+    connection.execute(sql)
+    connection.commit()
+    connection.close()
+
+    one = keeping(path)
+    one.do(insert("a"))
+
+    assert one.do(texts) == ["a"]
+
+
+def test_a_folder_of_the_files_name_is_put_aside(keeping: Make, tmp_path: Path) -> None:
+    (tmp_path / "x.sqlite" / "inner").mkdir(parents=True)
+
+    one = keeping(tmp_path / "x.sqlite")
+
+    assert one.do(texts) == []
+    assert "is no file" in one.until(News.LOST)
+
+
+def test_an_empty_file_is_a_new_one(keeping: Make, tmp_path: Path) -> None:
+    (tmp_path / "x.sqlite").touch()
+
+    one = keeping(tmp_path / "x.sqlite")
+
+    assert one.do(texts) == []
+    assert one.kinds() == [News.OPEN]
+
+
+def test_a_file_corrupted_in_any_way_never_prevents_the_start(keeping: Make, path: Path) -> None:
+    dice = random.Random(1)
+    whole = path.read_bytes()
+    for round_ in range(60):
+        corrupted = bytearray(whole)
+        match round_ % 4:
+            case 0:
+                del corrupted[dice.randrange(1, len(corrupted)) :]
+            case 1:
+                for _ in range(dice.choice((1, 10, 1000))):
+                    corrupted[dice.randrange(len(corrupted))] = dice.randrange(256)
+            case 2:
+                begin = dice.randrange(len(corrupted) - 512)
+                corrupted[begin : begin + 512] = bytes(512)
+            case 3:
+                corrupted[dice.randrange(100)] ^= 1 << dice.randrange(8)
+        path.write_bytes(corrupted)
+        Path(f"{path}-wal").write_bytes(dice.randbytes(round_ * 100))
+
+        one = keeping(path)
+        one.do(insert("a"))
+        assert one.do(texts)[-1] == "a"
+        one.close()
+
+    assert len(list(path.parent.glob("*.aside-*[0-9]"))) == MOST_ASIDE
+
+
+def test_damage_that_only_a_reader_sees_is_put_aside_and_he_gets_what_is_new(
+    keeping: Make, path: Path
+) -> None:
+    one = keeping(path)
+
+    def read(connection: Connection) -> list[str]:
+        found = texts(connection)
+        if found:
+            raise DamagedError("these rows make no sense")
+        return found
+
+    assert one.do(read) == []
+    assert "make no sense" in one.until(News.LOST)
+
+
+def test_damage_that_stays_is_trouble_and_tried_again(keeping: Make, path: Path) -> None:
+    one = keeping(path)
+
+    def read(connection: Connection) -> None:
+        raise DamagedError("still no sense")
+
+    with pytest.raises(StoreError, match="still no sense"):
+        one.do(read)
+
+    assert "still no sense" in one.until(News.AWAY)
+    while one.store.trouble:
+        pass
+    one.do(insert("a"))
+
+
+def test_a_file_corrupted_while_it_is_in_use_is_put_aside(keeping: Make, path: Path) -> None:
+    one = keeping(path)
+    one.do(insert("a"))
+    one.do(lambda connection: connection.execute("PRAGMA shrink_memory").fetchall())
+    with path.open("r+b") as file:
+        file.seek(4096)
+        file.write(b"\xff" * 4096 * 8)
+    Path(f"{path}-wal").write_bytes(b"")
+
+    def use() -> None:
+        one.do(insert("b"))
+        one.do(texts)
+
+    for _ in range(5):
+        try:
+            use()
+        except StoreError:
+            continue
+
+    one.do(insert("c"))
+    assert one.do(texts)[-1] == "c"
+
+
+def test_a_file_removed_while_it_is_in_use_is_made_anew_and_reported(keeping: Make, path: Path) -> None:
+    one = keeping(path)
+    one.do(insert("a"))
+    for entry in path.parent.glob("x.sqlite*"):
+        entry.unlink()
+
+    one.do(insert("b"))
+
+    assert one.do(texts) == ["b"]
+    assert "removed while in use" in one.until(News.LOST)
+    assert one.store.lost_s is not None
+
+
+def test_a_folder_that_cannot_be_made_is_trouble_until_it_can(keeping: Make, tmp_path: Path) -> None:
+    obstacle = tmp_path / "obstacle"
+    obstacle.touch()
+    one = keeping(obstacle / "x.sqlite")
+
+    text = one.until(News.AWAY)
+    with pytest.raises(StoreError):
+        one.do(insert("a"))
+    obstacle.unlink()
+    one.until(News.OPEN)
+    one.do(insert("b"))
+
+    assert str(obstacle) in text
+    assert one.do(texts) == ["b"]
+    assert one.kinds() == [News.AWAY, News.OPEN]
+    assert one.store.trouble == ""
+
+
+def test_a_read_only_file_system_is_trouble_and_reported_once(keeping: Make) -> None:
+    one = keeping(Path("/proc/starter-gateway/x.sqlite"))
+
+    one.until(News.AWAY)
+    for _ in range(3):
+        with pytest.raises(StoreError):
+            one.do(insert("a"))
+
+    assert one.kinds() == [News.AWAY]
+    assert "/proc" in one.store.trouble
+
+
+def test_a_file_that_another_process_holds_is_waited_for_not_put_aside(
+    keeping: Make, path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("gateway.storage.database.LOCKED_WITHIN_S", 0.01)
+    holder = sqlite3.connect(path, isolation_level=None)
+    holder.execute("PRAGMA locking_mode = EXCLUSIVE")
+    holder.execute("INSERT INTO thing (text) VALUES ('a')")
+
+    second = keeping(path)
+    text = second.until(News.AWAY)
+    holder.close()
+    second.until(News.OPEN)
+
+    assert "in use by another process" in text
+    assert second.do(texts)[-1] == "a"
+    assert not list(path.parent.glob("*.aside-*"))
+
+
+def test_a_file_of_a_later_version_is_away_and_stays_as_it_is(keeping: Make, path: Path) -> None:
+    connection = sqlite3.connect(path)
+    connection.execute("PRAGMA user_version = 2")
+    connection.close()
+
+    one = keeping(path)
+    text = one.until(News.AWAY)
+
+    assert "has format 2, and this program knows formats up to 1" in text
+    assert not list(path.parent.glob("*.aside-*"))
+    assert stored_version(path) == 2
+
+
+def test_another_process_may_copy_the_file_while_it_is_written(keeping: Make, path: Path) -> None:
+    one = keeping(path)
+    one.do(insert("a"))
+
+    snapshot(path, path.with_name("copy"))
+    one.do(insert("b"))
+
+    copy = sqlite3.connect(path.with_name("copy"))
+    assert texts(copy)[-1] == "a"
+    copy.close()
+    assert one.do(texts)[-1] == "b"
+
+
+def test_a_copy_that_is_used_again_counts_as_lost_from_its_first_use_on(keeping: Make, path: Path) -> None:
+    copy = path.with_name("copy.sqlite")
+    snapshot(path, copy)
+    before_s = time.time()
+
+    first = keeping(copy)
+    first.until(News.OPEN)
+    lost_s = first.store.lost_s
+    first.close()
+    second = keeping(copy)
+    second.until(News.OPEN)
+
+    assert lost_s is not None
+    assert lost_s >= before_s
+    assert second.store.lost_s == lost_s
+    assert len(first.news) == 1

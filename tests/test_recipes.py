@@ -1,0 +1,95 @@
+"""What docs/recipes.md says to send is what the gateway takes."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+import subprocess
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from gateway.mqtt.contract.commands import Incoming
+from gateway.mqtt.contract.freshness import Moment
+from gateway.mqtt.contract.topics import Topics
+from gateway.starters.policy.request import CommandRequest
+from tests.mqtt.commands import NOW, NOW_S, TOKEN, intake
+
+TOP = Path(__file__).parents[1]
+PAGE = (TOP / "docs" / "recipes.md").read_text("utf-8")
+BASE = "starters/mcc1"
+
+
+def examples(language: str) -> list[str]:
+    """Return the examples in a language."""
+    return re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
+
+
+def request(topic: str, payload: str, *, freshness: str = "token") -> CommandRequest:
+    judged = intake(Topics(BASE), freshness=freshness).judge(
+        Incoming(topic, payload.encode()), Moment(7.0, NOW_S)
+    )
+    assert isinstance(judged, CommandRequest), judged
+    return judged
+
+
+@pytest.mark.parametrize("payload", examples("json"))
+def test_each_start_of_the_page_is_taken_as_fresh(payload: str) -> None:
+    filled = payload.replace("TOKEN", TOKEN).replace("NOW", NOW).replace("BOOT", "boot-1")
+    freshness = "boot" if "BOOT" in payload else "token"
+
+    taken = request(f"{BASE}/command/pump-1/alice/start", filled, freshness=freshness)
+
+    assert taken.id == json.loads(payload)["id"]
+
+
+def test_the_page_shows_every_way_and_no_id_twice() -> None:
+    bodies = [json.loads(payload) for payload in examples("json")]
+
+    assert {"token", "issued_at", "boot"} <= {name for body in bodies for name in body}
+    assert len({body["id"] for body in bodies}) == len(bodies)
+
+
+@pytest.mark.parametrize("verb", ["start", "stop"])
+def test_what_the_script_for_ignition_publishes_is_taken(verb: str) -> None:
+    sent: list[tuple[Any, ...]] = []
+    read = {f"[MQTT Engine]{BASE}/gateway/fresh/token": TOKEN}
+    system = SimpleNamespace(
+        tag=SimpleNamespace(readBlocking=lambda tags: [SimpleNamespace(value=read[tag]) for tag in tags]),
+        util=SimpleNamespace(jsonEncode=json.dumps),
+        cirruslink=SimpleNamespace(engine=SimpleNamespace(publish=lambda *given: sent.append(given))),
+    )
+    scope: dict[str, Any] = {"system": system}
+    (script,) = examples("python")
+    exec(script, scope)
+
+    ids = [scope["command"]("pump-1", verb) for _ in range(2)]
+
+    assert ids[0] != ids[1]
+    for id_, (server, topic, payload, qos, retained) in zip(ids, sent, strict=True):
+        assert (server, qos, retained) == ("plant", 1, False)
+        taken = request(topic, payload.decode())
+        assert (taken.starter, taken.client, taken.verb, taken.id) == ("pump-1", "ignition", verb, id_)
+
+
+def test_what_the_script_for_wincc_oa_sets_is_taken() -> None:
+    (script,) = examples("c")
+    (expression,) = re.findall(r'dpSet\(pump \+ "\.command\.start", (.*)\);', script)
+
+    payload = eval(expression, {"createUuid": lambda: "an-id", "token": TOKEN})  # texts of C are Python's
+
+    assert request(f"{BASE}/command/pump-1/winccoa/start", payload).id == "an-id"
+
+
+def test_the_flow_for_node_red_is_still_a_flow_with_the_sites_names_put_in() -> None:
+    (script,) = examples("sh")
+    command = script.partition(" > ")[0]
+
+    done = subprocess.run(shlex.split(command), cwd=TOP, capture_output=True, text=True, check=True)
+
+    assert json.loads(done.stdout)
+    assert "acme/site1/mcc1/command/pump-7/alice/start" in done.stdout
+    assert not re.search(r"starters/mcc1/|pump-1\b|127\.0\.0\.1", done.stdout)

@@ -1,0 +1,108 @@
+"""Sessions and the waits after wrong passwords."""
+
+from __future__ import annotations
+
+import hashlib
+
+from gateway.web.interface import WebUser
+from gateway.web.sessions import (
+    FREE_FAILURES,
+    IDLE_S,
+    LONGEST_S,
+    LONGEST_WAIT_S,
+    MOST_KEYS,
+    MOST_SESSIONS,
+    LoginLimiter,
+    Sessions,
+)
+
+USER = WebUser("anna", "alice", "line")
+
+
+def test_a_session_is_found_by_its_secret_which_is_not_stored() -> None:
+    sessions = Sessions()
+
+    secret, session = sessions.open(USER, is_idle_limited=True, now_s=0.0)
+
+    assert sessions.find(secret, now_s=1.0) is session
+    assert session.key == hashlib.sha256(secret.encode()).hexdigest()
+    assert secret not in repr(vars(sessions))
+    assert sessions.find(secret + "x", now_s=1.0) is None
+    assert session.csrf != secret
+
+
+def test_who_may_start_a_motor_is_logged_out_after_half_an_hour_without_use() -> None:
+    sessions = Sessions()
+    secret, _ = sessions.open(USER, is_idle_limited=True, now_s=0.0)
+    other, _ = sessions.open(USER, is_idle_limited=False, now_s=0.0)
+
+    assert sessions.find(secret, now_s=IDLE_S - 1) is not None
+    assert sessions.find(secret, now_s=2 * IDLE_S - 2, is_use=False) is not None  # a stream is no use
+    assert sessions.find(secret, now_s=2 * IDLE_S) is None
+    assert sessions.find(other, now_s=LONGEST_S - 1) is not None
+    assert sessions.find(other, now_s=LONGEST_S + 1) is None
+
+
+def test_use_makes_no_session_last_longer_than_twelve_hours() -> None:
+    sessions = Sessions()
+    secret, _ = sessions.open(USER, is_idle_limited=True, now_s=0.0)
+
+    alive = [at_s for at_s in range(0, 50_000, 600) if sessions.find(secret, now_s=float(at_s))]
+
+    assert alive[-1] == LONGEST_S
+
+
+def test_a_user_that_is_removed_or_has_another_password_or_operator_is_logged_out() -> None:
+    for changed in (
+        {},
+        {"anna": WebUser("anna", "alice", "other")},
+        {"anna": WebUser("anna", "bob", "line")},
+    ):
+        sessions = Sessions()
+        secret, _ = sessions.open(USER, is_idle_limited=True, now_s=0.0)
+
+        sessions.keep_users({"anna": USER})
+        assert sessions.find(secret, now_s=1.0) is not None
+        sessions.keep_users(changed)
+        assert sessions.find(secret, now_s=1.0) is None
+
+
+def test_of_too_many_sessions_the_one_used_longest_ago_ends() -> None:
+    sessions = Sessions()
+    secrets = [sessions.open(USER, is_idle_limited=False, now_s=0.0)[0] for _ in range(MOST_SESSIONS)]
+    sessions.find(secrets[0], now_s=1.0)
+
+    sessions.open(USER, is_idle_limited=False, now_s=2.0)
+
+    assert sessions.find(secrets[0], now_s=3.0) is not None
+    assert sessions.find(secrets[1], now_s=3.0) is None
+
+
+def test_wrong_passwords_wait_twice_as_long_each_time_after_the_fifth() -> None:
+    limiter, waits_s = LoginLimiter(), []
+    for _ in range(FREE_FAILURES + 12):
+        limiter.failed("user anna", now_s=0.0)
+        waits_s.append(limiter.wait_s("user anna", "address x", now_s=0.0))
+
+    assert waits_s[: FREE_FAILURES - 1] == [0.0] * (FREE_FAILURES - 1)
+    assert waits_s[FREE_FAILURES - 1 :][:4] == [1.0, 2.0, 4.0, 8.0]
+    assert waits_s[-1] == LONGEST_WAIT_S
+    assert limiter.wait_s("user bert", now_s=0.0) == 0.0
+
+
+def test_the_right_password_forgets_the_wrong_ones() -> None:
+    limiter = LoginLimiter()
+    for _ in range(9):
+        limiter.failed("user anna", now_s=0.0)
+
+    limiter.succeeded("user anna")
+
+    assert limiter.wait_s("user anna", now_s=0.0) == 0.0
+
+
+def test_failures_of_a_bounded_number_of_addresses_are_remembered() -> None:
+    limiter = LoginLimiter()
+    for n in range(3 * MOST_KEYS):
+        limiter.failed(f"address {n}", now_s=0.0)
+
+    assert len(limiter._failures) == MOST_KEYS
