@@ -11,7 +11,7 @@ import pytest
 
 from gateway.app.capacity import prospects_of
 from gateway.cli.box import BoxSpeed, measured
-from gateway.cli.box.speed import BOX_FILE
+from gateway.cli.box.speed import BOX_FILE, ROUND_S, WINDOW_S, slowness_of
 from gateway.cli.doctor.box import judged
 from gateway.cli.doctor.finding import DoctorFinding
 from gateway.cli.main import main
@@ -46,6 +46,32 @@ def test_this_machine_can_be_measured_and_the_measurement_stored(tmp_path: Path)
     assert BoxSpeed.load(tmp_path) == speed
     assert [path.name for path in tmp_path.iterdir()] == [BOX_FILE]
     assert OWN_NAMES.fullmatch(BOX_FILE)
+
+
+class Machine:
+    """A processor in virtual time that a program has a share of."""
+
+    def __init__(self, *, share: float, others_until_s: float = 0.0) -> None:
+        self.share, self.others_until_s = share, others_until_s
+        self.now_s = self.used_s = 0.0
+
+    def work(self, _: int) -> None:
+        self.used_s += ROUND_S
+        self.now_s += ROUND_S / self.share
+        if self.now_s < self.others_until_s:
+            self.now_s += 2 * ROUND_S
+
+    def slowness(self) -> tuple[float, float]:
+        return slowness_of(self.work, clock=lambda: self.now_s, processor=lambda: self.used_s)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5, 0.2])
+def test_a_share_of_a_processor_is_measured_as_a_machine_that_is_so_many_times_as_slow(share: float) -> None:
+    assert Machine(share=share).slowness() == pytest.approx((1.0 / share, share))
+
+
+def test_a_program_that_runs_for_a_moment_is_left_out_of_the_measurement() -> None:
+    assert Machine(share=1.0, others_until_s=3.5 * WINDOW_S).slowness() == pytest.approx((1.0, 1.0))
 
 
 def test_where_nothing_can_be_stored_nothing_is_made(tmp_path: Path) -> None:

@@ -67,7 +67,9 @@ class BoxSpeed:
 
 async def measured(state_dir: Path) -> BoxSpeed:
     """Measure this machine; nothing may run beside it on this loop."""
-    slowness, processor = _slowness()
+    work = _work()
+    work(0)  # caches are filled
+    slowness, processor = slowness_of(work)
     late_s = sorted([await _lateness_s() for _ in range(TIMERS)])
     return BoxSpeed(
         slowness=round(slowness, 3),
@@ -79,19 +81,22 @@ async def measured(state_dir: Path) -> BoxSpeed:
     )
 
 
-def _slowness() -> tuple[float, float]:
+def slowness_of(
+    work: Callable[[int], None],
+    *,
+    clock: Callable[[], float] = time.perf_counter,
+    processor: Callable[[], float] = time.process_time,
+) -> tuple[float, float]:
     """Return how long a round takes at best, others' work included, and the share of a processor then."""
-    work = _work()
-    work(0)  # caches are filled
-    return min(_window(work) for _ in range(WINDOWS))
 
+    def window() -> tuple[float, float]:
+        rounds, begun_s, used_s = 0, clock(), processor()
+        while (elapsed_s := clock() - begun_s) < WINDOW_S:
+            rounds += 1
+            work(rounds)
+        return elapsed_s / max(rounds, 1) / ROUND_S, min((processor() - used_s) / elapsed_s, 1.0)
 
-def _window(work: Callable[[int], None]) -> tuple[float, float]:
-    rounds, begun_s, used_s = 0, time.perf_counter(), time.process_time()
-    while (elapsed_s := time.perf_counter() - begun_s) < WINDOW_S:
-        rounds += 1
-        work(rounds)
-    return elapsed_s / max(rounds, 1) / ROUND_S, min((time.process_time() - used_s) / elapsed_s, 1.0)
+    return min(window() for _ in range(WINDOWS))
 
 
 def _work() -> Callable[[int], None]:
