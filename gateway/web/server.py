@@ -154,7 +154,11 @@ class Server:
         with contextlib.suppress(OSError, ssl.SSLError, TimeoutError):
             accepted.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             await loop.connect_accepted_socket(
-                self._new_connection, accepted, ssl=context, ssl_handshake_timeout=limit_s
+                self._new_connection,
+                accepted,
+                ssl=context,
+                ssl_handshake_timeout=limit_s,
+                ssl_shutdown_timeout=None if context is None else WRITE_WITHIN_S,
             )
             return
         accepted.close()
@@ -191,14 +195,16 @@ class Server:
     def _abort(self, connection: Connection) -> None:
         self._connections.discard(connection)
         if connection.transport is not None:
-            connection.transport.abort()
+            with contextlib.suppress(AttributeError):  # early Python 3.11, closed twice by uvicorn
+                connection.transport.abort()
 
     async def _end(self) -> None:
         """End every connection: at once, but for what its client still takes within a moment."""
         for task in tuple(self._opening):
             task.cancel()
         for connection in tuple(self._connections):
-            if connection.transport is not None:
+            # A TLS transport that is closed twice cannot be aborted: it waits for its client.
+            if connection.transport is not None and not connection.transport.is_closing():
                 connection.shutdown()
         loop = asyncio.get_running_loop()
         until_s = loop.time() + END_WITHIN_S

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import random
+import shutil
 import socket
+import ssl
 import struct
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
+from pathlib import Path
 
 import pytest
 
@@ -16,16 +19,20 @@ from gateway.web.interface import WebSettings
 from gateway.web.server import MOST_CONNECTIONS, Server
 from gateway.web.streams import MOST_STREAMS
 from tests.end_to_end.web.raw_client import RawAnswer, WebClient, exchange, read_answer, request, until
+from tests.mosquitto import Certificate
 from tests.web.support import SETTINGS, PageRig, shown_site
 
 QUICK_S = 0.6
 
 
 @asynccontextmanager
-async def served(rig: PageRig | None = None) -> AsyncIterator[tuple[PageRig, Server, int]]:
+async def served(
+    rig: PageRig | None = None, certificate: Certificate | None = None
+) -> AsyncIterator[tuple[PageRig, Server, int]]:
     """Serve a page on a free port of loopback."""
     rig = rig or PageRig()
-    server = Server(rig.page, WebSettings(port=0, users=SETTINGS.users))
+    files = {"cert_file": str(certificate.cert), "key_file": str(certificate.key)} if certificate else {}
+    server = Server(rig.page, WebSettings(port=0, users=SETTINGS.users, **files))
     task = asyncio.create_task(server.run())
     await server.is_open.wait()
     assert server.address is not None
@@ -257,3 +264,29 @@ async def test_the_end_of_the_server_ends_open_streams_within_a_moment() -> None
     with suppress(asyncio.IncompleteReadError, OSError):
         await asyncio.wait_for(anext(stream, None), 5.0)
     await stream.aclose()  # type: ignore[attr-defined]
+
+
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl is not here")
+async def test_the_end_of_the_server_cuts_off_a_client_that_never_answers_the_end_of_tls(
+    tmp_path: Path,
+) -> None:
+    certificate = Certificate.make(tmp_path)
+    trusting = ssl.create_default_context(cafile=certificate.cert)
+
+    def asked(port: int) -> ssl.SSLSocket:
+        client = trusting.wrap_socket(
+            socket.create_connection(("127.0.0.1", port)), server_hostname="localhost"
+        )
+        client.sendall(request("GET", "/api/v1/session", port=port, headers={"Connection": "close"}))
+        assert client.recv(1) == b"H"
+        return client
+
+    async with served(certificate=certificate) as (_, server, port):
+        client = await asyncio.to_thread(asked, port)
+        await until(lambda: [each.transport.is_closing() for each in server._connections] == [True])
+
+    with socket.socket(fileno=client.detach()) as raw:
+        raw.settimeout(5.0)
+        with suppress(ConnectionResetError):
+            while await asyncio.to_thread(raw.recv, 65536):
+                pass
