@@ -25,11 +25,10 @@ from gateway.starters.identity.registry import IdentityRegistry
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
 from gateway.starters.telemetry.availability import Availability
 from gateway.starters.telemetry.decoding import AnswerCache, DecodedPoints, deadbands_of, sources_of, units_of
-from gateway.starters.telemetry.degraded import LONGEST_PAUSE_S, PollLoss
 from gateway.starters.telemetry.emitter import Emitter, LockOf, info_of
 from gateway.starters.telemetry.identity_check import Contact, IdentityCheck
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
-from gateway.starters.telemetry.polling import Polling
+from gateway.starters.telemetry.polling import LONGEST_PAUSE_S, Polling, PollLoss
 from gateway.starters.telemetry.reporting import REFRESH_S, SOONEST_S, Report, TickTimer
 from gateway.starters.telemetry.snapshot import Snapshot
 from gateway.starters.telemetry.status import Status, status_codes
@@ -263,7 +262,7 @@ class StarterTelemetry:
 
     def _record(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
         self.snapshot.keep_rows(rows, at_s=at_s)
-        if self._identity.standing is not IdentityStatus.MISMATCHED:
+        if not self._identity.is_mismatched:
             self.note_settings(rows)
 
     def _take_decoded(
@@ -393,7 +392,7 @@ class StarterTelemetry:
             reason, before = self.availability.lost_reason, self._identity.before_silence
             why = (reason and f"it went silent: {reason}", before and f"before: {before}")
             return "; ".join(filter(None, why))
-        return "it is being identified" if self._contact.withheld.is_open else self._identity.contradiction
+        return "it is being identified" if self._contact.withheld.is_open else self.snapshot.distrust_reason
 
     def _judge_values(self) -> None:
         """Make values bad while the device contradicts the configuration, good again once it does not."""

@@ -11,8 +11,7 @@ from gateway.line.rtu.outcome import Outcome, Refused, Silent
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.records import AvailabilityRecord, Quality
-from gateway.starters.telemetry.degraded import IN_ROW, LONGEST_PAUSE_S
-from gateway.starters.telemetry.polling import IDLE_FACTOR
+from gateway.starters.telemetry.polling import IDLE_FACTOR, IN_ROW, LONGEST_PAUSE_S
 from gateway.starters.telemetry.telemetry import StarterTelemetry
 from tests.starters.fakes import ACCELERATING, AT_SPEED, FAULT, P003, READY, RUNNING, VB01
 from tests.starters.rig import Rig, virtually
