@@ -9,7 +9,7 @@ from gateway.errors import CommandError
 from gateway.families.command.build import build, prepare, verbs
 from gateway.families.command.interlock import demand
 from gateway.families.profile.procedure import Preparation
-from gateway.families.reading.bulk import reads_for
+from gateway.families.reading import reads_for
 from gateway.records import CANCEL, OWN_VERBS, READ, SELECT, STOP, Phase
 from gateway.starters.commands.command_queue import CommandQueue
 from gateway.starters.commands.ledger import Ledger

@@ -18,7 +18,7 @@ from gateway.families.diagnosis.readiness import (
     watchdog_codes,
     watchdogs,
 )
-from gateway.families.reading.bulk import bulk_reads
+from gateway.families.reading import bulk_reads
 from gateway.line.scheduler.requests import Priority
 from gateway.records import Severity
 from gateway.starters.bulk_read import BulkReading, read_in_bulk

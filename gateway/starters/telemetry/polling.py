@@ -19,8 +19,7 @@ from gateway.families.diagnosis.readiness import watchdog_codes
 from gateway.families.mapped_registers import MappedBlock, plan_with
 from gateway.families.profile.per_profile import once_per_profile
 from gateway.families.profile.schema import Profile, Variant
-from gateway.families.reading.bulk import rows_of_points
-from gateway.families.reading.poll_blocks import Block, split
+from gateway.families.reading import Block, rows_of_points, split
 from gateway.line.client import LineClient
 from gateway.starters.setup import StarterSetup, blocks_of
 from gateway.system.backoff import backoff_s

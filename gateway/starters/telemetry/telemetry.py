@@ -12,7 +12,7 @@ from typing import assert_never
 from gateway.families.devices.device import Identity
 from gateway.families.mapped_registers import MappedBlock
 from gateway.families.profile.schema import Profile, Variant
-from gateway.families.reading.poll_blocks import Block
+from gateway.families.reading import Block
 from gateway.history.readings import Readings
 from gateway.line.client import LineClient
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
