@@ -13,8 +13,8 @@ from gateway.records import PublishEvent, Severity
 from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.policy.request import CommandRequest
 from gateway.system.clock import Clock, ClockWatch
+from gateway.system.rate_limits import Damped
 from gateway.system.stalls import SuspendWatch
-from gateway.system.token_bucket import Damped
 
 log = logging.getLogger(__name__)
 

@@ -43,7 +43,7 @@ from gateway.storage.history import HistoryStore
 from gateway.storage.history_table import HistoryRow
 from gateway.storage.worker import News, OnNews
 from gateway.system.clock import Clock
-from gateway.system.once import ChangeDetector
+from gateway.system.rate_limits import ChangeDetector
 
 log = logging.getLogger(__name__)
 

@@ -22,7 +22,7 @@ from gateway.starters.policy.rights import Rights
 from gateway.starters.telemetry.view import StarterControlView
 from gateway.storage.journal import UNAVAILABLE, Journal
 from gateway.system.clock import Clock
-from gateway.system.token_bucket import REFUSAL_EVERY_S, Damped
+from gateway.system.rate_limits import REFUSAL_EVERY_S, Damped
 
 CAN_WAIT = frozenset({"read", "set", "configure", "output"})  # verbs that move no motor
 LEDGER_FULL = "ledger_full"

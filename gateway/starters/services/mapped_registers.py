@@ -28,7 +28,7 @@ from gateway.starters.identity.first_contact import IdentityStatus
 from gateway.starters.policy.write_budget import WriteBudget
 from gateway.starters.telemetry.view import StarterControlView
 from gateway.system.clock import Clock
-from gateway.system.once import ChangeDetector
+from gateway.system.rate_limits import ChangeDetector
 from gateway.system.supervised import SupervisedTask
 
 logger = logging.getLogger(__name__)

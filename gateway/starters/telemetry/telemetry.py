@@ -34,7 +34,7 @@ from gateway.starters.telemetry.snapshot import Snapshot
 from gateway.starters.telemetry.status import Status, status_codes
 from gateway.starters.telemetry.transitions import PublishedFaults
 from gateway.system.clock import Clock
-from gateway.system.once import ChangeDetector
+from gateway.system.rate_limits import ChangeDetector
 
 logger = logging.getLogger(__name__)
 
