@@ -203,8 +203,8 @@ class OverloadRefusals:
 
     def __init__(self, reporting: Reporting) -> None:
         self._reporting = reporting
-        self._refusals = Damped(self._refuse, clock=reporting.clock, every_s=REFUSAL_EVERY_S)
-        self._stops = Damped(self._answer_stop, clock=reporting.clock, every_s=REFUSAL_EVERY_S)
+        self._refusals = Damped(self._refuse, clock=reporting.records.clock, every_s=REFUSAL_EVERY_S)
+        self._stops = Damped(self._answer_stop, clock=reporting.records.clock, every_s=REFUSAL_EVERY_S)
 
     def refuse(self, client: Hashable, request: CommandRequest) -> None:
         """Refuse a command now, or count it; one whose id is known gets no answer."""

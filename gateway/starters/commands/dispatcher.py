@@ -10,7 +10,7 @@ from math import inf
 from typing import Any
 
 from gateway.errors import CommandError
-from gateway.records import LOCK, OWN_VERBS, READ, SELECT, STOP, Phase, ResultRecord, SequenceNumbers, Sink
+from gateway.records import LOCK, OWN_VERBS, READ, SELECT, STOP, Phase, RecordWriter, ResultRecord
 from gateway.starters.commands.admission import (
     CAN_WAIT,
     LEDGER_FULL,
@@ -36,7 +36,6 @@ from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.start_rules import PolicySettings, RateLimiter
 from gateway.starters.telemetry.view import StarterControlView
 from gateway.storage.journal import UNAVAILABLE, Journal, NoJournal, Remembered
-from gateway.system.clock import Clock
 
 logger = logging.getLogger(__name__)
 
@@ -58,9 +57,7 @@ class Dispatcher:
         starters: Mapping[str, StarterControlView],
         *,
         rights: Rights,
-        sink: Sink,
-        clock: Clock,
-        sequence: SequenceNumbers,
+        records: RecordWriter,
         journal: Journal | None = None,
         policy: Policy | None = None,
         stood_still_s: Callable[[], float] = lambda: -inf,
@@ -69,17 +66,13 @@ class Dispatcher:
         on_stop: Callable[[], None] = lambda: None,
     ) -> None:
         self._starters = starters
-        self._clock = clock
+        self._clock = clock = records.clock
         self._rights = rights
         self._journal = journal or NoJournal()
         self._ledger = Ledger(proofs=proofs, on_forgotten=self._journal.forget)
-        self._policy = policy or Policy(
-            PolicySettings(), starters.keys(), rights=rights, sink=sink, clock=clock, sequence=sequence
-        )
+        self._policy = policy or Policy(PolicySettings(), starters.keys(), rights=rights, records=records)
         self._reporting = Reporting(
-            sink=sink,
-            clock=clock,
-            sequence=sequence,
+            records=records,
             ledger=self._ledger,
             write_budget=self._policy.write_budget,
             journal=self._journal,
@@ -240,7 +233,7 @@ class Dispatcher:
             text = f"this id was used for {earlier.verb} of {earlier.starter}"
             self._refuse(request, CommandError("id_reused", text), is_stored=False)
             return
-        self._reporting.sink.put(as_repetition(earlier, request))
+        self._reporting.records.put(as_repetition(earlier, request))
         audit(request, self._reporting, decision="duplicate", code=earlier.code)
 
     def _refuse(self, request: CommandRequest, error: CommandError, *, is_stored: bool) -> None:

@@ -11,10 +11,9 @@ from typing import Any
 from gateway.errors import CommandError, DamagedError
 from gateway.families.devices.device import Identity
 from gateway.families.profile.decode import rated_current_a
-from gateway.records import EventRecord, SequenceNumbers, Severity, Sink
+from gateway.records import RecordWriter, Severity
 from gateway.starters.setup import StarterSetup
 from gateway.storage.json_file import JsonStore, NoStore, Saver
-from gateway.system.clock import Clock
 
 logger = logging.getLogger(__name__)
 
@@ -146,12 +145,8 @@ class IdentityRegistry:
     A starter that was never seen is taken as it is. All calls on the app's loop.
     """
 
-    def __init__(
-        self, *, sink: Sink, clock: Clock, sequence: SequenceNumbers, memory: JsonStore | None = None
-    ) -> None:
-        self._sink = sink
-        self._clock = clock
-        self._sequence = sequence
+    def __init__(self, records: RecordWriter, memory: JsonStore | None = None) -> None:
+        self._publish = records.event
         self._known: dict[str, Known] = {}
         self._mismatches: dict[str, IdentityMismatch] = {}
         self._published: dict[str, IdentityMismatch] = {}
@@ -260,12 +255,6 @@ class IdentityRegistry:
         else:
             text = "the starters' fingerprints are stored again"
             self._publish("", "identities_back", Severity.INFO, text, {})
-
-    def _publish(
-        self, starter: str, code: str, severity: Severity, text: str, data: Mapping[str, Any]
-    ) -> None:
-        utc_s, seq = self._clock.utc_s(), self._sequence.take()
-        self._sink.put(EventRecord(starter, code, severity, text, utc_s, seq, data))
 
 
 def mismatch_in(

@@ -19,7 +19,7 @@ from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.scheduler.requests import Poll, Priority
 from gateway.modbus.codes import exception_name
 from gateway.modbus.pdu import Request
-from gateway.records import Quality, SequenceNumbers, Sink
+from gateway.records import Quality, RecordWriter
 from gateway.starters.identity.first_contact import IdentityStatus, standing_of
 from gateway.starters.identity.registry import IdentityRegistry
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
@@ -33,7 +33,6 @@ from gateway.starters.telemetry.reporting import REFRESH_S, SOONEST_S, Report, T
 from gateway.starters.telemetry.snapshot import Snapshot
 from gateway.starters.telemetry.status import Status, status_codes
 from gateway.starters.telemetry.transitions import PublishedFaults
-from gateway.system.clock import Clock
 from gateway.system.rate_limits import ChangeDetector
 
 logger = logging.getLogger(__name__)
@@ -49,9 +48,7 @@ class StarterTelemetry:
         setup: StarterSetup,
         *,
         line: LineClient,
-        sink: Sink,
-        clock: Clock,
-        sequence: SequenceNumbers,
+        records: RecordWriter,
         identities: IdentityRegistry | None = None,
         watchdogs: KnownWatchdogs | None = None,
         published_faults: PublishedFaults | None = None,
@@ -63,8 +60,8 @@ class StarterTelemetry:
         self.line = line
         self.variant = setup.variant
         self.snapshot = Snapshot(units_of(profile))
-        self.emitter = Emitter(setup.name, sink=sink, clock=clock, sequence=sequence, lock_of=lock_of)
-        self._clock = clock
+        self.emitter = Emitter(setup.name, records, lock_of=lock_of)
+        self._clock = records.clock
         self._sources = sources_of(profile)
         self._answers = AnswerCache(profile, self._sources)
         self._polling = Polling(setup, line)
@@ -73,7 +70,7 @@ class StarterTelemetry:
         self._report = Report(deadbands_of(profile), refresh_s=refresh_s)
         self._watchdogs = watchdogs or KnownWatchdogs()
         self._watchdogs.add(setup, line)
-        identities = identities or IdentityRegistry(sink=sink, clock=clock, sequence=sequence)
+        identities = identities or IdentityRegistry(records)
         identities.when_accepted(setup.name, self._judge_values)
         self._identity = IdentityCheck(setup, identities, self.emitter)
         self._contact = Contact(
@@ -88,7 +85,7 @@ class StarterTelemetry:
         self._on_identified: list[Callable[[], None]] = []
         self._on_fast_words_lost: Callable[[str], None] = lambda _: None
         self.on_readings: Callable[[Readings], None] = lambda _: None  # of each reply; must not raise
-        self._waker = TickTimer(clock, self._publish)
+        self._waker = TickTimer(records.clock, self._publish)
         self._where = f"line={setup.line} unit={setup.address} starter={setup.name}"
 
     @property

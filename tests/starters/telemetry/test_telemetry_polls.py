@@ -199,9 +199,7 @@ async def test_what_the_identified_variant_lacks_is_not_asked_any_more() -> None
     recent = {"current": profile.points["current"].model_copy(update={"since_firmware": "9.00"})}
     rig = Rig()
     rig.setup = replace(rig.setup, profile=profile.model_copy(update={"points": profile.points | recent}))
-    rig.telemetry = StarterTelemetry(
-        rig.setup, line=rig.line, sink=rig.sink, clock=rig.clock, sequence=rig.sequence
-    )
+    rig.telemetry = StarterTelemetry(rig.setup, line=rig.line, records=rig.records)
 
     await rig.online()
 
