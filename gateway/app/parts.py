@@ -252,7 +252,7 @@ class Parts:
                 host,
                 latest=self.latest.records,
                 take=self._inbox.put,
-                reject=lambda each: self.dispatcher.reject(each, each.code, each.text),
+                reject=lambda each: self.dispatcher.reject(each.request, each.code, each.text),
                 facts=uplink.facts,
             ),
         )

@@ -67,7 +67,8 @@ def test_a_malformed_command_topic_is_refused_with_what_can_be_known(
 ) -> None:
     refused = refusal(command(fresh(), topic=f"b/command/{topic}"))
 
-    assert (refused.starter, refused.client, refused.id, refused.code) == (
+    request = refused.request
+    assert (request.starter, request.client, request.id, refused.code) == (
         starter,
         client,
         "c1",
@@ -138,15 +139,17 @@ def test_a_refusal_names_the_command_so_that_its_sender_can_be_notified() -> Non
     rejection = refusal(incoming)
 
     assert rejection == Rejection(
-        starter="pump-1",
-        client="alice",
-        verb="start",
-        id="c1",
+        CommandRequest(
+            starter="pump-1",
+            client="alice",
+            verb="start",
+            id="c1",
+            operator="Ana",
+            args={"value": 3},
+            correlation=b"42",
+        ),
         code="bad_payload",
         text="surprise is no known key",
-        operator="Ana",
-        args={"value": 3},
-        correlation=b"42",
     )
 
 

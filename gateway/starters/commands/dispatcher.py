@@ -31,7 +31,7 @@ from gateway.starters.commands.starter_io import HALTED
 from gateway.starters.commands.stop import Stopping
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.preconditions import is_forbidden
-from gateway.starters.policy.request import CommandRequest, Refusable, request_of
+from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.start_rules import PolicySettings, RateLimiter
 from gateway.starters.telemetry.view import StarterControlView
@@ -122,9 +122,8 @@ class Dispatcher:
         except CommandError as refusal:
             self._refuse(request, refusal, is_stored=refusal.code not in NOT_TAKEN)
 
-    def reject(self, refusable: Refusable, code: str, text: str) -> None:
+    def reject(self, request: CommandRequest, code: str, text: str) -> None:
         """Reject a command that is not fit to be submitted; a repetition gets the first one's result."""
-        request = request_of(refusable)
         if not self._admits(request):
             self._overload_refusals.refuse(self._key(request), request)
             return

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Any
 
 from gateway.errors import CommandError, PortLostError
 from gateway.families.command.interlock import check
@@ -26,7 +26,7 @@ from gateway.records import AuditRecord, RecordWriter, Severity
 from gateway.starters.commands.starter_io import RefusedError, Rows, StarterIo
 from gateway.starters.identity.first_contact import IdentityStatus
 from gateway.starters.policy.write_budget import WriteBudget
-from gateway.starters.telemetry.view import StarterControlView
+from gateway.starters.telemetry.telemetry import StarterTelemetry
 from gateway.system.rate_limits import ChangeDetector
 from gateway.system.supervised import SupervisedTask
 
@@ -35,13 +35,6 @@ logger = logging.getLogger(__name__)
 GATEWAY = "gateway"  # who writes, in the audit
 RETRY_S = 10.0  # until the starter can be asked, or the motor stands
 MOST_WRITINGS = 3  # of a map that does not read back as written
-
-
-class FastStarter(StarterControlView, Protocol):
-    """A starter that can be read by mapped words; `StarterTelemetry` is one."""
-
-    def use_fast_words(self, block: MappedBlock | None) -> None:
-        """Read the points of this block in one request from now on; None: as they stand in the starter."""
 
 
 class MappedRegisters:
@@ -53,7 +46,7 @@ class MappedRegisters:
 
     def __init__(
         self,
-        starter: FastStarter,
+        starter: StarterTelemetry,
         *,
         write_budget: WriteBudget,
         records: RecordWriter,
