@@ -107,8 +107,7 @@ class CommandExecution:
                 rows, procedure = await self._decide()  # what was read has grown old meanwhile
             if not procedure.steps:
                 return self._unwritten(procedure, rows)
-            if procedure.wears:
-                self.report.count_memory_writes(procedure.wears)
+            self.report.count_memory_writes(procedure.wears)
             for _ in range(MOST_DECISIONS):
                 try:
                     return await self._carry_out(procedure)

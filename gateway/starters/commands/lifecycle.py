@@ -113,6 +113,8 @@ class CommandReport:
 
     def count_memory_writes(self, writes: int) -> None:
         """Count writes of the starter's non-volatile memory; CommandError when there were too many."""
+        if not writes:
+            return
         wait_s = self._reporting.write_budget.take(self.request.starter, writes, now_s=self.now_s())
         if wait_s is not None:
             raise CommandError("wear_limit", self._reporting.write_budget.refusal(wait_s))
