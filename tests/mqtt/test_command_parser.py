@@ -243,7 +243,7 @@ def test_the_page_names_the_operator_itself_and_its_commands_are_marked() -> Non
     assert isinstance(judged, CommandRequest)
     assert (judged.operator, judged.source) == ("anna", "web")
     rejected = refusal(command({"id": "c1"}, source="web", operator="anna"))
-    assert (rejected.operator, rejected.source) == ("anna", "web")
+    assert (rejected.request.operator, rejected.request.source) == ("anna", "web")
 
 
 @pytest.mark.parametrize("freshness", ["token", "issued_at", "boot"])
