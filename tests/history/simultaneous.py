@@ -53,7 +53,7 @@ async def deviations(count: int, *, is_ours: bool) -> list[Deviation]:
 
 def _command(here: RunningPlant, names: list[str]) -> None:
     rights = Rights([Operator("alice", ("*",), ("*",))])
-    desk = Dispatcher(here.plant.starters, rights=rights, **here.made)
+    desk = Dispatcher(here.plant.starters, rights=rights, records=here.records)
     now_s = here.records.clock.now_s()
     for name in names:
         desk.submit(

@@ -48,7 +48,7 @@ def desk(here: RunningPlant) -> Callable[..., Awaitable[ResultRecord]]:
     """Return what gives a command and awaits its final result."""
     rights = Rights([Operator("alice", ("*",), ("*",)), Operator("carol", ("start", "stop"), ("*",))])
     commander = Dispatcher(
-        here.plant.starters, rights=rights, set_baseline=here.history.set_baseline, **here.made
+        here.plant.starters, rights=rights, set_baseline=here.history.set_baseline, records=here.records
     )
     count = 0
 
