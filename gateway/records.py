@@ -14,6 +14,8 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any, Protocol
 
+from gateway.system.clock import Clock
+
 SELECT, CANCEL, LOCK, UNLOCK, ACCEPT = "select", "cancel", "lock", "unlock", "accept"
 BASELINE = "baseline"  # later starts are compared with this one
 READ = "read"  # it writes nothing
@@ -306,3 +308,24 @@ class SequenceNumbers:
         """Return the next number."""
         self._last += 1
         return self._last
+
+
+@dataclass(frozen=True, slots=True)
+class RecordWriter:
+    """Where records go, the clock that dates them and the numbers that order them."""
+
+    sink: Sink
+    clock: Clock
+    sequence: SequenceNumbers = field(default_factory=SequenceNumbers)
+
+    def put(self, record: Record) -> None:
+        """Publish a record."""
+        self.sink.put(record)
+
+    def event(
+        self, starter: str, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None
+    ) -> None:
+        """Publish something that happens now, to a starter or (with an empty name) to the gateway."""
+        self.sink.put(
+            EventRecord(starter, code, severity, text, self.clock.utc_s(), self.sequence.take(), data or {})
+        )

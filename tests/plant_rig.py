@@ -16,7 +16,7 @@ from gateway.config.convert import policy_of, rights_of, setups_of, timing_of
 from gateway.config.diff import changes_of
 from gateway.config.load import parse
 from gateway.config.schema import Config, LineTable
-from gateway.records import AvailabilityRecord, SequenceNumbers, Severity, StateRecord, ValueRecord
+from gateway.records import AvailabilityRecord, RecordWriter, Severity, StateRecord, ValueRecord
 from gateway.sim.bus.port import SimulatedLine, SimulatedOpener
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.starters.policy.policy import Policy
@@ -72,7 +72,7 @@ class RunningPlant:
     services: StarterServices = field(init=False)
     history: HistoryService = field(init=False)
     file: MemoryFile = field(default_factory=MemoryFile)  # of the history
-    made: dict[str, Any] = field(default_factory=dict)  # bus, clock and sequence that everything shares
+    records: RecordWriter = field(init=False)  # which everything shares
 
     # PlantListener
 
@@ -164,7 +164,6 @@ async def running(
     the starters are asked for what they say of their past, for the history.
     """
     here = RunningPlant(config=site(*changes))
-    clock, sequence = VirtualClock(asyncio.get_running_loop()), SequenceNumbers()
     for port, address, family in (
         *(("hall", 1, "ssw07"), ("hall", 2, "ssw06")),
         *(("yard", 1, "ssw900"), ("yard", 2, "sst")),
@@ -172,22 +171,21 @@ async def running(
     ):
         here.connect(port, address, family)
     bus = RecordBus()
-    made: dict[str, Any] = {"sink": bus, "clock": clock, "sequence": sequence}
+    records = here.records = RecordWriter(bus, VirtualClock(asyncio.get_running_loop()))
     rights = rights_of(here.config)
     names = [setup.name for setup in setups(here.config)]
-    policy = Policy(policy_of(here.config), names, rights=rights, **made)
-    here.made = made
+    policy = Policy(policy_of(here.config), names, rights=rights, records=records)
     here.history = HistoryService(
         Path("unused"),
         setups(here.config),
         boot="boot",
         publish_event=here.publish_event,
         make_file=lambda _path, _on_news: here.file,
-        **made,
+        records=records,
     )
     past = here.history if has_past else None
     # Seldom: it would look at the same instant as what is tested.
-    services = StarterServices(policy, may_write=True, monitor_every_s=3600.0, past=past, **made)
+    services = StarterServices(policy, may_write=True, monitor_every_s=3600.0, past=past, records=records)
     here.services = services
     bus.connect(policy, services, here.history, here.sink)
     plant = here.plant = Plant(
@@ -197,7 +195,7 @@ async def running(
         make_opener=here.opener,
         on_readings=here.history.take_readings,
         language=here.config.gateway.language,
-        **made,
+        records=records,
     )
     host = LocalHost(plant.handle)
     plant.build(host, here.config.lines)

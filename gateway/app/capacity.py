@@ -20,8 +20,7 @@ from gateway.line.capacity.deadline_check import LONGEST_LIMIT_S, missed_in, wit
 from gateway.line.capacity.forecast import Forecast, forecast, longest_gap_s
 from gateway.line.scheduler.requests import Poll
 from gateway.modbus.timing import LineTiming
-from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.polling import fast_polls_of, polls_of
+from gateway.starters.setup import StarterSetup, fast_polls_of, polls_of
 
 LONGEST_EVERY_S = 3600.0
 

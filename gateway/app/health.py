@@ -17,7 +17,7 @@ from gateway.line.capacity.outage import FEEDS, LOOK_S
 from gateway.line.client import LineClient
 from gateway.mqtt.publisher import Publisher
 from gateway.records import LineRecord, PublishEvent, Severity, Sink
-from gateway.system.once import HoldOff
+from gateway.system.rate_limits import HoldOff
 from gateway.system.stalls import HangWatch, LagMeter
 from gateway.system.systemd import Notifier
 

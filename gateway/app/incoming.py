@@ -13,8 +13,8 @@ from gateway.records import PublishEvent, Severity
 from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.policy.request import CommandRequest
 from gateway.system.clock import Clock, ClockWatch
+from gateway.system.rate_limits import Damped
 from gateway.system.stalls import SuspendWatch
-from gateway.system.token_bucket import Damped
 
 log = logging.getLogger(__name__)
 
@@ -60,22 +60,23 @@ class IncomingCommands:
         if verdict is None:
             log.debug("topic=%s is no command", shortened(incoming.topic))
             return
+        request = verdict.request if isinstance(verdict, Rejection) else verdict
         if isinstance(verdict, Rejection) and verdict.problem:
-            self._refuse_malformed(incoming, verdict, verdict.problem, verdict.code, verdict.text)
+            self._refuse_malformed(incoming, request, verdict.problem, verdict.code, verdict.text)
             return
-        unknown = self._dispatcher.verb_error(verdict.starter, verdict.verb)
+        unknown = self._dispatcher.verb_error(request.starter, request.verb)
         if unknown is not None:
-            self._refuse_malformed(incoming, verdict, unknown.code, unknown.code, unknown.text)
+            self._refuse_malformed(incoming, request, unknown.code, unknown.code, unknown.text)
         elif isinstance(verdict, Rejection):
-            self._dispatcher.reject(verdict, verdict.code, verdict.text)
+            self._dispatcher.reject(request, verdict.code, verdict.text)
         else:
-            self._dispatcher.submit(verdict)
+            self._dispatcher.submit(request)
 
     def _refuse_malformed(
-        self, incoming: Incoming, verdict: Rejection | CommandRequest, problem: str, code: str, text: str
+        self, incoming: Incoming, request: CommandRequest, problem: str, code: str, text: str
     ) -> None:
         """Reject what came on a topic that names no command: mistyped, or with an unknown verb."""
-        self._dispatcher.reject(verdict, code, text)
+        self._dispatcher.reject(request, code, text)
         self._malformed.put(
             problem, {"problem": problem, "topic": shortened(incoming.topic, 120), "text": text}
         )

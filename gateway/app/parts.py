@@ -32,7 +32,7 @@ from gateway.config.convert import least_watchdog_s, policy_of, rights_of, setup
 from gateway.line.thread import LineHost
 from gateway.mqtt.connection.inbox import Inbox
 from gateway.mqtt.contract.freshness import MAX_AHEAD_S, MAX_TTL_S, RunToken, Tokens
-from gateway.records import EventRecord, SequenceNumbers, Severity
+from gateway.records import RecordWriter, Severity
 from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.commands.ledger import Proofs
 from gateway.starters.policy.policy import Policy
@@ -55,10 +55,10 @@ class Parts:
         self.clock = SystemClock()
         self.clock_watch = ClockWatch(site.config.gateway.clock)
         self._suspend_watch = SuspendWatch(self.clock.now_s)
-        self._sequence = SequenceNumbers()
         self._boot = RunToken(secrets.token_hex(8))
         self._tokens = Tokens(self._boot)
-        self._records = RecordBus()
+        self._bus = RecordBus()
+        self._records = RecordWriter(self._bus, self.clock)
         self.latest = LatestRecords()
         self.uplink = Uplink(site, self._tokens, clock=self.clock, publish_event=self.publish_event)
         self.files = StateFiles(site.state_dir, has_operators=bool(site.config.operators))
@@ -91,7 +91,7 @@ class Parts:
     def _connect(self) -> None:
         self.uplink.outbox.on_delivered = self._note_delivered
         self.uplink.connect(on_incoming=self._inbox.put, on_link=self.health.note_link)
-        self._records.connect(
+        self._bus.connect(
             self.state_dir,  # the audit has a decision before any client can read of it
             self.policy,  # states: starts and standstills
             self.services,  # what commands set
@@ -108,9 +108,7 @@ class Parts:
         self, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None, /
     ) -> None:
         """Publish an event of the gateway's own."""
-        self._records.put(
-            EventRecord("", code, severity, text, self.clock.utc_s(), self._sequence.take(), data or {})
-        )
+        self._records.event("", code, severity, text, data)
 
     def forget(self, starters: Sequence[str]) -> None:
         """Have the broker delete what it retains of starters."""
@@ -163,9 +161,7 @@ class Parts:
             policy_of(config),
             [starter.name for starter in config.starters],
             rights=rights_of(config),
-            sink=self._records,
-            clock=self.clock,
-            sequence=self._sequence,
+            records=self._records,
             memory=self.files.motor_history,
             identities_memory=self.files.identities,
             write_budget_memory=self.files.write_budget,
@@ -176,9 +172,7 @@ class Parts:
     def _build_services(self) -> StarterServices:
         return StarterServices(
             self.policy,
-            sink=self._records,
-            clock=self.clock,
-            sequence=self._sequence,
+            records=self._records,
             may_write=bool(self.site.config.operators),
             past=self.history,
         )
@@ -188,9 +182,7 @@ class Parts:
             self,
             policy=self.policy,
             services=self.services,
-            sink=self._records,
-            clock=self.clock,
-            sequence=self._sequence,
+            records=self._records,
             refresh_s=self.site.config.mqtt.refresh_s,
             on_readings=self.history.take_readings,
             language=self.site.config.gateway.language,
@@ -201,9 +193,7 @@ class Parts:
             self.site.state_dir,
             setups_in(self.site.config),
             boot=self._boot.run,
-            sink=self._records,
-            clock=self.clock,
-            sequence=self._sequence,
+            records=self._records,
             publish_event=self.publish_event,
             policy=self.policy,
             publish_again=self.uplink.publish_again,
@@ -213,9 +203,7 @@ class Parts:
         return Dispatcher(
             self.plant.starters,
             rights=rights_of(self.site.config),
-            sink=self._records,
-            clock=self.clock,
-            sequence=self._sequence,
+            records=self._records,
             journal=self.state_dir.journal,
             policy=self.policy,
             stood_still_s=self._suspend_watch.ended_s,
@@ -244,14 +232,12 @@ class Parts:
             dispatcher=self.dispatcher,
             policy=self.policy,
             starters=self.plant.starters,
-            clock=self.clock,
             clock_doubt=self.clock_watch.doubt,
             is_connected=lambda: self.uplink.outbox.is_connected,
             progress=self.host.progress,
             metrics=self._metrics,
             stored=self.history.stored,
-            sink=self._records,
-            sequence=self._sequence,
+            records=self._records,
         )
         return page_integration(self._integration_host, access, publisher=self.uplink.publisher)
 
@@ -266,7 +252,7 @@ class Parts:
                 host,
                 latest=self.latest.records,
                 take=self._inbox.put,
-                reject=lambda each: self.dispatcher.reject(each, each.code, each.text),
+                reject=lambda each: self.dispatcher.reject(each.request, each.code, each.text),
                 facts=uplink.facts,
             ),
         )
@@ -291,7 +277,7 @@ class Parts:
             self.plant.lines.values(),
             progress=self.host.progress,
             publisher=self.uplink.publisher,
-            sink=self._records,
+            sink=self._bus,
             notifier=notifier,
             watchdog_every_s=watchdog_every_s,
             lines_lag=self.host.lag,

@@ -21,13 +21,12 @@ from gateway.line.port.base import PortOpener
 from gateway.line.port.opener import SerialOpener
 from gateway.line.port_recovery import DEAF
 from gateway.line.thread import LineHost
-from gateway.records import SequenceNumbers, Severity, Sink
+from gateway.records import RecordWriter, Severity
 from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.reporting import REFRESH_S
 from gateway.starters.telemetry.telemetry import StarterTelemetry
-from gateway.system.clock import Clock
 
 
 class PlantListener(Protocol):
@@ -69,9 +68,7 @@ class Plant:
         *,
         policy: Policy,
         services: StarterServices,
-        sink: Sink,
-        clock: Clock,
-        sequence: SequenceNumbers,
+        records: RecordWriter,
         refresh_s: float = REFRESH_S,
         on_readings: Callable[[str, Readings], None] = _ignore,
         language: str = ENGLISH,
@@ -83,9 +80,7 @@ class Plant:
         self._listener = listener
         self._policy = policy
         self._services = services
-        self._sink = sink
-        self._clock = clock
-        self._sequence = sequence
+        self._records = records
         self._make_opener = make_opener
         self._on_readings = on_readings
         self._host: LineHost
@@ -225,9 +220,7 @@ class Plant:
         starter = StarterTelemetry(
             setup,
             line=self.lines[setup.line],
-            sink=self._sink,
-            clock=self._clock,
-            sequence=self._sequence,
+            records=self._records,
             identities=self._policy.identities,
             watchdogs=self._policy.watchdogs,
             published_faults=self._policy.published_faults,

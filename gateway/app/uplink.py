@@ -29,7 +29,7 @@ from gateway.mqtt.publisher import Publisher
 from gateway.records import PublishEvent, Record, Severity
 from gateway.storage.outbox import OutboxDisk
 from gateway.system.clock import Clock
-from gateway.system.token_bucket import Damped
+from gateway.system.rate_limits import Damped
 
 log = logging.getLogger(__name__)
 

@@ -18,8 +18,7 @@ from gateway.families.profile.parameters import RowWords, find, writes_for
 from gateway.families.profile.procedure import Preparation, Procedure, Read, Seen, WriteStep
 from gateway.families.profile.rows import Parameter, Table
 from gateway.families.profile.schema import Profile, Variant
-from gateway.families.reading.bulk import holds, read_back, read_of, reads_for, rows_of_points
-from gateway.families.reading.poll_blocks import Block, plan_blocks
+from gateway.families.reading import Block, holds, plan_blocks, read_back, read_of, reads_for, rows_of_points
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import LineTiming
 

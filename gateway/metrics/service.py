@@ -20,7 +20,7 @@ from gateway.metrics.counts import RecordCounts
 from gateway.metrics.scrape import MetricsSettings, MetricsSource
 from gateway.records import Record
 from gateway.system.clock import Clock
-from gateway.system.once import ChangeDetector
+from gateway.system.rate_limits import ChangeDetector
 from gateway.system.supervised import InThread
 
 log = logging.getLogger(__name__)

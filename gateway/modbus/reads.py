@@ -8,8 +8,15 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from gateway.modbus.codes import Function
-from gateway.modbus.packing import byte_count, decode_words, encode_words, pack_bits, unpack_bits
-from gateway.modbus.pdu import check_run, mismatch
+from gateway.modbus.pdu import (
+    byte_count,
+    check_run,
+    decode_words,
+    encode_words,
+    mismatch,
+    pack_bits,
+    unpack_bits,
+)
 
 MAX_READ_BITS = 2000  # [APP 6.1, 6.2]
 MAX_READ_WORDS = 125  # [APP 6.3, 6.4]

@@ -8,8 +8,7 @@ from collections.abc import Callable
 from gateway.errors import BadRequestError
 from gateway.modbus.codes import MEI_DEVICE_IDENTIFICATION, ExceptionCode, Function
 from gateway.modbus.device_id import ONE_OBJECT_CODE, STREAM_CODES, ReadDeviceIdentification
-from gateway.modbus.packing import byte_count, unpack_bits
-from gateway.modbus.pdu import ADDRESS_SPACE
+from gateway.modbus.pdu import ADDRESS_SPACE, byte_count, unpack_bits
 from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.writes import (
     COIL_OFF,

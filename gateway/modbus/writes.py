@@ -9,8 +9,15 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from gateway.modbus.codes import Function
-from gateway.modbus.packing import byte_count, decode_words, encode_words, pack_bits
-from gateway.modbus.pdu import check_run, check_words, mismatch
+from gateway.modbus.pdu import (
+    byte_count,
+    check_run,
+    check_words,
+    decode_words,
+    encode_words,
+    mismatch,
+    pack_bits,
+)
 
 MAX_WRITE_BITS = 1968  # [APP 6.11]
 MAX_WRITE_WORDS = 123  # [APP 6.12]

@@ -26,6 +26,7 @@ from gateway.mqtt.contract.topics import Topics, shortened
 from gateway.records import STOP, rfc3339
 from gateway.sparkplug.metrics import COMMANDS, ID_PREFIX, STOP_METRIC
 from gateway.sparkplug.payload import HostCommand, HostWrite
+from gateway.starters.policy.request import CommandRequest
 
 MOST_WRITES = 20  # of one message
 SPARKPLUG = "sparkplug"  # the source of such commands, in the audit
@@ -71,7 +72,7 @@ class CommandMapper:
     def unread(self, starter: str, utc_s: float, code: str, text: str) -> Rejection:
         """Return the refusal of DCMDs for a starter that were not looked into."""
         id_ = f"{ID_PREFIX}{round(utc_s * 1000)}-{code}"
-        return Rejection(starter, self._operator, "?", id_, code, text, source=SPARKPLUG)
+        return self._rejection(starter, "?", id_, code, text)
 
     def _judged(self, asked: DeviceCommand, write: HostWrite, *, has_stop: bool) -> Incoming | Rejection:
         verb = COMMANDS.get(write.name)
@@ -104,7 +105,10 @@ class CommandMapper:
         return Incoming(topic, to_payload(body), is_retained=asked.is_retained, source=SPARKPLUG)
 
     def _refused(self, asked: DeviceCommand, verb: str, id_: str, code: str, text: str) -> Rejection:
-        return Rejection(asked.starter, self._operator, verb, id_, code, text, source=SPARKPLUG)
+        return self._rejection(asked.starter, verb, id_, code, text)
+
+    def _rejection(self, starter: str, verb: str, id_: str, code: str, text: str) -> Rejection:
+        return Rejection(CommandRequest(starter, self._operator, verb, id_, source=SPARKPLUG), code, text)
 
 
 def _is_stop(write: HostWrite) -> bool:

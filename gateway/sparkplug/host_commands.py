@@ -18,7 +18,7 @@ from gateway.sparkplug.commands import CommandMapper, DeviceCommand
 from gateway.sparkplug.metrics import COMMANDS, STOP_METRIC
 from gateway.sparkplug.payload import decoded_command
 from gateway.system.clock import Clock
-from gateway.system.token_bucket import Bucket, Damped, Rate
+from gateway.system.rate_limits import Bucket, Damped, Rate
 
 MOST_BYTES = MAX_PAYLOAD_BYTES  # as on the gateway's own topics
 DECODED = Rate(20.0, 100)  # as the gateway's own topics take of one client

@@ -31,9 +31,8 @@ from gateway.sparkplug.topics import REBIRTH, EdgeTopics
 from gateway.storage.json_file import JsonStore
 from gateway.system.backoff import Backoff
 from gateway.system.clock import Clock
-from gateway.system.once import ChangeDetector
+from gateway.system.rate_limits import Bucket, ChangeDetector, Rate
 from gateway.system.supervised import InThread
-from gateway.system.token_bucket import Bucket, Rate
 
 log = logging.getLogger(__name__)
 

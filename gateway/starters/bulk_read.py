@@ -10,7 +10,7 @@ from typing import assert_never
 from gateway.errors import CommandError, PortLostError
 from gateway.families.profile.procedure import Read
 from gateway.families.profile.schema import Profile
-from gateway.families.reading.bulk import halves, rows_in
+from gateway.families.reading import halves, rows_in
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.modbus.codes import ExceptionCode, exception_name
 from gateway.modbus.pdu import Request

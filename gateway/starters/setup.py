@@ -1,23 +1,31 @@
-"""What a starter is by configuration, what its identification adds to that, and the one way to ask it."""
+"""What a starter is by configuration, which polls follow from it, and the one way to ask a starter."""
 
 from __future__ import annotations
 
 import asyncio
 from dataclasses import dataclass
+from functools import partial
 from math import inf
 
+from gateway.families.alternates import alternates
 from gateway.families.devices.device import Identity
+from gateway.families.mapped_registers import fast_block, plan_with
+from gateway.families.profile.per_profile import once_per_profile
 from gateway.families.profile.schema import Profile, Variant
+from gateway.families.reading import Block
 from gateway.line.client import LineClient
 from gateway.line.rtu.outcome import Outcome
+from gateway.line.rtu.request import Alternates
 from gateway.line.rtu.timeouts import ALLOWANCE_S
-from gateway.line.scheduler.requests import Priority
+from gateway.line.scheduler.requests import Poll, Priority
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
 from gateway.modbus.writes import WriteRegisters
 
 Asked = asyncio.Future[Outcome]  # what becomes of a request; cancelled, it is withdrawn while it waits
 
+SLOWEST_FACTOR = 10  # slow rows are asked for ten times less often,
+SLOW_AT_LEAST_S = 10.0  # and never more often than this
 LEARNT_MINIMUM_S = 0.005
 UNSTATED_MINIMUM_S = 0.030  # where the manual names no time, ours is a guess on the long side
 
@@ -61,6 +69,53 @@ class StarterSetup:
             return LEARNT_MINIMUM_S
         is_ours = not self.profile.timing.is_stated and self.response_time_s is None
         return UNSTATED_MINIMUM_S if is_ours else None
+
+    def period_of(self, block: Block) -> float:
+        """Return how often a block is read, whatever the state of the motor."""
+        return max(SLOW_AT_LEAST_S, SLOWEST_FACTOR * self.every_s) if block.group == "slow" else self.every_s
+
+    def key_of(self, block: Block) -> str:
+        """Return the key of a block's poll."""
+        return (
+            f"{self.name}/{block.name}" if self.edition == 0 else f"{self.name}/{block.name}/{self.edition}"
+        )
+
+    def poll_of(self, block: Block, *, every_s: float) -> Poll:
+        """Return the poll that reads a block."""
+        return Poll(
+            key=self.key_of(block),
+            unit=self.address,
+            request=block.request,
+            every_s=every_s,
+            response_time_s=self.response_time_of(block.request),
+            shortest_response_s=self.shortest_response_of(block.request),
+            deadline_s=self.watchdog_s,
+            group=block.group,
+            is_urgent=block.group == "status",
+            alternates_of=_alternates_of(self.profile),
+        )
+
+
+def blocks_of(setup: StarterSetup) -> tuple[Block, ...]:
+    """Return what is read of a starter at first, status first; nothing of a disabled one."""
+    return plan_with(setup.profile, setup.variant, None, timing=setup.timing) if setup.is_enabled else ()
+
+
+def polls_of(setup: StarterSetup) -> tuple[Poll, ...]:
+    """Return the polls with which a starter's line begins, status first; none for a disabled starter."""
+    return tuple(setup.poll_of(block, every_s=setup.period_of(block)) for block in blocks_of(setup))
+
+
+def fast_polls_of(setup: StarterSetup) -> tuple[Poll, ...]:
+    """Return the polls of a starter whose points are all mapped; those of `polls_of` where none can be."""
+    fast = fast_block(setup.profile, setup.variant)
+    blocks = plan_with(setup.profile, setup.variant, fast, timing=setup.timing)
+    return tuple(setup.poll_of(block, every_s=setup.period_of(block)) for block in blocks)
+
+
+@once_per_profile
+def _alternates_of(profile: Profile) -> Alternates:
+    return partial(alternates, profile)
 
 
 def ask(

@@ -19,7 +19,7 @@ from gateway.storage.formats.copies import (
     write_copy,
     write_whole,
 )
-from gateway.system.once import ChangeDetector
+from gateway.system.rate_limits import ChangeDetector
 
 logger = logging.getLogger(__name__)
 

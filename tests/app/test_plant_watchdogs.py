@@ -16,7 +16,7 @@ from gateway.app.record_bus import RecordBus
 from gateway.config.convert import policy_of, rights_of, setups_of, timing_of
 from gateway.config.load import parse
 from gateway.config.schema import Config, LineTable
-from gateway.records import AvailabilityRecord, EventRecord, Phase, Record, ResultRecord, SequenceNumbers
+from gateway.records import AvailabilityRecord, EventRecord, Phase, Record, RecordWriter, ResultRecord
 from gateway.sim.bus.faults import Reply
 from gateway.sim.bus.port import SimulatedLine, SimulatedOpener
 from gateway.sim.factory import make_unit
@@ -146,16 +146,15 @@ async def running(
     bus: SimulatedLine, config: Config, memory: FakeMemory | None = None, *, lap_s: float = 60.0
 ) -> AsyncIterator[Run]:
     """Run the plant with its dispatcher from the opening of the port to its closing."""
-    clock, sequence, sink = VirtualClock(asyncio.get_running_loop()), SequenceNumbers(), WatchedSink()
+    clock, sink = VirtualClock(asyncio.get_running_loop()), WatchedSink()
     watchdogs = KnownWatchdogs(memory=memory)
     bus_of_records = RecordBus()
+    records = RecordWriter(bus_of_records, clock)
     policy = Policy(
         policy_of(config),
         [starter.name for starter in config.lines[0].starters],
         rights=rights_of(config),
-        sink=bus_of_records,
-        clock=clock,
-        sequence=sequence,
+        records=records,
         watchdogs=watchdogs,
     )
 
@@ -164,9 +163,7 @@ async def running(
 
     services = StarterServices(
         policy,
-        sink=bus_of_records,
-        clock=clock,
-        sequence=sequence,
+        records=records,
         may_write=bool(config.operators),
         monitor_every_s=lap_s,
     )
@@ -176,9 +173,7 @@ async def running(
         listener,
         policy=policy,
         services=services,
-        sink=bus_of_records,
-        clock=clock,
-        sequence=sequence,
+        records=records,
         make_opener=opener,
     )
     host = LocalHost(plant.handle)
@@ -186,9 +181,7 @@ async def running(
     dispatcher = Dispatcher(
         plant.starters,
         rights=rights_of(config),
-        sink=bus_of_records,
-        clock=clock,
-        sequence=sequence,
+        records=records,
         policy=policy,
     )
     await plant.start()

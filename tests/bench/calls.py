@@ -40,7 +40,7 @@ from gateway.mqtt.contract.payloads import Payloads
 from gateway.mqtt.contract.topics import Topics
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher
-from gateway.records import SequenceNumbers
+from gateway.records import RecordWriter
 from gateway.sim.bus.port import SimulatedLine
 from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
@@ -186,7 +186,7 @@ async def _way() -> _Way:
     way = _Way()
     config = parse(SITE, "site.toml")
     loop = asyncio.get_running_loop()
-    clock, sequence = VirtualClock(loop), SequenceNumbers()
+    clock = VirtualClock(loop)
     payloads = Payloads(Topics("starters/bench"), RunToken("0" * 16))
     outbox = Outbox(last_topic="", pack=payloads.history, boot="boot")
     publisher = Publisher(payloads, outbox, clock)
@@ -199,11 +199,11 @@ async def _way() -> _Way:
             outbox.acked(outgoing.ticket, 0)
 
     publisher.wake_with(lambda: loop.call_soon(send))
-    records = RecordBus()
-    made: dict[str, Any] = {"sink": records, "clock": clock, "sequence": sequence}
-    policy = Policy(policy_of(config), [name(0, 1)], rights=rights_of(config), **made)
-    services = StarterServices(policy, may_write=False, monitor_every_s=inf, **made)
-    records.connect(policy, services, RecordLog(clock), publisher)
+    bus_of_records = RecordBus()
+    records = RecordWriter(bus_of_records, clock)
+    policy = Policy(policy_of(config), [name(0, 1)], rights=rights_of(config), records=records)
+    services = StarterServices(policy, may_write=False, monitor_every_s=inf, records=records)
+    bus_of_records.connect(policy, services, RecordLog(clock), publisher)
     bus = SimulatedLine(timing_of(config.lines[0]))
     unit = watching_unit("ssw07", 1, 0)
     bus.add(unit)
@@ -211,7 +211,7 @@ async def _way() -> _Way:
         _Deaf(),
         policy=policy,
         services=services,
-        **made,
+        records=records,
         make_opener=lambda table: _Opener(bus, table, way),
     )
     host = LocalHost(plant.handle, polls_wait_s=0.0)  # each on its own

@@ -12,7 +12,7 @@ from gateway.app.history import HistoryService
 from gateway.config.convert import setups_of
 from gateway.config.load import parse
 from gateway.history.readings import Readings
-from gateway.records import EventRecord, Record, SequenceNumbers, Severity, StartRecord
+from gateway.records import EventRecord, Record, RecordWriter, Severity, StartRecord
 from gateway.system.clock import SystemClock
 from tests.history.support import AnalyticStart, ReadMotor
 from tests.small_site import small_site
@@ -57,9 +57,7 @@ async def write(folder: Path, run: str) -> None:
         folder,
         setups,
         boot=run,
-        sink=sink,
-        clock=SystemClock(),
-        sequence=SequenceNumbers(),
+        records=RecordWriter(sink, SystemClock()),
         publish_event=report,
     )
     sink.history = service

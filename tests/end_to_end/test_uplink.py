@@ -210,8 +210,8 @@ class Judges:
     def take(self, incoming: Incoming) -> None:
         verdict = self._parser.judge(incoming, Moment(SystemClock().now_s(), SystemClock().utc_s()))
         assert verdict is not None
-        code = verdict.code if isinstance(verdict, Rejection) else ""
-        self.judged.put_nowait((verdict.verb, code))
+        request, code = (verdict.request, verdict.code) if isinstance(verdict, Rejection) else (verdict, "")
+        self.judged.put_nowait((request.verb, code))
 
 
 @pytest.mark.parametrize("is_before", [False, True])

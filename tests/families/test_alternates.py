@@ -11,7 +11,7 @@ from gateway.families.mapped_registers import fast_block, plan_with
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.rows import Access, Table
 from gateway.families.profile.schema import Profile, Variant
-from gateway.families.reading.poll_blocks import Block
+from gateway.families.reading import Block
 from gateway.line.rtu.late_replies import expected_shape
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters

@@ -19,7 +19,7 @@ from gateway.families.profile.load import read_profile
 from gateway.families.profile.rows import Table
 from gateway.families.profile.schema import Variant
 from gateway.families.profile.state import state_of
-from gateway.families.reading.poll_blocks import plan_blocks
+from gateway.families.reading import plan_blocks
 from gateway.modbus import adu
 
 ACME = Path(__file__).parent / "acme"
@@ -109,7 +109,7 @@ from gateway.families.profile.decode import decode_points
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Variant
 from gateway.families.profile.state import state_of
-from gateway.families.reading.poll_blocks import plan_blocks
+from gateway.families.reading import plan_blocks
 from gateway.modbus.device_id import DeviceIdentification
 
 profile = load_profile("acme")

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.rows import Table
 from gateway.families.profile.schema import Point, Profile, Variant
-from gateway.families.reading.poll_blocks import GROUPS, LEAST_DELAY_S, Block, plan_blocks, split
+from gateway.families.reading import GROUPS, LEAST_DELAY_S, Block, plan_blocks, split
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.timing import Framing, LineTiming
 

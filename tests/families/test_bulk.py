@@ -9,7 +9,7 @@ import pytest
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.procedure import Read
 from gateway.families.profile.rows import Access
-from gateway.families.reading.bulk import bulk_reads, halves, is_set_by_people, is_setting, readable_codes
+from gateway.families.reading import bulk_reads, halves, is_set_by_people, is_setting, readable_codes
 from gateway.modbus.reads import ReadHoldingRegisters
 
 

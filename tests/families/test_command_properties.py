@@ -13,7 +13,7 @@ from gateway.families.command.interlock import RULES
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.procedure import REFUSALS, Preparation, Procedure
 from gateway.families.profile.schema import Profile, Variant
-from gateway.families.reading.bulk import rows_in
+from gateway.families.reading import rows_in
 
 RUN_COIL = {"ssw06": 100, "ssw07": 100, "sst": 0}
 WORDS = st.integers(0, 0xFFFF)

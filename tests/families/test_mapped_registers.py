@@ -18,8 +18,7 @@ from gateway.families.profile.decode import decode_points
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.rows import Confidence
 from gateway.families.profile.schema import MappedWords, Profile, Variant
-from gateway.families.reading.bulk import rows_in
-from gateway.families.reading.poll_blocks import plan_blocks
+from gateway.families.reading import plan_blocks, rows_in
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteRegister, WriteRegisters

@@ -10,7 +10,7 @@ from gateway.families.profile.load import load_profile
 from gateway.families.profile.procedure import REFUSALS, Preparation
 from gateway.families.profile.rows import Access, Table
 from gateway.families.profile.schema import Profile
-from gateway.families.reading.bulk import rows_in
+from gateway.families.reading import rows_in
 from tests.families.starters import SLOT_1, built, frame, frames
 
 

@@ -11,7 +11,7 @@ from gateway.families.profile.load import load_profile
 from gateway.families.profile.parameters import find
 from gateway.families.profile.rows import Table
 from gateway.families.profile.schema import Variant
-from gateway.families.reading.bulk import rows_in
+from gateway.families.reading import rows_in
 from gateway.modbus.reads import ReadDiscreteInputs
 from gateway.sim.factory import make_unit
 from tests.families.starters import SLOT_1

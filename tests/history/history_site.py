@@ -18,15 +18,14 @@ from gateway.families.profile.schema import Variant
 from gateway.line.client import LineClient, post_here
 from gateway.line.line import Line
 from gateway.modbus.timing import Framing, LineTiming
-from gateway.records import EventRecord, SequenceNumbers, TripRecord, ValueRecord
+from gateway.records import EventRecord, RecordWriter, TripRecord, ValueRecord
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.rights import Operator, Rights
 from gateway.starters.policy.start_rules import PolicySettings, RuleSet
 from gateway.starters.services.services import StarterServices
-from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.polling import polls_of
+from gateway.starters.setup import StarterSetup, polls_of
 from gateway.starters.telemetry.telemetry import StarterTelemetry
 from gateway.storage.history_table import HistoryRow
 from tests.history.memory_file import MemoryFile
@@ -96,9 +95,9 @@ async def site(
     boot: str = "boot-1",
 ) -> AsyncIterator[MotorSite]:
     """`rows` are what earlier runs have stored."""
-    clock, sink, sequence = VirtualClock(asyncio.get_running_loop()), RecordingSink(), SequenceNumbers()
-    records, router = RecordBus(), Router()
-    made: dict[str, Any] = {"sink": records, "clock": clock, "sequence": sequence}
+    clock, sink = VirtualClock(asyncio.get_running_loop()), RecordingSink()
+    bus_of_records, router = RecordBus(), Router()
+    records = RecordWriter(bus_of_records, clock)
     bus = SimulatedLine(TIMING, [unit], chunk_bytes=None)
     setup = StarterSetup("pump", "pumps", 1, load_profile(unit.family), Variant(), every_s=every_s)
     line = Line(
@@ -108,10 +107,10 @@ async def site(
         polls=polls_of(setup),
         events=local_events(router.handle),
     )
-    telemetry = StarterTelemetry(setup, line=LineClient(line, post_here), **made)
+    telemetry = StarterTelemetry(setup, line=LineClient(line, post_here), records=records)
     rights = Rights([Operator("alice", ("*",), ("*",))])
     settings = PolicySettings(rules={"pump": rules or RuleSet()})
-    policy = Policy(settings, ["pump"], rights=rights, **made)
+    policy = Policy(settings, ["pump"], rights=rights, records=records)
     file = MemoryFile()
     for row in rows:
         file.put(*row[:3], time_s=row.time_s, data=row.data, limit=row.limit)
@@ -122,13 +121,13 @@ async def site(
         publish_event=lambda *_: None,
         policy=policy,
         make_file=lambda *_: file,
-        **made,
+        records=records,
     )
     here = MotorSite(bus, clock, sink, history, file)
-    services = StarterServices(policy, may_write=True, past=history, **made)
+    services = StarterServices(policy, may_write=True, past=history, records=records)
     services.add(telemetry)
     router.add(telemetry)
-    records.connect(policy, services, history, sink)
+    bus_of_records.connect(policy, services, history, sink)
     telemetry.on_readings = partial(history.take_readings, "pump")
     telemetry.start()
     services.start()

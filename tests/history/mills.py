@@ -12,7 +12,7 @@ from typing import Any
 
 from gateway.app.history import HistoryService
 from gateway.history.readings import Readings
-from gateway.records import EventRecord, Record, SequenceNumbers, Severity, StartRecord, TripRecord
+from gateway.records import EventRecord, Record, RecordWriter, Severity, StartRecord, TripRecord
 from gateway.storage.history import HistoryStore
 from gateway.system.clock_steps import ClockReading
 from tests.history.support import AnalyticStart, ReadMotor
@@ -63,16 +63,15 @@ class Mills:
     """Many SSW900 with all parts of their history, whose replies hold every point of the family."""
 
     def __init__(self, file: HistoryStore, count: int) -> None:
-        self.clock, self.sink, self._sequence = SetClock(), Count(), SequenceNumbers()
+        self.clock, self.sink = SetClock(), Count()
+        self._records = RecordWriter(self.sink, self.clock)
         mill = next(setup for setup in setups(site()) if setup.profile.family == "ssw900")
         self.names = [f"mill-{n}" for n in range(count)]
         self.service = HistoryService(
             Path(),
             [replace(mill, name=name) for name in self.names],
             boot="0123456789abcdef",
-            sink=self.sink,
-            clock=self.clock,
-            sequence=self._sequence,
+            records=self._records,
             publish_event=lambda *_: None,
             make_file=lambda *_: file,
         )
@@ -106,12 +105,12 @@ class Mills:
             ("alarm", {"alarm": "f077", "severity": "fault"}),
             ("fault", {"from": "running", "alarm": "f077"}),
         ):
-            seq, utc_s = self._sequence.take(), self.clock.utc_s()
+            seq, utc_s = self._records.sequence.take(), self.clock.utc_s()
             self.service.put(EventRecord(name, code, Severity.ERROR, text, utc_s, seq, data))
         self.service.note_fault_data(name, self._at_fault, ())
         for step in range(1, int(COASTS_S / FAST_S) + 1):
             self._take(name, replace(shown, at_s=last.at_s + step * FAST_S), began_s)
-        utc_s, seq = self.clock.utc_s(), self._sequence.take()
+        utc_s, seq = self.clock.utc_s(), self._records.sequence.take()
         data = {"alarm": "f077", "severity": "fault"}
         self.service.put(EventRecord(name, "cleared", Severity.INFO, "", utc_s, seq, data))
         self.clock.at_s = began_s

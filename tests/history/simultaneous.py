@@ -53,8 +53,8 @@ async def deviations(count: int, *, is_ours: bool) -> list[Deviation]:
 
 def _command(here: RunningPlant, names: list[str]) -> None:
     rights = Rights([Operator("alice", ("*",), ("*",))])
-    desk = Dispatcher(here.plant.starters, rights=rights, **here.made)
-    now_s = here.made["clock"].now_s()
+    desk = Dispatcher(here.plant.starters, rights=rights, records=here.records)
+    now_s = here.records.clock.now_s()
     for name in names:
         desk.submit(
             CommandRequest(name, "alice", "start", f"c-{name}", {}, received_s=now_s, expires_s=now_s + 5)

@@ -21,6 +21,7 @@ from gateway.records import (
     AvailabilityRecord,
     EventRecord,
     Phase,
+    RecordWriter,
     ResultRecord,
     SequenceNumbers,
     Severity,
@@ -47,7 +48,7 @@ def desk(here: RunningPlant) -> Callable[..., Awaitable[ResultRecord]]:
     """Return what gives a command and awaits its final result."""
     rights = Rights([Operator("alice", ("*",), ("*",)), Operator("carol", ("start", "stop"), ("*",))])
     commander = Dispatcher(
-        here.plant.starters, rights=rights, set_baseline=here.history.set_baseline, **here.made
+        here.plant.starters, rights=rights, set_baseline=here.history.set_baseline, records=here.records
     )
     count = 0
 
@@ -56,7 +57,7 @@ def desk(here: RunningPlant) -> Callable[..., Awaitable[ResultRecord]]:
     ) -> ResultRecord:
         nonlocal count
         count += 1
-        now_s = here.made["clock"].now_s()
+        now_s = here.records.clock.now_s()
         request = CommandRequest(name, client, verb, f"c{count}", args, received_s=now_s, expires_s=now_s + 5)
         commander.submit(request)
         for _ in range(int(within_s / 0.1)):
@@ -459,9 +460,7 @@ async def test_a_disk_that_cannot_be_written_is_an_event_and_starts_are_stored_o
         folder,
         setups(site()),
         boot="boot",
-        sink=sink,
-        clock=SystemClock(),
-        sequence=SequenceNumbers(),
+        records=RecordWriter(sink, SystemClock()),
         publish_event=report,
         make_file=lambda path, on_news: HistoryStore(path, on_news=on_news, retry_s=0.02),
     )
@@ -492,9 +491,7 @@ async def test_a_disk_that_cannot_be_read_at_first_loses_neither_baseline_nor_mo
             folder,
             setups(site()),
             boot=boot,
-            sink=RecordingSink(),
-            clock=SystemClock(),
-            sequence=SequenceNumbers(),
+            records=RecordWriter(RecordingSink(), SystemClock()),
             publish_event=lambda code, *_: events.put_nowait(code),
             make_file=lambda path, on_news: HistoryStore(path, on_news=on_news, retry_s=0.02),
         )
@@ -543,9 +540,7 @@ async def test_a_history_that_was_damaged_is_an_event(tmp_path: Path) -> None:
         tmp_path,
         setups(site()),
         boot="boot",
-        sink=RecordingSink(),
-        clock=SystemClock(),
-        sequence=SequenceNumbers(),
+        records=RecordWriter(RecordingSink(), SystemClock()),
         publish_event=lambda code, _severity, _text: events.append(code),
     )
     service.start()

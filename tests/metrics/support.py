@@ -174,7 +174,7 @@ async def scraped_plant(
             "plant",
             plant=rig.plant,
             outbox=cast("Outbox", StandingOutbox()),
-            clock=rig.made["clock"],
+            clock=rig.records.clock,
             clock_doubt=lambda: None,
             lock_of=locks.get,
             loops={"gateway": LagMeter(), "lines": LagMeter()},
@@ -184,7 +184,7 @@ async def scraped_plant(
         integration = metrics_integration(
             IntegrationHost(
                 site_of(METRICS) if site is None else site,
-                rig.made["clock"],
+                rig.records.clock,
                 lambda: True,
                 lambda code, *_: events.append(code),
                 in_thread,
@@ -193,7 +193,7 @@ async def scraped_plant(
             export,
             in_thread=in_thread,
         )
-        bus = rig.made["sink"]
+        bus = rig.records.sink
         bus.connect(*bus._subscribers, integration)
         task = asyncio.create_task(integration.run())
         await asyncio.sleep(settled_s)

@@ -67,7 +67,8 @@ def test_a_malformed_command_topic_is_refused_with_what_can_be_known(
 ) -> None:
     refused = refusal(command(fresh(), topic=f"b/command/{topic}"))
 
-    assert (refused.starter, refused.client, refused.id, refused.code) == (
+    request = refused.request
+    assert (request.starter, request.client, request.id, refused.code) == (
         starter,
         client,
         "c1",
@@ -138,15 +139,17 @@ def test_a_refusal_names_the_command_so_that_its_sender_can_be_notified() -> Non
     rejection = refusal(incoming)
 
     assert rejection == Rejection(
-        starter="pump-1",
-        client="alice",
-        verb="start",
-        id="c1",
+        CommandRequest(
+            starter="pump-1",
+            client="alice",
+            verb="start",
+            id="c1",
+            operator="Ana",
+            args={"value": 3},
+            correlation=b"42",
+        ),
         code="bad_payload",
         text="surprise is no known key",
-        operator="Ana",
-        args={"value": 3},
-        correlation=b"42",
     )
 
 
@@ -240,7 +243,7 @@ def test_the_page_names_the_operator_itself_and_its_commands_are_marked() -> Non
     assert isinstance(judged, CommandRequest)
     assert (judged.operator, judged.source) == ("anna", "web")
     rejected = refusal(command({"id": "c1"}, source="web", operator="anna"))
-    assert (rejected.operator, rejected.source) == ("anna", "web")
+    assert (rejected.request.operator, rejected.request.source) == ("anna", "web")
 
 
 @pytest.mark.parametrize("freshness", ["token", "issued_at", "boot"])

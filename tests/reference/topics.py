@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from gateway.history.start_record import COLUMNS, StartOutcome, StartSource
 from gateway.records import Phase, Quality, Severity
-from gateway.starters.identity.fingerprint import FIELDS as FINGERPRINT
+from gateway.starters.identity.registry import FIELDS as FINGERPRINT
 from tests.reference.fields import (
     Field,
     any_of,

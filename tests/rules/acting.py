@@ -13,7 +13,7 @@ from gateway.families.profile.decode import decode_points
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.procedure import Expect, Read
 from gateway.families.profile.schema import Variant
-from gateway.families.reading.bulk import rows_in
+from gateway.families.reading import rows_in
 from gateway.modbus.pdu import Request, exception_code
 from gateway.modbus.writes import WriteCoil, WriteRegister
 from gateway.sim.core.unit import SimulatedUnit

@@ -8,7 +8,7 @@ import math
 import pytest
 
 from gateway.errors import DamagedError
-from gateway.records import EventRecord, Phase, SequenceNumbers
+from gateway.records import EventRecord, Phase, RecordWriter
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.start_rules import PolicySettings
@@ -93,9 +93,7 @@ def precautions(memory: FakeMemory, sink: RecordingSink) -> Policy:
         PolicySettings(),
         ["pump"],
         rights=Rights(()),
-        sink=sink,
-        clock=VirtualClock(asyncio.get_running_loop()),
-        sequence=SequenceNumbers(),
+        records=RecordWriter(sink, VirtualClock(asyncio.get_running_loop())),
         write_budget_memory=memory,
     )
 

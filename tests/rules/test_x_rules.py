@@ -11,7 +11,7 @@ from gateway.families.command.build import build, prepare, verbs
 from gateway.families.diagnosis.identify import identify_requests
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Variant
-from gateway.families.reading.poll_blocks import plan_blocks
+from gateway.families.reading import plan_blocks
 from gateway.modbus.pdu import Request
 from gateway.modbus.server import decode_request
 from gateway.modbus.timing import Framing, LineTiming

@@ -28,7 +28,7 @@ def take(here: Desk, name: str, *, age_s: float = 0.0, is_retained: bool = False
     asked = DeviceCommand("pump-1", command, is_retained, utc_s, utc_s - 60.0)
     for each in CommandMapper(Topics("b"), "alice", ttl_s=5.0).judge(asked):
         if isinstance(each, Rejection):
-            here.plant.dispatcher.reject(each, each.code, each.text)
+            here.plant.dispatcher.reject(each.request, each.code, each.text)
         else:
             here.incoming.take(each)
 
@@ -139,7 +139,7 @@ async def test_a_start_that_may_have_been_written_before_the_birth_is_refused(
         DeviceCommand("pump-1", command, False, utc_s, utc_s - after_birth_s)
     ):
         if isinstance(each, Rejection):
-            here.plant.dispatcher.reject(each, each.code, each.text)
+            here.plant.dispatcher.reject(each.request, each.code, each.text)
         else:
             here.incoming.take(each)
     await here.plant.wait(3.0)

@@ -87,7 +87,7 @@ def test_what_is_too_large_is_not_decoded_but_counted_once_a_second(size: int, i
         assert sum(data["count"] for _, _, data in rig.events) == 1000
         assert {(code, data["code"]) for code, _, data in rig.events} == {("dcmd_refused", "too_big")}
         assert rig.codes == {"too_big": len(rig.events)}
-        assert len({each.id for each in rig.rejected}) == len(rig.rejected)
+        assert len({each.request.id for each in rig.rejected}) == len(rig.rejected)
         assert rig.done[0] == ("pump", {"Command/Stop", "Command/Start", "Command/Reset"})
 
     run(scenario)

@@ -15,7 +15,7 @@ from gateway.line.client import LineClient, post_here
 from gateway.line.line import Line
 from gateway.modbus.adu import decode
 from gateway.modbus.timing import Framing, LineTiming
-from gateway.records import Phase, SequenceNumbers
+from gateway.records import Phase, RecordWriter
 from gateway.sim.bus.faults import Reply
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.unit import SimulatedUnit
@@ -23,8 +23,7 @@ from gateway.sim.factory import make_unit
 from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.rights import Operator, Rights
-from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.polling import polls_of
+from gateway.starters.setup import StarterSetup, polls_of
 from gateway.starters.telemetry.telemetry import StarterTelemetry
 from tests.local_host import local_events
 from tests.starters.fakes import RecordingSink
@@ -56,7 +55,8 @@ class Site:
 @asynccontextmanager
 async def site() -> AsyncIterator[Site]:
     """Run four starters, one of each family, named after it; all online and identified."""
-    clock, sink, sequence = VirtualClock(asyncio.get_running_loop()), RecordingSink(), SequenceNumbers()
+    clock, sink = VirtualClock(asyncio.get_running_loop()), RecordingSink()
+    records = RecordWriter(sink, clock)
     units = [make_unit(family, address) for address, family in enumerate(FAMILIES, 1)]
     bus = SimulatedLine(TIMING, units)
     setups = [
@@ -70,12 +70,9 @@ async def site() -> AsyncIterator[Site]:
         name="pumps", opener=bus.opener(), timing=TIMING, polls=polls, events=local_events(router.handle)
     )
     line = LineClient(scheduler, post_here)
-    telemetries = {
-        setup.name: StarterTelemetry(setup, line=line, sink=sink, clock=clock, sequence=sequence)
-        for setup in setups
-    }
+    telemetries = {setup.name: StarterTelemetry(setup, line=line, records=records) for setup in setups}
     rights = Rights([Operator("alice", ("*",), ("*",))])
-    dispatcher = Dispatcher(telemetries, rights=rights, sink=sink, clock=clock, sequence=sequence)
+    dispatcher = Dispatcher(telemetries, rights=rights, records=records)
     for telemetry in telemetries.values():
         router.add(telemetry)
         telemetry.start()

@@ -30,9 +30,7 @@ class JournalRig(CommandRig):
         self.dispatcher = Dispatcher(
             {self.setup.name: self.telemetry},
             rights=RIGHTS,
-            sink=self.sink,
-            clock=self.clock,
-            sequence=self.sequence,
+            records=self.records,
             journal=self.journal,
         )
 

@@ -17,7 +17,7 @@ from gateway.line.client import LineClient, post_here
 from gateway.line.line import Line
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil
-from gateway.records import Phase, ResultRecord, SequenceNumbers
+from gateway.records import Phase, RecordWriter, ResultRecord
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.power import MotorData
 from gateway.sim.weg.ssw07 import Ssw07
@@ -26,8 +26,7 @@ from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.rights import Operator, Rights
 from gateway.starters.policy.start_rules import PolicySettings
-from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.polling import polls_of
+from gateway.starters.setup import StarterSetup, polls_of
 from gateway.starters.telemetry.telemetry import StarterTelemetry
 from tests.local_host import local_events
 from tests.starters.fakes import RUN_COIL
@@ -132,7 +131,8 @@ async def large_line(
     settings: PolicySettings | None = None,
 ) -> AsyncIterator[LargeLine]:
     """Run them; nothing has been asked yet."""
-    clock, sink, sequence = VirtualClock(asyncio.get_running_loop()), TimedResults(), SequenceNumbers()
+    clock, sink = VirtualClock(asyncio.get_running_loop()), TimedResults()
+    records = RecordWriter(sink, clock)
     timing = LineTiming(baud, Framing.parse("8N2"))
     addresses = range(1, count + 1)
     units = [_Starter(address, seed=address, motor=MOTOR) for address in addresses]
@@ -154,19 +154,13 @@ async def large_line(
         settings or PolicySettings(groups={ALL: tuple(names)}),
         names,
         rights=rights,
-        sink=sink,
-        clock=clock,
-        sequence=sequence,
+        records=records,
     )
-    telemetries = [
-        StarterTelemetry(each, line=line, sink=sink, clock=clock, sequence=sequence) for each in setups
-    ]
+    telemetries = [StarterTelemetry(each, line=line, records=records) for each in setups]
     dispatcher = Dispatcher(
         {telemetry.setup.name: telemetry for telemetry in telemetries},
         rights=rights,
-        sink=sink,
-        clock=clock,
-        sequence=sequence,
+        records=records,
         policy=policy,
     )
     bound_s = worst_stop_latency_s(polls, timing) + SLACK_S

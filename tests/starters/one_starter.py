@@ -15,7 +15,7 @@ from gateway.families.profile.schema import Variant
 from gateway.line.client import LineClient, post_here
 from gateway.line.line import Line
 from gateway.modbus.timing import Framing, LineTiming
-from gateway.records import AuditRecord, EventRecord, SequenceNumbers
+from gateway.records import AuditRecord, EventRecord, RecordWriter
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.starters.commands.dispatcher import Dispatcher
@@ -24,8 +24,7 @@ from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.rights import Operator, Rights
 from gateway.starters.policy.start_rules import PolicySettings
 from gateway.starters.services.services import StarterServices
-from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.polling import polls_of
+from gateway.starters.setup import StarterSetup, polls_of
 from gateway.starters.telemetry.telemetry import StarterTelemetry
 from tests.local_host import local_events
 from tests.starters.fakes import RecordingSink
@@ -114,7 +113,7 @@ async def one_starter(
     family: str | None = None,
 ) -> AsyncIterator[OneStarter]:
     """Run it; nothing has been asked yet."""
-    clock, sink, sequence = VirtualClock(asyncio.get_running_loop()), RecordingSink(), SequenceNumbers()
+    clock, sink = VirtualClock(asyncio.get_running_loop()), RecordingSink()
     bus = SimulatedLine(TIMING, [unit])
     variant = Variant(model=model)
     profile = load_profile(family or unit.family)  # as configured
@@ -129,18 +128,18 @@ async def one_starter(
     )
     rights = Rights([Operator("alice", ("*",), ("*",))])
     bus_of_records = RecordBus()
-    made: dict[str, Any] = {"sink": bus_of_records, "clock": clock, "sequence": sequence}
-    policy = Policy(PolicySettings(), ["pump"], rights=rights, identities_memory=memory, **made)
+    records = RecordWriter(bus_of_records, clock)
+    policy = Policy(PolicySettings(), ["pump"], rights=rights, identities_memory=memory, records=records)
     telemetry = StarterTelemetry(
         setup,
         line=LineClient(scheduler, post_here),
         identities=policy.identities,
         lock_of=policy.motor_history.lock_of,
-        **made,
+        records=records,
     )
-    services = StarterServices(policy, may_write=may_write, monitor_every_s=lap_s, **made)
+    services = StarterServices(policy, may_write=may_write, monitor_every_s=lap_s, records=records)
     services.add(telemetry)
-    dispatcher = Dispatcher({"pump": telemetry}, rights=rights, policy=policy, **made)
+    dispatcher = Dispatcher({"pump": telemetry}, rights=rights, policy=policy, records=records)
     bus_of_records.connect(policy, services, sink)
     router.add(telemetry)
     telemetry.start()

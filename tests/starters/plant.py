@@ -12,7 +12,7 @@ from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.modbus.pdu import Request
 from gateway.modbus.writes import WriteCoil
-from gateway.records import SequenceNumbers, StateRecord
+from gateway.records import RecordWriter, StateRecord
 from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.request import CommandRequest
@@ -71,9 +71,7 @@ class Machine:
         self.telemetry = StarterTelemetry(
             setup,
             line=self.line,
-            sink=plant.bus,
-            clock=plant.clock,
-            sequence=plant.sequence,
+            records=plant.records,
             lock_of=plant.policy.motor_history.lock_of,
         )
         self.telemetry.prove = is_proved  # type: ignore[method-assign]
@@ -114,7 +112,8 @@ class Plant:
         operators: tuple[Operator, ...] = OPERATORS,
     ) -> None:
         self.clock = VirtualClock(asyncio.get_running_loop())
-        self.bus, self.sink, self.sequence = RecordBus(), RecordingSink(), SequenceNumbers()
+        self.bus, self.sink = RecordBus(), RecordingSink()
+        self.records = RecordWriter(self.bus, self.clock)
         self.memory = memory or FakeMemory()
         places = [place.partition("@") for place in names or ("pump-1", "pump-2", "pump-3")]
         rights = Rights(operators)
@@ -122,9 +121,7 @@ class Plant:
             policy or PolicySettings(rules=rules or {}),
             [name for name, _, _ in places],
             rights=rights,
-            sink=self.bus,
-            clock=self.clock,
-            sequence=self.sequence,
+            records=self.records,
             memory=self.memory,
         )
         self.bus.connect(self.policy, self.sink)
@@ -132,9 +129,7 @@ class Plant:
         self.dispatcher = Dispatcher(
             {name: machine.telemetry for name, machine in self.machines.items()},
             rights=rights,
-            sink=self.bus,
-            clock=self.clock,
-            sequence=self.sequence,
+            records=self.records,
             policy=self.policy,
         )
 

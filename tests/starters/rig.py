@@ -14,7 +14,7 @@ from gateway.families.profile.schema import Variant
 from gateway.line.scheduler.requests import Priority
 from gateway.modbus.pdu import Request
 from gateway.modbus.writes import WriteCoil, WriteRegister
-from gateway.records import SequenceNumbers
+from gateway.records import RecordWriter
 from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.rights import Operator, Rights
@@ -58,7 +58,7 @@ class Rig:
     def __post_init__(self) -> None:
         self.clock = VirtualClock(asyncio.get_running_loop())
         self.sink = RecordingSink()
-        self.sequence = SequenceNumbers()
+        self.records = RecordWriter(self.sink, self.clock)
         self.unit = make_unit(self.family)
         self.line = FakeLineClient(self.unit)
         self.setup = StarterSetup(
@@ -73,9 +73,7 @@ class Rig:
         self.telemetry = StarterTelemetry(
             self.setup,
             line=self.line,
-            sink=self.sink,
-            clock=self.clock,
-            sequence=self.sequence,
+            records=self.records,
             published_faults=self.published_faults,
         )
         for poll in self.telemetry.polls():
@@ -131,9 +129,7 @@ class CommandRig(Rig):
         self.dispatcher = Dispatcher(
             {self.setup.name: self.telemetry},
             rights=rights,
-            sink=self.sink,
-            clock=self.clock,
-            sequence=self.sequence,
+            records=self.records,
             stood_still_s=lambda: self.stood_still_s,
         )
         self.telemetry.prove = is_proved  # type: ignore[method-assign]  # a command's own requests are counted

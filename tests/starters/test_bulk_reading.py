@@ -8,7 +8,7 @@ import pytest
 
 from gateway.errors import CommandError, PortLostError
 from gateway.families.profile.load import load_profile
-from gateway.families.reading.bulk import bulk_reads
+from gateway.families.reading import bulk_reads
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.modbus.pdu import Request
 from gateway.starters.bulk_read import BulkReading, read_in_bulk

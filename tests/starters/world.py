@@ -25,7 +25,7 @@ from gateway.modbus.writes import WriteCoil
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.freshness import EVERY_S, RunToken, Tokens
 from gateway.mqtt.contract.topics import Topics
-from gateway.records import Record, ResultRecord, SequenceNumbers
+from gateway.records import Record, RecordWriter, ResultRecord
 from gateway.sim.bus.faults import Reply
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.power import MotorData
@@ -35,8 +35,7 @@ from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.rights import Operator, Rights
 from gateway.starters.policy.start_rules import PolicySettings, RuleSet
-from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.polling import polls_of
+from gateway.starters.setup import StarterSetup, polls_of
 from gateway.starters.telemetry.telemetry import StarterTelemetry
 from gateway.storage.journal import Remembered
 from gateway.system.clock import ClockWatch
@@ -146,7 +145,7 @@ class GatewayWorld:
         self._runs += 1
         self._instance = ExitStack()
         self._instance.enter_context(instance_lock(Path(self._folder.name)))
-        sequence, rights, router = SequenceNumbers(), Rights(OPERATORS), Router()
+        rights, router = Rights(OPERATORS), Router()
         self.boot = RunToken(f"run{self._runs}")
         self._tokens = Tokens(self.boot)
         self.made: list[tuple[float, str]] = []  # when, and the token; of this run
@@ -156,13 +155,12 @@ class GatewayWorld:
         clock_watch.recall(self.clock_document)
         self.clock_document = clock_watch.document()
         bus = RecordBus()
+        records = RecordWriter(bus, self.clock)
         self.policy = Policy(
             PolicySettings(rules=dict.fromkeys(NAMES, RULES), groups={"both": NAMES}),
             NAMES,
             rights=rights,
-            sink=bus,
-            clock=self.clock,
-            sequence=sequence,
+            records=records,
             memory=self.memory,
         )
         bus.connect(self.policy, self.sink)
@@ -176,9 +174,7 @@ class GatewayWorld:
             setup.name: StarterTelemetry(
                 setup,
                 line=LineClient(scheduler, post_here),
-                sink=bus,
-                clock=self.clock,
-                sequence=sequence,
+                records=records,
                 lock_of=self.policy.motor_history.lock_of,
             )
             for setup in setups
@@ -186,9 +182,7 @@ class GatewayWorld:
         self.dispatcher = Dispatcher(
             self.telemetries,
             rights=rights,
-            sink=bus,
-            clock=self.clock,
-            sequence=sequence,
+            records=records,
             journal=self.journal,
             policy=self.policy,
         )

@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from gateway.home_assistant.announcements import Announcements
-from gateway.starters.identity.fingerprint import known_from
+from gateway.starters.identity.registry import known_from
 from gateway.starters.policy.motor_history import MotorHistory
 from gateway.starters.policy.write_budget import totals_in
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs

@@ -16,7 +16,7 @@ from gateway.mqtt.contract.freshness import Moment, RunToken, Tokens
 from gateway.mqtt.contract.topics import Topics
 from gateway.records import Phase, ResultRecord
 from gateway.starters.policy.start_rules import PolicySettings, RateLimits
-from gateway.system.token_bucket import Rate
+from gateway.system.rate_limits import Rate
 from tests.starters.plant import Plant
 from tests.torture.command_site import PACE_S, STARTERS, CommandSite
 from tests.torture.malformed import BIG_BYTES, Mutator
@@ -59,7 +59,7 @@ def _take(plant: Plant, intake: CommandParser, incoming: Incoming) -> None:
     now_s = plant.clock.now_s()
     verdict = intake.judge(incoming, Moment(now_s, 1.8e9))
     if isinstance(verdict, Rejection):
-        plant.dispatcher.reject(verdict, verdict.code, verdict.text)
+        plant.dispatcher.reject(verdict.request, verdict.code, verdict.text)
     elif verdict is not None:
         plant.dispatcher.submit(verdict)
 

@@ -20,14 +20,13 @@ from gateway.line.client import LineClient, post_here
 from gateway.line.line import Line
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.mqtt.contract.topics import to_level
-from gateway.records import Quality, Record, ResultRecord, SequenceNumbers, StateRecord, ValueRecord
+from gateway.records import Quality, Record, RecordWriter, ResultRecord, StateRecord, ValueRecord
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.factory import make_unit
 from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.rights import Operator, Rights
-from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.polling import polls_of
+from gateway.starters.setup import StarterSetup, polls_of
 from gateway.starters.telemetry.telemetry import StarterTelemetry
 from tests.local_host import local_events
 from tests.starters.router import Router
@@ -106,7 +105,8 @@ class VirtualLine:
 async def virtual_line(seed: int, *, every_s: float = 1.0) -> AsyncIterator[VirtualLine]:
     """Run four starters, all online and identified; each watches its line for 1.5 times a crash's gap."""
     loop = asyncio.get_running_loop()
-    clock, sequence, judge = VirtualClock(loop), SequenceNumbers(), JudgingSink()
+    clock, judge = VirtualClock(loop), JudgingSink()
+    records = RecordWriter(judge, clock)
     setups = [
         StarterSetup(family, "hall", address, load_profile(family), Variant(), every_s)
         for address, family in enumerate(FAMILIES, 1)
@@ -128,12 +128,9 @@ async def virtual_line(seed: int, *, every_s: float = 1.0) -> AsyncIterator[Virt
         deaf_after_s=15.0,
     )
     line = LineClient(scheduler, post_here)
-    telemetries = {
-        setup.name: StarterTelemetry(setup, line=line, sink=judge, clock=clock, sequence=sequence)
-        for setup in setups
-    }
+    telemetries = {setup.name: StarterTelemetry(setup, line=line, records=records) for setup in setups}
     rights = Rights([Operator("alice", ("*",), ("*",))])
-    dispatcher = Dispatcher(telemetries, rights=rights, sink=judge, clock=clock, sequence=sequence)
+    dispatcher = Dispatcher(telemetries, rights=rights, records=records)
     for telemetry in telemetries.values():
         ear.add(telemetry)
         telemetry.start()

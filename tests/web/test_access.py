@@ -46,14 +46,12 @@ def access(
         dispatcher=plant.dispatcher,
         policy=plant.policy,
         starters={name: machine.telemetry for name, machine in plant.machines.items()},
-        clock=plant.clock,
         clock_doubt=lambda: None,
         is_connected=lambda: True,
         progress=progress,
         metrics=MetricsExport(),
         stored=stored,
-        sink=plant.bus,
-        sequence=plant.sequence,
+        records=plant.records,
     )
     return made, taken
 

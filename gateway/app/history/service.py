@@ -31,10 +31,9 @@ from gateway.records import (
     EventRecord,
     InfoRecord,
     Record,
+    RecordWriter,
     ResultRecord,
-    SequenceNumbers,
     Severity,
-    Sink,
     StateRecord,
 )
 from gateway.starters.policy.policy import Policy
@@ -42,8 +41,7 @@ from gateway.starters.setup import StarterSetup
 from gateway.storage.history import HistoryStore
 from gateway.storage.history_table import HistoryRow
 from gateway.storage.worker import News, OnNews
-from gateway.system.clock import Clock
-from gateway.system.once import ChangeDetector
+from gateway.system.rate_limits import ChangeDetector
 
 log = logging.getLogger(__name__)
 
@@ -96,9 +94,7 @@ class HistoryService:
         setups: Iterable[StarterSetup],
         *,
         boot: str,
-        sink: Sink,
-        clock: Clock,
-        sequence: SequenceNumbers,
+        records: RecordWriter,
         publish_event: PublishEvent,
         policy: Policy | None = None,
         publish_again: PublishAgain = lambda _: None,
@@ -107,10 +103,15 @@ class HistoryService:
         self._publish_event = publish_event
         self._store = make_file(state_dir, self._on_news)
         self._delivery = Delivery(
-            sink, self._store, boot=boot, clock=clock, count=self._take_record, publish_again=publish_again
+            records.sink,
+            self._store,
+            boot=boot,
+            clock=records.clock,
+            count=self._take_record,
+            publish_again=publish_again,
         )
         self.delivered = self._delivery.delivered  # called with the key of what the broker has acknowledged
-        self._here = Surroundings(boot, self._delivery, self._store, clock, sequence, policy)
+        self._here = Surroundings(boot, self._delivery, self._store, records.clock, records.sequence, policy)
         self._is_away = False
         self._loading: set[asyncio.Task[None]] = set()
         self._unread: set[str] = set()  # starters whose rows could not be read

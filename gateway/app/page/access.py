@@ -18,13 +18,12 @@ from gateway.errors import CommandError, StoreError
 from gateway.families.command.build import verbs
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.freshness import EVERY_S, Tokens
-from gateway.records import ACCEPT, LOCK, OWN_VERBS, UNLOCK, AuditRecord, SequenceNumbers, Sink, rfc3339
+from gateway.records import ACCEPT, LOCK, OWN_VERBS, UNLOCK, AuditRecord, RecordWriter, rfc3339
 from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.telemetry.view import StarterControlView
 from gateway.storage.history_table import HistoryRow
-from gateway.system.clock import Clock
 
 log = logging.getLogger(__name__)
 
@@ -70,14 +69,12 @@ class WebAccess:
         dispatcher: Dispatcher,
         policy: Policy,
         starters: Mapping[str, StarterControlView],
-        clock: Clock,
         clock_doubt: Callable[[], str | None],
         is_connected: Callable[[], bool],
         progress: Callable[[], Mapping[str, int]],
         metrics: MetricsExport,
         stored: Callable[[str, Sequence[str]], Awaitable[list[HistoryRow]]],
-        sink: Sink,
-        sequence: SequenceNumbers,
+        records: RecordWriter,
     ) -> None:
         self._stored = stored
         self.site = site
@@ -86,13 +83,12 @@ class WebAccess:
         self._dispatcher = dispatcher
         self._policy = policy
         self._starters = starters
-        self._clock = clock
+        self._clock = records.clock
         self._clock_doubt = clock_doubt
         self._is_connected = is_connected
         self._progress = progress
         self._metrics = metrics
-        self._sink = sink
-        self._sequence = sequence
+        self._records = records
         self._token, self._token_s = "", 0.0
         self._tools = Tools()
 
@@ -138,7 +134,7 @@ class WebAccess:
     def note_login(self, verb: str, code: str, *, user: str, client: str, address: str) -> None:
         """Record a login, a refused one, or a logout in the audit and the log."""
         log.info("web %s: user=%s client=%s address=%s %s", verb, user or "unknown", client, address, code)
-        self._sink.put(
+        self._records.put(
             AuditRecord(
                 starter="",
                 client=client,
@@ -148,7 +144,7 @@ class WebAccess:
                 decision="confirmed" if code == "ok" else "rejected",
                 code=code,
                 time_s=self._clock.utc_s(),
-                seq=self._sequence.take(),
+                seq=self._records.sequence.take(),
                 source=WEB,
             )
         )

@@ -14,7 +14,7 @@ from typing import Self
 from gateway.errors import DamagedError, NewerError, StoreError
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Profile, Variant
-from gateway.families.reading.poll_blocks import plan_blocks
+from gateway.families.reading import plan_blocks
 from gateway.modbus import adu
 from gateway.mqtt.contract.payloads import ValueTexts
 from gateway.mqtt.contract.topics import Topics

@@ -17,7 +17,7 @@ from gateway.families.devices.findings import Weight
 from gateway.families.diagnosis.identify import identify
 from gateway.families.diagnosis.readiness import as_delivered, readiness, readiness_codes, watchdogs
 from gateway.families.profile.schema import Variant
-from gateway.families.reading.bulk import bulk_reads
+from gateway.families.reading import bulk_reads
 from gateway.line.client import LineClient
 from gateway.line.direct import exclusive_line
 from gateway.line.port.base import PortOpener

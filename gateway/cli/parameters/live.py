@@ -17,7 +17,7 @@ from gateway.config.load import load
 from gateway.errors import PortError
 from gateway.families.alternates import alternates
 from gateway.families.profile.procedure import Read
-from gateway.families.reading.bulk import bulk_reads, readable_codes
+from gateway.families.reading import bulk_reads, readable_codes
 from gateway.line.direct import exclusive_line
 from gateway.line.port.base import PortOpener
 from gateway.line.port.event_loop import new_precise_loop

@@ -24,7 +24,7 @@ from gateway.cli.command import Progress
 from gateway.cli.parameters.live import LiveStarter, read_with_progress
 from gateway.errors import CommandError, DamagedError, StoreError, UsageError
 from gateway.families.devices.device import Identity
-from gateway.families.reading.bulk import bulk_reads
+from gateway.families.reading import bulk_reads
 from gateway.line.port.event_loop import new_precise_loop
 from gateway.starters.identity.registry import IDENTITIES_FILE, mismatch_in
 from gateway.starters.parameters.model import ParameterSet

@@ -18,7 +18,7 @@ from gateway.families.devices.findings import Watchdog
 from gateway.families.diagnosis.identify import candidates, identify, identify_requests, matches
 from gateway.families.diagnosis.readiness import watchdog_codes, watchdogs
 from gateway.families.profile.schema import Profile, Variant
-from gateway.families.reading.bulk import bulk_reads
+from gateway.families.reading import bulk_reads
 from gateway.line.direct import Survey, silent_cost_s
 from gateway.line.port.base import PortOpener
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Silent

@@ -26,7 +26,7 @@ from gateway.families.profile.arguments import check_names, choice, switch
 from gateway.families.profile.decode import is_known
 from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep, refused
 from gateway.families.profile.schema import Command, Profile, Variant
-from gateway.families.reading.bulk import reads_for, rows_of_points
+from gateway.families.reading import reads_for, rows_of_points
 from gateway.modbus.pdu import Request
 
 

@@ -15,7 +15,7 @@ from gateway.families.profile.arguments import check_names, choice, to_switch
 from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep, refused
 from gateway.families.profile.schema import Output, Profile
 from gateway.families.profile.word_types import of_percent
-from gateway.families.reading.bulk import SET_WITHIN_S, read_of, reads_for
+from gateway.families.reading import SET_WITHIN_S, read_of, reads_for
 from gateway.modbus.codes import Function
 from gateway.modbus.pdu import Request
 from gateway.modbus.writes import MaskWriteRegister, WriteRegister

@@ -29,7 +29,7 @@ from gateway.families.command.interlock import points_needed
 from gateway.families.profile.decode import is_known
 from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep, refused
 from gateway.families.profile.schema import Profile, Variant, Write
-from gateway.families.reading.bulk import reads_for, rows_of_points
+from gateway.families.reading import reads_for, rows_of_points
 from gateway.modbus.pdu import Request
 
 STANDSTILL = "is_stopped"

@@ -15,7 +15,7 @@ from gateway.families.profile.procedure import Preparation, Procedure, Read, See
 from gateway.families.profile.rows import Parameter
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.profile.word_types import in_order_of
-from gateway.families.reading.bulk import holds, read_back, read_of, reads_for, rows_of_points
+from gateway.families.reading import holds, read_back, read_of, reads_for, rows_of_points
 
 Wanted = list[RowWords]
 

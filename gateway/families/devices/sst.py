@@ -16,7 +16,7 @@ from gateway.families.profile.procedure import Expect, Preparation, Procedure, S
 from gateway.families.profile.rows import Alarm, Type
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.profile.word_types import serial_of, text_of, to_text, version_of
-from gateway.families.reading.bulk import holds, read_back, read_of, reads_for
+from gateway.families.reading import holds, read_back, read_of, reads_for
 from gateway.modbus.reads import ReadInputRegisters
 from gateway.modbus.writes import WriteCoil
 

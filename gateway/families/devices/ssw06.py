@@ -13,7 +13,7 @@ from gateway.families.devices.ssw07 import MODEL_ADDRESS, SSW06_MODEL, Ssw07Devi
 from gateway.families.profile.arguments import check_names, choice
 from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep, refused
 from gateway.families.profile.schema import Profile, Variant
-from gateway.families.reading.bulk import read_of, reads_for
+from gateway.families.reading import read_of, reads_for
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteRegister
 

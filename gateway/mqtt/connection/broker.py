@@ -6,7 +6,6 @@ import asyncio
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Protocol
 
 from gateway.errors import BrokerError
 from gateway.mqtt.connection.reconnect import Notice, Version, VersionChoice, perhaps_taken_over
@@ -15,7 +14,7 @@ from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.freshness import EVERY_S
 from gateway.mqtt.contract.payloads import Message
-from gateway.mqtt.outbox.outbox import Outgoing
+from gateway.mqtt.outbox.outbox import Outbox
 from gateway.system.backoff import Backoff
 
 log = logging.getLogger(__name__)
@@ -25,26 +24,6 @@ PULSE_RETRY_S = 0.1
 Listener = Callable[[bytes], None]  # takes a payload; must return at once
 FAREWELL_TICKET = 0  # the outbox counts from 1
 SHORT_ONES = 3  # connections in a row that the broker closed soon, until the cause is guessed
-
-
-class Source(Protocol):
-    """Where the messages to publish come from; see `Outbox`."""
-
-    def connected(self, window: int) -> None:
-        """Begin a connection."""
-
-    def disconnected(self) -> None:
-        """End a connection."""
-
-    def take(self) -> Outgoing | None:
-        """Return the next message to publish now."""
-
-    def acked(self, ticket: int, reason_code: int) -> None:
-        """Note the broker's answer."""
-
-    @property
-    def is_idle(self) -> bool:
-        """Return whether everything has been acknowledged."""
 
 
 class BrokerConnection:
@@ -61,7 +40,7 @@ class BrokerConnection:
     def __init__(
         self,
         settings: BrokerSettings,
-        source: Source,
+        outbox: Outbox,
         *,
         command_filter: str,
         will: Callable[[], Message | None],
@@ -73,7 +52,7 @@ class BrokerConnection:
         listeners: Mapping[str, Listener] | None = None,
     ) -> None:
         self._settings = settings
-        self._source = source
+        self._outbox = outbox
         self._command_filter = command_filter
         self._will = will
         self._on_incoming = on_incoming
@@ -93,7 +72,7 @@ class BrokerConnection:
         self._link: tuple[bool, str] | None = None
         self._closing = asyncio.Event()
         self._acknowledged = asyncio.Event()
-        self._is_source_shut = False
+        self._is_outbox_shut = False
         self._farewell_code: int | None = None
 
     @property
@@ -118,7 +97,7 @@ class BrokerConnection:
                 self._sending.cancel()
 
     def wake(self) -> None:
-        """Send what the source has, soon; costs nothing when called often."""
+        """Send what the outbox has, soon; costs nothing when called often."""
         if self._session is not None and self._sending is None:
             self._sending = asyncio.get_running_loop().call_soon(self._send)
 
@@ -142,8 +121,8 @@ class BrokerConnection:
         session = self._session
         if session is None:
             return
-        await self._wait_until(lambda: self._source.is_idle or session.lost.done(), within_s / 2)
-        self._is_source_shut = True
+        await self._wait_until(lambda: self._outbox.is_idle or session.lost.done(), within_s / 2)
+        self._is_outbox_shut = True
         await self._wait_until(lambda: _has_room(session) or session.lost.done(), within_s / 4)
         if _has_room(session):
             session.publish(FAREWELL_TICKET, farewell)
@@ -196,7 +175,7 @@ class BrokerConnection:
         loop = asyncio.get_running_loop()
         since_s = loop.time()
         self._session = session
-        self._source.connected(session.window)
+        self._outbox.connected(session.window)
         try:
             self._on_version(self._choice.version)
             for topic in self._listeners:
@@ -209,7 +188,7 @@ class BrokerConnection:
             self._session = None
             if self._beating is not None:
                 self._beating.cancel()
-            self._source.disconnected()
+            self._outbox.disconnected()
             self._acknowledged.set()
         if loop.time() - since_s >= self._settings.steady_s:
             self._backoff.reset()
@@ -238,15 +217,15 @@ class BrokerConnection:
         """Send the pulse, or try again soon; what could not be sent is made again."""
         if self._beating is not None:
             self._beating.cancel()
-        if self._pulse is None or self._is_source_shut:
+        if self._pulse is None or self._is_outbox_shut:
             return
         pause_s = PULSE_EVERY_S if session.publish_now(self._pulse()) else PULSE_RETRY_S
         self._beating = asyncio.get_running_loop().call_later(pause_s, self._beat, session)
 
     def _send(self) -> None:
         self._sending = None
-        while self._session is not None and not self._is_source_shut and not self._session.lost.done():
-            outgoing = self._source.take()
+        while self._session is not None and not self._is_outbox_shut and not self._session.lost.done():
+            outgoing = self._outbox.take()
             if outgoing is None:
                 return
             refusal = self._session.publish(outgoing.ticket, outgoing.message)
@@ -257,7 +236,7 @@ class BrokerConnection:
         if ticket == FAREWELL_TICKET:
             self._farewell_code = reason_code
         else:
-            self._source.acked(ticket, reason_code)
+            self._outbox.acked(ticket, reason_code)
         self._acknowledged.set()
         session = self._session
         # A message for each acknowledgement, one by one, would wake us and the broker for each.

@@ -20,7 +20,7 @@ from dataclasses import replace
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.topics import CommandAddress, Malformed, Topics
 from gateway.records import STOP
-from gateway.system.token_bucket import Bucket, Rate
+from gateway.system.rate_limits import Bucket, Rate
 
 logger = logging.getLogger(__name__)
 

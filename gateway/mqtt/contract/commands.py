@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Annotated, Any
 
@@ -59,19 +59,12 @@ class Incoming:
 
 @dataclass(frozen=True, slots=True)
 class Rejection:
-    """A command that is not carried out: `code` names the rule, the rest its sender, empty when unknown."""
+    """A command that is not carried out: as far as it is legible, and which rule refuses it."""
 
-    starter: str
-    client: str
-    verb: str
-    id: str | None
+    request: CommandRequest
     code: str
     text: str
-    operator: str | None = None
-    args: Mapping[str, Any] = field(default_factory=dict)
-    correlation: bytes | None = None
     problem: str = ""  # of a malformed topic, in a word
-    source: str = ""
 
 
 def _printable(text: str) -> str:
@@ -220,19 +213,18 @@ def _proof(body: _Body) -> Proof:
 def _rejected(
     address: CommandAddress | Malformed, lenient: _Body, incoming: Incoming, error: CommandError
 ) -> Rejection:
-    return Rejection(
+    request = CommandRequest(
         starter=address.starter,
         client=address.client,
         verb=address.verb,
         id=lenient.id,
-        code=error.code,
-        text=error.text,
-        operator=incoming.operator or lenient.operator,
         args=lenient.args,
+        operator=incoming.operator or lenient.operator,
         correlation=incoming.correlation,
-        problem=address.problem if isinstance(address, Malformed) else "",
         source=incoming.source,
     )
+    problem = address.problem if isinstance(address, Malformed) else ""
+    return Rejection(request, code=error.code, text=error.text, problem=problem)
 
 
 def _read_strictly(payload: bytes) -> _Body:

@@ -9,7 +9,7 @@ from gateway.errors import CommandError
 from gateway.families.command.build import build, prepare, verbs
 from gateway.families.command.interlock import demand
 from gateway.families.profile.procedure import Preparation
-from gateway.families.reading.bulk import reads_for
+from gateway.families.reading import reads_for
 from gateway.records import CANCEL, OWN_VERBS, READ, SELECT, STOP, Phase
 from gateway.starters.commands.command_queue import CommandQueue
 from gateway.starters.commands.ledger import Ledger
@@ -22,7 +22,7 @@ from gateway.starters.policy.rights import Rights
 from gateway.starters.telemetry.view import StarterControlView
 from gateway.storage.journal import UNAVAILABLE, Journal
 from gateway.system.clock import Clock
-from gateway.system.token_bucket import REFUSAL_EVERY_S, Damped
+from gateway.system.rate_limits import REFUSAL_EVERY_S, Damped
 
 CAN_WAIT = frozenset({"read", "set", "configure", "output"})  # verbs that move no motor
 LEDGER_FULL = "ledger_full"
@@ -203,8 +203,8 @@ class OverloadRefusals:
 
     def __init__(self, reporting: Reporting) -> None:
         self._reporting = reporting
-        self._refusals = Damped(self._refuse, clock=reporting.clock, every_s=REFUSAL_EVERY_S)
-        self._stops = Damped(self._answer_stop, clock=reporting.clock, every_s=REFUSAL_EVERY_S)
+        self._refusals = Damped(self._refuse, clock=reporting.records.clock, every_s=REFUSAL_EVERY_S)
+        self._stops = Damped(self._answer_stop, clock=reporting.records.clock, every_s=REFUSAL_EVERY_S)
 
     def refuse(self, client: Hashable, request: CommandRequest) -> None:
         """Refuse a command now, or count it; one whose id is known gets no answer."""

@@ -10,7 +10,7 @@ from math import inf
 from typing import Any
 
 from gateway.errors import CommandError
-from gateway.records import LOCK, OWN_VERBS, READ, SELECT, STOP, Phase, ResultRecord, SequenceNumbers, Sink
+from gateway.records import LOCK, OWN_VERBS, READ, SELECT, STOP, Phase, RecordWriter, ResultRecord
 from gateway.starters.commands.admission import (
     CAN_WAIT,
     LEDGER_FULL,
@@ -31,12 +31,11 @@ from gateway.starters.commands.starter_io import HALTED
 from gateway.starters.commands.stop import Stopping
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.preconditions import is_forbidden
-from gateway.starters.policy.request import CommandRequest, Refusable, request_of
+from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.start_rules import PolicySettings, RateLimiter
 from gateway.starters.telemetry.view import StarterControlView
 from gateway.storage.journal import UNAVAILABLE, Journal, NoJournal, Remembered
-from gateway.system.clock import Clock
 
 logger = logging.getLogger(__name__)
 
@@ -58,9 +57,7 @@ class Dispatcher:
         starters: Mapping[str, StarterControlView],
         *,
         rights: Rights,
-        sink: Sink,
-        clock: Clock,
-        sequence: SequenceNumbers,
+        records: RecordWriter,
         journal: Journal | None = None,
         policy: Policy | None = None,
         stood_still_s: Callable[[], float] = lambda: -inf,
@@ -69,17 +66,13 @@ class Dispatcher:
         on_stop: Callable[[], None] = lambda: None,
     ) -> None:
         self._starters = starters
-        self._clock = clock
+        self._clock = clock = records.clock
         self._rights = rights
         self._journal = journal or NoJournal()
         self._ledger = Ledger(proofs=proofs, on_forgotten=self._journal.forget)
-        self._policy = policy or Policy(
-            PolicySettings(), starters.keys(), rights=rights, sink=sink, clock=clock, sequence=sequence
-        )
+        self._policy = policy or Policy(PolicySettings(), starters.keys(), rights=rights, records=records)
         self._reporting = Reporting(
-            sink=sink,
-            clock=clock,
-            sequence=sequence,
+            records=records,
             ledger=self._ledger,
             write_budget=self._policy.write_budget,
             journal=self._journal,
@@ -129,9 +122,8 @@ class Dispatcher:
         except CommandError as refusal:
             self._refuse(request, refusal, is_stored=refusal.code not in NOT_TAKEN)
 
-    def reject(self, refusable: Refusable, code: str, text: str) -> None:
+    def reject(self, request: CommandRequest, code: str, text: str) -> None:
         """Reject a command that is not fit to be submitted; a repetition gets the first one's result."""
-        request = request_of(refusable)
         if not self._admits(request):
             self._overload_refusals.refuse(self._key(request), request)
             return
@@ -240,7 +232,7 @@ class Dispatcher:
             text = f"this id was used for {earlier.verb} of {earlier.starter}"
             self._refuse(request, CommandError("id_reused", text), is_stored=False)
             return
-        self._reporting.sink.put(as_repetition(earlier, request))
+        self._reporting.records.put(as_repetition(earlier, request))
         audit(request, self._reporting, decision="duplicate", code=earlier.code)
 
     def _refuse(self, request: CommandRequest, error: CommandError, *, is_stored: bool) -> None:

@@ -9,12 +9,11 @@ from math import inf
 from typing import Any
 
 from gateway.errors import CommandError
-from gateway.records import STOP, AuditRecord, Phase, ResultRecord, SequenceNumbers, Sink
+from gateway.records import STOP, AuditRecord, Phase, RecordWriter, ResultRecord
 from gateway.starters.commands.ledger import Ledger
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.write_budget import WriteBudget
 from gateway.storage.journal import Journal, NoJournal
-from gateway.system.clock import Clock
 
 NEXT: Mapping[Phase | None, frozenset[Phase]] = {
     None: frozenset({Phase.ACCEPTED, Phase.REJECTED}),  # just received
@@ -78,9 +77,7 @@ class Final:
 class Reporting:
     """What every command is reported with."""
 
-    sink: Sink
-    clock: Clock
-    sequence: SequenceNumbers
+    records: RecordWriter
     ledger: Ledger
     write_budget: WriteBudget = field(default_factory=WriteBudget)
     journal: Journal = field(default_factory=NoJournal)
@@ -108,7 +105,7 @@ class CommandReport:
 
     def now_s(self) -> float:
         """Return the steady clock's time."""
-        return self._reporting.clock.now_s()
+        return self._reporting.records.clock.now_s()
 
     def is_outdated(self, seen_s: float) -> bool:
         """Return whether the gateway has stood still since that moment: what was read by then is old."""
@@ -116,6 +113,8 @@ class CommandReport:
 
     def count_memory_writes(self, writes: int) -> None:
         """Count writes of the starter's non-volatile memory; CommandError when there were too many."""
+        if not writes:
+            return
         wait_s = self._reporting.write_budget.take(self.request.starter, writes, now_s=self.now_s())
         if wait_s is not None:
             raise CommandError("wear_limit", self._reporting.write_budget.refusal(wait_s))
@@ -152,7 +151,7 @@ class CommandReport:
     def inform(self, client: str, end: Final) -> None:
         """Publish to another client what this command did to what is his; a result without an id."""
         result = self.result(end)
-        self._reporting.sink.put(
+        self._reporting.records.put(
             replace(result, client=client, id=None, correlation=None, response_topic=None)
         )
 
@@ -167,7 +166,7 @@ class CommandReport:
             phase=end.phase,
             code=end.code,
             text=end.text,
-            time_s=self._reporting.clock.utc_s(),
+            time_s=self._reporting.records.clock.utc_s(),
             is_duplicate=self._is_repeat,
             values=end.values,
             correlation=request.correlation,
@@ -180,18 +179,18 @@ class CommandReport:
         result = self.result(end)
         if not is_stored or not self._is_stored:
             if request.starter and request.client:  # else there is no topic for a result, only the audit
-                reporting.sink.put(result)
+                reporting.records.put(result)
             return
         self._latest = result
-        if not reporting.ledger.store(result, now_s=reporting.clock.now_s(), boot=request.boot):
+        if not reporting.ledger.store(result, now_s=reporting.records.clock.now_s(), boot=request.boot):
             self._latest = replace(result, id=None)  # the id stands for what was acted on under it
         if end.phase is not Phase.WRITTEN and request.verb != STOP:
             # Stored before it is published, so that no command gets two different final results. That
             # something may be written is on the disk already.
-            reporting.journal.note(result, then=partial(reporting.sink.put, result))
+            reporting.journal.note(result, then=partial(reporting.records.put, result))
         else:
             reporting.journal.note(self._latest)
-            reporting.sink.put(result)
+            reporting.records.put(result)
 
     def _audit(self, end: Final) -> None:
         decision, before = end.phase, self.before
@@ -208,7 +207,7 @@ def audit(
     after: Mapping[str, Any] | None = None,
 ) -> None:
     """Record one decision about a command."""
-    reporting.sink.put(
+    reporting.records.put(
         AuditRecord(
             starter=request.starter,
             client=request.client,
@@ -217,8 +216,8 @@ def audit(
             args=request.args,
             decision=decision,
             code=code,
-            time_s=reporting.clock.utc_s(),
-            seq=reporting.sequence.take(),
+            time_s=reporting.records.clock.utc_s(),
+            seq=reporting.records.sequence.take(),
             before=before or {},
             after=after or {},
             id=request.id,

@@ -52,22 +52,22 @@ class Recovery:
         text += f"; the starter is now {state}" if state != UNKNOWN else "; its state is not known yet"
         earlier = self._remembered.result
         values = {} if state == UNKNOWN else {"state": state}
-        now_s = self._reporting.clock.utc_s()
+        now_s = self._reporting.records.clock.utc_s()
         return replace(earlier, phase=phase, code=CRASHED, text=text, time_s=now_s, values=values)
 
     async def publish(self) -> None:
         """Wait a while for the starter's status, then publish the result, its audit record and an event."""
-        until_s = self._reporting.clock.now_s() + STATUS_WITHIN_S
-        while self._state() == UNKNOWN and self._starter and self._reporting.clock.now_s() < until_s:
+        until_s = self._reporting.records.clock.now_s() + STATUS_WITHIN_S
+        while self._state() == UNKNOWN and self._starter and self._reporting.records.clock.now_s() < until_s:
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._hurried.wait(), LOOK_EVERY_S)
                 break
         result = self.result()
         if self._is_superseded():
-            self._reporting.sink.put(result)
+            self._reporting.records.put(result)
         else:
-            self._reporting.ledger.store(result, now_s=self._reporting.clock.now_s())
-            self._reporting.journal.note(result, then=lambda: self._reporting.sink.put(result))
+            self._reporting.ledger.store(result, now_s=self._reporting.records.clock.now_s())
+            self._reporting.journal.note(result, then=lambda: self._reporting.records.put(result))
         request = CommandRequest(result.starter, result.client, result.verb, result.id)
         audit(request, self._reporting, decision=result.phase, code=result.code, after=result.values)
         if self._starter is not None and result.phase is Phase.UNCONFIRMED:

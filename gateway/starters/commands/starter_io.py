@@ -10,7 +10,7 @@ from typing import Any, TypeVar, assert_never
 from gateway.errors import CommandError, GatewayError
 from gateway.families.profile.decode import decode_points
 from gateway.families.profile.procedure import Expect, Read
-from gateway.families.reading.bulk import rows_in
+from gateway.families.reading import rows_in
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.scheduler.requests import Priority
 from gateway.modbus.codes import exception_name

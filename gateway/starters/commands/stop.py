@@ -38,7 +38,7 @@ from gateway.starters.commands.starter_io import (
 )
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.telemetry.view import StarterControlView
-from gateway.system.token_bucket import Bucket, Rate
+from gateway.system.rate_limits import Bucket, Rate
 
 logger = logging.getLogger(__name__)
 

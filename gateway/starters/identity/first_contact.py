@@ -21,7 +21,7 @@ from gateway.errors import CommandError, PortLostError
 from gateway.families.devices.device import Identity, Question
 from gateway.families.diagnosis.identify import identify, identify_requests, why_not
 from gateway.families.diagnosis.readiness import time_codes
-from gateway.families.reading.bulk import bulk_reads
+from gateway.families.reading import bulk_reads
 from gateway.line.client import LineClient
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.scheduler.requests import Priority

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from gateway.families.profile.decode import Value, decode_row
 from gateway.families.profile.parameters import factory_settings, find
 from gateway.families.profile.schema import Profile, Variant
-from gateway.families.reading.bulk import is_setting
+from gateway.families.reading import is_setting
 
 
 @dataclass(frozen=True, slots=True)

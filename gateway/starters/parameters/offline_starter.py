@@ -15,7 +15,7 @@ from gateway.line.client import LineClient
 from gateway.line.rtu.outcome import Answered, Outcome, Refused
 from gateway.line.scheduler.requests import Priority
 from gateway.modbus.pdu import Request
-from gateway.records import Record, SequenceNumbers
+from gateway.records import Record, RecordWriter
 from gateway.starters.bulk_read import BulkReading, read_in_bulk
 from gateway.starters.identity.first_contact import IdentityStatus, standing_of
 from gateway.starters.identity.recognition import Recognition
@@ -41,7 +41,7 @@ class OfflineStarter:
         self.line = line
         self.variant: Variant = setup.variant
         self.snapshot = Snapshot({})
-        self.emitter = Emitter(setup.name, sink=_NoRecords(), clock=clock, sequence=SequenceNumbers())
+        self.emitter = Emitter(setup.name, RecordWriter(_NoRecords(), clock))
         self.identity = Identity(reason="not yet asked")
         self._watchdogs = watchdogs or KnownWatchdogs()
         self._recognition = Recognition(setup.profile)

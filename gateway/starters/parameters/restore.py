@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from gateway.families.command.run_command import CLEARED
 from gateway.families.profile.decode import Value
-from gateway.records import Phase, Record, ResultRecord, SequenceNumbers
+from gateway.records import Phase, Record, RecordWriter, ResultRecord
 from gateway.starters.commands.execution import CommandExecution
 from gateway.starters.commands.ledger import Ledger
 from gateway.starters.commands.lifecycle import CommandReport, Reporting
@@ -43,9 +43,7 @@ class Restore:
         self._finals = _Finals()
         self._write_budget = WriteBudget(most_per_hour=NO_LIMIT)
         self._reporting = Reporting(
-            sink=self._finals,
-            clock=clock,
-            sequence=SequenceNumbers(),
+            records=RecordWriter(self._finals, clock),
             ledger=Ledger(),
             write_budget=self._write_budget,
         )

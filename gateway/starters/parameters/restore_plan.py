@@ -15,7 +15,7 @@ from gateway.families.profile.procedure import Preparation
 from gateway.families.profile.rows import Parameter
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.profile.word_types import TYPE_LIMITS, from_words
-from gateway.families.reading.bulk import holds, is_setting
+from gateway.families.reading import holds, is_setting
 from gateway.starters.parameters.model import ParameterEntry, ParameterSet, entries_of
 
 

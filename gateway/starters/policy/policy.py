@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from typing import Any
+from collections.abc import Collection, Sequence
 
 from gateway.errors import DamagedError
-from gateway.records import EventRecord, LockRecord, Record, SequenceNumbers, Severity, Sink, StateRecord
+from gateway.records import LockRecord, Record, RecordWriter, Severity, StateRecord
 from gateway.starters.identity.registry import IdentityRegistry
 from gateway.starters.policy.motor_history import MotorHistory
 from gateway.starters.policy.preconditions import NOTICE, Expectation, Guard
@@ -18,7 +17,6 @@ from gateway.starters.policy.write_budget import WriteBudget
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from gateway.starters.telemetry.transitions import PublishedFaults
 from gateway.storage.json_file import JsonStore, NoStore, Saver
-from gateway.system.clock import Clock
 
 WEAR_EVENT = "memory_written"
 GATEWAY = "gateway"  # who locks when the locks are not known any more
@@ -38,9 +36,7 @@ class Policy:
         starters: Collection[str],
         *,
         rights: Rights,
-        sink: Sink,
-        clock: Clock,
-        sequence: SequenceNumbers,
+        records: RecordWriter,
         memory: JsonStore | None = None,
         identities_memory: JsonStore | None = None,
         write_budget_memory: JsonStore | None = None,
@@ -51,9 +47,7 @@ class Policy:
         self.motor_history = MotorHistory(starters)
         self.rulebook = Rulebook(settings.rules, self.motor_history)
         self.selections = Selections()
-        self.identities = IdentityRegistry(
-            sink=sink, clock=clock, sequence=sequence, memory=identities_memory
-        )
+        self.identities = IdentityRegistry(records, identities_memory)
         self.published_faults = published_faults or PublishedFaults()
         self.watchdogs = watchdogs or KnownWatchdogs()
         self.write_budget = WriteBudget(on_count=self._publish_write_count)
@@ -61,14 +55,13 @@ class Policy:
             write_budget_memory or NoStore(), self.write_budget.to_document, on_trouble=lambda _: None
         )
         self.saver = Saver(memory or NoStore(), self._document, on_trouble=self._publish_trouble)
-        self._sink = sink
-        self._clock = clock
-        self._sequence = sequence
+        self._clock = records.clock
+        self._records = records
         self._unsure: set[str] = set()  # starters that may have been locked, as far as anybody knows
         self._restore(memory or NoStore(), starters, rights)
         self._restore_write_budget(write_budget_memory or NoStore())
         if self.watchdogs.damage:
-            self._publish("memory_damaged", Severity.WARNING, self.watchdogs.damage)
+            self._records.event("", "memory_damaged", Severity.WARNING, self.watchdogs.damage)
 
     def put(self, record: Record) -> None:
         """Remember the states that are published."""
@@ -115,7 +108,7 @@ class Policy:
             self._unsure = set(starters)
             count = len(self._lock_unsure(rights))
             text = f"{error}: earlier starts are not known, and {count} starters are locked ({NOTICE})"
-            self._publish("memory_damaged", Severity.ERROR, text)
+            self._records.event("", "memory_damaged", Severity.ERROR, text)
 
     def _restore_write_budget(self, memory: JsonStore) -> None:
         try:
@@ -124,13 +117,13 @@ class Policy:
                 self.write_budget.restore(document)
         except DamagedError as error:
             memory.set_aside()
-            self._publish("memory_damaged", Severity.WARNING, f"{error}: they begin at 0 again")
+            self._records.event("", "memory_damaged", Severity.WARNING, f"{error}: they begin at 0 again")
 
     def _publish_write_count(self, starter: str, text: str) -> None:
         """Publish and store how often a starter's memory was written; a lost count is no event."""
         self._write_budget_saver.touch()
         data = {"last_hour": self.write_budget.last_hour(starter), "total": self.write_budget.total(starter)}
-        self._publish(WEAR_EVENT, Severity.INFO, text, starter, data)
+        self._records.event(starter, WEAR_EVENT, Severity.INFO, text, data)
 
     def _lock_unsure(self, rights: Rights) -> list[str]:
         """Lock what may have been locked, where somebody may unlock it; return those starters."""
@@ -143,17 +136,7 @@ class Policy:
 
     def _publish_trouble(self, trouble: str) -> None:
         if trouble:
-            self._publish("memory_away", Severity.ERROR, f"locks and starts cannot be stored: {trouble}")
+            text = f"locks and starts cannot be stored: {trouble}"
+            self._records.event("", "memory_away", Severity.ERROR, text)
         else:
-            self._publish("memory_back", Severity.INFO, "locks and starts are stored again")
-
-    def _publish(
-        self,
-        code: str,
-        severity: Severity,
-        text: str,
-        starter: str = "",
-        data: Mapping[str, Any] | None = None,
-    ) -> None:
-        utc_s, seq = self._clock.utc_s(), self._sequence.take()
-        self._sink.put(EventRecord(starter, code, severity, text, utc_s, seq, data or {}))
+            self._records.event("", "memory_back", Severity.INFO, "locks and starts are stored again")

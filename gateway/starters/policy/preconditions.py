@@ -12,7 +12,7 @@ from gateway.errors import CommandError
 from gateway.families.command.interlock import points_needed
 from gateway.families.profile.schema import Profile
 from gateway.families.profile.state import STATES, state_of
-from gateway.families.reading.bulk import rows_of_points
+from gateway.families.reading import rows_of_points
 from gateway.records import LockRecord
 from gateway.starters.policy.motor_history import MotorHistory
 from gateway.starters.policy.request import CommandRequest

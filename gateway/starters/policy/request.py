@@ -1,10 +1,10 @@
-"""A command as it came in: well-formed and fresh, but not yet judged by its starter."""
+"""A command as it came in: not yet judged by its starter."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,53 +28,3 @@ class CommandRequest:
     decided_by: str = ""  # what shows that: token or issued_at
     source: str = ""  # "web": the status page; empty: MQTT
     boot: str = ""  # the boot that alone proves a copy of it fresh, whatever its age; empty: none does
-
-
-class Refusable(Protocol):
-    """What must be known of a command to reject it to its client."""
-
-    @property
-    def starter(self) -> str:
-        """The starter it names."""
-
-    @property
-    def client(self) -> str:
-        """Who sent it."""
-
-    @property
-    def verb(self) -> str:
-        """What it wants."""
-
-    @property
-    def id(self) -> str | None:
-        """Its id, when it has a legible one."""
-
-    @property
-    def args(self) -> Mapping[str, Any]:
-        """Its arguments, as far as legible."""
-
-    @property
-    def operator(self) -> str | None:
-        """Who it says it is from."""
-
-    @property
-    def correlation(self) -> bytes | None:
-        """The MQTT 5 correlation data."""
-
-    @property
-    def source(self) -> str:
-        """Which way it came, if not over MQTT."""
-
-
-def request_of(refusable: Refusable) -> CommandRequest:
-    """Return a command that is only there to be rejected."""
-    return CommandRequest(
-        starter=refusable.starter,
-        client=refusable.client,
-        verb=refusable.verb,
-        id=refusable.id,
-        args=refusable.args,
-        operator=refusable.operator,
-        correlation=refusable.correlation,
-        source=refusable.source,
-    )

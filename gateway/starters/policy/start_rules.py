@@ -9,7 +9,7 @@ from typing import Any
 from gateway.families.command.interlock import Violation
 from gateway.families.profile.arguments import to_switch
 from gateway.starters.policy.motor_history import MotorHistory
-from gateway.system.token_bucket import Bucket, Rate
+from gateway.system.rate_limits import Bucket, Rate
 
 HOUR_S = 3600.0
 

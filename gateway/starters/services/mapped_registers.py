@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Any
 
 from gateway.errors import CommandError, PortLostError
 from gateway.families.command.interlock import check
@@ -22,13 +22,12 @@ from gateway.families.mapped_registers import (
 from gateway.families.profile.procedure import Procedure
 from gateway.line.rtu.outcome import Answered, Refused
 from gateway.line.scheduler.requests import Priority
-from gateway.records import AuditRecord, SequenceNumbers, Severity, Sink
+from gateway.records import AuditRecord, RecordWriter, Severity
 from gateway.starters.commands.starter_io import RefusedError, Rows, StarterIo
 from gateway.starters.identity.first_contact import IdentityStatus
 from gateway.starters.policy.write_budget import WriteBudget
-from gateway.starters.telemetry.view import StarterControlView
-from gateway.system.clock import Clock
-from gateway.system.once import ChangeDetector
+from gateway.starters.telemetry.telemetry import StarterTelemetry
+from gateway.system.rate_limits import ChangeDetector
 from gateway.system.supervised import SupervisedTask
 
 logger = logging.getLogger(__name__)
@@ -36,13 +35,6 @@ logger = logging.getLogger(__name__)
 GATEWAY = "gateway"  # who writes, in the audit
 RETRY_S = 10.0  # until the starter can be asked, or the motor stands
 MOST_WRITINGS = 3  # of a map that does not read back as written
-
-
-class FastStarter(StarterControlView, Protocol):
-    """A starter that can be read by mapped words; `StarterTelemetry` is one."""
-
-    def use_fast_words(self, block: MappedBlock | None) -> None:
-        """Read the points of this block in one request from now on; None: as they stand in the starter."""
 
 
 class MappedRegisters:
@@ -54,21 +46,17 @@ class MappedRegisters:
 
     def __init__(
         self,
-        starter: FastStarter,
+        starter: StarterTelemetry,
         *,
         write_budget: WriteBudget,
-        sink: Sink,
-        clock: Clock,
-        sequence: SequenceNumbers,
+        records: RecordWriter,
         may_write: bool,
         is_locked: Callable[[], bool] = lambda: False,
         on_written: Callable[[Mapping[str, tuple[int, ...]]], None] = lambda _: None,
     ) -> None:
         self._starter = starter
         self._write_budget = write_budget
-        self._sink = sink
-        self._clock = clock
-        self._sequence = sequence
+        self._records = records
         self._may_write = may_write
         self._is_locked = is_locked
         self._on_written = on_written
@@ -146,7 +134,9 @@ class MappedRegisters:
         if self._is_forbidden(self._starter_io.values(rows)) or await self._look(block) != (rows, procedure):
             self._is_waiting = True
             return False
-        wait_s = self._write_budget.take(self._starter.setup.name, procedure.wears, now_s=self._clock.now_s())
+        wait_s = self._write_budget.take(
+            self._starter.setup.name, procedure.wears, now_s=self._records.clock.now_s()
+        )
         if wait_s is not None:
             self._pause_s = wait_s
             self._publish("fast_words_waiting", Severity.WARNING, self._write_budget.refusal(wait_s))
@@ -207,7 +197,7 @@ class MappedRegisters:
         return self._writings >= MOST_WRITINGS or self._is_contested or not self._may_write
 
     def _audit(self, before: Rows, changed: Rows, *, is_seen: bool) -> None:
-        self._sink.put(
+        self._records.put(
             AuditRecord(
                 starter=self._starter.setup.name,
                 client=GATEWAY,
@@ -216,8 +206,8 @@ class MappedRegisters:
                 args={code: words[0] for code, words in changed.items()},
                 decision="confirmed" if is_seen else "unconfirmed",
                 code="ok" if is_seen else "not_seen",
-                time_s=self._clock.utc_s(),
-                seq=self._sequence.take(),
+                time_s=self._records.clock.utc_s(),
+                seq=self._records.sequence.take(),
                 before={code: list(before[code]) for code in changed},
                 after={code: list(words) for code, words in changed.items()} if is_seen else {},
             )

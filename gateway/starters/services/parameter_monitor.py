@@ -15,7 +15,7 @@ from gateway.families.profile.parameters import find, to_words
 from gateway.families.profile.per_profile import once_per_profile
 from gateway.families.profile.procedure import Read
 from gateway.families.profile.schema import Profile, Variant
-from gateway.families.reading.bulk import bulk_reads, is_set_by_people
+from gateway.families.reading import bulk_reads, is_set_by_people
 from gateway.line.scheduler.requests import Priority
 from gateway.records import Severity
 from gateway.starters.bulk_read import read_in_bulk

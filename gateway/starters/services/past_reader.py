@@ -15,7 +15,7 @@ from typing import Any, Protocol
 from gateway.errors import CommandError, PortLostError
 from gateway.families.profile.decode import alarm_code
 from gateway.families.profile.schema import Profile
-from gateway.families.reading.bulk import bulk_reads
+from gateway.families.reading import bulk_reads
 from gateway.line.scheduler.requests import Priority
 from gateway.starters.bulk_read import read_in_bulk
 from gateway.starters.identity.first_contact import IdentityStatus

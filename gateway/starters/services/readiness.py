@@ -18,12 +18,12 @@ from gateway.families.diagnosis.readiness import (
     watchdog_codes,
     watchdogs,
 )
-from gateway.families.reading.bulk import bulk_reads
+from gateway.families.reading import bulk_reads
 from gateway.line.scheduler.requests import Priority
 from gateway.records import Severity
 from gateway.starters.bulk_read import BulkReading, read_in_bulk
 from gateway.starters.telemetry.view import StarterControlView
-from gateway.system.once import ChangeDetector
+from gateway.system.rate_limits import ChangeDetector
 from gateway.system.supervised import SupervisedTask
 
 logger = logging.getLogger(__name__)

@@ -8,14 +8,13 @@ from functools import partial
 from typing import Any
 
 from gateway.families.diagnosis.readiness import readiness_codes
-from gateway.records import AuditRecord, EventRecord, Record, SequenceNumbers, Sink
+from gateway.records import AuditRecord, EventRecord, Record, RecordWriter
 from gateway.starters.policy.policy import Policy
 from gateway.starters.services.mapped_registers import MappedRegisters
 from gateway.starters.services.parameter_monitor import EVERY_S, VERBS, ParameterMonitor, rows_set
 from gateway.starters.services.past_reader import PastListener, PastReader
 from gateway.starters.services.readiness import ReadinessService
 from gateway.starters.telemetry.telemetry import StarterTelemetry
-from gateway.system.clock import Clock
 
 FAULT_EVENT = "fault"  # two readings have shown it
 
@@ -55,17 +54,13 @@ class StarterServices:
         self,
         policy: Policy,
         *,
-        sink: Sink,
-        clock: Clock,
-        sequence: SequenceNumbers,
+        records: RecordWriter,
         may_write: bool,
         monitor_every_s: float = EVERY_S,
         past: PastListener | None = None,
     ) -> None:
         self._policy = policy
-        self._sink = sink
-        self._clock = clock
-        self._sequence = sequence
+        self._records = records
         self._may_write = may_write
         self._monitor_every_s = monitor_every_s
         self._past = past  # receives what starters say of their past; None: they are not asked
@@ -96,9 +91,7 @@ class StarterServices:
         mapped_registers = MappedRegisters(
             starter,
             write_budget=self._policy.write_budget,
-            sink=self._sink,
-            clock=self._clock,
-            sequence=self._sequence,
+            records=self._records,
             may_write=self._may_write and not self._is_started,
             is_locked=partial(_is_locked, self._policy, starter.setup.name),
             on_written=monitor.note_written,

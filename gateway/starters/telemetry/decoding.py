@@ -11,8 +11,7 @@ from gateway.families.profile.per_profile import once_per_profile
 from gateway.families.profile.rows import Type
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.profile.word_types import TYPE_LIMITS
-from gateway.families.reading.bulk import rows_of_points
-from gateway.families.reading.poll_blocks import Block
+from gateway.families.reading import Block, rows_of_points
 
 TEXT_TYPES = tuple(kind for kind in Type if kind not in TYPE_LIMITS)
 ENUM_TYPES = (Type.ENUM, Type.LOW_ENUM)

@@ -20,9 +20,8 @@ from gateway.records import (
     LockRecord,
     Quality,
     Record,
-    SequenceNumbers,
+    RecordWriter,
     Severity,
-    Sink,
     StateRecord,
     ValueRecord,
 )
@@ -30,7 +29,6 @@ from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.decoding import type_of, unit_of
 from gateway.starters.telemetry.snapshot import Reading, Value
 from gateway.starters.telemetry.transitions import AlarmStatus, Change
-from gateway.system.clock import Clock
 
 LockOf = Callable[[str], LockRecord | None]
 
@@ -41,17 +39,15 @@ class Emitter:
     def __init__(
         self,
         starter: str,
+        records: RecordWriter,
         *,
-        sink: Sink,
-        clock: Clock,
-        sequence: SequenceNumbers,
         lock_of: LockOf = lambda _: None,
     ) -> None:
         self.starter = starter
         self._lock_of = lock_of
-        self._sink = sink
-        self._clock = clock
-        self._sequence = sequence
+        self._sink = records.sink
+        self._clock = records.clock
+        self._sequence = records.sequence
 
     def put(self, *records: Record) -> None:
         """Publish records, in order."""

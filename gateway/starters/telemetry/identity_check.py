@@ -49,6 +49,11 @@ class IdentityCheck:
         return IdentityStatus.CHANGED if is_held else self._standing
 
     @property
+    def is_mismatched(self) -> bool:
+        """Return whether it has proved to be of another family."""
+        return self._standing is IdentityStatus.MISMATCHED
+
+    @property
     def reason(self) -> str:
         """Return in words why the identity is not matching; empty when it is."""
         return why_not(self.setup.profile, self.seen) or self._registry.trouble(self.setup.name)
@@ -56,7 +61,7 @@ class IdentityCheck:
     @property
     def contradiction(self) -> str:
         """Return in what the device contradicts the configuration, so that its values mean nothing."""
-        if self._standing is IdentityStatus.MISMATCHED:
+        if self.is_mismatched:
             return why_not(self.setup.profile, self.seen) or ""
         return self._registry.contradiction(self.setup.name)
 
@@ -91,7 +96,7 @@ class IdentityCheck:
     def _publish_held(self) -> None:
         """Publish that commands are held: another device answers, or it is not known which one does."""
         text = f"commands are held: {self.reason}"
-        if self.standing is IdentityStatus.MISMATCHED:
+        if self.is_mismatched:
             family = self.setup.profile.family
             stop_profile(self.setup.profile, self.seen)  # loaded now, so that a stop need not wait for it
             data = {"expected": family, "seen": self.seen.family_seen, "model": self.seen.model}

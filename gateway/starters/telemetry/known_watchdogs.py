@@ -25,8 +25,7 @@ from gateway.line.capacity.deadline_check import (
 )
 from gateway.line.client import LineClient
 from gateway.line.scheduler.requests import Poll
-from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.polling import polls_of
+from gateway.starters.setup import StarterSetup, polls_of
 from gateway.storage.json_file import JsonStore, NoStore, Saver
 from gateway.system.supervised import InThread
 

@@ -1,45 +1,86 @@
-"""Which rows of one starter are asked for again and again, how often, and which of them are overdue."""
+"""Which rows of one starter are asked for again and again, how often, which are overdue, and what is lost.
+
+A poor line is not a lost starter, and a single refusal proves nothing:
+
+1. A block that is refused three times in a row is asked for row by row, and once every row was answered as a
+   whole again.
+2. A row that decides state, fault or watchdog is never given up: it is asked again ever less often, at the
+   latest every `LONGEST_PAUSE_S`.
+3. Any other row is given up after `ENOUGH` refusals at least `APART_S` apart, and tried again after
+   `AGAIN_AFTER_S`, and after each silence.
+"""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field, replace
-from functools import partial
+from math import inf
 
-from gateway.families.alternates import alternates
-from gateway.families.mapped_registers import MappedBlock, fast_block, plan_with
+from gateway.families.diagnosis.readiness import watchdog_codes
+from gateway.families.mapped_registers import MappedBlock, plan_with
 from gateway.families.profile.per_profile import once_per_profile
 from gateway.families.profile.schema import Profile, Variant
-from gateway.families.reading.poll_blocks import Block, split
+from gateway.families.reading import Block, rows_of_points, split
 from gateway.line.client import LineClient
-from gateway.line.rtu.request import Alternates
-from gateway.line.scheduler.requests import Poll
-from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.degraded import AGAIN_AFTER_S, ENOUGH, IN_ROW, Refusals, Splits, vital_codes
+from gateway.starters.setup import StarterSetup, blocks_of
+from gateway.system.backoff import backoff_s
 
 BUSY_STATES = frozenset({"starting", "stopping", "fault"})  # read faster while in one of these
 IDLE_STATES = frozenset({"ready", "not_ready"})  # the motor stands: values read more slowly
 FAST_S = 0.25  # period while the motor starts, stops or is in fault
 IDLE_FACTOR = 3  # values are read so many times less often while it stands, the status is not
-SLOWEST_FACTOR = 10  # slow rows are asked for ten times less often,
-SLOW_AT_LEAST_S = 10.0  # and never more often than this
 OVERDUE_PERIODS = 3  # a value that was not read for so many periods is stale,
 UNKNOWN_GAP_S = 3.0  # how long a round may take before one has been seen
 OVERDUE_GRACE_S = 1.0  # with this much patience for a loaded line
 
+IN_ROW = 3  # refusals of a block, before it is asked for row by row; of a row, before it counts as refused
+ENOUGH = 3  # refusals of a row
+APART_S = 10.0
+FIRST_PAUSE_S, LONGEST_PAUSE_S = 1.0, 5.0
+AGAIN_AFTER_S = 3600.0
+REJOINED_AFTER_S = 15.0  # after the first split of a block; four times as long after each further one
 
-def polls_of(setup: StarterSetup) -> tuple[Poll, ...]:
-    """Return the polls with which a starter's line begins, status first; none for a disabled starter."""
-    if not setup.is_enabled:
-        return ()
-    return tuple(_poll(setup, block) for block in _planned(setup, setup.variant))
+
+@dataclass(slots=True)
+class Refusals:
+    """The refusals of one request since it was answered last."""
+
+    in_row: int = 0
+    apart: int = 0
+    _counted_s: float = -inf
+
+    def note(self, now_s: float) -> None:
+        """Count a refusal."""
+        self.in_row += 1
+        if now_s - self._counted_s >= APART_S:
+            self.apart, self._counted_s = self.apart + 1, now_s
+
+    def clear(self) -> None:
+        """Count anew: it was answered."""
+        self.in_row, self.apart, self._counted_s = 0, 0, -inf
+
+    @property
+    def pause_s(self) -> float:
+        """Return how long to wait at least before it is asked again; 0 when it is not refused."""
+        if not self.in_row:
+            return 0.0
+        return backoff_s(FIRST_PAUSE_S, LONGEST_PAUSE_S, self.in_row - 1)
 
 
-def fast_polls_of(setup: StarterSetup) -> tuple[Poll, ...]:
-    """Return the polls of a starter whose points are all mapped; those of `polls_of` where none can be."""
-    fast = fast_block(setup.profile, setup.variant)
-    blocks = plan_with(setup.profile, setup.variant, fast, timing=setup.timing)
-    return tuple(_poll(setup, block) for block in blocks)
+@dataclass(slots=True)
+class Splits:
+    """How often a block was asked for row by row, and when last."""
+
+    count: int = 0
+    since_s: float = -inf
+
+    def note(self, now_s: float) -> None:
+        """Count a split."""
+        self.count, self.since_s = self.count + 1, now_s
+
+    def is_over(self, now_s: float) -> bool:
+        """Return whether the block may be asked for as a whole again."""
+        pause_s = backoff_s(REJOINED_AFTER_S, AGAIN_AFTER_S, self.count - 1, factor=4.0)
+        return now_s - self.since_s >= pause_s
 
 
 @dataclass(slots=True)
@@ -62,7 +103,7 @@ class _Polled:
     def overdue_s(self) -> float:
         """Return when the values of this block are stale unless it is answered before."""
         if self.last_s is None or self.is_overdue:
-            return math.inf
+            return inf
         gap_s = UNKNOWN_GAP_S if self.gap_s is None else self.gap_s
         return self.last_s + OVERDUE_PERIODS * max(self.every_s, gap_s) + OVERDUE_GRACE_S
 
@@ -81,10 +122,10 @@ class Polling:
         self._is_fast = self._is_idle = False
         self._variant = setup.variant
         self._fast_words: MappedBlock | None = None
-        self._plan = _planned(setup, setup.variant) if setup.is_enabled else ()
+        self._plan = blocks_of(setup)
         self.is_withdrawn = not setup.is_enabled  # nothing is asked, whatever comes
-        self._polled = {_key(setup, block): self._begin(block) for block in self._plan}
-        self._soonest_overdue_s = math.inf  # nothing becomes overdue before
+        self._polled = {setup.key_of(block): self._begin(block) for block in self._plan}
+        self._soonest_overdue_s = inf  # nothing becomes overdue before
         self._vital = vital_codes(setup.profile)
         self._splits: dict[str, Splits] = {}  # by block
         self._given_up_s: float | None = None  # when a row was given up last; None when all are asked for
@@ -165,8 +206,8 @@ class Polling:
             del self._polled[key]
             self._line.remove_poll(key)
         self._add(whole)
-        self._polled[_key(self._setup, whole)].last_s = last_s
-        self._soonest_overdue_s = -math.inf
+        self._polled[self._setup.key_of(whole)].last_s = last_s
+        self._soonest_overdue_s = -inf
 
     def _try_given_up(self, now_s: float) -> None:
         """Ask again for everything that was given up, an hour after the last of it."""
@@ -214,7 +255,7 @@ class Polling:
             times_s = [last_s for code in polled.block.codes if (last_s := before.get(code)) is not None]
             if polled.last_s is None and times_s:
                 polled.last_s = min(times_s)
-                self._soonest_overdue_s = -math.inf
+                self._soonest_overdue_s = -inf
 
     def follow(self, state: str, *, before: str) -> None:
         """Ask as often as the starter's state wants it, and at once for what a change of it changes."""
@@ -234,7 +275,7 @@ class Polling:
             every_s = max(self._every_s(polled.block), polled.refusals.pause_s)
             if every_s != polled.every_s:
                 polled.every_s = every_s
-                self._soonest_overdue_s = -math.inf
+                self._soonest_overdue_s = -inf
                 self._line.set_every(key, every_s)
 
     def expedite(self) -> None:
@@ -253,7 +294,7 @@ class Polling:
         if now_s < self._soonest_overdue_s:
             return ()
         codes: list[str] = []
-        self._soonest_overdue_s = math.inf
+        self._soonest_overdue_s = inf
         for polled in self._polled.values():
             overdue_s = polled.overdue_s()
             if overdue_s <= now_s:
@@ -282,15 +323,15 @@ class Polling:
         return _Polled(block, self._every_s(block))
 
     def _add(self, block: Block, *, whole: Block | None = None) -> None:
-        key = _key(self._setup, block)
+        key = self._setup.key_of(block)
         if key not in self._polled:
             self._polled[key] = self._begin(block)
             self._polled[key].whole = whole
-            poll = _poll(self._setup, block, every_s=self._polled[key].every_s)
+            poll = self._setup.poll_of(block, every_s=self._polled[key].every_s)
             self._line.add_poll(replace(poll, deadline_s=None))  # the line has it, and may have a newer one
 
     def _replace(self, plan: tuple[Block, ...]) -> None:
-        wanted = {_key(self._setup, block): block for block in plan}
+        wanted = {self._setup.key_of(block): block for block in plan}
         for key in [key for key, polled in self._polled.items() if wanted.get(key) != polled.block]:
             del self._polled[key]
             self._line.remove_poll(key)
@@ -298,41 +339,49 @@ class Polling:
             self._add(block)
 
     def _every_s(self, block: Block) -> float:
-        every_s = _every_s(self._setup, block)
+        every_s = self._setup.period_of(block)
         if self._is_fast and block.group != "slow":
             return min(every_s, FAST_S)
         return every_s * IDLE_FACTOR if self._is_idle and block.group == "values" else every_s
 
 
-def _planned(setup: StarterSetup, variant: Variant) -> tuple[Block, ...]:
-    return plan_with(setup.profile, variant, None, timing=setup.timing)  # status first
-
-
-def _key(setup: StarterSetup, block: Block) -> str:
-    return (
-        f"{setup.name}/{block.name}" if setup.edition == 0 else f"{setup.name}/{block.name}/{setup.edition}"
-    )
-
-
-def _every_s(setup: StarterSetup, block: Block) -> float:
-    return max(SLOW_AT_LEAST_S, SLOWEST_FACTOR * setup.every_s) if block.group == "slow" else setup.every_s
-
-
-def _poll(setup: StarterSetup, block: Block, *, every_s: float | None = None) -> Poll:
-    return Poll(
-        key=_key(setup, block),
-        unit=setup.address,
-        request=block.request,
-        every_s=_every_s(setup, block) if every_s is None else every_s,
-        response_time_s=setup.response_time_of(block.request),
-        shortest_response_s=setup.shortest_response_of(block.request),
-        deadline_s=setup.watchdog_s,
-        group=block.group,
-        is_urgent=block.group == "status",
-        alternates_of=_alternates_of(setup.profile),
-    )
-
-
 @once_per_profile
-def _alternates_of(profile: Profile) -> Alternates:
-    return partial(alternates, profile)
+def vital_codes(profile: Profile) -> frozenset[str]:
+    """Return the rows that decide state, fault or watchdog and that the starter surely has."""
+    status = (name for name, point in profile.points.items() if point.group == "status")
+    codes = (*rows_of_points(profile, (*status, *_numbers(profile))), *watchdog_codes(profile))
+    return frozenset(code for code in codes if profile.parameters[code].is_sure)
+
+
+def _numbers(profile: Profile) -> tuple[str, ...]:
+    return ("fault_code",) if "fault_code" in profile.points else ()
+
+
+OF = 200  # polls are looked at
+_ALL = (1 << OF) - 1
+POOR, GOOD_AGAIN = 8, 3  # of them lost: from 4 % on it is said, until it is 1.5 % or less
+
+
+class PollLoss:
+    """Counts the lost polls of one starter among its latest."""
+
+    def __init__(self) -> None:
+        self._latest = 0  # a bit for each, 1 for a lost one; the latest is the lowest
+        self._count = self._lost = 0
+        self._is_poor = False
+
+    def note(self, *, is_lost: bool) -> str | None:
+        """Count a poll; return what is wrong, "" once nothing is any more, None for no news."""
+        self._lost += is_lost - (self._latest >> (OF - 1))
+        self._latest = (self._latest << 1 | is_lost) & _ALL
+        self._count = min(self._count + 1, OF)
+        was_poor = self._is_poor
+        self._is_poor = self._lost >= POOR or (was_poor and self._lost > GOOD_AGAIN)
+        if self._is_poor is was_poor:
+            return None
+        return f"{self._lost} of its last {self._count} polls had no right reply" if self._is_poor else ""
+
+    def clear(self) -> None:
+        """Count anew: the starter itself was lost."""
+        self._latest = self._count = self._lost = 0
+        self._is_poor = False

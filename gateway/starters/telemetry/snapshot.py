@@ -39,7 +39,7 @@ class Snapshot:
         self.standing = 0  # grows whenever anything but a measured quantity says something else
         self._rows: dict[str, tuple[int, ...]] = {}
         self._rows_at_s: dict[str, float] = {}
-        self._distrust = ""
+        self.distrust_reason = ""  # why every value is bad, as `distrust` said; empty: it is not
 
     @property
     def readings(self) -> Mapping[str, Reading]:
@@ -59,16 +59,16 @@ class Snapshot:
                 continue
             quality = Quality.BAD if new.value is None else Quality.GOOD
             reading = Reading(new.value, new.unit, quality, new.label, at_s, time_s)
-            self._put(name, self._without_value(reading) if self._distrust else reading)
+            self._put(name, self._without_value(reading) if self.distrust_reason else reading)
 
     def distrust(self, reason: str) -> bool:
         """Make every value bad for this reason until it is empty; return whether that is new.
 
         The raw words are stored all the same. Once the reason is empty, each value is good when it is read.
         """
-        if reason == self._distrust:
+        if reason == self.distrust_reason:
             return False
-        self._distrust = reason
+        self.distrust_reason = reason
         for name, reading in list(self._readings.items()):
             self._put(name, self._without_value(reading))
         return True
@@ -115,7 +115,7 @@ class Snapshot:
         return {code: words for code, words in self._rows.items() if self._rows_at_s[code] >= since_s}
 
     def _without_value(self, reading: Reading) -> Reading:
-        return replace(reading, value=None, label=None, quality=Quality.BAD, reason=self._distrust)
+        return replace(reading, value=None, label=None, quality=Quality.BAD, reason=self.distrust_reason)
 
     def _put(self, name: str, new: Reading) -> None:
         old = self._readings[name]

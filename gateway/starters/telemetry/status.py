@@ -12,7 +12,7 @@ from gateway.families.profile.per_profile import once_per_profile
 from gateway.families.profile.rows import Alarm
 from gateway.families.profile.schema import Profile
 from gateway.families.profile.state import state_of
-from gateway.families.reading.bulk import rows_of_points
+from gateway.families.reading import rows_of_points
 from gateway.records import Quality, Record
 from gateway.starters.telemetry.decoding import flags_of
 from gateway.starters.telemetry.emitter import Emitter

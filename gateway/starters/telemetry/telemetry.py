@@ -12,30 +12,28 @@ from typing import assert_never
 from gateway.families.devices.device import Identity
 from gateway.families.mapped_registers import MappedBlock
 from gateway.families.profile.schema import Profile, Variant
-from gateway.families.reading.poll_blocks import Block
+from gateway.families.reading import Block
 from gateway.history.readings import Readings
 from gateway.line.client import LineClient
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.scheduler.requests import Poll, Priority
 from gateway.modbus.codes import exception_name
 from gateway.modbus.pdu import Request
-from gateway.records import Quality, SequenceNumbers, Sink
+from gateway.records import Quality, RecordWriter
 from gateway.starters.identity.first_contact import IdentityStatus, standing_of
 from gateway.starters.identity.registry import IdentityRegistry
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
 from gateway.starters.telemetry.availability import Availability
 from gateway.starters.telemetry.decoding import AnswerCache, DecodedPoints, deadbands_of, sources_of, units_of
-from gateway.starters.telemetry.degraded import LONGEST_PAUSE_S, PollLoss
 from gateway.starters.telemetry.emitter import Emitter, LockOf, info_of
 from gateway.starters.telemetry.identity_check import Contact, IdentityCheck
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
-from gateway.starters.telemetry.polling import Polling
+from gateway.starters.telemetry.polling import LONGEST_PAUSE_S, Polling, PollLoss
 from gateway.starters.telemetry.reporting import REFRESH_S, SOONEST_S, Report, TickTimer
 from gateway.starters.telemetry.snapshot import Snapshot
 from gateway.starters.telemetry.status import Status, status_codes
 from gateway.starters.telemetry.transitions import PublishedFaults
-from gateway.system.clock import Clock
-from gateway.system.once import ChangeDetector
+from gateway.system.rate_limits import ChangeDetector
 
 logger = logging.getLogger(__name__)
 
@@ -50,9 +48,7 @@ class StarterTelemetry:
         setup: StarterSetup,
         *,
         line: LineClient,
-        sink: Sink,
-        clock: Clock,
-        sequence: SequenceNumbers,
+        records: RecordWriter,
         identities: IdentityRegistry | None = None,
         watchdogs: KnownWatchdogs | None = None,
         published_faults: PublishedFaults | None = None,
@@ -64,8 +60,8 @@ class StarterTelemetry:
         self.line = line
         self.variant = setup.variant
         self.snapshot = Snapshot(units_of(profile))
-        self.emitter = Emitter(setup.name, sink=sink, clock=clock, sequence=sequence, lock_of=lock_of)
-        self._clock = clock
+        self.emitter = Emitter(setup.name, records, lock_of=lock_of)
+        self._clock = records.clock
         self._sources = sources_of(profile)
         self._answers = AnswerCache(profile, self._sources)
         self._polling = Polling(setup, line)
@@ -74,7 +70,7 @@ class StarterTelemetry:
         self._report = Report(deadbands_of(profile), refresh_s=refresh_s)
         self._watchdogs = watchdogs or KnownWatchdogs()
         self._watchdogs.add(setup, line)
-        identities = identities or IdentityRegistry(sink=sink, clock=clock, sequence=sequence)
+        identities = identities or IdentityRegistry(records)
         identities.when_accepted(setup.name, self._judge_values)
         self._identity = IdentityCheck(setup, identities, self.emitter)
         self._contact = Contact(
@@ -89,7 +85,7 @@ class StarterTelemetry:
         self._on_identified: list[Callable[[], None]] = []
         self._on_fast_words_lost: Callable[[str], None] = lambda _: None
         self.on_readings: Callable[[Readings], None] = lambda _: None  # of each reply; must not raise
-        self._waker = TickTimer(clock, self._publish)
+        self._waker = TickTimer(records.clock, self._publish)
         self._where = f"line={setup.line} unit={setup.address} starter={setup.name}"
 
     @property
@@ -263,7 +259,7 @@ class StarterTelemetry:
 
     def _record(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
         self.snapshot.keep_rows(rows, at_s=at_s)
-        if self._identity.standing is not IdentityStatus.MISMATCHED:
+        if not self._identity.is_mismatched:
             self.note_settings(rows)
 
     def _take_decoded(
@@ -393,7 +389,7 @@ class StarterTelemetry:
             reason, before = self.availability.lost_reason, self._identity.before_silence
             why = (reason and f"it went silent: {reason}", before and f"before: {before}")
             return "; ".join(filter(None, why))
-        return "it is being identified" if self._contact.withheld.is_open else self._identity.contradiction
+        return "it is being identified" if self._contact.withheld.is_open else self.snapshot.distrust_reason
 
     def _judge_values(self) -> None:
         """Make values bad while the device contradicts the configuration, good again once it does not."""

@@ -12,7 +12,7 @@ from typing import Any
 
 from gateway.records import AuditRecord, rfc3339
 from gateway.storage.audit.writer import MOST_SEGMENTS, SEGMENT_BYTES, AuditWriter
-from gateway.system.once import ChangeDetector
+from gateway.system.rate_limits import ChangeDetector
 
 log = logging.getLogger(__name__)
 

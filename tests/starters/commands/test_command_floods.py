@@ -7,7 +7,7 @@ import asyncio
 from gateway.records import AuditRecord, ResultRecord
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.start_rules import PolicySettings, RateLimits
-from gateway.system.token_bucket import Rate
+from gateway.system.rate_limits import Rate
 from tests.starters.fakes import AT_SPEED, READY, VB01
 from tests.starters.plant import Plant
 from tests.starters.rig import virtually

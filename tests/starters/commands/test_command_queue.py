@@ -11,7 +11,7 @@ from gateway.errors import CommandError
 from gateway.records import Phase
 from gateway.starters.commands.command_queue import AT_ONCE, LINE_FULL, CommandQueue, Place
 from gateway.starters.policy.start_rules import PolicySettings, RateLimits
-from gateway.system.token_bucket import Rate
+from gateway.system.rate_limits import Rate
 from tests.starters.large_line import START_PDU, large_line
 from tests.starters.rig import virtually
 

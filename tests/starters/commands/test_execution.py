@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
-from gateway.families.reading.bulk import reads_for
+from gateway.families.reading import reads_for
 from gateway.line.rtu.outcome import Outcome, Silent
 from gateway.line.scheduler.requests import Priority
 from gateway.modbus.writes import WriteCoil

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gateway.starters.policy.start_rules import RateLimiter, RateLimits
-from gateway.system.token_bucket import Bucket, Damper, Rate
+from gateway.system.rate_limits import Bucket, Damper, Rate
 
 
 def taken(bucket: Bucket, *times_s: float) -> list[bool]:

@@ -17,7 +17,7 @@ from gateway.line.client import LineClient, post_here
 from gateway.line.line import Line
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
-from gateway.records import AvailabilityRecord, EventRecord, SequenceNumbers
+from gateway.records import AvailabilityRecord, EventRecord, RecordWriter
 from gateway.sim.bus.faults import Reply
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.unit import SimulatedUnit
@@ -28,8 +28,7 @@ from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.rights import Operator, Rights
 from gateway.starters.policy.start_rules import PolicySettings
 from gateway.starters.services.services import StarterServices
-from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.polling import polls_of
+from gateway.starters.setup import StarterSetup, polls_of
 from gateway.starters.telemetry.telemetry import StarterTelemetry
 from tests.local_host import local_events
 from tests.starters.fakes import RecordingSink
@@ -59,8 +58,9 @@ class Site:
 
 @asynccontextmanager
 async def site(unit: SimulatedUnit) -> AsyncIterator[Site]:
-    clock, sink, sequence = VirtualClock(asyncio.get_running_loop()), RecordingSink(), SequenceNumbers()
-    records = RecordBus()
+    clock, sink = VirtualClock(asyncio.get_running_loop()), RecordingSink()
+    bus_of_records = RecordBus()
+    records = RecordWriter(bus_of_records, clock)
     bus = SimulatedLine(TIMING, [unit])
     setup = StarterSetup("pump", "pumps", 1, load_profile(unit.family), Variant())
     router = Router()
@@ -71,17 +71,14 @@ async def site(unit: SimulatedUnit) -> AsyncIterator[Site]:
         polls=polls_of(setup),
         events=local_events(router.handle),
     )
-    telemetry = StarterTelemetry(
-        setup, line=LineClient(scheduler, post_here), sink=records, clock=clock, sequence=sequence
-    )
+    telemetry = StarterTelemetry(setup, line=LineClient(scheduler, post_here), records=records)
     rights = Rights([Operator("alice", ("*",), ("*",))])
-    made: dict[str, Any] = {"sink": records, "clock": clock, "sequence": sequence}
-    policy = Policy(PolicySettings(), ["pump"], rights=rights, **made)
-    services = StarterServices(policy, may_write=True, monitor_every_s=LAP_S, **made)
+    policy = Policy(PolicySettings(), ["pump"], rights=rights, records=records)
+    services = StarterServices(policy, may_write=True, monitor_every_s=LAP_S, records=records)
     services.add(telemetry)
     router.add(telemetry)
-    dispatcher = Dispatcher({"pump": telemetry}, rights=rights, policy=policy, **made)
-    records.connect(policy, services, sink)
+    dispatcher = Dispatcher({"pump": telemetry}, rights=rights, policy=policy, records=records)
+    bus_of_records.connect(policy, services, sink)
     telemetry.start()
     services.start()
     task = asyncio.create_task(scheduler.run())

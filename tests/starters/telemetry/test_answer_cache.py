@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Profile, Variant
-from gateway.families.reading.poll_blocks import Block, plan_blocks
+from gateway.families.reading import Block, plan_blocks
 from gateway.starters.telemetry.decoding import AnswerCache, PointSources
 
 SSW07, SST = load_profile("ssw07"), load_profile("sst")

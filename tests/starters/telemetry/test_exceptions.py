@@ -10,7 +10,7 @@ import pytest
 
 from gateway.families.profile.load import FAMILIES
 from gateway.records import AvailabilityRecord, EventRecord, StateRecord
-from gateway.starters.telemetry.degraded import LONGEST_PAUSE_S
+from gateway.starters.telemetry.polling import LONGEST_PAUSE_S
 from tests.starters.four_starters import Site, site
 from tests.starters.rig import virtually
 

@@ -4,7 +4,7 @@ import random
 
 from gateway.line.rtu.outcome import Silent
 from gateway.records import AvailabilityRecord
-from gateway.starters.telemetry.degraded import OF, POOR, PollLoss
+from gateway.starters.telemetry.polling import OF, POOR, PollLoss
 from tests.starters.rig import Rig, virtually
 
 

@@ -11,8 +11,7 @@ from gateway.line.rtu.outcome import Outcome, Refused, Silent
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.records import AvailabilityRecord, Quality
-from gateway.starters.telemetry.degraded import IN_ROW, LONGEST_PAUSE_S
-from gateway.starters.telemetry.polling import IDLE_FACTOR
+from gateway.starters.telemetry.polling import IDLE_FACTOR, IN_ROW, LONGEST_PAUSE_S
 from gateway.starters.telemetry.telemetry import StarterTelemetry
 from tests.starters.fakes import ACCELERATING, AT_SPEED, FAULT, P003, READY, RUNNING, VB01
 from tests.starters.rig import Rig, virtually
@@ -200,9 +199,7 @@ async def test_what_the_identified_variant_lacks_is_not_asked_any_more() -> None
     recent = {"current": profile.points["current"].model_copy(update={"since_firmware": "9.00"})}
     rig = Rig()
     rig.setup = replace(rig.setup, profile=profile.model_copy(update={"points": profile.points | recent}))
-    rig.telemetry = StarterTelemetry(
-        rig.setup, line=rig.line, sink=rig.sink, clock=rig.clock, sequence=rig.sequence
-    )
+    rig.telemetry = StarterTelemetry(rig.setup, line=rig.line, records=rig.records)
 
     await rig.online()
 

@@ -1,10 +1,15 @@
-"""Rate limits: a token bucket, and dampers that pass one item per interval and count the others."""
+"""How often something is done or said.
+
+`Bucket` is a token bucket; `Damped` passes one item per interval and counts the others; `HoldOff` passes the
+first after a quiet time; `ChangeDetector` passes what is new.
+"""
 
 from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
+from math import inf
 from typing import Generic, TypeVar
 
 from gateway.system.clock import Clock
@@ -98,3 +103,30 @@ class Damper:
         """Return how many refusals were counted since the last one passed, and count from 0 again."""
         self._passed_s[client] = now_s
         return self._counted.pop(client)
+
+
+class ChangeDetector:
+    """Knows what was said last."""
+
+    def __init__(self, said: object = None) -> None:
+        self._said = said
+
+    def is_new(self, what: object) -> bool:
+        """Return whether this differs from what was said last, and count it as said."""
+        is_new = what != self._said
+        self._said = what
+        return is_new
+
+
+class HoldOff:
+    """Sounds for the first of several, and again only once it was quiet for long enough."""
+
+    def __init__(self, quiet_s: float) -> None:
+        self._quiet_s = quiet_s
+        self._last_s = -inf
+
+    def sounds(self, now_s: float) -> bool:
+        """Count one, and return whether it is worth saying."""
+        is_quiet = now_s - self._last_s >= self._quiet_s
+        self._last_s = now_s
+        return is_quiet
