@@ -44,6 +44,15 @@ def test_a_poll_keeps_its_rhythm_though_each_slot_is_a_little_late() -> None:
     assert scheduler.next_due_s() == 5.0
 
 
+def test_a_poll_that_comes_several_periods_late_is_asked_once_and_not_twice() -> None:
+    scheduler = begun(poll("a", every_s=1.0))
+    take(scheduler, 0.0)
+
+    assert [key_of(take(scheduler, 5.5)) for _ in range(2)] == ["a", None]
+
+    assert scheduler.next_due_s() == 6.5
+
+
 def test_polls_without_a_period_alternate() -> None:
     scheduler = begun(poll("a", every_s=0.0), poll("b", every_s=0.0), poll("c", every_s=0.0))
 
