@@ -122,10 +122,13 @@ class PollTable:
         return entry if entry is not None and entry.poll is poll else None
 
     def urgent(self, now_s: float) -> Unit | None:
-        """Return the unit that has to be asked now for its watchdog, the earliest deadline first."""
+        """Return the unit that has to be asked now for its watchdog, the earliest deadline first.
+
+        Those that have just missed come last: many that lose their supply at once would hold up the others.
+        """
         units = self._units.values()
         due = [each for each in units if each.due_s <= now_s and each.polls and each.misses < SILENT_AFTER]
-        return min(due, key=attrgetter("deadline_s"), default=None)
+        return min(due, key=attrgetter("misses", "deadline_s"), default=None)
 
     def first(self, now_s: float) -> ScheduledPoll | None:
         """Return the poll that is next; after a miss those of units that answer come first."""

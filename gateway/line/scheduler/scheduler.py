@@ -58,8 +58,8 @@ class Scheduler:
         1. A stop's frame.
         2. A repeat or read-back of a stop; after eight in a row one of 4 or 5, with eight of 3 before.
         3. The unit with the earliest watchdog deadline of those that are due, or were not asked since the
-           port was opened; one without a known watchdog after commands in their share; after eight in a
-           row 4 or 5 once.
+           port was opened, those that have just missed after all others; one without a known watchdog
+           after commands in their share; after eight in a row 4 or 5 once.
         4. A job, when no poll is due or the jobs' share of line time is not used up: by priority, every
            fourth the oldest.
         5. A poll by due time, one that is repeated first. After a miss those of units that answer, otherwise

@@ -21,6 +21,7 @@ from gateway.families.profile.per_profile import once_per_profile
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.reading import Block, rows_of_points, split
 from gateway.line.client import LineClient
+from gateway.line.scheduler.line_time import FREE_PERIOD_S
 from gateway.starters.setup import StarterSetup, blocks_of
 from gateway.system.backoff import backoff_s
 
@@ -90,7 +91,7 @@ class _Polled:
     block: Block
     every_s: float
     last_s: float | None = None  # of the last answer; None since the starter was lost
-    gap_s: float | None = None  # between the last two answers, which an over-full line puts off
+    gap_s: float | None = None  # between the last two answers, as far as an over-full line explains it
     is_overdue: bool = False
     refusals: Refusals = field(default_factory=Refusals)
     whole: Block | None = None  # of which this is one row, since it was refused
@@ -139,7 +140,8 @@ class Polling:
         """Record that a poll was answered."""
         polled = self._polled[key]
         if polled.last_s is not None:
-            polled.gap_s = at_s - polled.last_s
+            slowest_s = (polled.every_s or FREE_PERIOD_S) * self._line.stretch  # what is beyond was lost
+            polled.gap_s = min(at_s - polled.last_s, slowest_s)
         polled.last_s, polled.is_overdue = at_s, False
         self._soonest_overdue_s = min(self._soonest_overdue_s, polled.overdue_s())
         if polled.refusals.in_row:
