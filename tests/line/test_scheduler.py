@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.line.rtu.outcome import Answered, Outcome, Silent
-from gateway.line.scheduler.line_time import period_of
+from gateway.line.scheduler.line_time import FREE_PERIOD_S, period_of
 from gateway.line.scheduler.requests import Priority, Slot, Verdict
 from tests.line.fakes import poll
 from tests.line.ideal_line import IdealLine
@@ -224,6 +224,21 @@ def test_a_process_that_was_stopped_for_a_minute_leaves_no_poll_out_afterwards()
     line.run(250.0)
 
     assert max(gap_s for each in line.gaps_s.values() for gap_s in each) <= 2 * 247 * 0.026
+
+
+def test_nor_does_it_where_one_starter_is_asked_often_and_the_others_as_often_as_possible() -> None:
+    stops_s = [60.0]
+
+    def took_s(slot: Slot) -> float:
+        return stops_s.pop() if line.now_s > 30.0 and slot.unit == 1 and stops_s else 0.026
+
+    line = IdealLine([poll("1", 1, 0.1), *(poll(str(unit), unit, 0.0) for unit in range(2, 9))], took_s)
+    line.run(97.0)
+    line.gaps_s.clear()
+
+    line.run(600.0)
+
+    assert max(gap_s for each in line.gaps_s.values() for gap_s in each) <= FREE_PERIOD_S
 
 
 def test_wrong_keys_are_refused() -> None:
