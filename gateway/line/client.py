@@ -100,9 +100,9 @@ class LineClient:
         return len(self.statistics()["units"])
 
     @property
-    def is_overloaded(self) -> bool:
-        """Whether polls come later than they should, since the line has no time for all."""
-        return bool(self.statistics()["stretch"] > 1.0)
+    def stretch(self) -> float:
+        """The factor by which all periods are stretched at present, since the line has no time for all."""
+        return self._line.stretch
 
     def _change(self, change: Callable[[Scheduler, float], object]) -> None:
         self._post(self._line.change, change)

@@ -76,6 +76,11 @@ class Line:
         service = self._service
         return self._steps if service is None else self._steps + service.steps
 
+    @property
+    def stretch(self) -> float:
+        """Return the factor by which all periods are stretched at present."""
+        return self._scheduler.polls.stretch
+
     async def run(self) -> None:
         """Serve this line until cancelled; a transaction whose request is sent then still runs to its end."""
         self._is_stopping = False
@@ -135,7 +140,7 @@ class Line:
             counts["late"] = self._forms.late.came_late[unit]
         state = {
             "is_open": self._service is not None,
-            "stretch": round(self._scheduler.polls.stretch, 3),
+            "stretch": round(self.stretch, 3),
             "watchdogs": self._scheduler.polls.watchdog_statistics(self._time()),
         }
         stray_bytes = self._earlier_stray_bytes + (self._service.master.stray_bytes if self._service else 0)

@@ -198,7 +198,7 @@ class FakeLineClient(LineClient):
         self.expedited.append(key)
 
     unit_count = 1
-    is_overloaded = False
+    stretch = 1.0
 
     def retry_refused(self, unit: int) -> None:
         pass

@@ -197,7 +197,7 @@ class Contact:
 
     def note_overdue(self) -> None:
         """Record that values are overdue, which on an overloaded line says nothing of the device."""
-        if self._gap or not self._line.is_overloaded:
+        if self._gap or self._line.stretch == 1.0:
             self.doubt()
 
     def note_silence(self) -> None:

@@ -13,6 +13,7 @@ from gateway.families.profile.schema import Profile, Variant
 from gateway.families.reading.poll_blocks import Block, split
 from gateway.line.client import LineClient
 from gateway.line.rtu.request import Alternates
+from gateway.line.scheduler.line_time import period_of
 from gateway.line.scheduler.requests import Poll
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.degraded import AGAIN_AFTER_S, ENOUGH, IN_ROW, Refusals, Splits, vital_codes
@@ -49,7 +50,7 @@ class _Polled:
     block: Block
     every_s: float
     last_s: float | None = None  # of the last answer; None since the starter was lost
-    gap_s: float | None = None  # between the last two answers, which an over-full line puts off
+    gap_s: float | None = None  # between the last two answers, as far as an over-full line explains it
     is_overdue: bool = False
     refusals: Refusals = field(default_factory=Refusals)
     whole: Block | None = None  # of which this is one row, since it was refused
@@ -98,7 +99,8 @@ class Polling:
         """Record that a poll was answered."""
         polled = self._polled[key]
         if polled.last_s is not None:
-            polled.gap_s = at_s - polled.last_s
+            slowest_s = period_of(polled.every_s) * self._line.stretch  # what is beyond was lost
+            polled.gap_s = min(at_s - polled.last_s, slowest_s)
         polled.last_s, polled.is_overdue = at_s, False
         self._soonest_overdue_s = min(self._soonest_overdue_s, polled.overdue_s())
         if polled.refusals.in_row:

@@ -206,6 +206,21 @@ async def test_values_that_are_no_longer_answered_become_stale(outcome: Outcome)
 
 
 @virtually
+async def test_a_value_that_was_not_answered_for_a_minute_is_good_for_no_longer_after_that() -> None:
+    rig = await Rig().online()
+    for _ in range(60):
+        await asyncio.sleep(1.0)
+        rig.poll(STATUS)
+    rig.poll(VALUES)
+
+    for _ in range(11):
+        await asyncio.sleep(1.0)
+        rig.poll(STATUS)
+
+    assert [record.quality for record in rig.sink.values("current")][-2:] == [Quality.GOOD, STALE]
+
+
+@virtually
 async def test_a_line_that_reports_nothing_more_makes_everything_stale() -> None:
     rig = await Rig().online()
     await asyncio.sleep(1.0)
@@ -232,6 +247,7 @@ async def test_a_slow_line_does_not_make_its_values_stale() -> None:
 @virtually
 async def test_a_line_with_long_rounds_makes_its_values_stale_at_most_once(every_s: float) -> None:
     rig = await Rig(every_s=every_s).online()
+    rig.line.stretch = 15.0
 
     for _ in range(10):
         await asyncio.sleep(15.0)
