@@ -209,3 +209,22 @@ def test_a_flood_gets_half_of_a_full_line_at_most_and_starves_no_poll(flood: Pri
     assert model.used_by_jobs() <= JOBS_SHARE + 0.03
     assert excess_s(model) <= 1e-9
     assert {poll.key for poll in polls} == set(model.gaps_s)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_starters_that_lose_their_supply_together_cost_no_other_its_watchdog(seed: int) -> None:
+    polls = [
+        replace(poll(f"{unit}/{at}", unit, every_s, count=count), response_time_s=0.2, deadline_s=12.5)
+        for unit in range(1, 21)
+        for at, (count, every_s) in enumerate(((3, 1.0), (12, 10.0)))
+    ]
+    model = Model(Site(polls), seed=seed)
+    promised_s = forecast_of(model.site).watchdog_gaps_s
+    model.run_first_round()
+    model.run(60.0)
+
+    model.site = replace(model.site, offline=frozenset(range(3, 21)))
+    model.run(120.0)
+
+    assert max(promised_s.values()) <= 12.5
+    assert max(model.unserved_s[1], model.unserved_s[2]) <= 12.5
