@@ -27,6 +27,7 @@ SLOW_AT_LEAST_S = 10.0  # and never more often than this
 OVERDUE_PERIODS = 3  # a value that was not read for so many periods is stale,
 UNKNOWN_GAP_S = 3.0  # how long a round may take before one has been seen
 OVERDUE_GRACE_S = 1.0  # with this much patience for a loaded line
+GAP_PERIODS = 2  # between two answers at most, as the line stretches them: what is longer was lost
 
 
 def polls_of(setup: StarterSetup) -> tuple[Poll, ...]:
@@ -99,7 +100,7 @@ class Polling:
         """Record that a poll was answered."""
         polled = self._polled[key]
         if polled.last_s is not None:
-            slowest_s = period_of(polled.every_s) * self._line.stretch  # what is beyond was lost
+            slowest_s = GAP_PERIODS * period_of(polled.every_s) * self._line.stretch
             polled.gap_s = min(at_s - polled.last_s, slowest_s)
         polled.last_s, polled.is_overdue = at_s, False
         self._soonest_overdue_s = min(self._soonest_overdue_s, polled.overdue_s())
