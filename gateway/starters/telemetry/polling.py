@@ -32,6 +32,7 @@ IDLE_FACTOR = 3  # values are read so many times less often while it stands, the
 OVERDUE_PERIODS = 3  # a value that was not read for so many periods is stale,
 UNKNOWN_GAP_S = 3.0  # how long a round may take before one has been seen
 OVERDUE_GRACE_S = 1.0  # with this much patience for a loaded line
+GAP_PERIODS = 2  # between two answers at most, as the line stretches them: what is longer was lost
 
 IN_ROW = 3  # refusals of a block, before it is asked for row by row; of a row, before it counts as refused
 ENOUGH = 3  # refusals of a row
@@ -140,7 +141,7 @@ class Polling:
         """Record that a poll was answered."""
         polled = self._polled[key]
         if polled.last_s is not None:
-            slowest_s = (polled.every_s or FREE_PERIOD_S) * self._line.stretch  # what is beyond was lost
+            slowest_s = GAP_PERIODS * (polled.every_s or FREE_PERIOD_S) * self._line.stretch
             polled.gap_s = min(at_s - polled.last_s, slowest_s)
         polled.last_s, polled.is_overdue = at_s, False
         self._soonest_overdue_s = min(self._soonest_overdue_s, polled.overdue_s())

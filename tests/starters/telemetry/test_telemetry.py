@@ -213,7 +213,7 @@ async def test_a_value_that_was_not_answered_for_a_minute_is_good_for_no_longer_
         rig.poll(STATUS)
     rig.poll(VALUES)
 
-    for _ in range(11):
+    for _ in range(20):
         await asyncio.sleep(1.0)
         rig.poll(STATUS)
 
