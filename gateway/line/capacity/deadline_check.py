@@ -49,10 +49,9 @@ def missed_deadlines(
 
 def with_deadlines(polls: Sequence[Poll], limits_s: Limits) -> list[Poll]:
     """Return the polls with these watchdogs instead of their own."""
-    new_s = [limits_s.get(poll.unit, poll.deadline_s) or None for poll in polls]
     return [
-        poll if deadline_s == poll.deadline_s else replace(poll, deadline_s=deadline_s)
-        for poll, deadline_s in zip(polls, new_s, strict=True)
+        replace(poll, deadline_s=limits_s[poll.unit] or None) if poll.unit in limits_s else poll
+        for poll in polls
     ]
 
 
