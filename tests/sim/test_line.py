@@ -92,7 +92,7 @@ def test_a_reader_is_woken_once_for_the_bytes_that_it_waits_for_and_gets_what_th
     run_virtually(main())
 
 
-def test_a_collision_spoils_only_what_had_not_arrived_before() -> None:
+def test_a_collision_garbles_only_what_had_not_arrived_before() -> None:
     async def main(*, collides: bool) -> bytes:
         port = await make_line().opener()()
         loop = asyncio.get_running_loop()
@@ -103,9 +103,9 @@ def test_a_collision_spoils_only_what_had_not_arrived_before() -> None:
             port.write(READ)
         return first + await receive(port, within_s=1.0)
 
-    whole, spoilt = (run_virtually(main(collides=each)) for each in (False, True))
+    whole, garbled = (run_virtually(main(collides=each)) for each in (False, True))
 
-    assert [a == b for a, b in zip(whole, spoilt, strict=True)] == [True] * 4 + [False] * 5
+    assert [a == b for a, b in zip(whole, garbled, strict=True)] == [True] * 4 + [False] * 5
 
 
 async def answer_after_silence(line: SimulatedLine, silence_s: float) -> bytes:
