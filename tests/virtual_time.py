@@ -14,7 +14,7 @@ T = TypeVar("T")
 EPOCH_S = 1_760_000_000.0  # the wall time at virtual second 0
 
 
-class _JumpingSelector(selectors.SelectSelector):
+class _JumpingSelector(selectors.DefaultSelector):
     """Reports ready files at once; where none is ready, the loop's time takes the wait."""
 
     def __init__(self) -> None:

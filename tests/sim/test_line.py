@@ -72,6 +72,42 @@ def test_reply_bytes_arrive_one_by_one_at_their_times() -> None:
     run_virtually(main())
 
 
+def test_a_reader_is_woken_once_for_the_bytes_that_it_waits_for_and_gets_what_there_is_at_its_deadline() -> (
+    None
+):
+    async def main() -> None:
+        port = await make_line().opener()()
+        loop = asyncio.get_running_loop()
+        port.write(READ)
+
+        head = await port.read(until_s=loop.time() + 1, count=2)
+        part = await port.read(until_s=loop.time() + 3.5 * TIMING.character_s, count=7)
+        part_s = port.last_byte_s
+        rest = await port.read(until_s=loop.time() + 1, count=4)
+
+        assert (len(head), len(part), len(rest)) == (2, 3, 4)
+        assert port.last_byte_s - part_s == pytest.approx(4 * TIMING.character_s)
+        assert loop.time() == pytest.approx(port.last_byte_s)
+
+    run_virtually(main())
+
+
+def test_a_collision_garbles_only_what_had_not_arrived_before() -> None:
+    async def main(*, collides: bool) -> bytes:
+        port = await make_line().opener()()
+        loop = asyncio.get_running_loop()
+        port.write(READ)
+        first = await port.read(until_s=loop.time() + 1)
+        await asyncio.sleep(3.5 * TIMING.character_s)
+        if collides:
+            port.write(READ)
+        return first + await receive(port, within_s=1.0)
+
+    whole, garbled = (run_virtually(main(collides=each)) for each in (False, True))
+
+    assert [a == b for a, b in zip(whole, garbled, strict=True)] == [True] * 4 + [False] * 5
+
+
 async def answer_after_silence(line: SimulatedLine, silence_s: float) -> bytes:
     port = await line.opener()()
     port.write(READ)

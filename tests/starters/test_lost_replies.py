@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import pytest
 
 from tests.starters.lost_lines import EIGHT, ONE, LateWithin, ask
@@ -11,6 +13,7 @@ OFFLINE_S = 8.5  # asked after 1 s, 2 s and 4 s of silence, and answered then
 WITHOUT_FAULTS_S = 150.0  # each period is like the one before then
 
 
+@cache
 def answers_without_faults(families: tuple[str, ...], **options: float) -> float:
     """Return how many answers these starters give in `FOR_S` when none is lost or late."""
     return ask(families, 0.0, for_s=WITHOUT_FAULTS_S, **options).answers * FOR_S / WITHOUT_FAULTS_S

@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import asyncio
 import random
+from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from itertools import accumulate
+from operator import itemgetter
 
 from gateway.errors import BadFrameError
 from gateway.modbus.adu import BROADCAST, Adu, decode, encode
@@ -73,6 +76,8 @@ MOST_VIOLATIONS = 10_000
 
 _GARBAGE = 0xA5  # what a collision makes of a byte
 
+_ARRIVAL = itemgetter(0)
+
 
 @dataclass(slots=True)
 class _SendOrder:
@@ -115,6 +120,9 @@ class Bus:
         self._orders: dict[int, _SendOrder] = {}
         self._incoming: IncomingFrame | None = None
         self._frame_timer: asyncio.TimerHandle | None = None
+        self._under_way: list[tuple[float, bytes]] = []  # to the master: when each piece arrives
+        self._wanted = 1  # bytes for which the master is woken
+        self._delivery: asyncio.TimerHandle | None = None
         self._busy_until_s = float("-inf")  # the last byte of anyone
         self._garbled_until_s = float("-inf")
         self._turnaround_until_s = float("-inf")
@@ -168,10 +176,29 @@ class Bus:
 
     def detach(self) -> None:
         """Disconnect the master."""
+        self.deliver()
         self._sink = None
+
+    def await_bytes(self, count: int) -> None:
+        """Wake the master once so many bytes have arrived, or all that is under way."""
+        self._wanted = count
+        self._plan_delivery()
+
+    def deliver(self, by_s: float | None = None) -> None:
+        """Hand the master what has arrived by then: by now."""
+        if not self._under_way:
+            return
+        count = bisect_right(self._under_way, self._now_s() if by_s is None else by_s, key=_ARRIVAL)
+        arrived = self._under_way[:count]
+        del self._under_way[:count]
+        if arrived and self._sink is not None:
+            garbled_s = self._garbled_until_s + self.timing.character_s
+            received = b"".join(_garbled(piece) if at_s <= garbled_s else piece for at_s, piece in arrived)
+            self._sink(received, arrived[-1][0])
 
     def send(self, data: bytes, timing: LineTiming | None = None) -> None:
         """Put bytes of the master on the wires, behind those that it has not yet sent."""
+        self.deliver()  # what a collision from now on does not garble
         timing = timing or self.timing
         start_s = max(self._now_s(), self._incoming.end_s if self._incoming else 0.0)
         frame = self._incoming
@@ -267,6 +294,7 @@ class Bus:
 
     def _transmit(self, address: int, data: bytes) -> None:
         """Let a unit send from now on; whatever else is sent meanwhile becomes garbage, as does this."""
+        self.deliver()
         start_s = self._now_s()
         end_s = start_s + self.timing.wire_s(len(data))
         frame = self._incoming
@@ -281,15 +309,25 @@ class Bus:
         self.transcript.append(Frame(start_s, end_s, address, sent))
         size = self.chunk_bytes or len(sent)
         for at in range(0, len(sent), size):
-            chunk = sent[at : at + size]
-            arrival_s = start_s + self.timing.wire_s(at + len(chunk))
-            self._running().call_at(arrival_s, self._deliver, chunk, arrival_s)
+            piece = sent[at : at + size]
+            self._under_way.append((start_s + self.timing.wire_s(at + len(piece)), piece))
+        self._under_way.sort(key=_ARRIVAL)  # another unit may be sending
+        self._plan_delivery()
 
-    def _deliver(self, chunk: bytes, arrival_s: float) -> None:
-        if arrival_s <= self._garbled_until_s + self.timing.character_s:
-            chunk = bytes(byte ^ _GARBAGE for byte in chunk)
-        if self._sink is not None:
-            self._sink(chunk, arrival_s)
+    def _plan_delivery(self) -> None:
+        if self._delivery is not None:
+            self._delivery.cancel()
+            self._delivery = None
+        if self._under_way:
+            counts = accumulate(len(piece) for _, piece in self._under_way)
+            last = next((at for at, count in enumerate(counts) if count >= self._wanted), -1)
+            by_s = self._under_way[last][0]
+            self._delivery = self._running().call_at(by_s, self._wake_master, by_s)
+
+    def _wake_master(self, by_s: float) -> None:
+        self._delivery = None
+        self.deliver(by_s)
+        self._plan_delivery()
 
     def _plan_babble(self, address: int, order: _SendOrder) -> None:
         if isinstance(order.impairment, Babbling) and self._loop is not None:
@@ -316,3 +354,7 @@ class Bus:
 
     def _now_s(self) -> float:
         return self._running().time()
+
+
+def _garbled(piece: bytes) -> bytes:
+    return bytes(byte ^ _GARBAGE for byte in piece)

@@ -16,6 +16,7 @@ class SimulatedPort:
         self._line = line
         self._timing = timing
         self._received = bytearray()
+        self._wanted = 1  # bytes for which the reader is woken
         self._last_byte_s = float("-inf")
         self._waiter: asyncio.Future[None] | None = None
         self._lost = ""  # why it can no longer be used
@@ -24,6 +25,7 @@ class SimulatedPort:
     @property
     def last_byte_s(self) -> float:
         """When the latest byte received so far had arrived; minus infinity before the first."""
+        self._line.deliver()
         return self._last_byte_s
 
     def write(self, frame: bytes) -> None:
@@ -31,11 +33,14 @@ class SimulatedPort:
         self._require_open()
         self._line.send(frame, self._timing)
 
-    async def read(self, *, until_s: float, count: int = 1) -> bytes:  # noqa: ARG002 - no wake-up is worth saving here
-        """Return what has arrived, waiting for at least one byte until `until_s`."""
+    async def read(self, *, until_s: float, count: int = 1) -> bytes:
+        """Return what has arrived, once it is `count` bytes or at `until_s`."""
         loop = asyncio.get_running_loop()
         self._require_open()
-        if not self._received and loop.time() < until_s:
+        self._line.deliver()
+        if len(self._received) < count and loop.time() < until_s:
+            self._wanted = count
+            self._line.await_bytes(count - len(self._received))
             self._waiter = loop.create_future()
             timer = loop.call_at(until_s, self._wake)
             try:
@@ -44,6 +49,7 @@ class SimulatedPort:
                 timer.cancel()
                 self._waiter = None
             self._require_open()
+            self._line.deliver()
         received = bytes(self._received)
         self._received.clear()
         return received
@@ -67,7 +73,8 @@ class SimulatedPort:
     def _take(self, chunk: bytes, arrival_s: float) -> None:
         self._received += chunk
         self._last_byte_s = arrival_s
-        self._wake()
+        if len(self._received) >= self._wanted:
+            self._wake()
 
     def _wake(self) -> None:
         if self._waiter is not None and not self._waiter.done():
