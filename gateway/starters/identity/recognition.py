@@ -90,17 +90,16 @@ class Recognition:
                 return isinstance(before, Answered) and (
                     not question.is_distinctive or before.value == now.value
                 )
-            is_sure = isinstance(now, Refused) and now.is_lasting
-            if not is_sure and not (isinstance(now, Garbled) and is_refusal(now, question.request.function)):
+            code, is_sure = _refusal_code(now, question.request.function), isinstance(now, Refused)
+            if code is None:
                 misses += 1
             elif not isinstance(before, Refused):
                 return False
-            elif (now.code if isinstance(now, Refused) else now.received[2]) != before.code:
+            elif code != before.code:
                 return False if is_sure else None  # it answers an earlier request, or is another device's
             else:
                 refusals += 1
-                enough = 1 + self._owed(question)
-                if refusals >= (enough if is_sure else max(enough, REFUSALS)):
+                if refusals > self._owed(question) and (is_sure or refusals >= REFUSALS):
                     return True
         return None
 
@@ -116,6 +115,15 @@ def is_refusal(outcome: Garbled, function: int | None = None) -> bool:
     if frame is None or not frame.pdu[0] & EXCEPTION_BIT:
         return False
     return function is None or frame.pdu[0] == function | EXCEPTION_BIT
+
+
+def _refusal_code(outcome: Outcome, function: int) -> int | None:
+    """Return the code of a refusal that lasts, or that may answer an earlier request; None of all else."""
+    if isinstance(outcome, Refused):
+        return outcome.code if outcome.is_lasting else None
+    if isinstance(outcome, Garbled) and is_refusal(outcome, function):
+        return outcome.received[2]  # unit, function, code [APP 7]
+    return None
 
 
 def _is_clear(outcome: Outcome | None) -> bool:
