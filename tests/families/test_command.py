@@ -13,6 +13,7 @@ from tests.families.starters import (
     ACCELERATING,
     FAULT,
     NO_SLOT,
+    NOT_STARTING,
     READY,
     RUNNING,
     SLOT_1,
@@ -241,10 +242,10 @@ def test_a_stop_counts_as_done_once_the_motor_ramps_down(family: str) -> None:
     verify = built(family, "stop").verify
 
     assert verify is not None
-    assert verify.is_met({"running": True, "decelerating": True, "jog": False})
-    assert verify.is_met({"running": False, "decelerating": False, "jog": False})
-    assert not verify.is_met({"running": True, "decelerating": False, "jog": False})
-    assert not verify.is_met({"running": None, "jog": False})
+    assert verify.is_met({**NOT_STARTING, "running": True, "decelerating": True, "jog": False})
+    assert verify.is_met({**NOT_STARTING, "decelerating": False, "jog": False})
+    assert not verify.is_met({**NOT_STARTING, "running": True, "decelerating": False, "jog": False})
+    assert not verify.is_met({**NOT_STARTING, "running": None, "jog": False})
 
 
 def test_a_reset_counts_as_done_only_when_the_fault_is_gone() -> None:
@@ -254,6 +255,20 @@ def test_a_reset_counts_as_done_only_when_the_fault_is_gone() -> None:
     assert verify.is_met({"fault": False, "running": False})
     assert not verify.is_met({"fault": True, "running": False, "accelerating": True})
     assert not verify.is_met({"fault": False, "running": True})
+
+
+@pytest.mark.parametrize("about_to_start", ["s5_1_1_3", "s5_1_1_12"])
+@pytest.mark.parametrize(("verb", "args"), [("stop", {}), ("general_enable", ON)])
+def test_an_ssw900_that_is_about_to_start_does_not_stand(
+    verb: str, args: dict[str, Any], about_to_start: str
+) -> None:
+    """Initial test and time before start (S5.1, C5.7.1): it does not run yet, and will."""
+    verify = built("ssw900", verb, args, S5_1_1=0x0102, S5_2_5=0x0012).verify
+    at_rest = {**NOT_STARTING, "general_enabled": True, "jog": False}
+
+    assert verify is not None
+    assert verify.is_met(at_rest)
+    assert not verify.is_met({**at_rest, about_to_start: True})
 
 
 def test_a_command_without_a_point_to_look_at_has_no_verification() -> None:

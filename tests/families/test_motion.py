@@ -14,6 +14,7 @@ from tests.families.starters import (
     ENABLED,
     JOG,
     NO_SLOT,
+    NOT_STARTING,
     READY,
     REMOTE,
     RUNNING,
@@ -123,8 +124,8 @@ def test_a_stop_is_not_seen_while_the_motor_jogs(family: str) -> None:
     verify = built(family, "stop").verify
 
     assert verify is not None
-    assert verify.is_met({"running": False, "jog": False})
-    assert not verify.is_met({"running": False, "jog": True})
+    assert verify.is_met({**NOT_STARTING, "jog": False})
+    assert not verify.is_met({**NOT_STARTING, "jog": True})
 
 
 def test_a_stop_of_an_old_ssw07_does_not_look_for_a_bit_that_it_does_not_have() -> None:
@@ -216,8 +217,8 @@ def test_each_is_read_back_from_the_status(verb: str, args: Any, point: str, *, 
     for family, rows in (("ssw06", {}), ("ssw07", {}), ("ssw900", {"S5_1_1": REST_900})):
         verify = built(family, verb, args, **rows).verify
         assert verify is not None
-        assert verify.is_met({point: becomes, "running": False})
-        assert not verify.is_met({point: not becomes, "running": False})
+        assert verify.is_met({**NOT_STARTING, point: becomes})
+        assert not verify.is_met({**NOT_STARTING, point: not becomes})
 
 
 def test_an_sst_is_reset_whole_only_at_standstill_and_then_silent() -> None:

@@ -30,6 +30,7 @@ TWO = ReadHoldingRegisters(3, 2)
 ONE_SHAPE, COILS_SHAPE, TWO_SHAPE = expected_shape(STATUS), expected_shape(COILS), expected_shape(TWO)
 FORMS = (ONE_SHAPE, COILS_SHAPE)
 ONE_REPLY = STATUS.encode_reply((5,))
+WRITE = WriteRegister(5003, 0x0100)
 REFUSAL = encode_exception(STATUS.function, ExceptionCode.ILLEGAL_DATA_ADDRESS)
 
 
@@ -174,6 +175,20 @@ def test_a_refusal_is_not_believed_while_another_reply_of_that_function_is_owed(
     assert not late.is_refusal_sure(UNIT, STATUS.function, 1.0)
     assert late.is_refusal_sure(UNIT, COILS.function, 1.0)
     assert late.is_refusal_sure(UNIT, STATUS.function, LATE_S)
+
+
+@pytest.mark.parametrize("frame", [REFUSAL, WRITE.encode()])
+def test_what_may_be_the_answer_after_all_says_nothing_about_the_line(frame: bytes) -> None:
+    """A line that loses replies stays orderly when a refusal or an acknowledgement is in doubt."""
+    late = orderly()
+    awaited = ONE_SHAPE if frame == REFUSAL else expected_shape(WRITE)
+
+    stray(late, frame, at_s=11.0, awaited=awaited)
+
+    assert late.is_orderly(11.0)
+    assert not late.is_disturbed(11.0)
+    stray(late, frame, at_s=12.0)
+    assert not late.is_orderly(12.0)
 
 
 def test_what_was_refused_in_doubt_is_asked_again_when_nothing_is_owed() -> None:

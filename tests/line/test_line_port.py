@@ -110,7 +110,13 @@ def connection_rig(answer: Answer = silent_to_writes) -> LineRig:
 
 @pytest.mark.parametrize(
     ("lane", "resets"),
-    [(Priority.COMMAND, 1), (Priority.PARAMETERS, 1), (Priority.READ_BACK, 1), (Priority.STOP, 0)],
+    [
+        (Priority.COMMAND, 1),
+        (Priority.PARAMETERS, 1),
+        (Priority.READ_BACK, 1),
+        (Priority.STOP, 0),
+        (Priority.FOLLOW_UP, 0),  # a stop's repeat
+    ],
 )
 def test_a_write_without_an_answer_resets_a_connection_at_once_but_a_stop_does_not(
     lane: Priority, resets: int

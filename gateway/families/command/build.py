@@ -36,7 +36,9 @@ def verification(profile: Profile, variant: Variant, verb: str, command: Command
         return None
     point, becomes = command.verify.point, command.verify.becomes
     within_s = command.verify.within_s + (profile.timing.restart_s if command.restarts else 0.0)
-    names = [point, *([_JOG] if verb == "stop" and _has_jog(profile, variant) else [])]
+    names = [point]
+    if verb == "stop":
+        names += [*([_JOG] if _has_jog(profile, variant) else []), *profile.state.starting]
     reads = reads_for(profile, rows_of_points(profile, names))
     # A ramp says as much as its end, and only the SSW-06 is known to drop `running` at once (ssw06-es 4.2.2).
     # So does the time before a start, which may be set to a quarter of an hour (ssw900 S5.1, C5.7.1).

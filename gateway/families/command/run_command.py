@@ -136,13 +136,14 @@ def _lenient(request: Request) -> WriteStep:
 
 
 def _and_standing(profile: Profile, verify: Expect | None) -> Expect | None:
-    """Return an expectation that also demands that the motor does not run."""
+    """Return an expectation that also demands that the motor does not run, nor is about to."""
     if verify is None:
         return None
     codes = [code for read in verify.reads for code in read.codes]
-    reads = reads_for(profile, (*codes, *rows_of_points(profile, ("running",))))
-    standing = Expect(reads, "running", (False,), verify.within_s)
-    return replace(verify, reads=reads, also=(*verify.also, standing))
+    names = ("running", *profile.state.starting)
+    reads = reads_for(profile, (*codes, *rows_of_points(profile, names)))
+    standing = (Expect(reads, name, (False,), verify.within_s) for name in names)
+    return replace(verify, reads=reads, also=(*verify.also, *standing))
 
 
 def writes_of(profile: Profile, entry: str) -> tuple[Write, ...]:

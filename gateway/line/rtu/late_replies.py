@@ -292,12 +292,14 @@ class LateReplies:
     ) -> None:
         """Record a whole frame that is no answer; `awaited` is what its unit is asked for.
 
-        It began at `began_s` or later. A refusal may be the answer after all: it says nothing about the line.
+        It began at `began_s` or later. A refusal or an acknowledgement may be the answer after all: it says
+        nothing about the line.
         """
         shape = shape_of(pdu)
         if unit in self._debts:
             self.just_came.append(unit)
-        if awaited is not None and pdu[0] == awaited[0] | EXCEPTION_BIT:
+        is_acknowledgement = shape == awaited and pdu[0] in _NAMED | _ADDRESSED
+        if is_acknowledgement or (awaited is not None and pdu[0] == awaited[0] | EXCEPTION_BIT):
             self._add_copy(unit, pdu, at_s, began_s=began_s)
             return
         self._disturbed_until_s = at_s + DISTURBED_S

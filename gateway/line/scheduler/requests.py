@@ -58,8 +58,8 @@ class Job:
 
     @property
     def must_not_act_late(self) -> bool:
-        """Whether it may do harm when it arrives after its answer was due: every write but a stop."""
-        return self.lane is not Priority.STOP and self.request.is_write and self.unit != BROADCAST
+        """Whether it may do harm when it arrives after its answer was due: every write but a stop's."""
+        return self.lane > Priority.FOLLOW_UP and self.request.is_write and self.unit != BROADCAST
 
 
 @dataclass(frozen=True, slots=True)

@@ -323,8 +323,11 @@ class FirstContact:
             until_s=now_s + DOUBT_WITHIN_S if question.is_for_doubt and not is_patient else inf,
             is_literal=True,
         )
+        now_s = asyncio.get_running_loop().time()
         if is_fc43:
-            self._fc43.note(outcome, asyncio.get_running_loop().time())
+            self._fc43.note(outcome, now_s)
+        elif isinstance(outcome, Silent) and outcome.is_sent:
+            self._recognition.note_unanswered(question, now_s)
         return outcome
 
 

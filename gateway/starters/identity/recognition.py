@@ -8,19 +8,22 @@ the device, and now and then where the polls would not show it.
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Awaitable, Callable, Mapping
 
 from gateway.families.devices.device import Question
 from gateway.families.diagnosis.identify import identify, identify_requests
 from gateway.families.profile.schema import Profile
 from gateway.line.rtu.bus_faults import whole_frame
+from gateway.line.rtu.late_replies import LATE_S
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused
 from gateway.modbus.codes import EXCEPTION_BIT
 
 Put = Callable[[Question], Awaitable[Outcome]]
 
 TRIES = 2  # a lost reply says nothing
-REFUSALS = 2  # each may answer an earlier request; another device answers one of so many
+REFUSALS = 2  # each may answer an earlier request; another device answers one of so many,
+# and of one more than replies to the same question are owed
 
 
 class Recognition:
@@ -32,6 +35,7 @@ class Recognition:
         self._questions = tuple(q for q in questions if q.is_distinctive or q.is_always_there)
         self.is_hidden = any(q.is_distinctive for q in questions)  # the polls might not show another device
         self._said: dict[Question, Outcome] = {}
+        self._unanswered_s: dict[Question, list[float]] = {}  # when; these replies may still come
 
     def forget(self) -> None:
         """Begin anew: the device is open."""
@@ -45,6 +49,11 @@ class Recognition:
     def note(self, outcomes: Mapping[Question, Outcome]) -> None:
         """Record what the device that is there now has answered."""
         self._said = {q: outcomes[q] for q in self._questions if _is_clear(outcomes.get(q))}
+
+    def note_unanswered(self, question: Question, now_s: float) -> None:
+        """Record that there was no answer to a question, of whatever device is there."""
+        owed_s = [at_s for at_s in self._unanswered_s.get(question, ()) if at_s > now_s - LATE_S]
+        self._unanswered_s[question] = [*owed_s, now_s]
 
     async def is_completed_otherwise(self, put: Put) -> bool:
         """Ask what was not asked yet of a device that is proved; return whether that denies it."""
@@ -81,19 +90,23 @@ class Recognition:
                 return isinstance(before, Answered) and (
                     not question.is_distinctive or before.value == now.value
                 )
-            if isinstance(now, Refused) and now.is_lasting:
-                return isinstance(before, Refused) and before.code == now.code
-            if not isinstance(now, Garbled) or not is_refusal(now, question.request.function):
+            code, is_sure = _refusal_code(now, question.request.function), isinstance(now, Refused)
+            if code is None:
                 misses += 1
             elif not isinstance(before, Refused):
                 return False
-            elif now.received[2] != before.code:  # unit, function, code [APP 7]
-                return None  # it answers an earlier request, or is another device's
+            elif code != before.code:
+                return False if is_sure else None  # it answers an earlier request, or is another device's
             else:
                 refusals += 1
-                if refusals == REFUSALS:
+                if refusals > self._owed(question) and (is_sure or refusals >= REFUSALS):
                     return True
         return None
+
+    def _owed(self, question: Question) -> int:
+        """Return how many replies to a question may still come."""
+        since_s = asyncio.get_running_loop().time() - LATE_S
+        return sum(at_s > since_s for at_s in self._unanswered_s.get(question, ()))
 
 
 def is_refusal(outcome: Garbled, function: int | None = None) -> bool:
@@ -102,6 +115,15 @@ def is_refusal(outcome: Garbled, function: int | None = None) -> bool:
     if frame is None or not frame.pdu[0] & EXCEPTION_BIT:
         return False
     return function is None or frame.pdu[0] == function | EXCEPTION_BIT
+
+
+def _refusal_code(outcome: Outcome, function: int) -> int | None:
+    """Return the code of a refusal that lasts, or that may answer an earlier request; None of all else."""
+    if isinstance(outcome, Refused):
+        return outcome.code if outcome.is_lasting else None
+    if isinstance(outcome, Garbled) and is_refusal(outcome, function):
+        return outcome.received[2]  # unit, function, code [APP 7]
+    return None
 
 
 def _is_clear(outcome: Outcome | None) -> bool:

@@ -172,3 +172,18 @@ async def test_a_motor_that_is_started_while_its_stop_is_not_acknowledged_was_no
         await asyncio.sleep(5.0)
 
     assert rig.sink.phases() == [ACCEPTED, WRITTEN, ("unconfirmed", "not_seen")]
+
+
+@virtually
+async def test_a_stop_that_does_not_arrive_is_not_confirmed_while_the_motor_is_about_to_start() -> None:
+    """The time before a start (C5.7.1) shows `running` as false until the motor turns."""
+    async with one_starter(make_unit("ssw900", 1, settings={931: 600})) as here:
+        await asyncio.sleep(5.0)
+        here.submit("start", "s1")
+        await asyncio.sleep(2.0)
+        answer = here.unit.handle
+        here.unit.handle = lambda pdu, now_s: None if pdu[0] in WRITES else answer(pdu, now_s)
+
+        phase, code, _ = await stopped(here, within_s=15.0)
+
+        assert (phase, code) == (Phase.UNCONFIRMED, "not_seen")

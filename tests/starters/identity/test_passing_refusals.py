@@ -13,7 +13,7 @@ from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.modbus.codes import ExceptionCode
 from gateway.modbus.pdu import encode_exception
 from gateway.records import Phase, Quality, StateRecord
-from tests.starters.identity.habits import Answer, Habit, device, good_values, is_fc43
+from tests.starters.identity.habits import Answer, Habit, as_printed, device, good_values, is_fc43
 from tests.starters.one_starter import one_starter
 from tests.starters.rig import virtually
 
@@ -117,6 +117,29 @@ async def test_after_a_lost_reply_the_right_device_is_started_as_ever(
 
         end = here.sink.final("s1")
         assert end.phase is Phase.CONFIRMED, end
+
+
+@pytest.mark.parametrize("owed", [1, 2])
+@virtually
+async def test_as_many_refusals_of_vb00_as_are_owed_start_nothing(owed: int) -> None:
+    """They are the SSW-07's; the SSW-06 that has come since answers the question after them."""
+    unanswered = at_first(owed, VB00.__eq__, code=None)
+    late = at_first(owed, VB00.__eq__, code=ExceptionCode.ILLEGAL_DATA_ADDRESS)
+    async with one_starter(device("ssw07", 0, as_printed)) as here:
+        await asyncio.sleep(40.0)
+        here.unit.handle = unanswered(here.unit, here.unit.handle)
+        here.submit("start", "s1")
+        await asyncio.sleep(5.0)
+        here.submit("stop", "p1")
+        await asyncio.sleep(10.0)
+        here.bus.remove(here.unit)
+        here.bus.add(device("ssw06", 4, late))
+        here.bus.transcript.clear()
+        here.submit("start", "s2")
+        await asyncio.sleep(30.0)
+
+        assert here.sink.final("s2").phase is Phase.REJECTED
+        assert not [pdu for pdu in here.requests() if pdu[0] in (5, 6, 15, 16)]
 
 
 @virtually
