@@ -217,7 +217,7 @@ class StartRecorder:
         return math.nan if start.earliest_s is None else start.earliest_s
 
     def _run(self, readings: Readings) -> FinishedStart | None:
-        if any(readings.values.get(name) is True for name in _NOT_A_START):
+        if any([readings.values.get(name) is True for name in _NOT_A_START]):
             return self._leave(StartOutcome.STOPPED, _Phase.ON)
         start = self._start
         if start is None and self._phase in (_Phase.REST, _Phase.LOST_AT_REST):
@@ -282,9 +282,9 @@ class StartRecorder:
         if readings.values.keys().isdisjoint(self._points.columns):
             return
         numbers = [readings.number(name) for name in self._points.columns]
-        if all(number is None for number in numbers):
+        if numbers.count(None) == len(numbers):
             return
-        row = tuple(math.nan if number is None else number for number in numbers)
+        row = tuple([math.nan if number is None else number for number in numbers])
         thermal = numbers[COLUMNS.index("thermal")]
         if thermal is not None:
             self._thermal = (readings.at_s, thermal)

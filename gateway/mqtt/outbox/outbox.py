@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from gateway.mqtt.contract.payloads import MAX_HISTORY_ITEMS, LateValue, Message, cleared, late_value
@@ -28,8 +27,7 @@ FIRST_FAILURE = 0x80  # reason codes from here on are refusals [MQTT5 2.4]
 MAX_REMEMBERED_REFUSALS = 100
 
 
-@dataclass(frozen=True, slots=True)
-class Outgoing:
+class Outgoing(NamedTuple):
     """A message on its way; `ticket` names it until it is acknowledged."""
 
     ticket: int
