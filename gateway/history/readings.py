@@ -24,4 +24,6 @@ class Readings(NamedTuple):
     def number(self, point: str) -> float | None:
         """Return a measured quantity; None when it was not read, or is no finite number."""
         value = self.values.get(point)
-        return float(value) if type(value) in (float, int) and isfinite(value) else None
+        if not isinstance(value, (int, float)) or isinstance(value, bool) or not isfinite(value):
+            return None
+        return float(value)

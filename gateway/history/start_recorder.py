@@ -217,7 +217,7 @@ class StartRecorder:
         return math.nan if start.earliest_s is None else start.earliest_s
 
     def _run(self, readings: Readings) -> FinishedStart | None:
-        if any([readings.values.get(name) is True for name in _NOT_A_START]):
+        if any(readings.values.get(name) is True for name in _NOT_A_START):
             return self._leave(StartOutcome.STOPPED, _Phase.ON)
         start = self._start
         if start is None and self._phase in (_Phase.REST, _Phase.LOST_AT_REST):

@@ -122,7 +122,11 @@ class Snapshot:
         old = self._readings[name]
         self._readings[name] = new
         is_same_value = old.value == new.value and type(old.value) is type(new.value)
-        if is_same_value and old.quality is new.quality and (old.label, old.reason) == (new.label, new.reason):
+        if (
+            is_same_value
+            and old.quality is new.quality
+            and (old.label, old.reason) == (new.label, new.reason)
+        ):
             return  # only its time is new
         self._changed[name] = None
         if old.quality is not new.quality or not (is_same_value or isinstance(new.value, float)):

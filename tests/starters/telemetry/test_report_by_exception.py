@@ -1,13 +1,16 @@
 from __future__ import annotations
 
+import asyncio
 import math
+from unittest.mock import patch
 
 import pytest
 
 from gateway.records import Quality
-from gateway.starters.telemetry.reporting import REFRESH_S, TICK_S, is_news
+from gateway.starters.telemetry.reporting import REFRESH_S, TICK_S, TickTimer, is_news
 from gateway.starters.telemetry.snapshot import Reading, Value
 from tests.starters.telemetry.support import OfferedReport
+from tests.virtual_time import VirtualClock, run_virtually
 
 LATEST_S = REFRESH_S - TICK_S
 
@@ -175,3 +178,20 @@ def test_another_time_loses_no_change_that_waits() -> None:
     report.set_refresh(3600.0)
 
     assert report.take_due(0.25) == {"current": reading(2.0)}
+
+
+def test_a_timer_is_made_anew_only_for_an_earlier_tick() -> None:
+    async def scenario() -> tuple[int, list[float]]:
+        loop = asyncio.get_running_loop()
+        clock, begun_s, called_s = VirtualClock(loop), loop.time(), list[float]()
+        timer = TickTimer(clock, lambda: called_s.append(loop.time() - begun_s))
+        with patch.object(loop, "call_later", wraps=loop.call_later) as made:
+            for due_s in (1.9, 1.8, 2.0, 5.0, 0.9):
+                timer.at(begun_s + due_s)
+        await asyncio.sleep(10.0)
+        return made.call_count, called_s
+
+    made, called_s = run_virtually(scenario())
+
+    assert made == 2
+    assert called_s == pytest.approx([1.0], abs=TICK_S)
