@@ -15,6 +15,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from gateway.history.readings import Readings
+
 LEAST_GAP_S = 30.0  # between two readings, up to which what lies between counts at any period
 GAP_PERIODS = 4  # of the status; the same of the slowest values, which have `SLOW` times its period
 SLOW = 10
@@ -98,10 +100,10 @@ class MotorCounters:
         if not self.is_seen:
             self._status_s = self._power = self._load = None
 
-    def note_readings(self, values: Mapping[str, Any], *, at_s: float) -> None:
-        """Count what has passed since the readings before; `values` are good, and all of one moment."""
-        power, load = _number(values.get("active_power")), self._load_of(values)
-        if STATUS_POINT in values:
+    def note_readings(self, readings: Readings) -> None:
+        """Count what has passed since the readings before."""
+        power, load, at_s = readings.number("active_power"), self._load_of(readings), readings.at_s
+        if STATUS_POINT in readings.values:
             self._count_time(at_s)
         if load is not None:
             self._load = (at_s, load)
@@ -138,10 +140,9 @@ class MotorCounters:
     def _value_gap_s(self) -> float:
         return GAP_PERIODS * SLOW * max(self.period_s, 1.0)
 
-    def _load_of(self, values: Mapping[str, Any]) -> float | None:
-        percent = _number(values.get("current_pct"))
-        current = _number(values.get("current"))
-        if percent is None and current is not None and self.rated_a:
+    def _load_of(self, readings: Readings) -> float | None:
+        percent = readings.number("current_pct")
+        if percent is None and self.rated_a and (current := readings.number("current")) is not None:
             return 100.0 * current / self.rated_a
         return percent
 
@@ -149,12 +150,6 @@ class MotorCounters:
 def band_of(load_pct: float) -> str:
     """Return the load band; a limit belongs to the band above it, as in a log of a motor relay."""
     return next(name for name, below in BANDS_PCT.items() if load_pct < below or below == math.inf)
-
-
-def _number(value: Any) -> float | None:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        return None
-    return float(value)
 
 
 def _amount(value: Any) -> float:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from math import isfinite
+from typing import NamedTuple
 
 Value = bool | int | float | str | None
 
 
-@dataclass(frozen=True, slots=True)
-class Readings:
+class Readings(NamedTuple):
     """The good values of one reply, with the state that follows from all that is known then.
 
     A point that was not read by this very reply, or that is not good, is not in `values`. The two times are
@@ -22,6 +22,8 @@ class Readings:
     values: Mapping[str, Value]
 
     def number(self, point: str) -> float | None:
-        """Return a measured quantity; None when it was not read."""
+        """Return a measured quantity; None when it was not read, or is no finite number."""
         value = self.values.get(point)
-        return float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else None
+        if not isinstance(value, (int, float)) or isinstance(value, bool) or not isfinite(value):
+            return None
+        return float(value)

@@ -282,9 +282,9 @@ class StartRecorder:
         if readings.values.keys().isdisjoint(self._points.columns):
             return
         numbers = [readings.number(name) for name in self._points.columns]
-        if all(number is None for number in numbers):
+        if numbers.count(None) == len(numbers):
             return
-        row = tuple(math.nan if number is None else number for number in numbers)
+        row = tuple([math.nan if number is None else number for number in numbers])
         thermal = numbers[COLUMNS.index("thermal")]
         if thermal is not None:
             self._thermal = (readings.at_s, thermal)

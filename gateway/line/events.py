@@ -13,7 +13,7 @@ import asyncio
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from gateway.line.rtu.bus_faults import BusFault
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Silent
@@ -25,8 +25,7 @@ POLLS_WAIT_S = 0.1
 logger = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, slots=True)
-class PollResult:
+class PollResult(NamedTuple):
     """What became of a poll; a garbled reply only when repeating did not help."""
 
     line: str

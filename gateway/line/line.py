@@ -134,10 +134,15 @@ class Line:
         if polls != self._asked:
             self._asked = polls
             self._latency_s = worst_stop_latency_s(polls, self.timing, allowance_s=self._allowance_s)
-        statistics = self._statistics.to_dict(polls, worst_stop_latency_s=self._latency_s, now_s=self._time())
-        for unit, counts in statistics["units"].items():
-            counts["state"] = self._scheduler.polls.unit(unit).state
-            counts["late"] = self._forms.late.came_late[unit]
+        statistics = self._statistics.to_dict(
+            self._asked,
+            worst_stop_latency_s=self._latency_s,
+            now_s=self._time(),
+            more_of=lambda unit: {
+                "state": self._scheduler.polls.unit(unit).state,
+                "late": self._forms.late.came_late[unit],
+            },
+        )
         state = {
             "is_open": self._service is not None,
             "stretch": round(self.stretch, 3),

@@ -239,6 +239,7 @@ class LineService:
         late = self.master.late
         for unit in late.just_came:
             self._scheduler.polls.unit(unit).note_late(now_s)
+            self._statistics.note_late(unit)
             self._recovery.note_late()
         late.just_came.clear()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Iterable
+from collections.abc import Callable, Mapping, Sequence
 from math import inf
 from typing import Any, NamedTuple
 
@@ -35,7 +35,10 @@ class Statistics:
     def __init__(self) -> None:
         self._counts: Counter[str] = Counter()
         self._units: dict[int, _UnitStatistics] = {}
+        self._changed: set[int] = set()  # units of which `_shown` is out of date
+        self._shown: dict[int, dict[str, Any]] = {}  # what is published of each unit; never changed in place
         self._response_times = ResponseTimeEstimator()
+        self._polls: Sequence[Poll] = ()  # that are asked, and what the latest slot of each took
         self._took_s: dict[str, float] = {}
         self._times = LineTimes()
         self._computed = 0  # so many units' response times were computed, since the start
@@ -92,6 +95,7 @@ class Statistics:
         if unit is None:
             unit = self._units[slot.unit] = _UnitStatistics()
         unit.outcomes[name] += 1
+        self._changed.add(slot.unit)
         if isinstance(outcome, Garbled) and outcome.is_sent and whole_frame(outcome.received) is None:
             unit.corrupted += 1
         if isinstance(outcome, Answered):
@@ -100,6 +104,11 @@ class Statistics:
             self._response_times.note_miss(slot.unit)
         if slot.poll is not None:
             self._took_s[slot.poll.key] = took_s
+
+    def note_late(self, unit: int) -> None:
+        """Record that something else is to be published of a unit: a reply of it came late."""
+        if unit in self._units:
+            self._changed.add(unit)
 
     def note_stop(self, slot: Slot, written_s: float) -> None:
         """Measure how long a stop waited for its first byte."""
@@ -110,6 +119,8 @@ class Statistics:
     def forget(self, unit: int) -> None:
         """Know nothing of a unit any more; what it has cost still counts."""
         self._units.pop(unit, None)
+        self._shown.pop(unit, None)
+        self._changed.discard(unit)
         self._response_times.forget(unit)
 
     def utilisation(self, now_s: float) -> float:
@@ -131,10 +142,25 @@ class Statistics:
         pairs = zip(self._times, before, strict=True)
         return LineTimes(*((now - then) / (now_s - since_s) for now, then in pairs))
 
-    def to_dict(self, polls: Iterable[Poll], *, worst_stop_latency_s: float, now_s: float) -> dict[str, Any]:
-        """Return the payload of `B/gateway/line/{line}`; `sweep_s` is one slot of each of these polls."""
+    def to_dict(
+        self,
+        polls: Sequence[Poll],
+        *,
+        worst_stop_latency_s: float,
+        now_s: float,
+        more_of: Callable[[int], Mapping[str, Any]] = lambda _: {},
+    ) -> dict[str, Any]:
+        """Return the payload of `B/gateway/line/{line}`; `sweep_s` is one slot of each of these polls.
+
+        `more_of` says what else is published of a unit, once something was noted of it.
+        """
         self._update_times(now_s)
-        self._took_s = {poll.key: self._took_s.get(poll.key, 0.0) for poll in polls}  # others may be gone
+        if polls is not self._polls or len(self._took_s) != len(polls):
+            self._polls = polls
+            self._took_s = {poll.key: self._took_s.get(poll.key, 0.0) for poll in polls}  # others may be gone
+        for unit in self._changed:
+            self._shown[unit] = {**self._units[unit].to_dict(), **more_of(unit)}
+        self._changed.clear()
         return {
             "utilisation": self.utilisation(now_s),
             "time_share": self.time_share(now_s),
@@ -145,7 +171,7 @@ class Statistics:
                 "worst": self._worst_stop_latency_s,
                 **self._measured_stops(),
             },
-            "units": {unit: each.to_dict() for unit, each in self._units.items()},
+            "units": dict(self._shown),
         }
 
     def _measured_stops(self) -> dict[str, Any]:
@@ -163,6 +189,7 @@ class Statistics:
             is_new = each.times["response_time_s"]["p50"] is None
             if is_new or now_s - each.computed_s >= _COMPUTED_EVERY_S:
                 each.computed_s = now_s
+                self._changed.add(unit)
                 each.times = {
                     "response_time_s": self._response_times.quantiles(unit),
                     "functions": self._response_times.functions(unit),

@@ -135,8 +135,10 @@ class LagMeter:
             self._before_s = self._worst_s if now_s - self._began_s < 2 * WINDOW_S else 0.0
             self._worst_s = 0.0
             self._began_s = now_s
-        self._worst_s = max(self._worst_s, delay_s)
-        self._unread_s = max(self._unread_s, delay_s)
+        if delay_s > self._worst_s:
+            self._worst_s = delay_s
+        if delay_s > self._unread_s:
+            self._unread_s = delay_s
 
     async def run(self) -> None:
         """Measure until cancelled."""

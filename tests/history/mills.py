@@ -98,7 +98,7 @@ class Mills:
         began_s = self.clock.at_s
         last = self._replies[(next(self._seeds) - 1) % STARTS][-1]
         tripped = {**last.values, "running": False, "full_voltage": False, "fault": True, "fault_code": 77}
-        shown = replace(last, state="fault", values=tripped)
+        shown = last._replace(state="fault", values=tripped)
         self._take(name, shown, began_s)
         text = "Motor thermal class (overload)"
         for code, data in (
@@ -109,7 +109,7 @@ class Mills:
             self.service.put(EventRecord(name, code, Severity.ERROR, text, utc_s, seq, data))
         self.service.note_fault_data(name, self._at_fault, ())
         for step in range(1, int(COASTS_S / FAST_S) + 1):
-            self._take(name, replace(shown, at_s=last.at_s + step * FAST_S), began_s)
+            self._take(name, shown._replace(at_s=last.at_s + step * FAST_S), began_s)
         utc_s, seq = self.clock.utc_s(), self._records.sequence.take()
         data = {"alarm": "f077", "severity": "fault"}
         self.service.put(EventRecord(name, "cleared", Severity.INFO, "", utc_s, seq, data))
@@ -117,7 +117,7 @@ class Mills:
 
     def _take(self, name: str, readings: Readings, began_s: float) -> None:
         self.clock.at_s = at_s = began_s + readings.at_s
-        self.service.take_readings(name, replace(readings, at_s=at_s, time_s=self.clock.utc_s()))
+        self.service.take_readings(name, readings._replace(at_s=at_s, time_s=self.clock.utc_s()))
 
 
 def _rows(codes: tuple[str, ...]) -> Mapping[str, Mapping[str, Any]]:
@@ -143,7 +143,7 @@ def _read(seed: int) -> Iterator[Readings]:
     for readings in motor.replies(0.0, 27.0):
         current = readings.values.get("current")
         if not isinstance(current, float):
-            yield replace(readings, values={**readings.values, **flags})
+            yield readings._replace(values={**readings.values, **flags})
             continue
         more = {
             "current_pct": round(current / 0.85, 1),
@@ -158,4 +158,4 @@ def _read(seed: int) -> Iterator[Readings]:
             "heatsink_temperature": round(dice.gauss(40.0, 0.5), 1),
             "s4_2_1": round(dice.gauss(40.0, 0.5), 1),
         }
-        yield replace(readings, values={**readings.values, **more})
+        yield readings._replace(values={**readings.values, **more})

@@ -6,6 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.history.counters import MotorCounters, Totals, band_of
+from gateway.history.readings import Readings
+
+
+def readings(at_s: float, **values: Any) -> Readings:
+    return Readings(at_s, at_s, "", values)
 
 
 def run(
@@ -13,7 +18,7 @@ def run(
 ) -> None:
     at_s = since_s
     while at_s <= until_s + 1e-9:
-        counters.note_readings({"running": counters.is_operating} | more, at_s=at_s)
+        counters.note_readings(readings(at_s, running=counters.is_operating, **more))
         at_s += every_s
 
 
@@ -106,7 +111,7 @@ def test_energy_is_the_area_under_the_power() -> None:
     counters = MotorCounters()
     counters.note_state("running")
     for at_s in range(0, 3601, 10):
-        counters.note_readings({"active_power": 100.0 * at_s / 3600}, at_s=at_s)
+        counters.note_readings(readings(at_s, active_power=100.0 * at_s / 3600))
 
     assert counters.totals.energy_kwh == pytest.approx(50.0)
 
@@ -114,10 +119,10 @@ def test_energy_is_the_area_under_the_power() -> None:
 def test_energy_does_not_bridge_a_silence() -> None:
     counters = MotorCounters()
     counters.note_state("running")
-    counters.note_readings({"active_power": 100.0}, at_s=0.0)
+    counters.note_readings(readings(0.0, active_power=100.0))
     counters.note_state("unknown")
     counters.note_state("running")
-    counters.note_readings({"active_power": 100.0}, at_s=20.0)
+    counters.note_readings(readings(20.0, active_power=100.0))
 
     assert counters.totals.energy_kwh == 0.0
     assert counters.has_power
@@ -128,7 +133,7 @@ def test_readings_out_of_order_take_nothing_away() -> None:
     counters.note_state("running")
     run(counters, 0, 10, active_power=10.0)
     before = counters.totals.to_dict()
-    counters.note_readings({"running": True, "active_power": 10.0}, at_s=5.0)
+    counters.note_readings(readings(5.0, running=True, active_power=10.0))
 
     assert counters.totals.to_dict() == before
 
@@ -175,7 +180,7 @@ def test_never_more_time_counts_than_has_passed(steps: list[tuple[float, str]]) 
     counters, at_s = MotorCounters(), 0.0
     for pause_s, state in steps:
         at_s += pause_s
-        counters.note_readings({"running": True, "current_pct": 80.0}, at_s=at_s)
+        counters.note_readings(readings(at_s, running=True, current_pct=80.0))
         counters.note_state(state)
 
     totals = counters.totals

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from gateway.app.history import HistoryService
@@ -69,7 +68,7 @@ class Run:
         motor = ReadMotor(AnalyticStart(20.0), is_ours=True, seed=self._starts)
         late_s = self._starts * BETWEEN_S
         for each in motor.replies(0.0, 40.0):
-            moved = replace(each, at_s=each.at_s + late_s, time_s=each.time_s + late_s)
+            moved = each._replace(at_s=each.at_s + late_s, time_s=each.time_s + late_s)
             self.service.take_readings("pump", moved)
         self._starts += 1
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -501,7 +500,7 @@ async def test_a_disk_that_cannot_be_read_at_first_loses_neither_baseline_nor_mo
             motor = ReadMotor(AnalyticStart(20.0, ramp_s), is_ours=True, seed=number)
             for readings in motor.replies(0.0, 20.0 + ramp_s + 8.0):
                 late_s = 100.0 * number
-                moved = replace(readings, at_s=readings.at_s + late_s, time_s=readings.time_s + late_s)
+                moved = readings._replace(at_s=readings.at_s + late_s, time_s=readings.time_s + late_s)
                 one.take_readings("pump", moved)
             await asyncio.sleep(0)
 

@@ -403,7 +403,7 @@ def read_wrongly(one: StartRecorder, motor: ReadMotor, wrong: dict[int, float]) 
         taken = readings
         if "current" in readings.values and readings.at_s >= motor.start.begin_s:
             number += 1
-            taken = replace(readings, values={"current": wrong.get(number, readings.values["current"])})
+            taken = readings._replace(values={"current": wrong.get(number, readings.values["current"])})
         found.append(one.take(taken))
     return [each for each in found if each is not None]
 

@@ -61,7 +61,7 @@ class CountersPart:
         if level is not None:
             self._note_level(level, readings.at_s)
         before = self._state
-        self._counters.note_readings(readings.values, at_s=readings.at_s)
+        self._counters.note_readings(readings)
         self._note_state(readings.state)
         if self._thermal is not None and before != self._state == "running":
             self._thermal.note_started()

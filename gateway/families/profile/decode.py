@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 from gateway.families.profile.parameters import raw_row, unnamed_code
 from gateway.families.profile.rows import OFF, RESERVED, Parameter, Table, Type
@@ -22,8 +21,7 @@ _CURRENT = re.compile(r"[A-Za-z]+[- ]?[0-9]+[A-Za-z]*[- ]+([0-9]+(?:[.,][0-9]+)?
 _VERSION = re.compile(r"([0-9]+)\.([0-9]+)")
 
 
-@dataclass(frozen=True, slots=True)
-class Decoded:
+class Decoded(NamedTuple):
     """What words mean; `value` is None when it cannot be known, `raw` is always there."""
 
     value: Value

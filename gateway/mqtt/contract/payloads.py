@@ -89,8 +89,7 @@ CONTRACT_VERSION = 1
 MAX_HISTORY_ITEMS = 200
 
 
-@dataclass(frozen=True, slots=True)
-class Message:
+class Message(NamedTuple):
     """One publication: queued until acknowledged, or replaced by the next one of its topic."""
 
     topic: str

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from gateway.mqtt.contract.payloads import MAX_HISTORY_ITEMS, LateValue, Message, cleared, late_value
@@ -28,8 +27,7 @@ FIRST_FAILURE = 0x80  # reason codes from here on are refusals [MQTT5 2.4]
 MAX_REMEMBERED_REFUSALS = 100
 
 
-@dataclass(frozen=True, slots=True)
-class Outgoing:
+class Outgoing(NamedTuple):
     """A message on its way; `ticket` names it until it is acknowledged."""
 
     ticket: int
@@ -150,12 +148,9 @@ class Outbox:
         """Return the next message to publish now, or None when there is none or the window is full."""
         if len(self._in_flight) >= self._window:
             return None
-        taken = (
-            self._take_latest(self._opening)
-            or self._take_backlog()
-            or self._take_latest(self._waiting)
-            or self._take_history()
-        )
+        taken = self._take_latest(self._opening) if self._opening else self._take_backlog()
+        if taken is None:
+            taken = self._take_latest(self._waiting) if self._waiting else self._take_history()
         if taken is not None and taken.message.qos:
             self._in_flight[taken.ticket] = taken
         return taken
@@ -233,10 +228,8 @@ class Outbox:
         topic, payload = self._late(message)
         return Message(topic, payload, qos=1, retain=False, is_queued=True, is_droppable=True)
 
-    def _take_latest(self, topics: deque[str] | dict[str, float]) -> Outgoing | None:
+    def _take_latest(self, topics: deque[str] | dict[str, float]) -> Outgoing:
         """Return the newest message of the first of these topics; it has no news any more."""
-        if not topics:
-            return None
         topic = next(iter(topics))
         message = self._latest[topic]
         since_s = self._waiting.pop(topic, None)

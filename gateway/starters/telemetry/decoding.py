@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from gateway.families.profile.decode import Decoded, decode_points
 from gateway.families.profile.per_profile import once_per_profile
@@ -102,24 +101,21 @@ def type_of(profile: Profile, name: str) -> str:
     return "float" if row.decimals or row.unit else "integer"
 
 
-@dataclass(frozen=True, slots=True)
-class DecodedPoints:
+class DecodedPoints(NamedTuple):
     """The points that were decoded from rows, and those for which a row was missing."""
 
     points: Mapping[str, Decoded]
     missing: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
+class Answer(NamedTuple):
     """Raw words by code, and what they say; None when that depends on other rows too."""
 
     rows: Mapping[str, tuple[int, ...]]
     decoded: DecodedPoints | None
 
 
-@dataclass(frozen=True, slots=True)
-class _Memory:
+class _Memory(NamedTuple):
     block: Block
     variant: Variant
     value: Sequence[Any]

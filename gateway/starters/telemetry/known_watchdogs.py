@@ -15,7 +15,9 @@ from typing import Any, TypeVar
 
 from gateway.errors import CommandError, DamagedError
 from gateway.families.diagnosis.readiness import shortest_s, watchdog_codes, written_rows
+from gateway.families.profile.per_profile import once_per_profile
 from gateway.families.profile.procedure import Procedure
+from gateway.families.profile.schema import Profile
 from gateway.line.capacity.deadline_check import (
     Limits,
     Missed,
@@ -78,7 +80,7 @@ class KnownWatchdogs:
     def add(self, setup: StarterSetup, line: LineClient | None = None) -> None:
         """Keep the watchdog of a starter on its line from now on."""
         self._setups[setup.name], self._lines[setup.name] = setup, line
-        self._codes[setup.name] = frozenset(watchdog_codes(setup.profile))
+        self._codes[setup.name] = setting_codes(setup.profile)
         self._given_s.pop(setup.name, None)
 
     def remove(self, name: str) -> None:
@@ -224,6 +226,12 @@ class KnownWatchdogs:
             memory.set_aside()
             return "the file of the watchdogs is damaged: they are not known until they are read"
         return ""
+
+
+@once_per_profile
+def setting_codes(profile: Profile) -> frozenset[str]:
+    """Return the rows that say what a starter's watchdog is."""
+    return frozenset(watchdog_codes(profile))
 
 
 def _rows_in(stored: Mapping[str, list[int]]) -> dict[str, tuple[int, ...]]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 from gateway.starters.telemetry.snapshot import Reading
@@ -29,11 +29,14 @@ class TickTimer:
 
     def at(self, due_s: float) -> None:
         """Call at `due_s`; a timer that runs out before that is left as it is, since most are put off."""
-        if due_s == math.inf or (self._timer is not None and self._due_s <= due_s):
+        if due_s == math.inf:
+            return
+        now_s = self._clock.now_s()
+        tick_s = math.ceil(max(due_s, now_s) / TICK_S) * TICK_S
+        if self._timer is not None and self._due_s <= tick_s:
             return
         self.cancel()
-        now_s = self._clock.now_s()
-        self._due_s = math.ceil(max(due_s, now_s) / TICK_S) * TICK_S
+        self._due_s = tick_s
         self._timer = asyncio.get_running_loop().call_later(self._due_s - now_s, self._run)
 
     def cancel(self) -> None:
@@ -54,16 +57,22 @@ TOGETHER = 0.1  # of that time: so much sooner readings go out that were sent lo
 
 @dataclass(slots=True)
 class _Reported:
-    reading: Reading
     sent: Reading | None = None
     sent_s: float = -math.inf
     changed_s: float = math.inf  # when a reading that says something else is due
 
 
 class Report:
-    """The readings of one starter on their way out."""
+    """When the readings of one starter are due; they stay where they are, in `readings`."""
 
-    def __init__(self, deadbands: Mapping[str, float], *, refresh_s: float = REFRESH_S) -> None:
+    def __init__(
+        self,
+        readings: Mapping[str, Reading],
+        deadbands: Mapping[str, float],
+        *,
+        refresh_s: float = REFRESH_S,
+    ) -> None:
+        self._readings = readings  # always the newest
         self._deadbands = deadbands  # in the point's unit; a missing one is 0
         self._entries: dict[str, _Reported] = {}
         self._next_due_s = math.inf  # no reading is due before
@@ -74,18 +83,16 @@ class Report:
         self._latest_s = max(refresh_s - TICK_S, SOONEST_S)  # the timer may run out a tick late
         self._look_ahead()
 
-    def offer(self, readings: Mapping[str, Reading], *, now_s: float) -> None:
-        """Record readings that are new; a point that is new here is due at once."""
-        for name, reading in readings.items():
+    def note_changed(self, names: Iterable[str], *, now_s: float) -> None:
+        """Record which readings say something else than before; a point that is new here is due at once."""
+        for name in names:
             entry = self._entries.get(name)
             if entry is None:
-                self._entries[name] = _Reported(reading)
+                self._entries[name] = _Reported()
                 self._next_due_s = min(self._next_due_s, now_s)
-                continue
-            if entry.reading is reading:
-                continue
-            entry.reading = reading
-            if entry.sent is not None and is_news(entry.sent, reading, self._deadbands.get(name, 0.0)):
+            elif entry.sent is not None and is_news(
+                entry.sent, self._readings[name], self._deadbands.get(name, 0.0)
+            ):
                 entry.changed_s = min(entry.changed_s, max(now_s, entry.sent_s + SOONEST_S))
                 self._next_due_s = min(self._next_due_s, entry.changed_s)
 
@@ -97,7 +104,7 @@ class Report:
         old_s = now_s - self._latest_s * (1 - TOGETHER)
         for name, entry in self._entries.items():
             if entry.changed_s <= now_s or entry.sent_s <= old_s:
-                due[name] = entry.sent = entry.reading
+                due[name] = entry.sent = self._readings[name]
                 entry.sent_s, entry.changed_s = now_s, math.inf
         self._look_ahead()
         return due
@@ -108,8 +115,11 @@ class Report:
 
     def _look_ahead(self) -> None:
         next_due_s = math.inf
-        for entry in self._entries.values():  # no generator: this runs at each publication
-            next_due_s = min(next_due_s, entry.changed_s, entry.sent_s + self._latest_s)
+        for entry in self._entries.values():  # compared one by one: this runs at each publication
+            refresh_s = entry.sent_s + self._latest_s
+            due_s = entry.changed_s if entry.changed_s < refresh_s else refresh_s
+            if due_s < next_due_s:
+                next_due_s = due_s
         self._next_due_s = next_due_s
 
 

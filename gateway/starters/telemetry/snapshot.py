@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from gateway.families.profile.decode import Decoded
 from gateway.records import Quality
@@ -12,8 +12,7 @@ from gateway.records import Quality
 Value = bool | int | float | str | None
 
 
-@dataclass(frozen=True, slots=True)
-class Reading:
+class Reading(NamedTuple):
     """One point's value with where and when it comes from."""
 
     value: Value
@@ -35,7 +34,7 @@ class Snapshot:
 
     def __init__(self, units: Mapping[str, str]) -> None:
         self._readings = {name: Reading(None, unit, Quality.BAD) for name, unit in units.items()}
-        self._changed = dict(self._readings)  # since `take_changed`
+        self._changed = dict.fromkeys(self._readings)  # points since `take_changed`, in their order
         self.standing = 0  # grows whenever anything but a measured quantity says something else
         self._rows: dict[str, tuple[int, ...]] = {}
         self._rows_at_s: dict[str, float] = {}
@@ -90,10 +89,12 @@ class Snapshot:
         for name in list(self._readings) if points is None else points:
             reading = self._readings[name]
             if reading.quality is Quality.GOOD:
-                self._put(name, replace(reading, quality=Quality.STALE))
+                self._put(name, reading._replace(quality=Quality.STALE))
 
-    def take_changed(self) -> dict[str, Reading]:
-        """Return the readings that are new since the last call; in the first one that is all of them."""
+    def take_changed(self) -> Iterable[str]:
+        """Return the points that say something else than at the last call; in the first one all of them."""
+        if not self._changed:
+            return ()
         changed, self._changed = self._changed, {}
         return changed
 
@@ -115,13 +116,20 @@ class Snapshot:
         return {code: words for code, words in self._rows.items() if self._rows_at_s[code] >= since_s}
 
     def _without_value(self, reading: Reading) -> Reading:
-        return replace(reading, value=None, label=None, quality=Quality.BAD, reason=self.distrust_reason)
+        return reading._replace(value=None, label=None, quality=Quality.BAD, reason=self.distrust_reason)
 
     def _put(self, name: str, new: Reading) -> None:
         old = self._readings[name]
-        self._readings[name] = self._changed[name] = new
-        is_other = old.value != new.value and not isinstance(new.value, float)
-        if is_other or old.quality is not new.quality:
+        self._readings[name] = new
+        is_same_value = old.value == new.value and type(old.value) is type(new.value)
+        if (
+            is_same_value
+            and old.quality is new.quality
+            and (old.label, old.reason) == (new.label, new.reason)
+        ):
+            return  # only its time is new
+        self._changed[name] = None
+        if old.quality is not new.quality or not (is_same_value or isinstance(new.value, float)):
             self.standing += 1
 
 

@@ -27,7 +27,7 @@ from gateway.starters.telemetry.availability import Availability
 from gateway.starters.telemetry.decoding import AnswerCache, DecodedPoints, deadbands_of, sources_of, units_of
 from gateway.starters.telemetry.emitter import Emitter, LockOf, info_of
 from gateway.starters.telemetry.identity_check import Contact, IdentityCheck
-from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
+from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs, setting_codes
 from gateway.starters.telemetry.polling import LONGEST_PAUSE_S, Polling, PollLoss
 from gateway.starters.telemetry.reporting import REFRESH_S, SOONEST_S, Report, TickTimer
 from gateway.starters.telemetry.snapshot import Snapshot
@@ -67,7 +67,8 @@ class StarterTelemetry:
         self._polling = Polling(setup, line)
         self._status_codes = status_codes(profile)
         self._status = Status(profile, self.emitter, published_faults)
-        self._report = Report(deadbands_of(profile), refresh_s=refresh_s)
+        self._report = Report(self.snapshot.readings, deadbands_of(profile), refresh_s=refresh_s)
+        self._setting_codes = setting_codes(profile)
         self._watchdogs = watchdogs or KnownWatchdogs()
         self._watchdogs.add(setup, line)
         identities = identities or IdentityRegistry(records)
@@ -79,7 +80,6 @@ class StarterTelemetry:
         self._info = ChangeDetector()  # what was published of it
         self.availability = Availability(self.emitter)
         self._has_ended = False
-        self._applied: Collection[str] = ()  # points of the latest reply
         self._loss = PollLoss()
         self._refused: tuple[str, ...] = ()  # rows that decide something, as published last
         self._on_identified: list[Callable[[], None]] = []
@@ -204,7 +204,7 @@ class StarterTelemetry:
     def publish_stale_values(self) -> None:
         """Publish all values as stale, at once."""
         now_s = self._clock.now_s()
-        self._report.offer(self.snapshot.take_changed(), now_s=now_s)
+        self._report.note_changed(self.snapshot.take_changed(), now_s=now_s)
         self._put_values(now_s + SOONEST_S)
 
     async def close(self) -> None:
@@ -259,7 +259,7 @@ class StarterTelemetry:
 
     def _record(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
         self.snapshot.keep_rows(rows, at_s=at_s)
-        if not self._identity.is_mismatched:
+        if not self._setting_codes.isdisjoint(rows) and not self._identity.is_mismatched:
             self.note_settings(rows)
 
     def _take_decoded(
@@ -269,30 +269,39 @@ class StarterTelemetry:
         if self._polling.is_withdrawn or self._has_ended:
             return  # only a stop asks such a starter, and needs its rows
         self._come_online()
+        time_s = self._clock.utc_s(at_s)
+        applied: Collection[str] = ()
         if self._contact.withheld.is_open:
             self._contact.withheld.put(rows, at_s=at_s)
         else:
-            self._apply(rows, at_s, decoded)
-        self._publish(at_s)
-        if self._applied:
-            readings = self.snapshot.readings
-            read = [(name, known) for name in self._applied if (known := readings[name]).at_s == at_s]
-            good = {name: known.value for name, known in read if known.quality is Quality.GOOD}
-            self._applied = ()
-            self.on_readings(Readings(at_s, self._clock.utc_s(at_s), self._status.state, good))
+            applied = self._apply(rows, at_s, time_s, decoded)
+        self._publish(time_s)
+        if applied:
+            readings, good = self.snapshot.readings, Quality.GOOD
+            values = {
+                name: known.value
+                for name in applied
+                if (known := readings[name]).at_s == at_s and known.quality is good
+            }
+            self.on_readings(Readings(at_s, time_s, self._status.state, values))
 
     def _apply(
-        self, rows: Mapping[str, tuple[int, ...]], at_s: float, decoded: DecodedPoints | None = None
-    ) -> None:
+        self,
+        rows: Mapping[str, tuple[int, ...]],
+        at_s: float,
+        time_s: float,
+        decoded: DecodedPoints | None = None,
+    ) -> Collection[str]:
+        """Record what rows say, read at `at_s` (`time_s` UTC), and return of which points."""
         if decoded is None:
             known = self.snapshot.rows_since(at_s - self._polling.patience_s)
             decoded = self._sources.decode(self.variant, rows, known=known)
         if not self._status_codes.isdisjoint(rows):
             self._status.remember(self.snapshot, now_s=at_s)
-        self.snapshot.apply(decoded.points, at_s=at_s, time_s=self._clock.utc_s(at_s))
+        self.snapshot.apply(decoded.points, at_s=at_s, time_s=time_s)
         if decoded.missing:
             self.snapshot.refuse(decoded.missing)
-        self._applied = decoded.points.keys()
+        return decoded.points.keys()
 
     def _take_answer(self, key: str, block: Block, answer: Answered) -> None:
         said = self._answers.read(key, block, self.variant, answer.value)
@@ -377,8 +386,9 @@ class StarterTelemetry:
         self._judge_values()
         if self._contact.is_over:
             for at_s, rows in self._contact.withheld.release():
-                self._apply(rows, at_s)
-                self._publish(at_s)
+                time_s = self._clock.utc_s(at_s)
+                self._apply(rows, at_s, time_s)
+                self._publish(time_s)
             self._publish()
         for call in self._on_identified if is_new else ():
             call()
@@ -413,10 +423,10 @@ class StarterTelemetry:
         if self._info.is_new(info):
             self.emitter.put(info)
 
-    def _publish(self, at_s: float | None = None) -> None:
+    def _publish(self, time_s: float | None = None) -> None:
         """Look at all that is known now, pace the polls by it, and publish what is due after that.
 
-        `at_s` is when the newest reading was taken. Publishing itself asks nothing of the line.
+        `time_s` is when the newest reading was taken, UTC. Publishing itself asks nothing of the line.
         """
         now_s = self._clock.now_s()
         overdue = self._polling.take_overdue(now_s)
@@ -424,15 +434,14 @@ class StarterTelemetry:
             self.snapshot.mark_stale(self._sources.fed_by(overdue))
             self._contact.note_overdue()
         was_waiting, before = self._status.is_waiting, self._status.state
-        records = self._status.look(
-            self.snapshot, now_s=now_s, utc_s=self._clock.utc_s(at_s), reason=self._why_unknown()
-        )
+        utc_s = self._clock.utc_s() if time_s is None else time_s
+        records = self._status.look(self.snapshot, now_s=now_s, utc_s=utc_s, reason=self._why_unknown())
         if self._status.is_waiting and not was_waiting:
             self._polling.expedite_group("status")  # what has changed is an event once it is read again
         self._polling.follow(self._status.state, before=before)
         if records:
             self.emitter.put(*records)
-        self._report.offer(self.snapshot.take_changed(), now_s=now_s)
+        self._report.note_changed(self.snapshot.take_changed(), now_s=now_s)
         self._put_values(now_s)
         overdue_s = self._polling.next_overdue_s()
         self._waker.at(min(self._report.next_due_s(), self._status.next_due_s, overdue_s))

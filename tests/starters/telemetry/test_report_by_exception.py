@@ -1,12 +1,16 @@
 from __future__ import annotations
 
+import asyncio
 import math
+from unittest.mock import patch
 
 import pytest
 
 from gateway.records import Quality
-from gateway.starters.telemetry.reporting import REFRESH_S, TICK_S, Report, is_news
+from gateway.starters.telemetry.reporting import REFRESH_S, TICK_S, TickTimer, is_news
 from gateway.starters.telemetry.snapshot import Reading, Value
+from tests.starters.telemetry.support import OfferedReport
+from tests.virtual_time import VirtualClock, run_virtually
 
 LATEST_S = REFRESH_S - TICK_S
 
@@ -15,33 +19,33 @@ def reading(value: Value, quality: Quality = Quality.GOOD, *, label: str | None 
     return Reading(value, "A", quality, label, 0.0, 0.0)
 
 
-def sent(report: Report, value: Value, now_s: float, quality: Quality = Quality.GOOD) -> list[Value]:
+def sent(report: OfferedReport, value: Value, now_s: float, quality: Quality = Quality.GOOD) -> list[Value]:
     report.offer({"current": reading(value, quality)}, now_s=now_s)
     return [due.value for due in report.take_due(now_s).values()]
 
 
 def test_a_point_is_published_at_once_the_first_time() -> None:
-    report = Report({})
+    report = OfferedReport({})
 
     assert sent(report, 1.0, 0.0) == [1.0]
 
 
 def test_a_change_within_the_deadband_is_not_published() -> None:
-    report = Report({"current": 0.5})
+    report = OfferedReport({"current": 0.5})
     sent(report, 10.0, 0.0)
 
     assert sent(report, 10.5, 1.0) == []
 
 
 def test_a_change_beyond_the_deadband_is_published() -> None:
-    report = Report({"current": 0.5})
+    report = OfferedReport({"current": 0.5})
     sent(report, 10.0, 0.0)
 
     assert sent(report, 10.6, 1.0) == [10.6]
 
 
 def test_small_steps_are_published_once_they_add_up() -> None:
-    report = Report({"current": 0.5})
+    report = OfferedReport({"current": 0.5})
     sent(report, 10.0, 0.0)
 
     published = [value for step in range(1, 8) for value in sent(report, 10.0 + 0.2 * step, float(step))]
@@ -50,7 +54,7 @@ def test_small_steps_are_published_once_they_add_up() -> None:
 
 
 def test_a_change_soon_after_the_last_publication_waits_until_its_time() -> None:
-    report = Report({})
+    report = OfferedReport({})
     sent(report, 1.0, 10.0)
 
     assert sent(report, 2.0, 10.1) == []
@@ -59,7 +63,7 @@ def test_a_change_soon_after_the_last_publication_waits_until_its_time() -> None
 
 
 def test_what_waits_goes_out_with_the_newest_value() -> None:
-    report = Report({})
+    report = OfferedReport({})
     sent(report, 1.0, 10.0)
     sent(report, 2.0, 10.1)
     sent(report, 3.0, 10.2)
@@ -68,7 +72,7 @@ def test_what_waits_goes_out_with_the_newest_value() -> None:
 
 
 def test_a_value_that_went_and_came_back_within_the_pause_is_published_again() -> None:
-    report = Report({})
+    report = OfferedReport({})
     sent(report, 1.0, 10.0)
     sent(report, 2.0, 10.1)
     sent(report, 1.0, 10.2)
@@ -77,7 +81,7 @@ def test_a_value_that_went_and_came_back_within_the_pause_is_published_again() -
 
 
 def test_an_unchanged_value_is_published_again_after_five_minutes() -> None:
-    report = Report({})
+    report = OfferedReport({})
     sent(report, 1.0, 0.0)
 
     assert report.take_due(LATEST_S - 0.1) == {}
@@ -86,7 +90,7 @@ def test_an_unchanged_value_is_published_again_after_five_minutes() -> None:
 
 
 def test_a_value_that_went_stale_while_it_waited_goes_out_as_stale() -> None:
-    report = Report({})
+    report = OfferedReport({})
     sent(report, 1.0, 10.0)
     sent(report, 2.0, 10.1)
     sent(report, 2.0, 10.2, Quality.STALE)
@@ -95,7 +99,7 @@ def test_a_value_that_went_stale_while_it_waited_goes_out_as_stale() -> None:
 
 
 def test_a_report_without_points_is_never_due() -> None:
-    report = Report({})
+    report = OfferedReport({})
 
     assert report.next_due_s() == math.inf
     assert report.take_due(1e9) == {}
@@ -126,7 +130,7 @@ def test_news_is_a_change_of_quality_or_beyond_the_deadband(
 
 
 def test_readings_that_were_sent_about_as_long_ago_go_out_together() -> None:
-    report = Report({})
+    report = OfferedReport({})
     report.offer({"current": reading(1.0)}, now_s=0.0)
     report.take_due(0.0)
     for at_s, name in ((20.0, "power"), (40.0, "voltage")):
@@ -138,7 +142,7 @@ def test_readings_that_were_sent_about_as_long_ago_go_out_together() -> None:
 
 
 def test_the_same_reading_offered_again_changes_nothing() -> None:
-    report = Report({})
+    report = OfferedReport({})
     same = {"current": reading(1.0)}
     report.offer(same, now_s=0.0)
     report.take_due(0.0)
@@ -149,7 +153,7 @@ def test_the_same_reading_offered_again_changes_nothing() -> None:
 
 
 def test_a_reading_offered_before_the_first_was_taken_replaces_it() -> None:
-    report = Report({})
+    report = OfferedReport({})
     report.offer({"current": reading(1.0)}, now_s=0.0)
     report.offer({"current": reading(2.0)}, now_s=0.1)
 
@@ -157,7 +161,7 @@ def test_a_reading_offered_before_the_first_was_taken_replaces_it() -> None:
 
 
 def test_another_time_counts_at_once_for_what_was_sent_before() -> None:
-    report = Report({})
+    report = OfferedReport({})
     sent(report, 1.0, 0.0)
 
     report.set_refresh(10.0)
@@ -167,10 +171,27 @@ def test_another_time_counts_at_once_for_what_was_sent_before() -> None:
 
 
 def test_another_time_loses_no_change_that_waits() -> None:
-    report = Report({})
+    report = OfferedReport({})
     sent(report, 1.0, 0.0)
     sent(report, 2.0, 0.1)
 
     report.set_refresh(3600.0)
 
     assert report.take_due(0.25) == {"current": reading(2.0)}
+
+
+def test_a_timer_is_made_anew_only_for_an_earlier_tick() -> None:
+    async def scenario() -> tuple[int, list[float]]:
+        loop = asyncio.get_running_loop()
+        clock, begun_s, called_s = VirtualClock(loop), loop.time(), list[float]()
+        timer = TickTimer(clock, lambda: called_s.append(loop.time() - begun_s))
+        with patch.object(loop, "call_later", wraps=loop.call_later) as made:
+            for due_s in (1.9, 1.8, 2.0, 5.0, 0.9):
+                timer.at(begun_s + due_s)
+        await asyncio.sleep(10.0)
+        return made.call_count, called_s
+
+    made, called_s = run_virtually(scenario())
+
+    assert made == 2
+    assert called_s == pytest.approx([1.0], abs=TICK_S)

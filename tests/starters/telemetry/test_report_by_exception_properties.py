@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.records import Quality
-from gateway.starters.telemetry.reporting import REFRESH_S, SOONEST_S, Report
+from gateway.starters.telemetry.reporting import REFRESH_S, SOONEST_S
 from gateway.starters.telemetry.snapshot import Reading
+from tests.starters.telemetry.support import OfferedReport
 
 DEADBAND = 1.0
 EPSILON_S = 1e-9
@@ -43,7 +44,7 @@ class Sent:
 
 def play(story: list[Step]) -> tuple[list[Sent], list[tuple[float, Reading]]]:
     """Offer the readings in their time and publish exactly when the report says so."""
-    report = Report({"p": DEADBAND})
+    report = OfferedReport({"p": DEADBAND})
     published: list[Sent] = []
     offered: list[tuple[float, Reading]] = []
     now_s = 0.0

@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import math
 
+import pytest
+
 from gateway.families.profile.decode import Decoded
 from gateway.records import Quality
 from gateway.starters.telemetry.snapshot import Reading, Snapshot, as_flag
@@ -107,14 +109,34 @@ def test_only_a_boolean_is_a_flag() -> None:
     assert as_flag(None) is None
 
 
-def test_only_readings_that_are_new_since_the_last_look_are_handed_out() -> None:
+def test_only_points_that_say_something_else_since_the_last_look_are_named() -> None:
     snapshot = Snapshot(UNITS)
     assert set(snapshot.take_changed()) == {"current", "running"}
-    assert snapshot.take_changed() == {}
+    assert not set(snapshot.take_changed())
 
     snapshot.apply({"current": decoded(12.0)}, at_s=5.0, time_s=1005.0)
 
-    assert snapshot.take_changed() == {"current": snapshot.readings["current"]}
+    assert set(snapshot.take_changed()) == {"current"}
+
+
+def test_a_reading_of_which_only_the_time_is_new_is_no_change() -> None:
+    snapshot = read_once()
+    snapshot.take_changed()
+
+    snapshot.apply({"current": decoded(12.0)}, at_s=6.0, time_s=1006.0)
+
+    assert not set(snapshot.take_changed())
+    assert snapshot.readings["current"].at_s == 6.0
+
+
+@pytest.mark.parametrize("other", [decoded(13.0), decoded(12), decoded(None), decoded(12.0, label="on")])
+def test_another_value_type_quality_or_label_is_a_change(other: Decoded) -> None:
+    snapshot = read_once()
+    snapshot.take_changed()
+
+    snapshot.apply({"current": other}, at_s=6.0, time_s=1006.0)
+
+    assert set(snapshot.take_changed()) == {"current"}
 
 
 def test_a_snapshot_stands_as_it_did_while_only_measured_quantities_change() -> None:
