@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.line.scheduler.job_queue import BACKGROUND_WEIGHT, JOBS_SHARE
-from gateway.line.scheduler.line_time import LineTimeBudget
+from gateway.line.scheduler.job_queue import BACKGROUND_WEIGHT
+from gateway.line.scheduler.line_time import JOBS_SHARE, LineTimeBudget
 from gateway.line.scheduler.requests import Job, Poll, Priority, Slot
 from gateway.line.scheduler.scheduler import Scheduler
 from gateway.modbus.reads import ReadHoldingRegisters

@@ -7,16 +7,17 @@ from math import inf
 
 from gateway.line.rtu.outcome import Garbled, Outcome, Silent
 from gateway.line.scheduler.edf_queue import EdfQueue
-from gateway.line.scheduler.line_time import LineTimeBudget, LoadControl, period_of
+from gateway.line.scheduler.line_time import (
+    OFFLINE_BURST_S,
+    OFFLINE_SHARE,
+    LineTimeBudget,
+    LoadControl,
+    period_of,
+)
 from gateway.line.scheduler.requests import Poll, Slot
 from gateway.line.scheduler.units import ScheduledPoll, Unit
 from gateway.line.scheduler.watchdogs import ASKED_AFTER, Watchdogs
 from gateway.modbus.adu import BROADCAST
-
-# Of the line's time, for all silent units together: with the listening for a late reply that follows each
-# silence, and is not counted here, that makes a twentieth at most.
-OFFLINE_SHARE = 0.035
-OFFLINE_BURST_S = 0.7  # of line time may be saved up: some six probes
 
 
 class PollTable:
