@@ -5,7 +5,8 @@ from __future__ import annotations
 from math import inf
 
 from gateway.line.rtu.outcome import Garbled, Silent
-from gateway.line.scheduler.job_queue import JOBS_BURST_S, JOBS_SHARE, OLDEST_EVERY
+from gateway.line.scheduler.job_queue import OLDEST_EVERY
+from gateway.line.scheduler.line_time import JOBS_BURST_S, JOBS_SHARE
 from gateway.line.scheduler.requests import Priority, Verdict
 from gateway.line.scheduler.units import UnitState
 from tests.line.fakes import poll

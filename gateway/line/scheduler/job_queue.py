@@ -7,10 +7,9 @@ from dataclasses import replace
 from math import inf
 from operator import attrgetter
 
-from gateway.line.scheduler.line_time import JOBS_SHARE, LineTimeBudget
+from gateway.line.scheduler.line_time import JOBS_BURST_S, JOBS_SHARE, LineTimeBudget
 from gateway.line.scheduler.requests import Job, Priority, Slot
 
-JOBS_BURST_S = 0.25  # of line time may be saved up: about what a start with its read-backs needs
 BACKGROUND_WEIGHT = 2  # background jobs are charged so many times their line time: they get a quarter
 OLDEST_EVERY = 4  # of so many jobs one is the oldest, whatever its priority
 COMMANDS = (Priority.COMMAND, Priority.READ_BACK, Priority.PARAMETERS)

@@ -5,6 +5,11 @@ from __future__ import annotations
 from math import inf
 
 JOBS_SHARE = 0.5  # of the line's time while polls are due, for all jobs but stops
+JOBS_BURST_S = 0.25  # of line time may be saved up: about what a start with its read-backs needs
+# Of the line's time, for all silent units together: with the listening for a late reply that follows each
+# silence, and is not counted here, that makes a twentieth at most.
+OFFLINE_SHARE = 0.035
+OFFLINE_BURST_S = 0.7  # of line time may be saved up: some six probes
 FREE_PERIOD_S = 5.0  # the period of a poll with `every_s` 0; it comes earlier whenever the line is free
 
 

@@ -8,15 +8,16 @@ from math import inf
 from operator import attrgetter
 
 from gateway.line.rtu.outcome import Outcome, Silent
-from gateway.line.scheduler.line_time import FREE_PERIOD_S, LineTimeBudget, overload_factor
+from gateway.line.scheduler.line_time import (
+    FREE_PERIOD_S,
+    OFFLINE_BURST_S,
+    OFFLINE_SHARE,
+    LineTimeBudget,
+    overload_factor,
+)
 from gateway.line.scheduler.requests import Poll, Slot
 from gateway.line.scheduler.units import ASKED_AFTER, SILENT_AFTER, ScheduledPoll, Unit
 from gateway.modbus.adu import BROADCAST
-
-# Of the line's time, for all silent units together: with the listening for a late reply that follows each
-# silence, and is not counted here, that makes a twentieth at most.
-OFFLINE_SHARE = 0.035
-OFFLINE_BURST_S = 0.7  # of line time may be saved up: some six probes
 
 _LONGEST_SLOT_S = 5.0  # what takes longer is a machine that was suspended, not a line that was busy
 _STRETCHED_EVERY_S = 1.0  # the factor is computed so often

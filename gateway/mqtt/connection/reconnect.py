@@ -1,4 +1,4 @@
-"""Reconnecting to the broker: how long to wait, with which version of MQTT, and the wording of failures.
+"""Reconnecting to the broker: with which version of MQTT, and the wording of failures.
 
 `refused` and `unreachable` make a BrokerError, with a hint, from a CONNACK or an error of TCP or TLS.
 """

@@ -26,7 +26,6 @@ from gateway.families.profile.procedure import Procedure
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.scheduler.requests import Priority
 from gateway.records import STOP, Phase, Severity
-from gateway.starters.commands.addressed import StopAddressee
 from gateway.starters.commands.execution import MAY_BE_TURNING
 from gateway.starters.commands.lifecycle import CommandReport, Final
 from gateway.starters.commands.starter_io import (
@@ -36,6 +35,7 @@ from gateway.starters.commands.starter_io import (
     RefusedError,
     StarterIo,
 )
+from gateway.starters.commands.stop_family import StopAddressee
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.telemetry.view import StarterControlView
 from gateway.system.rate_limits import Bucket, Rate

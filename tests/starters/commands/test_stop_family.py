@@ -14,7 +14,7 @@ from gateway.modbus.writes import WriteCoil, WriteRegister
 from gateway.records import Phase
 from gateway.sim.factory import make_unit
 from gateway.sim.weg.ssw07 import Ssw07
-from gateway.starters.commands.addressed import StopAddressee
+from gateway.starters.commands.stop_family import StopAddressee
 from gateway.starters.identity.first_contact import IdentityStatus
 from tests.starters.one_starter import OneStarter, one_starter
 from tests.starters.rig import virtually
