@@ -213,10 +213,22 @@ class FirstContact:
             if question.is_for_doubt and not is_thorough:
                 continue
             outcome = known.get(question) or doubtful.get(function) or await self._put(question)
+            if function == Function.ENCAPSULATED and isinstance(outcome, Answered):
+                outcome = await self._said_again(question, outcome)
             outcomes[question] = outcome
             if isinstance(outcome, Garbled) and is_refusal(outcome, function):
                 doubtful[function] = outcome
         return outcomes
+
+    async def _said_again(self, question: Question, said: Answered) -> Outcome:
+        """Return an answer that came once more than such are owed: those may be another device's."""
+        for _ in range(self._recognition.owed(question)):
+            again = await self._put(question)
+            if not isinstance(again, Answered):
+                return again
+            if again.value != said.value:
+                return Silent("it says first this, then that")
+        return said
 
     def _identity_by(self, outcomes: Mapping[Question, Outcome]) -> Identity:
         """Return who has given these answers, and what it has refused too often."""
@@ -326,7 +338,7 @@ class FirstContact:
         now_s = asyncio.get_running_loop().time()
         if is_fc43:
             self._fc43.note(outcome, now_s)
-        elif isinstance(outcome, Silent) and outcome.is_sent:
+        if isinstance(outcome, Silent) and outcome.is_sent:
             self._recognition.note_unanswered(question, now_s)
         return outcome
 

@@ -55,6 +55,11 @@ class Recognition:
         owed_s = [at_s for at_s in self._unanswered_s.get(question, ()) if at_s > now_s - LATE_S]
         self._unanswered_s[question] = [*owed_s, now_s]
 
+    def owed(self, question: Question) -> int:
+        """Return how many replies to a question may still come."""
+        since_s = asyncio.get_running_loop().time() - LATE_S
+        return sum(at_s > since_s for at_s in self._unanswered_s.get(question, ()))
+
     async def is_completed_otherwise(self, put: Put) -> bool:
         """Ask what was not asked yet of a device that is proved; return whether that denies it."""
         for question in self._questions:
@@ -99,14 +104,9 @@ class Recognition:
                 return False if is_sure else None  # it answers an earlier request, or is another device's
             else:
                 refusals += 1
-                if refusals > self._owed(question) and (is_sure or refusals >= REFUSALS):
+                if refusals > self.owed(question) and (is_sure or refusals >= REFUSALS):
                     return True
         return None
-
-    def _owed(self, question: Question) -> int:
-        """Return how many replies to a question may still come."""
-        since_s = asyncio.get_running_loop().time() - LATE_S
-        return sum(at_s > since_s for at_s in self._unanswered_s.get(question, ()))
 
 
 def is_refusal(outcome: Garbled, function: int | None = None) -> bool:

@@ -159,3 +159,35 @@ async def test_one_refusal_that_another_device_has_left_behind_starts_nothing() 
         assert here.sink.final("s1").phase is Phase.REJECTED
         assert here.requests().count(VB00) >= 2
         assert not [pdu for pdu in here.requests() if pdu[0] in (5, 6, 15, 16)]
+
+
+@virtually
+async def test_a_name_that_another_device_has_left_behind_proves_nothing() -> None:
+    """The SSW-07's reply to FC43, owed since its return, comes instead of the SSW-06's, whose VB00 is 15."""
+    said = device("ssw07", 0, as_printed).handle(bytes.fromhex("2B 0E 01 00"), 0.0)
+    left = [1]
+
+    def late(_: object, answer: Answer) -> Answer:
+        def handle(pdu: bytes, now_s: float) -> bytes | None:
+            is_late = is_fc43(pdu) and left[0] > 0
+            left[0] -= is_late
+            return said if is_late else answer(pdu, now_s)
+
+        return handle
+
+    async with one_starter(device("ssw07", 0, as_printed)) as here:
+        await asyncio.sleep(40.0)
+        right = here.unit
+        here.bus.remove(right)
+        await asyncio.sleep(4.0)
+        right.handle = at_first(1, is_fc43, code=None)(right, right.handle)
+        here.bus.add(right)
+        await asyncio.sleep(16.0)
+        here.bus.remove(right)
+        here.bus.add(device("ssw06", 4, late))
+        await asyncio.sleep(40.0)
+        here.submit("start", "s1")
+        await asyncio.sleep(30.0)
+
+        assert here.sink.final("s1").phase is Phase.REJECTED
+        assert left == [0]
