@@ -10,7 +10,9 @@ import pytest
 from gateway.line.rtu.outcome import Refused, Silent
 from gateway.modbus.writes import WriteCoil
 from gateway.records import Phase
+from gateway.sim.factory import make_unit
 from tests.starters.fakes import FAULT, READY, VB01, VB03
+from tests.starters.one_starter import one_starter
 from tests.starters.rig import CommandRig, virtually
 
 RUN_OFF, JOG_OFF = WriteCoil(100, False), WriteCoil(102, False)
@@ -118,3 +120,25 @@ async def test_an_output_that_does_not_follow_is_not_called_a_turning_motor() ->
     assert "did not follow" in final.text
     assert "P277" in final.text
     assert "turning" not in final.text
+
+
+@virtually
+async def test_a_start_that_was_seen_not_to_act_does_not_act_later() -> None:
+    """A fault comes between the reading that allowed it and its write; it is reset at the starter later."""
+    async with one_starter(make_unit("ssw07", 1, keeps_run_command=True)) as here:
+        await asyncio.sleep(20.0)
+        answer = here.unit.handle
+
+        def handle(pdu: bytes, now_s: float) -> bytes | None:
+            if pdu == WriteCoil(100, is_on=True).encode():
+                here.unit.trip(5)
+            return answer(pdu, now_s)
+
+        here.unit.handle = handle
+        here.submit("start", "s1")
+        await asyncio.sleep(600.0)
+        assert here.sink.final("s1").code == "not_seen"
+        here.unit.reset_at_keypad()
+        await asyncio.sleep(10.0)
+
+        assert not here.unit.motor.is_turning
