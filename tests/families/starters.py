@@ -16,7 +16,12 @@ RUNNING, ENABLED, JOG, ACCELERATING, DECELERATING, REMOTE, REVERSE, SUPPLIED, FA
     1 << bit for bit in (0, 1, 2, 3, 7, 8, 11, 14, 15)
 )
 READY = ENABLED | REMOTE | SUPPLIED  # VB01 of an SSW-06 or SSW-07 at rest
-NOT_STARTING = {"running": False, "s5_1_1_3": False, "s5_1_1_12": False}  # the last two of an SSW900
+NOT_STARTING = {
+    "running": False,
+    "reversing": False,
+    "s5_1_1_3": False,
+    "s5_1_1_12": False,
+}  # the last two of an SSW900
 SLOT_1, SLOT_2, NO_SLOT = Variant(slot=1), Variant(slot=2), Variant()
 
 

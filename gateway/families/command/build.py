@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from gateway.families.command import run_command
@@ -38,7 +39,7 @@ def verification(profile: Profile, variant: Variant, verb: str, command: Command
     within_s = command.verify.within_s + (profile.timing.restart_s if command.restarts else 0.0)
     names = [point]
     if verb == "stop":
-        names += [*([_JOG] if _has_jog(profile, variant) else []), *profile.state.starting]
+        names += [*_other_motions(profile, variant), *profile.state.starting]
     reads = reads_for(profile, rows_of_points(profile, names))
     # A ramp says as much as its end, and only the SSW-06 is known to drop `running` at once (ssw06-es 4.2.2).
     # So does the time before a start, which may be set to a quarter of an hour (ssw900 S5.1, C5.7.1).
@@ -48,11 +49,10 @@ def verification(profile: Profile, variant: Variant, verb: str, command: Command
     return Expect(reads, point, (becomes,), within_s, or_else=or_else, also=also)
 
 
-_JOG = "jog"  # a motor that jogs does not "run", and yet it turns
-
-
-def _has_jog(profile: Profile, variant: Variant) -> bool:
-    return _JOG in profile.points and is_known(profile.points[_JOG].since_firmware, variant)
+def _other_motions(profile: Profile, variant: Variant) -> list[str]:
+    """Return what turns a motor that does not "run": a jog, and a reversal, whose ramp down is no stop."""
+    names = [each for each in ("jog", "reversing") if each in profile.points]
+    return [each for each in names if is_known(profile.points[each].since_firmware, variant)]
 
 
 GENERIC_VERBS = ("read", "set")  # of every family, by the code of a row
@@ -128,6 +128,7 @@ _VALUE = "value"
 
 # Entries that take a motion command back: built whatever is unknown, forbidden by nothing.
 _RELEASES = ("stop", "jog_off")
+_RELEASED_BY = {"start": "stop", "jog": "jog_off"}
 
 
 def _effects(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> tuple[bool, bool]:
@@ -189,7 +190,17 @@ def _build_command(profile: Profile, variant: Variant, verb: str, name: str, *, 
         WriteStep(request, is_silence_expected=command.restarts and place == last)
         for place, request in enumerate(requests)
     )
-    return Procedure(verb, steps, verify=verification(profile, variant, verb, command), note=command.note)
+    procedure = Procedure(
+        verb, steps, verify=verification(profile, variant, verb, command), note=command.note
+    )
+    if name not in _RELEASED_BY:
+        return procedure
+    at_rest = verification(profile, variant, "stop", profile.commands["stop"])
+    return replace(
+        procedure,
+        abandon=tuple(_requests(profile, variant, _RELEASED_BY[name], seen=seen)),
+        at_rest=None if at_rest is None else replace(at_rest, within_s=0.0),  # now
+    )
 
 
 def _requests(profile: Profile, variant: Variant, name: str, *, seen: Seen) -> Sequence[Request]:

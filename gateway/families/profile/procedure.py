@@ -72,7 +72,8 @@ class Procedure:
     """What a command writes and what must be seen afterwards; no steps for a `read`.
 
     When `is_unchanged`, the starter already holds what was asked for and nothing is written. `abandon` is
-    written when something failed after the first write, to leave the starter safe.
+    written when something failed after the first write, to leave the starter safe; where there is `at_rest`,
+    only when that was seen: a start that did not act is taken back, one that nobody can see is not.
     """
 
     verb: str
@@ -80,6 +81,7 @@ class Procedure:
     verify: Expect | None = None
     is_unchanged: bool = False
     abandon: tuple[Request, ...] = ()
+    at_rest: Expect | None = None
     subject: str = ""  # code of the row that is set or read
     subjects: tuple[str, ...] = ()  # codes of the rows, where several were asked for at once
     note: str = ""  # what the operator must know with the result

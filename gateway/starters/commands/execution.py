@@ -191,13 +191,16 @@ class CommandExecution:
             is_last = all(later.may_be_refused for later in procedure.steps[place:])
             end = await self._take_step(step, is_last=is_last)
             if end is not None:
-                return end if step.is_run_off else await self._abandoned(end)
+                is_left = step.is_run_off or procedure.at_rest is not None
+                return end if is_left else await self._abandoned(end)
         if procedure.verify is None:
             text = f"written, but it cannot be read back: {self._outlook}"
             return Final(Phase.UNCONFIRMED, "not_readable", text)
         values = await self._starter_io.see(procedure.verify)
         if values is None:
             end = self._not_seen(procedure.verify)
+            if procedure.at_rest is not None:
+                return await self._taken_back(end, procedure.at_rest)
             return await self._abandoned(replace(end, text=_noted(end.text, procedure)))
         await self._prove_again()
         return self._confirmed(procedure, values)
@@ -378,6 +381,14 @@ class CommandExecution:
 
     def _points(self, rows: Rows) -> dict[str, Any]:
         return {name: value for name, value in self._starter_io.values(rows).items() if name not in rows}
+
+    async def _taken_back(self, end: Final, at_rest: Expect) -> Final:
+        """Take back a start that did not act, so that nothing lets it act later; not one that cannot be seen."""
+        if await self._starter_io.see(at_rest) is None:
+            return end
+        is_off = await self._leave_safe()
+        text = "run = 0 was written so that it cannot start later" if is_off else "run = 0 was not taken"
+        return replace(end, text=f"{end.text}; then it was seen to stand, and {text}")
 
     async def _abandoned(self, end: Final) -> Final:
         """Return the end of a command that failed after its first write, once the starter is left safe."""

@@ -72,7 +72,22 @@ async def test_a_starter_that_ignores_a_start_silently_leaves_it_unconfirmed() -
     await asyncio.sleep(20.0)
 
     assert rig.sink.final().code == "not_seen"
+    assert "then it was seen to stand, and run = 0 was written" in rig.sink.final().text
     assert rig.starts() == 1
+    assert rig.line.writes[-1] == WriteCoil(100, is_on=False)
+
+
+@virtually
+async def test_a_start_is_not_taken_back_while_nobody_sees_whether_it_acts() -> None:
+    rig = await ready()
+    rig.unit.on_write = lambda _: rig.line.rules.append(lambda _: Silent("its cable is cut"))
+
+    rig.submit("start")
+    await asyncio.sleep(20.0)
+
+    assert rig.sink.final().code == "not_seen"
+    assert rig.starts() == 1
+    assert len(rig.line.writes) == 1
 
 
 @virtually
