@@ -167,11 +167,13 @@ class PollTable:
         return Slot(poll.unit, poll.request, poll.response_time_s, since_s, poll, is_repetition=again)
 
     def put_back(self, slot: Slot, until_s: float) -> None:
-        """Have a poll wait again where it was; its unit may not be asked before `until_s`."""
+        """Have a poll wait again, before all others; its unit may not be asked before `until_s`."""
         entry = self.entry_of(slot.poll)
         if entry is not None:
             entry.unit.due_s = max(entry.unit.due_s, until_s)
-            entry.release_s = max(slot.since_s, until_s)
+            entry.release_s, entry.deadline_s = max(slot.since_s, until_s), -inf
+            self._order.remove(entry)
+            self._order.insert(0, entry)
             entry.is_repetition = slot.is_repetition
 
     def record(
@@ -242,6 +244,8 @@ class PollTable:
         self._put(entry, max(since_s + entry.every_s, now_s), since_s + period_s)
 
     def _put(self, entry: ScheduledPoll, release_s: float, deadline_s: float) -> None:
-        entry.release_s, entry.deadline_s = release_s, deadline_s
-        self._order.remove(entry)
-        insort(self._order, entry, key=attrgetter("deadline_s"))
+        entry.release_s = release_s
+        if deadline_s != entry.deadline_s:
+            entry.deadline_s = deadline_s
+            self._order.remove(entry)
+            insort(self._order, entry, key=attrgetter("deadline_s"))
