@@ -60,7 +60,7 @@ class LineClient:
 
     def add_poll(self, poll: Poll) -> None:
         """Repeat a request from now on; its key must be new on this line."""
-        self._change(lambda scheduler, _: scheduler.polls.add(poll))
+        self._change(lambda scheduler, now_s: scheduler.polls.add(poll, now_s))
 
     def remove_poll(self, key: str) -> None:
         """Ask no more; an answer under way is not published any more."""

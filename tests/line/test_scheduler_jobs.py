@@ -10,7 +10,7 @@ from gateway.line.scheduler.line_time import JOBS_BURST_S, JOBS_SHARE
 from gateway.line.scheduler.requests import Priority, Verdict
 from gateway.line.scheduler.units import UnitState
 from tests.line.fakes import poll
-from tests.line.scheduled import ANSWERED, GARBLED, READ, WRITE, begun, job, job_of, key_of, take
+from tests.line.scheduled import ANSWERED, GARBLED, READ, WRITE, begun, job, key_of, take
 
 
 def test_jobs_come_before_polls_and_lanes_in_their_order() -> None:
@@ -23,7 +23,7 @@ def test_jobs_come_before_polls_and_lanes_in_their_order() -> None:
     assert scheduler.next_due_s() == -inf
     slots = [take(scheduler, 0.0) for _ in range(6)]
 
-    assert [job_of(slot) for slot in slots if slot] == [jobs[lane] for lane in sorted(Priority)] + [None]
+    assert [slot.job for slot in slots if slot] == [jobs[lane] for lane in sorted(Priority)] + [None]
 
 
 def test_every_units_first_poll_waits_for_stops_and_commands_only() -> None:
@@ -34,7 +34,7 @@ def test_every_units_first_poll_waits_for_stops_and_commands_only() -> None:
 
     slots = [take(scheduler, 0.0) for _ in range(8)]
 
-    assert [key_of(slot) or job_of(slot) for slot in slots] == [
+    assert [key_of(slot) or (slot and slot.job) for slot in slots] == [
         *(jobs[Priority.STOP], jobs[Priority.FOLLOW_UP], jobs[Priority.COMMAND], "a", "b"),
         *(jobs[Priority.READ_BACK], jobs[Priority.PARAMETERS]),
         "c",
@@ -51,7 +51,7 @@ def test_jobs_use_what_they_have_saved_up_and_then_every_other_slot() -> None:
     for _ in range(60):
         slot = scheduler.pick(now_s)
         assert slot is not None
-        kinds += "p" if not slot.jobs else "j"
+        kinds += "p" if slot.job is None else "j"
         now_s += 0.05
         scheduler.record(slot, ANSWERED, now_s)
 
@@ -69,7 +69,7 @@ def test_every_fourth_job_is_the_oldest_that_waits() -> None:
 
     slots = [take(scheduler, 1.0) for _ in range(11)]
 
-    assert [job_of(slot) for slot in slots if slot].index(old) == OLDEST_EVERY - 1
+    assert [slot.job for slot in slots if slot].index(old) == OLDEST_EVERY - 1
 
 
 def test_jobs_go_on_while_no_poll_is_due() -> None:
@@ -88,7 +88,7 @@ def test_a_stop_overtakes_an_overdue_poll_however_many_jobs_there_were() -> None
 
     slots = [take(scheduler, 0.0) for _ in range(11)]
 
-    assert [job_of(slot) is not None for slot in slots] == [True] * 10 + [False]
+    assert [slot is not None and slot.job is not None for slot in slots] == [True] * 10 + [False]
 
 
 def test_a_waiting_job_can_be_withdrawn_and_one_under_way_cannot() -> None:
@@ -135,9 +135,8 @@ def test_a_garbled_poll_is_repeated_once_at_once_and_counts_when_it_was_no_use()
 
 def test_a_poll_whose_outcome_is_open_is_asked_again_at_once_as_often_as_needed() -> None:
     scheduler = begun(poll("a", every_s=1.0), poll("b", every_s=1.0))
-    assert [key_of(take(scheduler, 0.0)) for _ in range(2)] == ["a", "b"]
 
-    for now_s in (1.0, 1.1, 1.2):
+    for now_s in (0.0, 0.1, 0.2):
         slot = scheduler.pick(now_s)
         assert slot is not None
         assert key_of(slot) == "a"
@@ -145,7 +144,7 @@ def test_a_poll_whose_outcome_is_open_is_asked_again_at_once_as_often_as_needed(
         assert not scheduler.record(slot, ANSWERED, now_s + 0.1, is_open=True).is_final
     assert scheduler.polls.unit(1).state is UnitState.ANSWERING
 
-    assert [key_of(take(scheduler, at_s)) for at_s in (1.3, 1.3, 1.9, 2.0, 2.0)] == ["a", "b", None, "a", "b"]
+    assert [key_of(take(scheduler, at_s)) for at_s in (0.3, 0.3, 0.9, 1.0, 1.0)] == ["a", "b", None, "a", "b"]
 
 
 def test_a_corrupted_reply_to_what_was_open_is_repeated_once() -> None:
@@ -200,12 +199,12 @@ def test_a_job_whose_outcome_is_open_is_sent_again_before_the_others_of_its_prio
     for is_open in (True, True, False):
         slot = scheduler.pick(0.0)
         assert slot is not None
-        assert job_of(slot) is read
+        assert slot.job is read
         assert scheduler.record(slot, ANSWERED, 0.0, is_open=is_open).is_final is not is_open
 
     slot = take(scheduler, 0.0)
     assert slot is not None
-    assert job_of(slot) is other
+    assert slot.job is other
 
 
 def test_time_in_which_a_job_may_not_be_sent_is_not_charged() -> None:
@@ -223,6 +222,16 @@ def test_time_in_which_a_job_may_not_be_sent_is_not_charged() -> None:
     assert scheduler.jobs.may_pass_polls(2.1)
 
 
+def test_a_units_first_poll_is_its_probe() -> None:
+    scheduler = begun(poll("a"), poll("b"))
+
+    probe = scheduler.polls.unit(1).probe
+
+    assert probe is not None
+    assert probe.key == "a"
+    assert scheduler.polls.unit(2).probe is None
+
+
 def test_a_garbled_read_job_is_repeated_before_the_others_of_its_lane() -> None:
     scheduler = begun()
     read, other = job(Priority.READ_BACK, request=READ), job(Priority.READ_BACK, request=READ)
@@ -235,7 +244,7 @@ def test_a_garbled_read_job_is_repeated_before_the_others_of_its_lane() -> None:
     again = scheduler.pick(0.0)
 
     assert again is not None
-    assert job_of(again) is read
+    assert again.job is read
     assert scheduler.record(again, GARBLED, 0.0).is_final
 
 
@@ -272,11 +281,11 @@ def test_what_is_put_back_until_its_unit_may_be_asked_lets_others_pass() -> None
     assert key_of(take(scheduler, 0.0)) == "b"
     taken_back = scheduler.pick(0.0)
     assert taken_back is not None
-    assert job_of(taken_back) is first
+    assert taken_back.job is first
     scheduler.put_back(taken_back, 0.5)
 
     slots = [take(scheduler, at_s) for at_s in (0.0, 0.1, 0.5, 0.5)]
-    assert [job_of(slot) or key_of(slot) for slot in slots] == [second, None, "a", first]
+    assert [slot and (slot.job or key_of(slot)) for slot in slots] == [second, None, "a", first]
 
 
 def test_a_removed_poll_that_is_put_back_stays_removed() -> None:

@@ -50,7 +50,7 @@ def verification(profile: Profile, variant: Variant, verb: str, command: Command
 
 
 def _other_motions(profile: Profile, variant: Variant) -> list[str]:
-    """Return what turns a motor that does not "run": a jog, and a reversal, whose ramp down is no stop."""
+    """Return the other motions that a stop has to end: a jog, and a reversal, which runs again by itself."""
     names = [each for each in ("jog", "reversing") if each in profile.points]
     return [each for each in names if is_known(profile.points[each].since_firmware, variant)]
 

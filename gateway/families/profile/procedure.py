@@ -73,7 +73,7 @@ class Procedure:
 
     When `is_unchanged`, the starter already holds what was asked for and nothing is written. `abandon` is
     written when something failed after the first write, to leave the starter safe; where there is `at_rest`,
-    only when that was seen: a start that did not act is taken back, one that nobody can see is not.
+    only when that was seen: a start that did not act is taken back, one that cannot be seen is not.
     """
 
     verb: str

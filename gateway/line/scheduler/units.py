@@ -7,10 +7,8 @@
 | 2, 3 | SILENT | the first poll, the probe, with back-off | as before |
 | 4 and more | SILENT | the same | offline |
 
-For some seconds after a reply that came too late there are no more than three, if one came in time lately.
-
-Any answered request has reached its unit, whatever it was for. Half of its watchdog's time may pass then; the
-other half is left for the queue and for one lost reply: after that, half of what is left may pass.
+A reply that comes too late, of a unit that has answered in time lately, makes three misses or more two, and
+for a few seconds there are no more than three.
 """
 
 from __future__ import annotations
@@ -21,6 +19,7 @@ from math import inf
 
 from gateway.line.rtu.bus_faults import whole_frame
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
+from gateway.line.scheduler.edf_queue import Queued
 from gateway.line.scheduler.requests import Poll
 
 SILENT_AFTER = 2  # misses: where 5 % of the replies are lost this happens every few minutes,
@@ -29,7 +28,6 @@ PROBE_MIN_S = 1.0  # between two probes of a silent unit at least
 PROBE_MAX_S = 16.0  # and at most
 LATE_FOR_S = 30.0  # so long a unit may answer too late only, before it counts as one that does not
 FADING_S = 5.0  # after anything was received: its silence may be noise, and is not counted as offline
-ASKED_AFTER = 0.5  # of the time that is left to a watchdog
 
 
 class UnitState(enum.StrEnum):
@@ -42,21 +40,19 @@ class UnitState(enum.StrEnum):
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
-class ScheduledPoll:
+class ScheduledPoll(Queued):
     """A poll; due at its deadline, a stretched period after the one before, and never before its release."""
 
     poll: Poll
     unit: Unit
     every_s: float
+    period_s: float  # the same, or that of a poll that is asked as often as possible
     cost_s: float = 0.0  # of the line's time, the last time; 0 until it is answered
-    release_s: float = -inf  # inf while it is under way
-    deadline_s: float = -inf
-    is_repetition: bool = False  # its reply was corrupted: it is due once more
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
-class Unit:
-    """One unit."""
+class Unit(Queued):
+    """One unit; `release_s` and `deadline_s` are those of the next request that its watchdog needs."""
 
     number: int
     polls: list[ScheduledPoll] = field(default_factory=list)
@@ -69,12 +65,21 @@ class Unit:
     forgiven_until_s: float = -inf  # it restarts: until then it is not taken for offline
     limit_s: float = 0.0  # its watchdog's time; 0: none is known
     reached_s: float = -inf  # before the latest answered request was sent; -inf: it is silent
-    due_s: float = inf  # when its first poll is asked: for its watchdog, or as the probe of a silent one
 
     @property
     def is_silent(self) -> bool:
         """Return whether only its probe is asked."""
         return self.misses >= SILENT_AFTER
+
+    @property
+    def asked(self) -> list[ScheduledPoll]:
+        """Return its polls that are asked at present."""
+        return self.polls[:1] if self.is_silent else self.polls
+
+    @property
+    def probe(self) -> Poll | None:
+        """Return its first poll; None when it has none."""
+        return self.polls[0].poll if self.polls else None
 
     @property
     def state(self) -> UnitState:
@@ -83,13 +88,14 @@ class Unit:
             return UnitState.SILENT if self.is_silent else UnitState.SUSPECT
         return UnitState.ANSWERING if self.was_received else UnitState.NEW
 
-    def note(self, outcome: Outcome, now_s: float) -> bool | None:
+    def note(self, outcome: Outcome, *, sent_s: float, now_s: float) -> bool | None:
         """Return True for an answer, False for a miss, None when an outcome says nothing of the unit."""
         if isinstance(outcome, Silent) and not outcome.is_sent:
             return None
-        self.was_received |= not isinstance(outcome, Silent)
-        if not isinstance(outcome, Silent) or self.received_s == -inf:
-            self.received_s = now_s
+        if not isinstance(outcome, Silent):
+            self.was_received, self.received_s = True, now_s
+        elif self.received_s == -inf:
+            self.received_s = sent_s
         if isinstance(outcome, Answered | Refused):
             self.misses = 0
             self.answered_s = now_s
@@ -99,8 +105,7 @@ class Unit:
             self.misses = min(self.misses, SILENT_AFTER)
         elif self.is_online and now_s < min(self.answered_s + LATE_FOR_S, self.late_s + FADING_S):
             self.misses = min(self.misses, OFFLINE_AFTER - 1)
-        frame = whole_frame(outcome.received) if isinstance(outcome, Garbled) else None
-        if frame is not None and frame.unit == self.number:  # a right one, which answers something else
+        if isinstance(outcome, Garbled) and self._has_sent(outcome.received):
             self.note_late(now_s)
         return False
 
@@ -109,17 +114,7 @@ class Unit:
         self.late_s = now_s
         if self.is_online and now_s < self.answered_s + LATE_FOR_S:
             self.received_s = now_s
-
-    @property
-    def deadline_s(self) -> float:
-        """Return when its watchdog acts unless it is reached; infinity when none is known."""
-        since_s = self.reached_s if self.reached_s > -inf else self.due_s
-        return since_s + self.limit_s if self.limit_s else inf
-
-    def watch(self, asked_s: float) -> None:
-        """Plan the next request that its watchdog needs, after one at `asked_s`."""
-        is_running = self.limit_s and self.reached_s > -inf
-        self.due_s = asked_s + ASKED_AFTER * (self.deadline_s - asked_s) if is_running else inf
+            self.misses = min(self.misses, SILENT_AFTER)
 
     def is_late(self, now_s: float) -> bool:
         """Return whether its latest reply came too late, a short while ago."""
@@ -129,14 +124,22 @@ class Unit:
         """Take it for one that restarts, not for an offline one, when it does not answer until then."""
         self.forgiven_until_s = max(self.forgiven_until_s, until_s)
 
+    def _has_sent(self, received: bytes) -> bool:
+        """Return whether this is a right frame of the unit, which answers something else."""
+        frame = whole_frame(received)
+        return frame is not None and frame.unit == self.number
+
     def news(self) -> bool | None:
         """Return whether the unit is online when that differs from the last report; None for nothing new."""
-        before = self.is_online
-        if self.misses >= OFFLINE_AFTER:
-            self.is_online = False
-        elif not self.misses and self.was_received:
-            self.is_online = True
-        return None if self.is_online is before else self.is_online
+        is_online = self.is_online
+        if self.was_received and not self.misses:
+            is_online = True
+        elif self.misses >= OFFLINE_AFTER:
+            is_online = False
+        if is_online is self.is_online:
+            return None
+        self.is_online = is_online
+        return is_online
 
     def is_fading(self, now_s: float) -> bool:
         """Return whether something was received from a unit only just now, corrupted or not."""
@@ -149,5 +152,6 @@ class Unit:
         """
         least_s = max(self.polls[0].every_s if self.polls else 0.0, PROBE_MIN_S)
         most_s = min(PROBE_MAX_S, self.limit_s / 8 or inf)
-        silent_s = now_s - max(self.received_s, self.forgiven_until_s)
-        return min(max(silent_s, least_s), max(most_s, least_s))
+        if now_s < self.forgiven_until_s:
+            return least_s
+        return min(max(now_s - self.received_s, least_s), max(most_s, least_s))

@@ -383,7 +383,7 @@ class CommandExecution:
         return {name: value for name, value in self._starter_io.values(rows).items() if name not in rows}
 
     async def _taken_back(self, end: Final, at_rest: Expect) -> Final:
-        """Take back a start that did not act, so that nothing lets it act later; not one that cannot be seen."""
+        """Take back a start that is seen not to have acted: nothing is to let it act later."""
         if await self._starter_io.see(at_rest) is None:
             return end
         is_off = await self._leave_safe()

@@ -78,7 +78,7 @@ async def test_a_starter_that_ignores_a_start_silently_leaves_it_unconfirmed() -
 
 
 @virtually
-async def test_a_start_is_not_taken_back_while_nobody_sees_whether_it_acts() -> None:
+async def test_a_start_is_not_taken_back_while_its_starter_cannot_be_read() -> None:
     rig = await ready()
     rig.unit.on_write = lambda _: rig.line.rules.append(lambda _: Silent("its cable is cut"))
 
