@@ -30,8 +30,12 @@ class Relay:
         """Serve one client."""
         self._tasks.add(asyncio.current_task())  # type: ignore[arg-type]
         there, back = await asyncio.open_connection("127.0.0.1", self._target)
-        with suppress(ConnectionError):
-            await asyncio.gather(self._hand_on(reader, back, is_noted=True), self._hand_on(there, writer))
+        try:
+            with suppress(ConnectionError):
+                await asyncio.gather(self._hand_on(reader, back, is_noted=True), self._hand_on(there, writer))
+        finally:
+            back.close()
+            writer.close()
 
     async def _hand_on(
         self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, *, is_noted: bool = False
@@ -44,10 +48,12 @@ class Relay:
             await writer.drain()
         writer.close()
 
-    def end(self) -> None:
+    async def end(self) -> None:
         """End every connection."""
         for task in self._tasks:
             task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await asyncio.sleep(0)  # a transport is closed one turn of the loop later
 
 
 @asynccontextmanager
@@ -60,4 +66,4 @@ async def relayed(url: str) -> AsyncIterator[tuple[str, Relay]]:
         yield f"http://127.0.0.1:{port}/", relay
     finally:
         server.close()
-        relay.end()
+        await relay.end()

@@ -44,7 +44,10 @@ async def proxy(target: int, certificate: Certificate) -> AsyncIterator[int]:
             added = b"X-Forwarded-Proto: https\r\nX-Forwarded-For: 192.0.2.7\r\nConnection: close\r\n\r\n"
             lines = [each for each in head[:-4].split(b"\r\n") if not each.lower().startswith(b"connection")]
             back.write(b"\r\n".join([*lines, added]))
-            await asyncio.gather(pump(reader, back), pump(there, writer))
+            try:
+                await asyncio.gather(pump(reader, back), pump(there, writer))
+            finally:
+                back.close()
 
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.load_cert_chain(certificate.cert, certificate.key)
@@ -55,6 +58,8 @@ async def proxy(target: int, certificate: Certificate) -> AsyncIterator[int]:
         server.close()
         for task in tasks:
             task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        await asyncio.sleep(0)  # a transport is closed one turn of the loop later
 
 
 async def test_behind_a_proxy_with_tls_and_below_a_path_everything_works(

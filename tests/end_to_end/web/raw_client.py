@@ -122,3 +122,5 @@ class WebClient:
                         yield name[7:], json.loads(data)
         finally:
             writer.close()
+            with suppress(OSError):
+                await writer.wait_closed()
