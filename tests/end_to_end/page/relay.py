@@ -53,7 +53,7 @@ class Relay:
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
-        await asyncio.sleep(0)  # a transport is closed one turn of the loop later
+        await asyncio.sleep(0)  # then the loop closes the transports
 
 
 @asynccontextmanager

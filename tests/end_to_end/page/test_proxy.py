@@ -59,7 +59,7 @@ async def proxy(target: int, certificate: Certificate) -> AsyncIterator[int]:
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
-        await asyncio.sleep(0)  # a transport is closed one turn of the loop later
+        await asyncio.sleep(0)  # then the loop closes the transports
 
 
 async def test_behind_a_proxy_with_tls_and_below_a_path_everything_works(
