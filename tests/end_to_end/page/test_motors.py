@@ -7,6 +7,7 @@ import os
 import re
 import signal
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -62,14 +63,16 @@ def browser_processes() -> list[int]:
     while waiting:
         for each in children.get(waiting.pop(), []):
             waiting.append(each)
-            if "chrom" in Path(f"/proc/{each}/comm").read_text():
-                found.append(each)
+            with suppress(FileNotFoundError, ProcessLookupError):  # some end by themselves
+                if "chrom" in Path(f"/proc/{each}/comm").read_text():
+                    found.append(each)
     return found
 
 
 def stand_still(number: signal.Signals) -> None:
     for each in browser_processes():
-        os.kill(each, number)
+        with suppress(ProcessLookupError):
+            os.kill(each, number)
 
 
 async def hold_then_sleep(page: Page, x: float, y: float) -> None:
