@@ -8,11 +8,10 @@ that alternate alone.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 from gateway.families.profile.parameters import read_run
-from gateway.families.profile.per_profile import ProfileMemo
 from gateway.families.profile.rows import Access, Table, Type
 from gateway.families.profile.schema import Profile
 from gateway.modbus.pdu import Request
@@ -32,18 +31,12 @@ _WORD_BITS = 16
 _BYTE_BITS = 8
 
 
-_made: ProfileMemo[Request, tuple[Alternate, ...]] = ProfileMemo()  # of the polls; commands are few
-
-
+@lru_cache(maxsize=512)  # of the polls; commands are few
 def alternates(profile: Profile, request: Request) -> tuple[Alternate, ...]:
     """Return equivalent reads whose replies differ in length or function from this one's and one another's.
 
     The second of each pair takes what was asked for from the value that such a read decodes.
     """
-    return _made.get(profile, request, lambda: _alternates(profile, request))
-
-
-def _alternates(profile: Profile, request: Request) -> tuple[Alternate, ...]:
     table = _TABLES.get(request.function)
     if table is None or not isinstance(request, ReadCoils | ReadHoldingRegisters | ReadInputRegisters):
         return ()

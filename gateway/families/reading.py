@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from itertools import groupby
 from math import inf
 from typing import Any
 
 from gateway.families.profile.decode import is_known
 from gateway.families.profile.parameters import find, raw_row, read_request, read_run, runs_of
-from gateway.families.profile.per_profile import ProfileMemo
 from gateway.families.profile.procedure import Expect, Read, Seen
 from gateway.families.profile.rows import Access, Parameter, Table, Type
 from gateway.families.profile.schema import Limits, Profile, Variant
@@ -59,7 +58,6 @@ def cheapest_runs(rows: Sequence[Parameter], timing: LineTiming, *, longest: int
 
 
 GROUPS = ("status", "values", "slow")
-_Place = tuple[str | None, frozenset[str], LineTiming | None]  # firmware, rows read in another way, timing
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,9 +99,6 @@ class Block:
         return found
 
 
-_plans: ProfileMemo[_Place, tuple[Block, ...]] = ProfileMemo()
-
-
 def plan_blocks(
     profile: Profile, variant: Variant, *, without: Collection[str] = (), timing: LineTiming | None = None
 ) -> tuple[Block, ...]:
@@ -115,13 +110,14 @@ def plan_blocks(
     A row is never cut, and never shares a read with one that the manual does not vouch for: where a single
     unknown register refuses a read, it must not take known ones with it.
     """
-    key = variant.firmware, frozenset(without), timing
-    return _plans.get(profile, key, lambda: _planned(profile, variant, without=key[1], timing=timing))
+    return _planned(profile, variant.firmware, frozenset(without), timing)
 
 
+@lru_cache(maxsize=512)
 def _planned(
-    profile: Profile, variant: Variant, *, without: frozenset[str], timing: LineTiming | None
+    profile: Profile, firmware: str | None, without: frozenset[str], timing: LineTiming | None
 ) -> tuple[Block, ...]:
+    variant = Variant(firmware=firmware)
     planned: list[Block] = []
     seen: set[str] = set(without)
     for group in GROUPS:

@@ -10,8 +10,7 @@ from math import inf
 from gateway.families.alternates import alternates
 from gateway.families.devices.device import Identity
 from gateway.families.mapped_registers import fast_block, plan_with
-from gateway.families.profile.per_profile import once_per_profile
-from gateway.families.profile.schema import Profile, Variant
+from gateway.families.profile.schema import Profile, Variant, once_per_profile
 from gateway.families.reading import Block
 from gateway.line.client import LineClient
 from gateway.line.rtu.outcome import Outcome

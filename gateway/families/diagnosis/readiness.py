@@ -7,9 +7,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from gateway.families.devices import device_of
 from gateway.families.devices.findings import Finding, Settings, Topic, Watchdog, Weight, unread
 from gateway.families.profile.parameters import factory_settings
-from gateway.families.profile.per_profile import once_per_profile
 from gateway.families.profile.rows import Table
-from gateway.families.profile.schema import Profile, Variant
+from gateway.families.profile.schema import Profile, Variant, once_per_profile
 from gateway.modbus.pdu import Request
 from gateway.modbus.writes import WriteRegister, WriteRegisters
 

@@ -6,8 +6,9 @@ what a verb requires, writes and reads back.
 
 from __future__ import annotations
 
-from functools import cached_property
-from typing import Literal
+from collections.abc import Callable
+from functools import cached_property, lru_cache
+from typing import Literal, TypeVar
 
 from pydantic import Field
 
@@ -221,7 +222,10 @@ class HistoryRows(Model):
 
 
 class Profile(Model):
-    """A family, whole."""
+    """A family, whole. It equals itself alone, so that what follows from it can be remembered by it."""
+
+    __hash__ = object.__hash__
+    __eq__ = object.__eq__
 
     family: str
     title: str
@@ -295,6 +299,14 @@ class Profile(Model):
     def alarm_points(self) -> tuple[str, ...]:
         """The names of the points that read the number of a fault or an alarm."""
         return tuple(name for name, point in self.points.items() if point.code in self.alarm_rows)
+
+
+_T = TypeVar("_T")
+
+
+def once_per_profile(make: Callable[[Profile], _T]) -> Callable[[Profile], _T]:
+    """Return `make` with its results remembered, for all starters of a family; they must never be changed."""
+    return lru_cache(maxsize=64)(make)  # a site has a few profiles, tests have many
 
 
 class Variant(Model):

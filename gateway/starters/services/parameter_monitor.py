@@ -12,9 +12,8 @@ from typing import Any
 from gateway.errors import CommandError, PortLostError
 from gateway.families.diagnosis.readiness import watchdog_codes
 from gateway.families.profile.parameters import find, to_words
-from gateway.families.profile.per_profile import once_per_profile
 from gateway.families.profile.procedure import Read
-from gateway.families.profile.schema import Profile, Variant
+from gateway.families.profile.schema import Profile, Variant, once_per_profile
 from gateway.families.reading import bulk_reads, is_set_by_people
 from gateway.line.scheduler.requests import Priority
 from gateway.records import Severity

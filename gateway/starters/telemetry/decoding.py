@@ -6,9 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from gateway.families.profile.decode import Decoded, decode_points
-from gateway.families.profile.per_profile import once_per_profile
 from gateway.families.profile.rows import Type
-from gateway.families.profile.schema import Profile, Variant
+from gateway.families.profile.schema import Profile, Variant, once_per_profile
 from gateway.families.profile.word_types import TYPE_LIMITS
 from gateway.families.reading import Block, rows_of_points
 

@@ -8,8 +8,7 @@ from typing import Any
 from gateway.families.command.build import verbs
 from gateway.families.devices.device import Identity
 from gateway.families.profile.names import meaning_of, printed_name
-from gateway.families.profile.per_profile import once_per_profile
-from gateway.families.profile.schema import Profile, Variant
+from gateway.families.profile.schema import Profile, Variant, once_per_profile
 from gateway.history.own_points import own_points
 from gateway.records import (
     OWN_VERBS,

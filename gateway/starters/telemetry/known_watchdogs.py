@@ -15,9 +15,8 @@ from typing import Any, TypeVar
 
 from gateway.errors import CommandError, DamagedError
 from gateway.families.diagnosis.readiness import shortest_s, watchdog_codes, written_rows
-from gateway.families.profile.per_profile import once_per_profile
 from gateway.families.profile.procedure import Procedure
-from gateway.families.profile.schema import Profile
+from gateway.families.profile.schema import Profile, once_per_profile
 from gateway.line.capacity.deadline_check import (
     Limits,
     Missed,

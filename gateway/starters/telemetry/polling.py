@@ -17,8 +17,7 @@ from math import inf
 
 from gateway.families.diagnosis.readiness import watchdog_codes
 from gateway.families.mapped_registers import MappedBlock, plan_with
-from gateway.families.profile.per_profile import once_per_profile
-from gateway.families.profile.schema import Profile, Variant
+from gateway.families.profile.schema import Profile, Variant, once_per_profile
 from gateway.families.reading import Block, rows_of_points, split
 from gateway.line.client import LineClient
 from gateway.line.scheduler.line_time import FREE_PERIOD_S

@@ -8,9 +8,8 @@ from dataclasses import replace
 from typing import Any
 
 from gateway.families.devices import device_of
-from gateway.families.profile.per_profile import once_per_profile
 from gateway.families.profile.rows import Alarm
-from gateway.families.profile.schema import Profile
+from gateway.families.profile.schema import Profile, once_per_profile
 from gateway.families.profile.state import state_of
 from gateway.families.reading import rows_of_points
 from gateway.records import Quality, Record
