@@ -91,7 +91,7 @@ def prepare_map(profile: Profile, block: MappedBlock) -> Preparation:
     """Return what to read before the map is written: the map, and whether the motor stands."""
     codes = (row.code for row, _ in _wanted(profile, block))
     standstill = rows_of_points(profile, points_needed(profile, RULES))
-    return Preparation(VERB, reads=reads_for(profile, (*codes, *standstill)), requires=RULES)
+    return Preparation(reads=reads_for(profile, (*codes, *standstill)), requires=RULES)
 
 
 def build_map(profile: Profile, block: MappedBlock, *, seen: Seen) -> Procedure:
@@ -99,7 +99,6 @@ def build_map(profile: Profile, block: MappedBlock, *, seen: Seen) -> Procedure:
     wanted = _wanted(profile, block)
     changes = [(row, words) for row, words in wanted if not holds(row, words, seen)]
     return Procedure(
-        VERB,
         steps=tuple(WriteStep(request) for request, _ in writes_for(profile, changes)),
         verify=read_back(profile, wanted),
         is_unchanged=not changes,

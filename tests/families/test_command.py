@@ -152,7 +152,7 @@ def test_a_general_disable_needs_no_reading_on_a_starter_with_single_bits() -> N
 @pytest.mark.parametrize("family", FAMILIES)
 @pytest.mark.parametrize("args", [{}, {"parameter": "nonsense"}])
 def test_a_stop_reads_nothing_and_demands_nothing_whatever_comes_with_it(family: str, args: Any) -> None:
-    assert prepared(family, "stop", args, NO_SLOT) == Preparation("stop", reads=(), requires=())
+    assert prepared(family, "stop", args, NO_SLOT) == Preparation(reads=(), requires=())
     assert built(family, "stop", args, variant=NO_SLOT).steps
 
 

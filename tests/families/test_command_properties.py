@@ -200,7 +200,7 @@ def test_a_refusal_is_one_of_the_closed_list(situation: Any) -> None:
 def test_a_stop_is_never_refused(profile: Profile, variant: Variant, args: dict[str, Any], data: Any) -> None:
     seen = data.draw(st.dictionaries(st.sampled_from(shown(profile)), WORDS.map(lambda word: (word,))))
 
-    assert prepare(profile, variant, "stop", args) == Preparation("stop", reads=(), requires=())
+    assert prepare(profile, variant, "stop", args) == Preparation(reads=(), requires=())
     assert build(profile, variant, "stop", args, seen=seen).steps
 
 

@@ -80,7 +80,7 @@ def prepare(profile: Profile, variant: Variant, verb: str, args: Mapping[str, An
 def _prepare(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> Preparation:
     match verb:
         case "stop":
-            return Preparation(verb, reads=(), requires=())
+            return Preparation(reads=(), requires=())
         case "read":
             return prepare_read(profile, args)
         case "set":
@@ -177,7 +177,7 @@ def _prepare_command(profile: Profile, variant: Variant, verb: str, args: Mappin
     elif has_plain_word(command.writes):
         codes += (run_row(profile, variant), *rows_of_points(profile, ("running",)))
     reads = reads_for(profile, (*codes, *command.needs, *command.ceilings))
-    return Preparation(verb, reads=reads, requires=command.requires)
+    return Preparation(reads=reads, requires=command.requires)
 
 
 def _build_command(profile: Profile, variant: Variant, verb: str, name: str, *, seen: Seen) -> Procedure:
@@ -190,9 +190,7 @@ def _build_command(profile: Profile, variant: Variant, verb: str, name: str, *, 
         WriteStep(request, is_silence_expected=command.restarts and place == last)
         for place, request in enumerate(requests)
     )
-    procedure = Procedure(
-        verb, steps, verify=verification(profile, variant, verb, command), note=command.note
-    )
+    procedure = Procedure(steps, verify=verification(profile, variant, verb, command), note=command.note)
     if name not in _RELEASED_BY:
         return procedure
     at_rest = verification(profile, variant, "stop", profile.commands["stop"])

@@ -25,7 +25,7 @@ def prepare_output(profile: Profile, args: Mapping[str, Any]) -> Preparation:
     """Return the reads of the word that drives the output, and of the row that says who drives it."""
     name, output = _output(profile, args)
     _number(name, output, args["value"])
-    return Preparation("output", reads=reads_for(profile, (output.word, output.function)), requires=())
+    return Preparation(reads=reads_for(profile, (output.word, output.function)), requires=())
 
 
 def build_output(profile: Profile, args: Mapping[str, Any], *, seen: Seen) -> Procedure:
@@ -37,11 +37,11 @@ def build_output(profile: Profile, args: Mapping[str, Any], *, seen: Seen) -> Pr
     mask = 0xFFFF if output.bit is None else 1 << output.bit
     last = seen.get(output.word)
     if last is not None and last[0] & mask == wanted:
-        return Procedure("output", (), is_unchanged=True, subject=output.word, note=note)
+        return Procedure((), is_unchanged=True, subject=output.word, note=note)
     request = _request(profile, output, wanted, last=last)
     reads = (read_of(profile, output.word),)
     shown = Expect(reads, output.word, is_one_of=((wanted,),), within_s=SET_WITHIN_S, mask=mask)
-    return Procedure("output", (WriteStep(request),), verify=shown, subject=output.word, note=note)
+    return Procedure((WriteStep(request),), verify=shown, subject=output.word, note=note)
 
 
 def _output(profile: Profile, args: Mapping[str, Any]) -> tuple[str, Output]:

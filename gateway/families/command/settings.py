@@ -27,11 +27,11 @@ def prepare_read(profile: Profile, args: Mapping[str, Any]) -> Preparation:
     """
     codes, is_single = asked_codes(args)
     if is_single:
-        return Preparation("read", reads=(read_of(profile, codes[0]),), requires=())
+        return Preparation(reads=(read_of(profile, codes[0]),), requires=())
     alone = {read.codes[0]: read for read in (read_of(profile, code) for code in codes)}
     sure = [code for code in alone if find(profile, code).is_sure]
     others = (read for code, read in alone.items() if code not in sure)
-    return Preparation("read", reads=(*reads_for(profile, sure), *others), requires=())
+    return Preparation(reads=(*reads_for(profile, sure), *others), requires=())
 
 
 def build_read(profile: Profile, args: Mapping[str, Any]) -> Procedure:
@@ -39,7 +39,7 @@ def build_read(profile: Profile, args: Mapping[str, Any]) -> Procedure:
     codes, is_single = asked_codes(args)
     found = tuple(dict.fromkeys(find(profile, code).code for code in codes))
     prepare_read(profile, args)  # refuses what cannot be read
-    return Procedure("read", (), subject=found[0]) if is_single else Procedure("read", (), subjects=found)
+    return Procedure((), subject=found[0]) if is_single else Procedure((), subjects=found)
 
 
 def rows_set(profile: Profile, args: Mapping[str, Any]) -> tuple[Parameter, ...]:
@@ -53,8 +53,7 @@ def prepare_set(profile: Profile, variant: Variant, args: Mapping[str, Any]) -> 
     wanted, is_single = _wanted(profile, variant, args)
     codes = [row.code for row, _ in wanted]
     if _is_configuration(wanted):
-        preparation = device_of(profile).prepare_configure(profile, variant, asked_values(args)[0])
-        return replace(preparation, verb="set")
+        return device_of(profile).prepare_configure(profile, variant, asked_values(args)[0])
     requires = ("is_stopped",) if any(row.is_stopped_only for row, _ in wanted) else ()
     others = [code for code in _timeout_rows(profile, codes) if code not in codes]
     others += rows_of_points(profile, points_needed(profile, requires))
@@ -62,7 +61,7 @@ def prepare_set(profile: Profile, variant: Variant, args: Mapping[str, Any]) -> 
         reads: tuple[Read, ...] = (read_of(profile, codes[0]), *reads_for(profile, others))
     else:
         reads = reads_for(profile, (*codes, *others))
-    return Preparation("set", reads=reads, requires=requires)
+    return Preparation(reads=reads, requires=requires)
 
 
 def build_set(profile: Profile, variant: Variant, args: Mapping[str, Any], *, seen: Seen) -> Procedure:
@@ -77,12 +76,11 @@ def build_set(profile: Profile, variant: Variant, args: Mapping[str, Any], *, se
         key=lambda pair: pair[0].address,
     )
     if not changes:
-        return Procedure("set", (), is_unchanged=True, subject=subject, subjects=subjects)
+        return Procedure((), is_unchanged=True, subject=subject, subjects=subjects)
     if _is_configuration(wanted):
         procedure = device_of(profile).build_configure(profile, variant, asked_values(args)[0], seen=seen)
-        return replace(procedure, verb="set", subject=subject, subjects=subjects)
+        return replace(procedure, subject=subject, subjects=subjects)
     return Procedure(
-        "set",
         tuple(_steps(profile, changes)),
         verify=read_back(profile, wanted),
         subject=subject,

@@ -99,7 +99,7 @@ class SstDevice(Device):
         That the motor must stand is said in families/command/run_command.py.
         """
         reads = reads_for(profile, (_USB, _INPUTS, _COMPLETE, *_wanted(profile, variant, args)))
-        return Preparation("configure", reads=reads, requires=("serial_controls",))
+        return Preparation(reads=reads, requires=("serial_controls",))
 
     def build_configure(
         self, profile: Profile, variant: Variant, args: Mapping[str, Any], *, seen: Seen
@@ -121,7 +121,7 @@ class SstDevice(Device):
             WriteStep(leave, then=complete),
         )
         verify = read_back(profile, pairs) if pairs else complete
-        return Procedure("configure", steps, verify=verify, abandon=(leave,), wears=1)
+        return Procedure(steps, verify=verify, abandon=(leave,), wears=1)
 
 
 def _wanted(profile: Profile, variant: Variant, args: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:

@@ -60,15 +60,10 @@ class Ssw06Device(Ssw07Device):
     def prepare_configure(self, profile: Profile, variant: Variant, args: Mapping[str, Any]) -> Preparation:
         """Return what to read before an adjusting mode is left."""
         _mode(args)
-        return Preparation("configure", reads=reads_for(profile, (_SHOWN,)), requires=())
+        return Preparation(reads=reads_for(profile, (_SHOWN,)), requires=())
 
     def build_configure(
-        self,
-        profile: Profile,
-        variant: Variant,
-        args: Mapping[str, Any],
-        *,
-        seen: Seen,
+        self, profile: Profile, variant: Variant, args: Mapping[str, Any], *, seen: Seen
     ) -> Procedure:
         """Return the one write that leaves the mode; not_in_that_mode when VB06 was seen not to show it.
 
@@ -84,7 +79,7 @@ class Ssw06Device(Ssw07Device):
         leave = WriteRegister(profile.parameters[_LEAVING].address, bit)
         within_s = profile.timing.restart_s + _LEFT_WITHIN_S
         left = Expect((read_of(profile, _SHOWN),), _SHOWN, is_one_of=((0,),), within_s=within_s, mask=bit)
-        return Procedure("configure", (WriteStep(leave, is_silence_expected=True),), verify=left)
+        return Procedure((WriteStep(leave, is_silence_expected=True),), verify=left)
 
 
 def _mode(args: Mapping[str, Any]) -> str:

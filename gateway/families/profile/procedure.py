@@ -62,7 +62,6 @@ class WriteStep:
 class Preparation:
     """What must be read freshly, and which rules must hold on it, before a command is built."""
 
-    verb: str
     reads: tuple[Read, ...]
     requires: tuple[str, ...]  # names of rules in families/command/interlock.py
 
@@ -76,7 +75,6 @@ class Procedure:
     only when that was seen: a start that did not act is taken back, one that cannot be seen is not.
     """
 
-    verb: str
     steps: tuple[WriteStep, ...]
     verify: Expect | None = None
     is_unchanged: bool = False
