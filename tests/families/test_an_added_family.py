@@ -51,7 +51,7 @@ def test_its_start_is_one_coil_and_needs_what_the_profile_requires() -> None:
 
     assert verbs(PROFILE)[:3] == ("start", "stop", "reset")
     assert [step.request.encode().hex(" ") for step in procedure.steps] == ["05 00 10 ff 00"]
-    assert [violation.rule for violation in violations] == ["remote"]
+    assert [violation.code for violation in violations] == ["in_local"]
 
 
 def test_its_parameters_are_set_within_the_manuals_range() -> None:

@@ -10,7 +10,7 @@ from tests.families.at_rest import SST_AT_REST, WEG_AT_REST
 
 
 def broken(family: str, rules: tuple[str, ...], points: dict[str, Any]) -> list[str]:
-    return [violation.rule for violation in check(load_profile(family), rules, points)]
+    return [rule for rule in rules if check(load_profile(family), (rule,), points)]
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -85,7 +85,7 @@ def test_the_rules_of_the_sst_are_decoded_from_its_coils_and_register_19(
 def test_why_a_starter_is_not_ready_is_reported(change: dict[str, Any], reading: str) -> None:
     (violation,) = check(load_profile("ssw900"), ["is_ready"], {**WEG_AT_REST, **change})
 
-    assert violation.reading == reading
+    assert f"({reading})" in violation.text
 
 
 def test_a_bit_that_an_old_ssw07_does_not_have_does_not_keep_it_from_being_stopped() -> None:
@@ -97,7 +97,6 @@ def test_a_bit_that_an_old_ssw07_does_not_have_does_not_keep_it_from_being_stopp
 def test_a_violation_says_what_was_read_and_what_to_do() -> None:
     (violation,) = check(load_profile("ssw07"), ("remote",), {"remote": False})
 
-    assert violation.reading == "remote is false"
     assert violation.text == "the starter is in local mode (remote is false); switch it to remote"
     assert violation.code == "in_local"
 

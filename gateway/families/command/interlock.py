@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from gateway.errors import CommandError
@@ -71,41 +70,27 @@ _STATE_CODES = {  # of `is_ready`, where the state says more
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Violation:
-    """A rule that does not hold: the result's code, what was read, and one line for the operator."""
-
-    rule: str
-    reading: str
-    text: str
-    code: str
-
-
-def check(profile: Profile, rules: Sequence[str], points: Mapping[str, Any]) -> tuple[Violation, ...]:
-    """Return the rules that do not hold on these points, in the order asked."""
-    violations = []
-    for rule in rules:
-        reading = _reading(profile, rule, points)
-        if reading is not None:
-            violations.append(_violation(profile, rule, reading, points))
-    return tuple(violations)
+def check(profile: Profile, rules: Sequence[str], points: Mapping[str, Any]) -> tuple[CommandError, ...]:
+    """Return a refusal for each rule that does not hold on these points, with what was read."""
+    readings = {rule: _reading(profile, rule, points) for rule in rules}
+    return tuple(_refusal(profile, rule, read, points) for rule, read in readings.items() if read is not None)
 
 
 def demand(profile: Profile, rules: Sequence[str], points: Mapping[str, Any]) -> None:
     """Raise CommandError, with the first broken rule's code, unless all these rules hold on these points."""
-    violations = check(profile, rules, points)
-    if violations:
-        raise CommandError(violations[0].code, "; ".join(violation.text for violation in violations))
+    refusals = check(profile, rules, points)
+    if refusals:
+        raise CommandError(refusals[0].code, "; ".join(refusal.text for refusal in refusals))
 
 
-def _violation(profile: Profile, rule: str, reading: str, points: Mapping[str, Any]) -> Violation:
+def _refusal(profile: Profile, rule: str, reading: str, points: Mapping[str, Any]) -> CommandError:
     broken = RULES[rule]
     state = state_of(profile, points) if rule == "is_ready" else ""
     if reading.endswith(IS_UNKNOWN) or state == "unknown":
         text = f"it is not known whether {broken.holds} ({reading}); look at the starter and its line"
-        return Violation(rule, reading, text, UNKNOWN_CODE)
+        return CommandError(UNKNOWN_CODE, text)
     code = _STATE_CODES.get(state, broken.code)
-    return Violation(rule, reading, f"{broken.wrong} ({reading}); {broken.remedy}", code)
+    return CommandError(code, f"{broken.wrong} ({reading}); {broken.remedy}")
 
 
 def points_needed(profile: Profile, rules: Sequence[str]) -> tuple[str, ...]:

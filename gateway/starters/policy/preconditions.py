@@ -166,4 +166,4 @@ class Guard:
     def _check_rules(self) -> None:
         violation = self._rulebook.check_start(self._request.starter, now_s=self._clock.now_s())
         if violation is not None:
-            raise CommandError(violation.code, violation.text)
+            raise violation

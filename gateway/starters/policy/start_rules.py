@@ -6,7 +6,7 @@ from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from gateway.families.command.interlock import Violation
+from gateway.errors import CommandError
 from gateway.families.profile.arguments import to_switch
 from gateway.starters.policy.motor_history import MotorHistory
 from gateway.system.rate_limits import Bucket, Rate
@@ -72,7 +72,7 @@ class Rulebook:
         """Return what is configured for a starter."""
         return self._rules.get(starter, NO_RULES)
 
-    def check_start(self, starter: str, *, now_s: float) -> Violation | None:
+    def check_start(self, starter: str, *, now_s: float) -> CommandError | None:
         """Return the first rule that forbids a start now; None when there is none."""
         rules = self.of(starter)
         return (
@@ -81,7 +81,7 @@ class Rulebook:
             or self._too_close(starter, rules, now_s)
         )
 
-    def _too_many(self, starter: str, rules: RuleSet, now_s: float) -> Violation | None:
+    def _too_many(self, starter: str, rules: RuleSet, now_s: float) -> CommandError | None:
         most = rules.starts_per_hour
         if most is None:
             return None
@@ -92,7 +92,7 @@ class Rulebook:
         reading = f"{len(starts)} in the last hour, of {most}"
         return _violation("too_many_starts", reading, f"wait {wait_s:.0f} s")
 
-    def _too_soon(self, starter: str, rules: RuleSet, now_s: float) -> Violation | None:
+    def _too_soon(self, starter: str, rules: RuleSet, now_s: float) -> CommandError | None:
         if rules.minimum_pause_s <= 0:
             return None
         since_s = self._motor_history.standing_since(starter)
@@ -104,7 +104,7 @@ class Rulebook:
         reading = f"{now_s - since_s:.0f} s of {rules.minimum_pause_s:g} s"
         return _violation("pause_too_short", reading, f"wait {wait_s:.0f} s")
 
-    def _too_close(self, starter: str, rules: RuleSet, now_s: float) -> Violation | None:
+    def _too_close(self, starter: str, rules: RuleSet, now_s: float) -> CommandError | None:
         if not rules.feeder or rules.stagger_s <= 0:
             return None
         others = [n for n, other in self._rules.items() if other.feeder == rules.feeder and n != starter]
@@ -116,8 +116,8 @@ class Rulebook:
         return None
 
 
-def _violation(code: str, reading: str, remedy: str) -> Violation:
-    return Violation(rule=code, reading=reading, text=f"{RULES[code]} ({reading}); {remedy}", code=code)
+def _violation(code: str, reading: str, remedy: str) -> CommandError:
+    return CommandError(code, f"{RULES[code]} ({reading}); {remedy}")
 
 
 @dataclass(frozen=True, slots=True)
