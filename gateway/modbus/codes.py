@@ -25,7 +25,7 @@ class Function(enum.IntEnum):
 
 
 class ExceptionCode(enum.IntEnum):
-    """Why a unit refuses a request [APP 7]."""
+    """Why a unit refuses a request, in the specification's words [APP 7]."""
 
     ILLEGAL_FUNCTION = 1
     ILLEGAL_DATA_ADDRESS = 2
@@ -35,25 +35,12 @@ class ExceptionCode(enum.IntEnum):
     SERVER_DEVICE_BUSY = 6  # the SST lists it without a word (sst-intecma, after FC6)
     MEMORY_PARITY_ERROR = 8
     GATEWAY_PATH_UNAVAILABLE = 10
-    GATEWAY_TARGET_SILENT = 11
-
-
-_NAMES = {
-    ExceptionCode.ILLEGAL_FUNCTION: "illegal function",
-    ExceptionCode.ILLEGAL_DATA_ADDRESS: "illegal data address",
-    ExceptionCode.ILLEGAL_DATA_VALUE: "illegal data value",
-    ExceptionCode.SERVER_DEVICE_FAILURE: "server device failure",
-    ExceptionCode.ACKNOWLEDGE: "acknowledge",
-    ExceptionCode.SERVER_DEVICE_BUSY: "server device busy",
-    ExceptionCode.MEMORY_PARITY_ERROR: "memory parity error",
-    ExceptionCode.GATEWAY_PATH_UNAVAILABLE: "gateway path unavailable",
-    ExceptionCode.GATEWAY_TARGET_SILENT: "gateway target device failed to respond",
-}
+    GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND = 11
 
 
 def exception_name(code: int) -> str:
     """Return the specification's words for an exception code; an unknown one is shown by its number."""
     try:
-        return _NAMES[ExceptionCode(code)]
+        return ExceptionCode(code).name.lower().replace("_", " ")
     except ValueError:
         return f"exception {code}"

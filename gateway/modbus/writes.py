@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import ClassVar
 
 from gateway.modbus.codes import Function
@@ -118,8 +118,6 @@ class WriteRegisters(_Acknowledged):
 
     address: int
     words: tuple[int, ...]
-    # The SST's manual has the reply count data bytes and shows no example (sst-intecma, FC16): take both.
-    is_byte_count_accepted: bool = field(default=False, kw_only=True, compare=False)
 
     function: ClassVar[Function] = Function.WRITE_REGISTERS
     max_count: ClassVar[int] = MAX_WRITE_WORDS
@@ -133,20 +131,9 @@ class WriteRegisters(_Acknowledged):
         count = len(self.words)
         return struct.pack(f">BHHB{count}H", self.function, self.address, count, 2 * count, *self.words)
 
-    def decode_reply(self, pdu: bytes) -> None:
-        """Accept only the address and quantity of this request; twice the quantity where that is agreed."""
-        if pdu == self.encode_reply():
-            return
-        if self.is_byte_count_accepted and pdu == self._reply(2 * len(self.words)):
-            return
-        raise mismatch(self, pdu)
-
     def encode_reply(self) -> bytes:
         """Return the reply PDU: address and quantity."""
-        return self._reply(len(self.words))
-
-    def _reply(self, quantity: int) -> bytes:
-        return struct.pack(">BHH", self.function, self.address, quantity)
+        return struct.pack(">BHH", self.function, self.address, len(self.words))
 
 
 @dataclass(frozen=True, slots=True)
