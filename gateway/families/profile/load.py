@@ -44,18 +44,6 @@ class _Label(BaseModel):
     label: str
 
 
-class _Range(ModelRange):
-    """A line of `ranges.csv`."""
-
-    code: str
-
-
-class _Preset(Preset):
-    """A line of `presets.csv`."""
-
-    code: str
-
-
 def load_profile(family: str, language: str = ENGLISH) -> Profile:
     """Return a shipped profile by its family's name, one of `FAMILIES`; UsageError for any other name.
 
@@ -138,10 +126,12 @@ def _read_labels(path: Traversable, problems: list[str]) -> dict[str, dict[int, 
 
 
 def _read_parameters(directory: Traversable, problems: list[str]) -> dict[str, Parameter]:
-    ranges = _read_ranges(directory, problems)
+    ranges: dict[str, list[ModelRange]] = {}
+    for _, each in _read_rows(directory / "ranges.csv", ModelRange, problems):
+        ranges.setdefault(each.code, []).append(each)
     presets = {
-        row.code: row.model_dump(exclude={"code"}, exclude_none=True)
-        for _, row in _read_rows(directory / "presets.csv", _Preset, problems)
+        row.code: row.model_dump(exclude_none=True)
+        for _, row in _read_rows(directory / "presets.csv", Preset, problems)
     }
     rows: dict[str, Parameter] = {}
     for where, cells in _read_lines(directory / "parameters.csv"):
@@ -159,14 +149,6 @@ def _read_parameters(directory: Traversable, problems: list[str]) -> dict[str, P
     problems += [f"ranges.csv: {code} is no parameter" for code in ranges]
     problems += [f"presets.csv: {code} is no parameter" for code in presets]
     return rows
-
-
-def _read_ranges(directory: Traversable, problems: list[str]) -> dict[str, tuple[ModelRange, ...]]:
-    ranges: dict[str, tuple[ModelRange, ...]] = {}
-    for _, row in _read_rows(directory / "ranges.csv", _Range, problems):
-        one = ModelRange(model=row.model, raw_min=row.raw_min, raw_max=row.raw_max)
-        ranges[row.code] = (*ranges.get(row.code, ()), one)
-    return ranges
 
 
 def _explain(where: str, error: ValidationError) -> list[str]:

@@ -83,6 +83,7 @@ class Confidence(enum.StrEnum):
 class Preset(Model):
     """What the manuals print of a row beside its range."""
 
+    code: str  # as printed: P003, VB01, S1.1.4, R41, COIL26
     factory: int | None = None  # the raw number as delivered; None = not printed
     off: int | None = None  # the raw number that switches it off
     full_scale: int | None = Field(default=None, ge=1)  # the raw number of 100 %: read and set in per cent
@@ -92,6 +93,7 @@ class Preset(Model):
 class ModelRange(Model):
     """The raw limits of a row on one model (SST register table); none at all: not used there."""
 
+    code: str  # of the row
     model: str  # how the model's name begins, e.g. SST130i-75
     raw_min: int | None = None
     raw_max: int | None = None
@@ -100,7 +102,6 @@ class ModelRange(Model):
 class Parameter(Preset):
     """One row of a manual's table."""
 
-    code: str  # as printed: P003, VB01, S1.1.4, R41, COIL26
     name: str
     table: Table
     address: int = Field(ge=0, le=0xFFFF)  # on the wire, zero-based
