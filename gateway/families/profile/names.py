@@ -8,7 +8,7 @@ from typing import Any
 from gateway.families.profile.rows import Model, Type
 from gateway.families.profile.schema import Point, Profile
 
-MEANINGS = {  # of the points that are quantities; what a bit means is the manual's own text
+MEANINGS = {  # of the quantities that families share; what a bit means is the manual's own text
     "current": "mean current of the motor's phases",
     "current_pct": "mean current, 100 % = the motor's rated current",
     "line_voltage": "mean voltage of the supply, phase to phase",
@@ -22,28 +22,6 @@ MEANINGS = {  # of the points that are quantities; what a bit means is the manua
     "heatsink_temperature": "temperature of the power semiconductors' heatsink",
     "fault_code": "number of the fault; while `fault` is false that of the last one, or 0",
     "starts_total": "number of starts since the starter was made or its counters were reset",
-    "d2_1_1": "number of an active alarm; 0: none",
-    "d2_1_2": "number of an active alarm; 0: none",
-    "d2_1_3": "number of an active alarm; 0: none",
-    "d2_1_4": "number of an active alarm; 0: none",
-    "d2_1_5": "number of an active alarm; 0: none",
-    "p006": "what the starter does at present",
-    "p007": "voltage on the motor, 100 % = the supply's",
-    "p030": "current of phase R",
-    "p031": "current of phase S",
-    "p032": "current of phase T",
-    "p050": "level of the motor's thermal protection",
-    "r14": "voltage control of the thyristors; 100 % = full voltage",
-    "r15": "seconds until errors are reset by themselves, beside r16",
-    "r16": "minutes until errors are reset by themselves, beside r15",
-    "r17": "voltage of the starter's control supply",
-    "r20": "voltage of the start capacitor",
-    "r41": "time without a request after which the starter stops the motor; 0: off",
-    "r42": "time without a request after which the starter stops the motor and restarts itself; 0: off",
-    "s3_1_2": "who commands the motor at present",
-    "s5_2_5": "command word of the accessory in slot 1, as it stands in the starter",
-    "s5_2_6": "command word of the accessory in slot 2, as it stands in the starter",
-    "vb06": "not 0: an adjusting mode, in which the motor cannot be run",
 }
 
 
@@ -77,7 +55,7 @@ def meaning_of(profile: Profile, name: str) -> str:
     if point.bit is not None or profile.parameters[point.code].type is Type.BIT:
         said = [f"{word}: {labels[value]}" for value, word in enumerate(("false", "true")) if value in labels]
         return "; ".join(said) or f"true: {printed_name(profile, name)}"
-    return MEANINGS.get(name) or printed_name(profile, name)
+    return point.meaning or MEANINGS.get(name) or printed_name(profile, name)
 
 
 def translated(profile: Profile, rows: Iterable[tuple[str, Translation]], problems: list[str]) -> Profile:

@@ -26,6 +26,7 @@ class Point(Model):
     deadband: float = 0.0  # in the row's unit
     zero_is_missing: bool = False  # the manual: 0 means "not available"
     since_firmware: str = ""  # e.g. "1.40"; older firmware does not have it (SSW-07 4.2.1)
+    meaning: str = ""  # of a quantity that is this family's alone
 
 
 class Timing(Model):
