@@ -128,7 +128,7 @@ def _planned(
         }
         rows = [profile.parameters[code] for code in codes - seen]
         seen |= codes
-        planned += [_block(group, run) for run in _runs(rows, profile.limits, timing)]
+        planned += [_block(group, run) for run in _runs(profile, rows, timing)]
     return tuple(planned)
 
 
@@ -138,28 +138,26 @@ def split(block: Block) -> tuple[Block, ...]:
 
 
 def _block(group: str, rows: Sequence[Parameter]) -> Block:
-    first, last = rows[0], rows[-1]
-    request = read_run(first.table, first.address, last.address + last.words - first.address)
-    return Block(name=f"{group}:{first.code}", group=group, request=request, rows=tuple(rows))
+    return Block(name=f"{group}:{rows[0].code}", group=group, request=_request(rows), rows=tuple(rows))
 
 
-def _runs(rows: Iterable[Parameter], limits: Limits, timing: LineTiming | None) -> list[list[Parameter]]:
+def _runs(profile: Profile, rows: Iterable[Parameter], timing: LineTiming | None) -> list[list[Parameter]]:
     def kind(row: Parameter) -> tuple[Table, bool]:
         return row.table, not row.is_sure
 
     runs: list[list[Parameter]] = []
     for (table, _), alike in groupby(sorted(rows, key=lambda row: (*kind(row), row.address)), key=kind):
-        if timing is not None and not table.is_bits and limits.max_gap:
-            runs += cheapest_runs(list(alike), timing, longest=limits.read_registers)
-            continue
-        longest = limits.read_bits if table.is_bits else limits.read_registers
-        runs += runs_of(alike, partial(_fits, longest=longest, max_gap=limits.max_gap))
+        if timing is not None and not table.is_bits and profile.limits.max_gap:
+            runs += cheapest_runs(list(alike), timing, longest=profile.limits.read_registers)
+        else:
+            runs += runs_of(alike, partial(_fits, profile.limits))
     return runs
 
 
-def _fits(run: Sequence[Parameter], row: Parameter, *, longest: int, max_gap: int) -> bool:
+def _fits(limits: Limits, run: Sequence[Parameter], row: Parameter) -> bool:
     end = run[-1].address + run[-1].words
-    return row.address - end <= max_gap and row.address + row.words - run[0].address <= longest
+    longest = limits.read_bits if row.table.is_bits else limits.read_registers
+    return row.address - end <= limits.max_gap and row.address + row.words - run[0].address <= longest
 
 
 SET_WITHIN_S = 2.0  # until a written row reads back as written
@@ -171,7 +169,7 @@ def reads_for(profile: Profile, codes: Iterable[str]) -> tuple[Read, ...]:
     rows = sorted(
         (profile.parameters[code] for code in set(codes)), key=lambda row: (row.table, row.address, row.code)
     )
-    return tuple(_read(run) for run in runs_of(rows, lambda run, row: _may_join(profile, run, row)))
+    return tuple(_read(run) for run in runs_of(rows, partial(_may_join, profile)))
 
 
 def rows_of_points(profile: Profile, names: Iterable[str]) -> tuple[str, ...]:
@@ -237,20 +235,23 @@ def _mask(row: Parameter) -> int:
 def _may_join(profile: Profile, run: list[Parameter], row: Parameter) -> bool:
     """Return whether one request may span this row too, with nothing in between that could refuse it."""
     limits = profile.limits
-    first, end = run[0], max(one.address + one.words for one in run)
-    is_bit = row.table.is_bits
+    first, is_bit = run[0], row.table.is_bits
     longest = limits.read_bits if is_bit else limits.read_registers
     if row.table is not first.table or row.address + row.words - first.address > longest:
         return False
+    end = max(one.address + one.words for one in run)
     if is_bit:
         return all((row.table, address) in profile.rows_at for address in range(end, row.address))
     return row.address - end <= limits.max_gap
 
 
 def _read(run: list[Parameter]) -> Read:
+    return Read(request=_request(run), codes=tuple([row.code for row in run]))
+
+
+def _request(run: Sequence[Parameter]) -> Request:
     start = run[0].address
-    end = max(row.address + row.words for row in run)
-    return Read(request=read_run(run[0].table, start, end - start), codes=tuple(row.code for row in run))
+    return read_run(run[0].table, start, max(row.address + row.words for row in run) - start)
 
 
 _SPANNED = 24  # registers that are no parameter, rather than a second request: both take some 25 ms at 19200
