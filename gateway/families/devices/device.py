@@ -85,9 +85,9 @@ class Device:
         if points.get("fault"):
             number = points.get("fault_code")
             code = alarm_code("e", number) if number else ""
-            found.append(alarm(profile, code, "fault") if code else fault(profile))
+            found.append(alarm(profile, code, "fault") if code else unnumbered(profile, "fault"))
         if points.get("alarm"):
-            found.append(some_alarm(profile))
+            found.append(unnumbered(profile, "alarm"))
         return found
 
     def start_findings(self, settings: Settings) -> Iterable[Finding]:
@@ -115,16 +115,6 @@ def denied_by_name(seen: Identity) -> Identity:
     return replace(seen, lacks=seen.lacks or seen.reason) if is_named_otherwise else seen
 
 
-def fault(profile: Profile) -> Alarm:
-    """Return a fault without a number."""
-    return _unnumbered(profile, "fault")
-
-
-def some_alarm(profile: Profile) -> Alarm:
-    """Return an alarm without a number."""
-    return _unnumbered(profile, "alarm")
-
-
 def alarm(profile: Profile, code: str, severity: Literal["fault", "alarm"]) -> Alarm:
     """Return the profile's fault or alarm of this code, else one that says that the manual has none."""
     named = next((each for each in profile.alarms if each.code == code), None)
@@ -132,6 +122,7 @@ def alarm(profile: Profile, code: str, severity: Literal["fault", "alarm"]) -> A
     return named or Alarm(code=code, severity=severity, text=text)
 
 
-def _unnumbered(profile: Profile, severity: Literal["fault", "alarm"]) -> Alarm:
+def unnumbered(profile: Profile, severity: Literal["fault", "alarm"]) -> Alarm:
+    """Return a fault or an alarm without a number."""
     why = "is not known" if profile.alarm_points else "can be read at the starter only"
     return Alarm(code=severity, severity=severity, text=f"{severity.capitalize()}, its number {why}")

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from gateway.families.devices.device import Device, Identity, Question, alarm, fault
+from gateway.families.devices.device import Device, Identity, Question, alarm, unnumbered
 from gateway.families.devices.findings import Finding, Settings, Topic, Watchdog, Weight, start, unread
 from gateway.families.profile.parameters import find, settable_words, write_request
 from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep, refused
@@ -59,7 +59,7 @@ class SstDevice(Device):
     def alarms(self, profile: Profile, points: Mapping[str, Any]) -> list[Alarm]:
         """Coil 9 says that there is an error, coils 10-21 which one."""
         found = [alarm(profile, f"coil{coil}", "fault") for coil in _ERRORS if points.get(f"coil{coil}")]
-        return found or ([fault(profile)] if points.get("fault") else [])
+        return found or ([unnumbered(profile, "fault")] if points.get("fault") else [])
 
     def start_findings(self, settings: Settings) -> Iterator[Finding]:
         """Coils 5, 7, 8, 26; registers 41, 42 [coil table, NOTES]."""

@@ -13,8 +13,7 @@ from gateway.families.devices.device import (
     Question,
     alarm,
     denied_by_name,
-    fault,
-    some_alarm,
+    unnumbered,
 )
 from gateway.families.devices.findings import (
     Finding,
@@ -97,12 +96,12 @@ class Ssw900Device(Device):
         if points.get("fault") is not False and number:
             found.append(alarm(profile, alarm_code("f", number), "fault"))
         elif points.get("fault"):
-            found.append(fault(profile))
+            found.append(unnumbered(profile, "fault"))
         known = dict.fromkeys(each for each in numbers if each)
         if points.get("alarm") is not False and known:
             found += [alarm(profile, alarm_code("a", each), "alarm") for each in known]
         elif points.get("alarm"):
-            found.append(some_alarm(profile))
+            found.append(unnumbered(profile, "alarm"))
         return found
 
     def start_findings(self, settings: Settings) -> Iterator[Finding]:
