@@ -233,7 +233,7 @@ class Dispatcher:
             self._refuse(request, CommandError("id_reused", text), is_stored=False)
             return
         self._reporting.records.put(as_repetition(earlier, request))
-        audit(request, self._reporting, decision="duplicate", code=earlier.code)
+        audit(request, self._reporting.records, decision="duplicate", code=earlier.code)
 
     def _refuse(self, request: CommandRequest, error: CommandError, *, is_stored: bool) -> None:
         """Refuse a command; under an id that has a result, as a duplicate: that result stays."""

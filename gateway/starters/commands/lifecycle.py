@@ -193,13 +193,13 @@ class CommandReport:
             reporting.records.put(result)
 
     def _audit(self, end: Final) -> None:
-        decision, before = end.phase, self.before
-        audit(self.request, self._reporting, decision=decision, code=end.code, before=before, after=end.after)
+        records, before = self._reporting.records, self.before
+        audit(self.request, records, decision=end.phase, code=end.code, before=before, after=end.after)
 
 
 def audit(
     request: CommandRequest,
-    reporting: Reporting,
+    records: RecordWriter,
     *,
     decision: str,
     code: str,
@@ -207,7 +207,7 @@ def audit(
     after: Mapping[str, Any] | None = None,
 ) -> None:
     """Record one decision about a command."""
-    reporting.records.put(
+    records.put(
         AuditRecord(
             starter=request.starter,
             client=request.client,
@@ -216,8 +216,8 @@ def audit(
             args=request.args,
             decision=decision,
             code=code,
-            time_s=reporting.records.clock.utc_s(),
-            seq=reporting.records.sequence.take(),
+            time_s=records.clock.utc_s(),
+            seq=records.sequence.take(),
             before=before or {},
             after=after or {},
             id=request.id,

@@ -69,7 +69,8 @@ class Recovery:
             self._reporting.ledger.store(result, now_s=self._reporting.records.clock.now_s())
             self._reporting.journal.note(result, then=lambda: self._reporting.records.put(result))
         request = CommandRequest(result.starter, result.client, result.verb, result.id)
-        audit(request, self._reporting, decision=result.phase, code=result.code, after=result.values)
+        records = self._reporting.records
+        audit(request, records, decision=result.phase, code=result.code, after=result.values)
         if self._starter is not None and result.phase is Phase.UNCONFIRMED:
             data = {"client": result.client, "id": result.id, "verb": result.verb}
             self._starter.emitter.event("command_cut_short", Severity.ERROR, result.text, data)

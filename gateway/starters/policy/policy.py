@@ -19,7 +19,7 @@ from gateway.starters.telemetry.transitions import PublishedFaults
 from gateway.storage.json_file import JsonStore, NoStore, Saver
 
 WEAR_EVENT = "memory_written"
-GATEWAY = "gateway"  # who locks when the locks are not known any more
+GATEWAY = "gateway"  # who writes by itself, and locks when the locks are not known any more
 
 
 class Policy:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -22,17 +21,17 @@ from gateway.families.mapped_registers import (
 from gateway.families.profile.procedure import Procedure
 from gateway.line.rtu.outcome import Answered, Refused
 from gateway.line.scheduler.requests import Priority
-from gateway.records import AuditRecord, RecordWriter, Severity
+from gateway.records import RecordWriter, Severity
+from gateway.starters.commands.lifecycle import audit
 from gateway.starters.commands.starter_io import RefusedError, Rows, StarterIo
 from gateway.starters.identity.first_contact import IdentityStatus
+from gateway.starters.policy.policy import GATEWAY
+from gateway.starters.policy.request import CommandRequest
 from gateway.starters.policy.write_budget import WriteBudget
 from gateway.starters.telemetry.telemetry import StarterTelemetry
 from gateway.system.rate_limits import ChangeDetector
 from gateway.system.supervised import SupervisedTask
 
-logger = logging.getLogger(__name__)
-
-GATEWAY = "gateway"  # who writes, in the audit
 RETRY_S = 10.0  # until the starter can be asked, or the motor stands
 MOST_WRITINGS = 3  # of a map that does not read back as written
 
@@ -197,29 +196,16 @@ class MappedRegisters:
         return self._writings >= MOST_WRITINGS or self._is_contested or not self._may_write
 
     def _audit(self, before: Rows, changed: Rows, *, is_seen: bool) -> None:
-        self._records.put(
-            AuditRecord(
-                starter=self._starter.setup.name,
-                client=GATEWAY,
-                operator=None,
-                verb=VERB,
-                args={code: words[0] for code, words in changed.items()},
-                decision="confirmed" if is_seen else "unconfirmed",
-                code="ok" if is_seen else "not_seen",
-                time_s=self._records.clock.utc_s(),
-                seq=self._records.sequence.take(),
-                before={code: list(before[code]) for code in changed},
-                after={code: list(words) for code, words in changed.items()} if is_seen else {},
-            )
+        args = {code: words[0] for code, words in changed.items()}
+        audit(
+            CommandRequest(self._starter.setup.name, GATEWAY, VERB, args=args),
+            self._records,
+            decision="confirmed" if is_seen else "unconfirmed",
+            code="ok" if is_seen else "not_seen",
+            before={code: list(before[code]) for code in changed},
+            after={code: list(words) for code, words in changed.items()} if is_seen else {},
         )
 
     def _publish(self, code: str, severity: Severity, text: str) -> None:
-        if not self._news.is_new(code):
-            return
-        logger.log(
-            logging.INFO if severity is Severity.INFO else logging.WARNING,
-            "starter=%s %s",
-            self._starter.setup.name,
-            text,
-        )
-        self._starter.emitter.event(code, severity, text)
+        if self._news.is_new(code):
+            self._starter.emitter.event(code, severity, text)

@@ -103,12 +103,7 @@ def rows_set(verb: str, args: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _as_data(entry: ParameterEntry) -> dict[str, Any]:
-    return {
-        "value": entry.value,
-        "label": entry.label,
-        "unit": entry.unit,
-        "raw": list(entry.raw or ()),
-    }
+    return {"value": entry.value, "label": entry.label, "unit": entry.unit, "raw": list(entry.raw or ())}
 
 
 VERBS = ("set", "configure")
@@ -116,9 +111,7 @@ EVERY_S = 60.0  # one block; an SSW900's settings are some 20 blocks
 FIRST_LAP_EVERY_S = 10.0  # until all of them are known: what is changed before cannot be noticed
 REFUSALS = 3  # of a row, in as many laps, before it is left out for the rest of the hour
 HOUR_S = 3600.0
-LONGEST_BLOCK = (
-    24  # registers: no request of an identification is shorter on the line, so no stop waits longer
-)
+LONGEST_BLOCK = 24  # registers: no request of an identification is shorter, so no stop waits longer
 
 
 class ParameterMonitor:
@@ -134,7 +127,8 @@ class ParameterMonitor:
         self._starter = starter
         self._on_change = on_change
         self._every_s = every_s
-        self._watch = ParameterChanges(starter.profile)
+        self._watch = watch = ParameterChanges(starter.profile)
+        self.recall, self.note_written = watch.recall, watch.note_written
         self._reads = deque(_lap_of(starter.profile))
         self._left_of_first_lap = len(self._reads)  # blocks: the first lap makes known what there is
         self._refusals: dict[str, int] = {}  # by row, since the hour began
@@ -151,17 +145,12 @@ class ParameterMonitor:
         if verb in VERBS:
             self._watch.note_command(self._starter.variant, verb, args, is_over=is_over)
 
-    def note_reading(self, rows: Mapping[str, tuple[int, ...]]) -> None:
-        """Record settings that were just read on another occasion, and publish what has changed."""
-        self._publish_changes(rows)
-
-    def recall(self, rows: Mapping[str, tuple[int, ...]]) -> None:
-        """Record settings as they were in an earlier run: what reads otherwise now was changed since."""
-        self._watch.recall(rows)
-
-    def note_written(self, rows: Mapping[str, tuple[int, ...]]) -> None:
-        """Record that the gateway itself writes these rows now."""
-        self._watch.note_written(rows)
+    def note_reading(self, rows: Mapping[str, tuple[int, ...]]) -> bool:
+        """Publish which of these settings, just read, were changed at the starter; return whether any was."""
+        starter = self._starter
+        changes = self._watch.note_reading(starter.variant, rows)
+        starter.emitter.put(*map(starter.emitter.change, changes))
+        return bool(changes)
 
     async def _walk(self) -> None:
         while self._reads:
@@ -183,19 +172,12 @@ class ParameterMonitor:
         ask = partial(starter.ask, lane=Priority.PARAMETERS)
         found = await read_in_bulk(ask, starter.profile, [read], tries=1)
         starter.note_settings(found.rows)
-        if self._publish_changes(found.rows):
+        if self.note_reading(found.rows):
             self._on_change()
         if not found.refused:
             return (read,)
         again = [code for code in found.refused if self._is_asked_again(code)]
         return (*self._planned(found.rows), *(each for code in again for each in self._planned([code])))
-
-    def _publish_changes(self, rows: Mapping[str, tuple[int, ...]]) -> bool:
-        """Publish which of these rows were changed at the starter; return whether any was."""
-        starter = self._starter
-        changes = self._watch.note_reading(starter.variant, rows)
-        starter.emitter.put(*map(starter.emitter.change, changes))
-        return bool(changes)
 
     def _pause_s(self) -> float:
         return min(FIRST_LAP_EVERY_S, self._every_s) if self._left_of_first_lap > 0 else self._every_s

@@ -20,6 +20,7 @@ from gateway.line.scheduler.requests import Priority
 from gateway.starters.bulk_read import read_in_bulk
 from gateway.starters.identity.first_contact import IdentityStatus
 from gateway.starters.parameters.model import ParameterEntry, entries_of
+from gateway.starters.services.parameter_monitor import LONGEST_BLOCK
 from gateway.starters.telemetry.view import StarterControlView
 from gateway.system.supervised import SupervisedTask
 
@@ -29,7 +30,6 @@ OWN_EVERY_S = 60.0  # the starter's own counters and thermal level
 SETTINGS_EVERY_S = 3600.0
 AGAIN_S = 1.0  # before what was not answered is asked for again,
 TRIES = 5  # that often after a trip
-LONGEST_BLOCK = 24  # registers: no request of an identification is shorter, so no stop waits longer
 
 Rows = Mapping[str, ParameterEntry]
 

@@ -38,12 +38,9 @@ _SEVERITIES = {Weight.NOTE: Severity.INFO, Weight.WARNING: Severity.WARNING, Wei
 class ReadinessService:
     """Reads one starter's settings on each `begin`; publishes the findings only when they have changed."""
 
-    def __init__(
-        self,
-        starter: StarterControlView,
-    ) -> None:
+    def __init__(self, starter: StarterControlView) -> None:
         self._starter = starter
-        self.on_rows: Callable[[Mapping[str, tuple[int, ...]]], None] = lambda _: None  # gets what was read
+        self.on_rows: Callable[[Mapping[str, tuple[int, ...]]], object] = lambda _: None  # gets what was read
         self._task = SupervisedTask(f"readiness {starter.setup.name}")
         self.close = self._task.close
         self._news = ChangeDetector()  # what the last event was made of

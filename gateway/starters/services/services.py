@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Coroutine
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 from gateway.families.diagnosis.readiness import readiness_codes
@@ -93,7 +92,7 @@ class StarterServices:
             write_budget=self._policy.write_budget,
             records=self._records,
             may_write=self._may_write and not self._is_started,
-            is_locked=partial(_is_locked, self._policy, starter.setup.name),
+            is_locked=lambda: self._policy.motor_history.lock_of(starter.setup.name) is not None,
             on_written=monitor.note_written,
         )
         starter.when_identified(mapped_registers.begin)
@@ -130,7 +129,3 @@ class StarterServices:
             services.monitor.note_command(record.verb, record.args, is_over=is_over)
             if is_over and services.is_about_readiness(record):
                 services.readiness.begin()
-
-
-def _is_locked(policy: Policy, starter: str) -> bool:
-    return policy.motor_history.lock_of(starter) is not None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import random
 from typing import Any
 
@@ -33,6 +34,18 @@ async def test_one_request_reads_all_once_the_points_are_mapped() -> None:
         assert len(map_writes(here)) == 1
         assert asked(here, FAST) == pytest.approx(20, abs=1)
         assert asked(here, STATUS) == asked(here, VALUES) == 0
+
+
+@virtually
+async def test_what_becomes_of_mapped_words_is_logged_by_its_event_alone(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    with caplog.at_level(logging.INFO, logger="gateway.starters.services"):
+        async with one_starter(make_unit("ssw900", 1), has_fast_words=True) as here:
+            await asyncio.sleep(10.0)
+
+            assert here.fast_events() == ["fast_words_used"]
+    assert "mapped words" not in caplog.text
 
 
 @virtually
