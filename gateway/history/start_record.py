@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from datetime import datetime
 from typing import Any
 
@@ -84,28 +84,19 @@ class StartSummary:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON object of a summary, without what is not known."""
-        cause = {
-            "source": self.cause.source.value,
-            "client": self.cause.client,
-            "command_id": self.cause.command_id,
-        }
+        drift = {name: _change_to_dict(each) for name, each in self.drift.items()}
         known = {name: _shown(getattr(self, name)) for name in _NUMBERS}
         return {
             "id": self.id,
             "time": rfc3339(self.time_s),
             "boot": self.boot,
             "seq": self.seq,
-            "cause": {key: value for key, value in cause.items() if value is not None},
+            "cause": {key: value for key, value in asdict(self.cause).items() if value is not None},
             "outcome": self.outcome.value,
             **{name: value for name, value in known.items() if value is not None},
             **({"outliers": self.outliers} if self.outliers else {}),
             "is_baseline": self.is_baseline,
-            **(
-                {"drift": {name: _change_to_dict(each) for name, each in self.drift.items()}}
-                if self.drift
-                else {}
-            ),
-        }
+        } | ({"drift": drift} if drift else {})
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> StartSummary:

@@ -168,8 +168,7 @@ def _date(words: Sequence[int]) -> str | None:
 
 def _ip_address(words: Sequence[int]) -> str | None:
     """A 32-bit number, low word first; any number is an address."""
-    number = words[0] | words[1] << 16
-    return ".".join(str(number >> shift & 0xFF) for shift in (24, 16, 8, 0))
+    return str(IPv4Address(words[0] | words[1] << 16))
 
 
 def _mac_address(words: Sequence[int]) -> str | None:

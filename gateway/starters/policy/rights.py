@@ -35,32 +35,25 @@ class Rights:
 
     def is_lockable(self, starter: str) -> bool:
         """Return whether anybody may set a maintenance lock on this starter."""
-        return any(
-            self.is_allowed(operator.client, verb="lock", starter=starter) for operator in self.operators
-        )
+        return any(self.is_allowed(each.client, verb="lock", starter=starter) for each in self.operators)
 
     def is_allowed(self, client: str, *, verb: str, starter: str) -> bool:
         """Return whether one of the client's entries names this verb and this starter."""
-        return any(
-            operator.client == client
-            and (ANY_VERB in operator.may or verb in operator.may)
-            and _matches(operator, starter)
-            for operator in self.operators
-        )
+        return bool(self._granting(client, verb, starter))
 
     def freshness(self, client: str, *, verb: str, starter: str) -> tuple[str, ...]:
         """Return the `freshness` of the client's entries that give this right, each of them enough.
 
         The default counts for what no entry names: verbs that need no right, and what will be refused.
         """
-        settings = tuple(
-            operator.freshness
-            for operator in self.operators
-            if operator.client == client
-            and (ANY_VERB in operator.may or verb in operator.may)
-            and _matches(operator, starter)
-        )
-        return settings or ("token",)
+        return tuple(each.freshness for each in self._granting(client, verb, starter)) or ("token",)
+
+    def _granting(self, client: str, verb: str, starter: str) -> list[Operator]:
+        return [
+            each
+            for each in self.operators
+            if each.client == client and {ANY_VERB, verb} & set(each.may) and _matches(each, starter)
+        ]
 
 
 def _matches(operator: Operator, starter: str) -> bool:
