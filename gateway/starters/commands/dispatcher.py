@@ -7,7 +7,7 @@ import logging
 from collections.abc import Callable, Collection, Coroutine, Iterable, Mapping
 from contextlib import suppress
 from math import inf
-from typing import Any
+from typing import Any, TypeVar
 
 from gateway.errors import CommandError
 from gateway.records import LOCK, OWN_VERBS, READ, SELECT, STOP, Phase, RecordWriter, ResultRecord
@@ -46,6 +46,7 @@ _DECIDED_BEFORE: Mapping[str, str] = {  # by what shows when a command was decid
     "issued_at": "a stop came before this command was surely issued (without a token it must be dated 2 s "
     "after the stop, since clocks differ): look, decide again, then send it again",
 }
+_Work = TypeVar("_Work", CommandExecution, Stopping)
 NOT_TAKEN = (UNAVAILABLE, LEDGER_FULL, TOO_MANY)  # without the ledger, what it has may say something else
 
 
@@ -267,10 +268,10 @@ class Dispatcher:
         report = CommandReport(request, self._reporting)
         report.accept()
         place = None if request.verb == READ else load.queue.enter(request.expires_s)
-        self._executions[request.starter] = execution = CommandExecution(
+        self._executions[request.starter] = CommandExecution(
             report, starter, preparation, guard, place, self._policy.watchdogs
         )
-        self._spawn(self._until_done(request.starter, execution))
+        self._spawn(_run_out(self._executions, request.starter))
 
     def _demand_decided_after_stop(self, request: CommandRequest) -> None:
         """Refuse what came before the latest stop of its starter; what may move the motor also when it
@@ -324,7 +325,7 @@ class Dispatcher:
         stopping = self._stops.get(name)
         if stopping is None:
             stopping = self._stops[name] = Stopping(self._starters[name])
-            self._spawn(self._until_stopped(name, stopping))
+            self._spawn(_run_out(self._stops, name))
         return stopping
 
     def _stop_once_more(self, names: Iterable[str], came_s: float) -> None:
@@ -364,22 +365,18 @@ class Dispatcher:
         if is_forbidden(execution.report.request.verb, execution.report.request.args):
             execution.halt("locked")
 
-    async def _until_done(self, name: str, execution: CommandExecution) -> None:
-        try:
-            await execution.run()
-        finally:
-            del self._executions[name]
-
-    async def _until_stopped(self, name: str, stopping: Stopping) -> None:
-        try:
-            await stopping.run()
-        finally:
-            del self._stops[name]
-
     def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
         task = asyncio.get_running_loop().create_task(work)
         self._tasks.add(task)  # the loop itself keeps only a weak reference
         task.add_done_callback(self._tasks.discard)
+
+
+async def _run_out(under_way: dict[str, _Work], name: str) -> None:
+    """Run what is under way for a starter to its end."""
+    try:
+        await under_way[name].run()
+    finally:
+        del under_way[name]
 
 
 def _error_of(check: Callable[..., None], *args: Any) -> CommandError | None:

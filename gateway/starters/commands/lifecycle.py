@@ -32,34 +32,19 @@ NEXT: Mapping[Phase | None, frozenset[Phase]] = {
 class Lifecycle:
     """One command's phase; a step that the table does not list is a bug and raises ValueError."""
 
-    def __init__(self, phase: Phase | None = None) -> None:
-        self._phase = phase
-
-    @property
-    def phase(self) -> Phase | None:
-        """Return the present phase; None before the first."""
-        return self._phase
-
-    @property
-    def is_over(self) -> bool:
-        """Return whether the final result has been given."""
-        return self._phase is not None and self._phase.is_final
+    def __init__(self) -> None:
+        self.phase: Phase | None = None  # before the first
 
     @property
     def is_written(self) -> bool:
         """Return whether something has, or may have, reached the starter."""
-        return self._phase is Phase.WRITTEN
-
-    @classmethod
-    def resumed(cls, *, may_be_written: bool) -> Lifecycle:
-        """Return a life that a crash cut short after its acceptance: as far on as it can have been."""
-        return cls(Phase.WRITTEN if may_be_written else Phase.ACCEPTED)
+        return self.phase is Phase.WRITTEN
 
     def advance(self, phase: Phase) -> None:
         """Go on to `phase`."""
-        if phase not in NEXT[self._phase]:
-            raise ValueError(f"a command cannot go from {self._phase} to {phase}")
-        self._phase = phase
+        if phase not in NEXT[self.phase]:
+            raise ValueError(f"a command cannot go from {self.phase} to {phase}")
+        self.phase = phase
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from dataclasses import replace
 from gateway.families.profile.state import state_of
 from gateway.records import Phase, ResultRecord, Severity
 from gateway.starters.commands.execution import LOOK, MAY_BE_TURNING
-from gateway.starters.commands.lifecycle import Lifecycle, Reporting, audit
+from gateway.starters.commands.lifecycle import Reporting, audit
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.telemetry.transitions import UNKNOWN
 from gateway.starters.telemetry.view import StarterControlView
@@ -38,16 +38,14 @@ class Recovery:
 
     def result(self) -> ResultRecord:
         """Return the command's final result as far as it is known now."""
-        life = Lifecycle.resumed(may_be_written=self._remembered.may_be_written)
         text = "the gateway ended while this command was under way"
-        if life.is_written:
+        if self._remembered.may_be_written:
             outlook = LOOK if self._remembered.result.verb in STILL else MAY_BE_TURNING
             text += f"; it was written, or about to be: {outlook}"
             phase = Phase.UNCONFIRMED
         else:
             text += "; nothing was written"
             phase = Phase.REJECTED
-        life.advance(phase)
         state = self._state()
         text += f"; the starter is now {state}" if state != UNKNOWN else "; its state is not known yet"
         earlier = self._remembered.result

@@ -29,6 +29,8 @@ from gateway.system.clock import Clock
 class OfflineStarter:
     """A `StarterControlView` without polls, so that a command judges only what it has just read itself."""
 
+    contradiction = ""  # a device that is not the configured one is given up when it is identified
+
     def __init__(
         self,
         setup: StarterSetup,
@@ -62,11 +64,6 @@ class OfflineStarter:
     def identity_reason(self) -> str:
         """Return in words why the identity is not matching; empty when it is."""
         return why_not(self.profile, self.identity) or ""
-
-    @property
-    def contradiction(self) -> str:
-        """Return nothing: a device that is not the configured one is given up when it is identified."""
-        return ""
 
     async def identify(self) -> None:
         """Identify the device; CommandError when none answers, or another than the configured one."""

@@ -19,22 +19,20 @@ def test_a_start_goes_from_accepted_over_written_to_confirmed() -> None:
     life = lived(Phase.ACCEPTED, Phase.WRITTEN, Phase.CONFIRMED)
 
     assert life.phase is Phase.CONFIRMED
-    assert life.is_over
-
-
-def test_a_new_command_is_neither_over_nor_written() -> None:
-    life = Lifecycle()
-
-    assert life.phase is None
-    assert not life.is_over
     assert not life.is_written
 
 
-def test_a_written_command_is_written_but_not_over() -> None:
+def test_a_new_command_is_not_written() -> None:
+    life = Lifecycle()
+
+    assert life.phase is None
+    assert not life.is_written
+
+
+def test_a_command_of_which_something_went_out_is_written() -> None:
     life = lived(Phase.ACCEPTED, Phase.WRITTEN)
 
     assert life.is_written
-    assert not life.is_over
 
 
 @pytest.mark.parametrize("final", [phase for phase in Phase if phase.is_final])
@@ -58,7 +56,7 @@ def test_what_was_not_written_can_never_be_unconfirmed() -> None:
 def test_every_pair_that_the_table_does_not_list_raises() -> None:
     for before, after in itertools.product([None, *Phase], Phase):
         life = Lifecycle()
-        life._phase = before
+        life.phase = before
         if after in NEXT[before]:
             life.advance(after)
             assert life.phase is after
