@@ -76,9 +76,8 @@ def plan_with(
     profile: Profile, variant: Variant, fast: MappedBlock | None, *, timing: LineTiming | None = None
 ) -> tuple[Block, ...]:
     """Return all reads of a starter, the fast one first where there is one, as `plan_blocks` does."""
-    if fast is None:
-        return plan_blocks(profile, variant, timing=timing)
-    return (fast, *plan_blocks(profile, variant, without=fast.codes, timing=timing))
+    others = plan_blocks(profile, variant, without=fast.codes if fast else (), timing=timing)
+    return (fast, *others) if fast else others
 
 
 def probes(profile: Profile, variant: Variant) -> tuple[Read, ...]:

@@ -93,9 +93,7 @@ class TrendVerdict:
     """What a start says about the motor."""
 
     is_baseline: bool = False  # it is one of those that make the baseline
-    drift: Mapping[str, QuantityChange] = field(
-        default_factory=dict
-    )  # of every quantity, once it can be said
+    drift: Mapping[str, QuantityChange] = field(default_factory=dict)  # of all quantities, once it is known
     raised: str = ""  # in words what has changed, when the drift is raised by this start
     is_over: bool = False  # the drift is over by this start
 

@@ -119,9 +119,8 @@ class StartSummary:
             raise DamagedError(f"this is no record of a start: {error!r}") from error
 
 
-_NUMBERS = tuple(
-    each.name for each in fields(StartSummary) if each.type == "float | None"
-)  # of a summary, in the order in which they are shown
+# Of a summary, in the order in which they are shown.
+_NUMBERS = tuple(each.name for each in fields(StartSummary) if each.type == "float | None")
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,9 +34,7 @@ AFTER_S = 5.0  # and go on for so long after full voltage
 LONGEST_S = 300.0  # a motor that accelerates longer is given up
 RISEN = 2.5  # times the rated current: it accelerates [SEL-749M]
 LARGEST = 10.0  # times the rated current, which is also as far as S1.1.4 goes [SSW900, table A.2]
-FITS_S = (
-    10.0  # after a start was written, the motor is seen to start within this time (verify, 5 s, and a poll)
-)
+FITS_S = 10.0  # from the write of a start until the motor is seen to start (verify, 5 s, and a poll)
 THERMAL_VALID_S = 120.0  # a thermal level of the motor at rest
 MOST_COMMANDS = 4
 

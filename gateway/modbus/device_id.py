@@ -90,9 +90,8 @@ def _walk(pdu: bytes, number: int) -> tuple[dict[int, str], int]:
     (ssw06-es 5.4.7 prints 20 for a text of 12) an object ends with its printable characters.
     """
     objects, end = _cut(pdu, number, by_length=True)
-    return (
-        (objects, end) if len(objects) == number and end == len(pdu) else _cut(pdu, number, by_length=False)
-    )
+    is_right = len(objects) == number and end == len(pdu)
+    return (objects, end) if is_right else _cut(pdu, number, by_length=False)
 
 
 def _cut(pdu: bytes, number: int, *, by_length: bool) -> tuple[dict[int, str], int]:

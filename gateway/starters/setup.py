@@ -54,9 +54,7 @@ class StarterSetup:
         if not request.is_write:
             return self.response_time_s or timing.read_s
         allowed_s = self.response_time_s or timing.write_s
-        if isinstance(
-            request, WriteRegisters
-        ):  # FC16 takes its time per register (ssw07 5.3.1, ssw06-es 5.3.1)
+        if isinstance(request, WriteRegisters):  # its time is per register (ssw07 5.3.1, ssw06-es 5.3.1)
             return max(allowed_s, timing.write_per_register_s * len(request.words))
         return allowed_s
 
@@ -75,9 +73,8 @@ class StarterSetup:
 
     def key_of(self, block: Block) -> str:
         """Return the key of a block's poll."""
-        return (
-            f"{self.name}/{block.name}" if self.edition == 0 else f"{self.name}/{block.name}/{self.edition}"
-        )
+        edition = f"/{self.edition}" if self.edition else ""
+        return f"{self.name}/{block.name}{edition}"
 
     def poll_of(self, block: Block, *, every_s: float) -> Poll:
         """Return the poll that reads a block."""

@@ -57,9 +57,7 @@ class Type(enum.StrEnum):
     MAC_ADDRESS = "mac_address"
     STRING = "string"
     VERSION_LOW = "version_low"  # low byte before the point, high byte after it (SST registers 1-2)
-    VERSION_HIGH = (
-        "version_high"  # high byte before the point, low byte as two digits after it (SST register 7)
-    )
+    VERSION_HIGH = "version_high"  # high byte before it, low byte as two digits after it (SST register 7)
 
 
 class Access(enum.StrEnum):

@@ -31,14 +31,10 @@ _REPEATABLE = frozenset({"read", "stop"})  # verbs that may act again
 
 @dataclass(frozen=True, slots=True)
 class Proofs:
-    """How long a copy of a command can prove itself fresh."""
+    """How long a copy of a command can prove itself fresh: by its age, or by the present boot at any age."""
 
-    longest_s: float = (
-        62.0  # after its first arrival, by its age: the longest ttl, with a clock that is ahead
-    )
-    boot: Callable[[], str] = lambda: (
-        ""
-    )  # the present boot: for some commands proof enough, whatever their age
+    longest_s: float = 62.0  # after its first arrival: the longest ttl, with a clock that is ahead
+    boot: Callable[[], str] = lambda: ""  # the present one, which is proof enough for some commands
     renew: Callable[[], None] = lambda: None  # replaces the boot
 
 

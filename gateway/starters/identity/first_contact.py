@@ -168,12 +168,10 @@ class FirstContact:
             is_changed, before = before not in (None, standing), standing
             self._is_open = standing is not IdentityStatus.MATCHING
             known = {q: out for q, out in outcomes.items() if q.is_asked_once and _is_final(out)}
-            if (
-                is_changed or standing is IdentityStatus.MISMATCHED
-            ):  # it was, or is, another device that said so
-                known = {}
+            if is_changed:
+                known = {}  # it was another device that said so
             if standing is IdentityStatus.MISMATCHED:
-                self._fc43 = Fc43Backoff()  # what it left unanswered says nothing of the right one
+                known, self._fc43 = {}, Fc43Backoff()  # what it said or not says nothing of the right one
             rounds += 1
             is_complete = all(map(_is_clear, outcomes.values()))
             self.is_settled = is_complete or rounds >= MOST_ROUNDS

@@ -164,9 +164,8 @@ class MappedRegisters:
             if not isinstance(await self._starter_io.write(step.request, lane=Priority.READ_BACK), Answered):
                 break
         else:
-            is_seen = (
-                procedure.verify is not None and await self._starter_io.see(procedure.verify) is not None
-            )
+            verify = procedure.verify
+            is_seen = verify is not None and await self._starter_io.see(verify) is not None
         self._audit(before, changed, is_seen=is_seen)
         if is_seen:
             self._writings = 0
