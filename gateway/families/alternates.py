@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache, partial
 from typing import Any
 
-from gateway.families.profile.parameters import read_run
+from gateway.families.profile.parameters import READS, read_run
 from gateway.families.profile.rows import Access, Table, Type
 from gateway.families.profile.schema import Profile
 from gateway.modbus.pdu import Request
@@ -22,11 +22,6 @@ MOST = 8  # alternates of one request
 Cut = Callable[[Any], Any]
 Alternate = tuple[Request, Cut]
 
-_TABLES: dict[int, Table] = {
-    ReadCoils.function: Table.COIL,
-    ReadHoldingRegisters.function: Table.HOLDING,
-    ReadInputRegisters.function: Table.INPUT,
-}
 _WORD_BITS = 16
 _BYTE_BITS = 8
 
@@ -37,9 +32,9 @@ def alternates(profile: Profile, request: Request) -> tuple[Alternate, ...]:
 
     The second of each pair takes what was asked for from the value that such a read decodes.
     """
-    table = _TABLES.get(request.function)
-    if table is None or not isinstance(request, ReadCoils | ReadHoldingRegisters | ReadInputRegisters):
+    if not isinstance(request, ReadCoils | ReadHoldingRegisters | ReadInputRegisters):
         return ()
+    table = next(table for table, kind in READS.items() if kind is type(request))
     found = [*_as_coils(profile, table, request.address, request.count)]
     found += _longer(profile, table, request.address, request.count)
     return tuple(found[:MOST])

@@ -62,12 +62,9 @@ class LineTiming:
     @property
     def silence_s(self) -> float:
         """The shortest silence between frames, 3.5 characters as the starters count them."""
-        return self._counted_s(3.5)
+        bits = max(self.framing.character_bits, _COUNTED_BITS)
+        return 3.5 * max(bits / self.baud, _COUNTED_BITS / _FASTEST_COUNTED_BAUD)
 
     def wire_s(self, byte_count: int) -> float:
         """Return the time that so many bytes without gaps take."""
         return byte_count * self.character_s
-
-    def _counted_s(self, characters: float) -> float:
-        bits = max(self.framing.character_bits, _COUNTED_BITS)
-        return characters * max(bits / self.baud, _COUNTED_BITS / _FASTEST_COUNTED_BAUD)

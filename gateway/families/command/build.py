@@ -140,7 +140,7 @@ def _effects(profile: Profile, variant: Variant, verb: str, args: Mapping[str, A
         is_source = any(profile.protected.wakes(row.code) for row in rows)
         return is_source or any(row.is_configuration for row in rows), is_source
     entry = verb if verb in ("output", "configure") else _entry(profile, variant, verb, args)
-    return run_command.wakes(entry), run_command.changes_source(entry)
+    return run_command.wakes(entry), entry in run_command.CHANGES_SOURCE
 
 
 def _check_verb(profile: Profile, verb: str) -> None:

@@ -39,17 +39,12 @@ CLEARED_WITHIN_S = 1.0  # until the run command reads 0
 # Entries of a profile's commands that ask for motion, or for its end. All others may let a command act that
 # stands.
 _MOTION = ("start", "stop", "jog", "jog_off", "general_enable_off", "output")
-_CHANGES_SOURCE = ("local_remote", "local_remote_off")
+CHANGES_SOURCE = ("local_remote", "local_remote_off")  # they choose who commands the motor
 
 
 def wakes(entry: str) -> bool:
     """Return whether an entry of a profile's commands may let a run command act that stands."""
     return entry not in _MOTION
-
-
-def changes_source(entry: str) -> bool:
-    """Return whether an entry of a profile's commands chooses who commands the motor."""
-    return entry in _CHANGES_SOURCE
 
 
 def with_standstill(profile: Profile, preparation: Preparation, codes: Iterable[str] = ()) -> Preparation:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import pairwise
 
+from gateway.families.profile.parameters import READS
 from gateway.families.profile.rows import Access, Parameter, Table, Type
 from gateway.families.profile.schema import Output, Point, Profile, Write
 from gateway.families.profile.word_types import TYPE_LIMITS, TYPE_WORDS
 
-_READ_FUNCTIONS = {Table.COIL: 1, Table.DISCRETE: 2, Table.HOLDING: 3, Table.INPUT: 4}
 _ENUM_TYPES = (Type.ENUM, Type.LOW_ENUM)
 _READ_OVERHEAD = 5  # bytes of a reply frame beside its words: unit, function, byte count, CRC
 _WRITE_OVERHEAD = 9  # bytes of an FC16 frame beside its words
@@ -167,8 +167,9 @@ def _is_command(rows: tuple[Parameter, ...]) -> bool:
 def _limits(profile: Profile) -> Iterator[str]:
     limits = profile.limits
     for table in sorted({row.table for row in profile.parameters.values()}):
-        if _READ_FUNCTIONS[table] not in limits.functions:
-            yield f"limits.functions: the {table} table cannot be read without {_READ_FUNCTIONS[table]}"
+        function = READS[table].function
+        if function not in limits.functions:
+            yield f"limits.functions: the {table} table cannot be read without {function}"
     if _READ_OVERHEAD + 2 * limits.read_registers > limits.frame_bytes:
         yield f"limits.read_registers: {limits.read_registers} do not fit a frame"
     if _WRITE_OVERHEAD + 2 * limits.write_registers > limits.frame_bytes:

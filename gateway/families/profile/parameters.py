@@ -11,7 +11,6 @@ from gateway.families.profile.procedure import refused
 from gateway.families.profile.rows import OFF, RESERVED, Access, Confidence, Parameter, Table, Type
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.profile.word_types import SPELT, from_text, of_percent, to_number_words, to_percent
-from gateway.modbus.codes import Function
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegisters, ReadInputRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegister, WriteRegisters
@@ -23,11 +22,11 @@ _UNNAMED = "not named in this manual"
 _RAW_CODE = re.compile(r"P([0-9]{1,5})")
 _REGISTER_CODE = re.compile(r"(HR|IR|COIL|DI)([0-9]{1,5})")
 _PREFIXES = {Table.HOLDING: "HR", Table.INPUT: "IR", Table.COIL: "COIL", Table.DISCRETE: "DI"}
-_FUNCTIONS = {
-    Table.HOLDING: Function.READ_HOLDING_REGISTERS,
-    Table.INPUT: Function.READ_INPUT_REGISTERS,
-    Table.COIL: Function.READ_COILS,
-    Table.DISCRETE: Function.READ_DISCRETE_INPUTS,
+READS: dict[Table, type[ReadCoils | ReadDiscreteInputs | ReadHoldingRegisters | ReadInputRegisters]] = {
+    Table.HOLDING: ReadHoldingRegisters,
+    Table.INPUT: ReadInputRegisters,
+    Table.COIL: ReadCoils,
+    Table.DISCRETE: ReadDiscreteInputs,
 }
 _LAST_ADDRESS = 0xFFFF
 _LARGEST = Decimal(10) ** 12  # no row carries more; keeps the arithmetic small whatever is asked for
@@ -75,7 +74,7 @@ def _register(profile: Profile, prefix: str, number: int) -> Parameter | None:
     """Return the row of a register or coil, a raw one where none begins; None where there can be none."""
     table = next(each for each, its in _PREFIXES.items() if its == prefix)
     address = number - _first_number(profile, table)
-    function = _FUNCTIONS[table]
+    function = READS[table].function
     if function not in profile.limits.functions:
         what = f"{prefix}{number} would be read by Modbus function {function:02d}"
         raise refused("unknown_parameter", f"{what}, which the manual of the {profile.title} does not give")
@@ -111,13 +110,7 @@ def runs_of(items: Iterable[_Item], may_join: Callable[[list[_Item], _Item], boo
 
 def read_run(table: Table, address: int, count: int) -> Request:
     """Return the request that reads a run of neighbours in a table."""
-    if table is Table.COIL:
-        return ReadCoils(address, count)
-    if table is Table.DISCRETE:
-        return ReadDiscreteInputs(address, count)
-    if table is Table.INPUT:
-        return ReadInputRegisters(address, count)
-    return ReadHoldingRegisters(address, count)
+    return READS[table](address, count)
 
 
 def read_request(profile: Profile, parameter: Parameter) -> Request:
