@@ -84,7 +84,8 @@ def recording_of(starter: str, data: Mapping[str, Any], *, units: Mapping[str, s
         columns = table["points"] if kind == "trip" else {n: v for n, v in table.items() if n != "t_s"}
         columns = {**columns, **{n: [v] * len(t_s) for n, v in table.get("constant", {}).items()}}
         channels = tuple(_channel(name, column, len(t_s), units) for name, column in sorted(columns.items()))
-        moment = None if data.get("time") is None else _moment(str(data["time"]))
+        time = data.get("time")
+        moment = None if time is None else datetime.fromisoformat(str(time)).astimezone(UTC)
         identity = str(data.get("id", ""))
     except (KeyError, TypeError, AttributeError) as error:
         raise ValueError(f"not the record of a start or of a trip: {error!r}") from error
@@ -113,10 +114,6 @@ def _channel(name: str, column: Sequence[Any], count: int, units: Mapping[str, s
     if len(column) != count:
         raise ValueError(f"{name} has {len(column)} values at {count} moments")
     return Channel(name, units.get(name) or UNITS.get(name, ""), tuple(column))
-
-
-def _moment(text: str) -> datetime:
-    return datetime.fromisoformat(text).astimezone(UTC)
 
 
 def _utc(moment: datetime | None, t_s: float) -> str:

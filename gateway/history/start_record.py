@@ -85,7 +85,7 @@ class StartSummary:
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON object of a summary, without what is not known."""
         drift = {name: _change_to_dict(each) for name, each in self.drift.items()}
-        known = {name: _shown(getattr(self, name)) for name in _NUMBERS}
+        numbers = {name: getattr(self, name) for name in _NUMBERS}
         return {
             "id": self.id,
             "time": rfc3339(self.time_s),
@@ -93,7 +93,7 @@ class StartSummary:
             "seq": self.seq,
             "cause": {key: value for key, value in asdict(self.cause).items() if value is not None},
             "outcome": self.outcome.value,
-            **{name: value for name, value in known.items() if value is not None},
+            **{name: round(value, _DIGITS) for name, value in numbers.items() if value is not None},
             **({"outliers": self.outliers} if self.outliers else {}),
             "is_baseline": self.is_baseline,
         } | ({"drift": drift} if drift else {})
@@ -154,10 +154,6 @@ def start_to_dict(summary: StartSummary, curve: StartSamples) -> dict[str, Any]:
 
 def _column(values: Sequence[Any]) -> tuple[float | None, ...]:
     return tuple(None if value is None else float(value) for value in values)
-
-
-def _shown(value: float | None) -> float | None:
-    return None if value is None else round(value, _DIGITS)
 
 
 def _change_to_dict(change: QuantityChange) -> dict[str, float]:

@@ -177,7 +177,8 @@ class ParameterMonitor:
         if not found.refused:
             return (read,)
         again = [code for code in found.refused if self._is_asked_again(code)]
-        return (*self._planned(found.rows), *(each for code in again for each in self._planned([code])))
+        alone = (each for code in again for each in _planned(starter.profile, [code]))
+        return (*_planned(starter.profile, found.rows), *alone)
 
     def _pause_s(self) -> float:
         return min(FIRST_LAP_EVERY_S, self._every_s) if self._left_of_first_lap > 0 else self._every_s
@@ -196,9 +197,6 @@ class ParameterMonitor:
         if self._refusals:
             self._refusals.clear()
             self._reads = deque(_lap_of(self._starter.profile))
-
-    def _planned(self, codes: Iterable[str]) -> tuple[Read, ...]:
-        return _planned(self._starter.profile, codes)
 
 
 @once_per_profile
