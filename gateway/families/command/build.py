@@ -19,7 +19,7 @@ from gateway.families.command.control_word import (
     stop_requests,
     word_codes,
 )
-from gateway.families.command.interlock import points_needed
+from gateway.families.command.interlock import check_set_to_serial, points_needed
 from gateway.families.command.outputs import build_output, prepare_output
 from gateway.families.command.settings import build_read, build_set, prepare_read, prepare_set, rows_set
 from gateway.families.devices import device_of
@@ -182,7 +182,7 @@ def _prepare_command(profile: Profile, variant: Variant, verb: str, args: Mappin
 
 def _build_command(profile: Profile, variant: Variant, verb: str, name: str, *, seen: Seen) -> Procedure:
     command = profile.commands[name]
-    _check_needs(profile, command, seen)
+    check_set_to_serial(profile, command.needs, seen)
     _check_ceilings(variant, command, seen)
     requests = _requests(profile, variant, name, seen=seen)
     last = len(requests) - 1
@@ -210,16 +210,6 @@ def _requests(profile: Profile, variant: Variant, name: str, *, seen: Seen) -> S
             requests += stop_requests(profile, variant, jog_off, seen=seen)
         return requests
     return command_requests(profile, variant, writes, seen=seen)
-
-
-def _check_needs(profile: Profile, command: Command, seen: Seen) -> None:
-    """Raise not_set_to_serial when a row was seen to hold none of the numbers that the command needs."""
-    for code, numbers in command.needs.items():
-        if code in seen and seen[code][0] not in numbers:
-            labels = profile.enums[profile.parameters[code].enum]
-            wanted = " or ".join(f"{number} ({labels[number]})" for number in numbers)
-            found = f"{seen[code][0]} ({labels.get(seen[code][0])})"
-            raise refused("not_set_to_serial", f"{code} is {found}, not {wanted}")
 
 
 def _check_ceilings(variant: Variant, command: Command, seen: Seen) -> None:

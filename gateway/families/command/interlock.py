@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from gateway.errors import CommandError
+from gateway.families.profile.procedure import Seen, refused
 from gateway.families.profile.schema import Profile
 from gateway.families.profile.state import IS_UNKNOWN, hindrance, is_decisive, moving, state_of
 
@@ -72,8 +73,12 @@ _STATE_CODES = {  # of `is_ready`, where the state says more
 
 def check(profile: Profile, rules: Sequence[str], points: Mapping[str, Any]) -> tuple[CommandError, ...]:
     """Return a refusal for each rule that does not hold on these points, with what was read."""
-    readings = {rule: _reading(profile, rule, points) for rule in rules}
-    return tuple(_refusal(profile, rule, read, points) for rule, read in readings.items() if read is not None)
+    refusals = []
+    for rule in rules:
+        reading = _reading(profile, rule, points)
+        if reading is not None:
+            refusals.append(_refusal(profile, rule, reading, points))
+    return tuple(refusals)
 
 
 def demand(profile: Profile, rules: Sequence[str], points: Mapping[str, Any]) -> None:
@@ -81,6 +86,16 @@ def demand(profile: Profile, rules: Sequence[str], points: Mapping[str, Any]) ->
     refusals = check(profile, rules, points)
     if refusals:
         raise CommandError(refusals[0].code, "; ".join(refusal.text for refusal in refusals))
+
+
+def check_set_to_serial(profile: Profile, needs: Mapping[str, tuple[int, ...]], seen: Seen) -> None:
+    """Raise not_set_to_serial when a row was seen to hold none of the numbers that are needed of it."""
+    for code, numbers in needs.items():
+        if code in seen and seen[code][0] not in numbers:
+            labels = profile.enums[profile.parameters[code].enum]
+            wanted = " or ".join(f"{number} ({labels[number]})" for number in numbers)
+            found = f"{seen[code][0]} ({labels.get(seen[code][0])})"
+            raise refused("not_set_to_serial", f"{code} is {found}, not {wanted}")
 
 
 def _refusal(profile: Profile, rule: str, reading: str, points: Mapping[str, Any]) -> CommandError:

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from decimal import Decimal
 from typing import Any
 
+from gateway.families.command.interlock import check_set_to_serial
 from gateway.families.profile.arguments import check_names, choice, to_switch
 from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep, refused
 from gateway.families.profile.schema import Output, Profile
@@ -32,7 +33,8 @@ def build_output(profile: Profile, args: Mapping[str, Any], *, seen: Seen) -> Pr
     """Return the one write that drives the output, its read-back, and what that does not prove."""
     name, output = _output(profile, args)
     wanted = _number(name, output, args["value"])
-    _check_function(profile, output, seen)
+    if output.option is not None:
+        check_set_to_serial(profile, {output.function: (output.option,)}, seen)
     note = _note(profile, name, output, seen)
     mask = 0xFFFF if output.bit is None else 1 << output.bit
     last = seen.get(output.word)
@@ -62,17 +64,6 @@ def _number(name: str, output: Output, value: object) -> int:
     if not 0 <= value <= 100:
         raise refused("out_of_range", f"{name} takes 0..100 %")
     return of_percent(Decimal(str(value)), output.full_scale or 0)
-
-
-def _check_function(profile: Profile, output: Output, seen: Seen) -> None:
-    """Raise not_set_to_serial when the output was seen to have another function."""
-    if output.option is None or output.function not in seen:
-        return
-    (number,) = seen[output.function]
-    if number != output.option:
-        labels = profile.enums[profile.parameters[output.function].enum]
-        text = f"{output.function} is {number} ({labels.get(number)}), "
-        raise refused("not_set_to_serial", f"{text}not {output.option} ({labels[output.option]})")
 
 
 def _note(profile: Profile, name: str, output: Output, seen: Seen) -> str:

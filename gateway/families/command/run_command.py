@@ -73,7 +73,7 @@ def with_run_cleared(
     # The SSW900 resets the run command of a source that is not active (S5.2); a whole word would choose
     # local or remote once more.
     has_last = is_source and not has_plain_word(profile.commands["stop"].writes)
-    again = tuple(_lenient(step.request) for step in off) if has_last else ()
+    again = [WriteStep(step.request, may_be_refused=True) for step in off] if has_last else []
     return replace(
         procedure,
         steps=(*off, *procedure.steps, *again),
@@ -104,7 +104,8 @@ def _run_off(profile: Profile, variant: Variant, seen: Seen) -> tuple[WriteStep,
     first, *others = (Expect(reads, row, ((0,),), CLEARED_WITHIN_S, mask=run) for row in rows)
     *before, last = (_strict(profile, request, seen) for request in requests)
     steps = (*before, replace(last, then=replace(first, also=tuple(others))))
-    return (*steps, *(_lenient(request) for request in _jog_off(profile, variant, seen)))
+    jog_off = _jog_off(profile, variant, seen)
+    return (*steps, *(WriteStep(request, may_be_refused=True) for request in jog_off))
 
 
 def _jog_off(profile: Profile, variant: Variant, seen: Seen) -> Sequence[Request]:
@@ -124,10 +125,6 @@ def _strict(profile: Profile, request: Request, seen: Seen) -> WriteStep:
     condition = profile.commands["stop"].refused_unless
     is_barred = flags_of(profile, seen).get(condition) is False
     return WriteStep(request, is_run_off=True, may_be_refused=is_barred)
-
-
-def _lenient(request: Request) -> WriteStep:
-    return WriteStep(request, may_be_refused=True)
 
 
 def _and_standing(profile: Profile, verify: Expect | None) -> Expect | None:
