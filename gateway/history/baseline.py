@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from itertools import pairwise
 from statistics import median
@@ -68,12 +68,7 @@ class Baseline:
 
     def to_dict(self) -> dict[str, Any]:
         """Return its JSON object."""
-        return {
-            "values": dict(self.values),
-            "starts": list(self.starts),
-            "typical": self.typical,
-            "client": self.client,
-        }
+        return asdict(self)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Baseline:
