@@ -310,7 +310,8 @@ class StarterTelemetry:
             self._lose_fast_words("they are not mapped as they were")
             return
         self._polling.note_answer(key, at_s=answer.at_s)
-        self._contact.note_answer()
+        if self._contact.gap:
+            self._contact.end_gap()
         if self._refused:
             self._look_at_refusals()
         self._record(said.rows, at_s=answer.at_s)
