@@ -14,8 +14,8 @@ from gateway.line.events import EventQueue, LineEvent, PortChanged, deliver
 from gateway.line.line import Line
 from gateway.line.port.base import ClosesLate, Port, PortOpener
 from gateway.line.rtu.outcome import Outcome
+from gateway.line.rtu.reply_times import ALLOWANCE_S, reply_within_s, request_wire_s
 from gateway.line.rtu.request import Alternates
-from gateway.line.rtu.timeouts import ALLOWANCE_S, reply_within_s, request_wire_s
 from gateway.line.rtu.trace import Trace
 from gateway.line.rtu.transaction import RtuMaster
 from gateway.modbus.pdu import Request

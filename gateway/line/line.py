@@ -17,8 +17,8 @@ from gateway.line.port.tty import CountsErrors
 from gateway.line.port_recovery import PortRecovery
 from gateway.line.rtu.late_replies import LateReplies
 from gateway.line.rtu.outcome import Silent
+from gateway.line.rtu.reply_times import ALLOWANCE_S
 from gateway.line.rtu.request import Alternates, Forms
-from gateway.line.rtu.timeouts import ALLOWANCE_S
 from gateway.line.rtu.trace import Trace
 from gateway.line.rtu.transaction import RtuMaster
 from gateway.line.scheduler.requests import Job, Poll

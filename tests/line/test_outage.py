@@ -7,7 +7,7 @@ from math import inf
 import pytest
 
 from gateway.line.capacity.outage import WIDE_FACTOR, Restart, first_request_s, gaps_of, start_order
-from gateway.line.rtu.timeouts import longest_s, request_wire_s
+from gateway.line.rtu.reply_times import longest_s, request_wire_s
 from gateway.modbus.timing import Framing, LineTiming
 from tests.line.fakes import RESPONSE_TIME_S, poll
 

@@ -12,9 +12,9 @@ from gateway.line.port.base import DeliversLate, HoldsBack, Port
 from gateway.line.rtu.bus_faults import BusFaults, whole_frame
 from gateway.line.rtu.late_replies import Agreed, LateReplies, Shape
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.rtu.reply import Pace, ReplyAssembler, judge, pieces
+from gateway.line.rtu.reply import ReplyAssembler, judge, pieces
+from gateway.line.rtu.reply_times import ALLOWANCE_S, Pace
 from gateway.line.rtu.request import EncodedRequest, Forms
-from gateway.line.rtu.timeouts import ALLOWANCE_S
 from gateway.line.rtu.trace import RECEIVED, SENT, STRAY, Trace
 from gateway.modbus import adu
 from gateway.modbus.adu import crc16
