@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.mqtt.contract.payloads import Payloads, late_value
-from gateway.mqtt.contract.strict_json import to_payload
+from gateway.mqtt.contract.payloads import Payloads, late_value, to_payload
 from gateway.mqtt.contract.topics import Topics
 from gateway.records import Quality, ValueRecord
 

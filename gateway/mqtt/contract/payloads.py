@@ -2,18 +2,19 @@
 
 A retained message is the newest of its topic. A queued message (event, result, audit, history, start, trip)
 is sent in order and repeated until acknowledged. Most messages are values: `ValueTexts` formats their JSON
-directly.
+directly. In all JSON floats have a decimal part and are never NaN, times are RFC 3339 in UTC.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from json.encoder import encode_basestring
 from typing import Any, NamedTuple, assert_never
 
 from gateway.mqtt.contract.freshness import RunToken, boot_of
-from gateway.mqtt.contract.strict_json import join_json, to_json, to_payload
 from gateway.mqtt.contract.topics import Topics, to_level
 from gateway.records import (
     AlarmRecord,
@@ -336,3 +337,51 @@ def _queued(
 def _extended(fields: dict[str, Any], more: Mapping[str, Any]) -> dict[str, Any]:
     """Return `fields` with what `more` adds; the contract's own keys cannot be overwritten."""
     return {**fields, **{key: value for key, value in more.items() if key not in fields}}
+
+
+def to_json(value: Any) -> str:
+    """Return compact JSON; what JSON cannot say becomes null (NaN, infinity) or its text."""
+    kind = type(value)
+    if kind is str:  # most are, and nearly all the rest are floats
+        return encode_basestring(value)
+    if kind is float:
+        return _float_text(value)
+    match value:
+        case None:
+            return "null"
+        case bool():
+            return "true" if value else "false"
+        case int():
+            return int.__repr__(value)
+        case float():
+            return _float_text(value)
+        case str():
+            return encode_basestring(str(value))
+        case Mapping():
+            return "{" + ",".join(f"{to_json(str(key))}:{to_json(item)}" for key, item in value.items()) + "}"
+        case list() | tuple() | set() | frozenset():
+            return join_json(to_json(item) for item in value)
+        case _:
+            return to_json(str(value))
+
+
+def join_json(items: Iterable[str]) -> str:
+    """Return a JSON array of items that are JSON already."""
+    return "[" + ",".join(items) + "]"
+
+
+def to_payload(value: Any) -> bytes:
+    """Return `to_json` as UTF-8; lone surrogates, which UTF-8 cannot carry, become `?`."""
+    return to_json(value).encode("utf-8", "replace")
+
+
+def _float_text(value: float) -> str:
+    if not math.isfinite(value):
+        return "null"
+    text = float.__repr__(value)
+    if "e" not in text:
+        return text
+    mantissa, exponent, power = text.partition("e")
+    if "." not in mantissa:
+        mantissa += ".0"  # 1e+16, which some clients would take for an integer tag
+    return f"{mantissa}{exponent}{power}"
