@@ -7,9 +7,11 @@ directly. In all JSON floats have a decimal part and are never NaN, times are RF
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from functools import lru_cache
 from json.encoder import encode_basestring
 from typing import Any, NamedTuple, assert_never
@@ -24,6 +26,7 @@ from gateway.records import (
     InfoRecord,
     LineRecord,
     LockRecord,
+    Quality,
     Record,
     ResultRecord,
     StartRecord,
@@ -70,6 +73,29 @@ class ValueTexts:
         reason = f',"reason":{to_json(record.reason)}' if record.reason else ""
         text = f'{{"value":{value},"unit":{to_json(record.unit)},{fate},"boot":{self._boot}{label}{reason}}}'
         return ValueText(topic, text)
+
+    def records_in(self, latest: Mapping[str, Message]) -> Iterator[ValueRecord]:
+        """Yield the values that retained messages, by topic, say; one that was cleared says none."""
+        for starter, topics in tuple(self._known.items()):
+            for point, topic in tuple(topics.items()):
+                message = latest.get(topic)
+                if message is not None and message.payload:
+                    yield _value_record(starter, point, json.loads(message.payload))
+
+
+def _value_record(starter: str, point: str, said: Mapping[str, Any]) -> ValueRecord:
+    time = said["time"]
+    return ValueRecord(
+        starter=starter,
+        point=point,
+        value=said["value"],
+        unit=said["unit"],
+        quality=Quality(said["quality"]),
+        time_s=None if time is None else datetime.fromisoformat(time).timestamp(),
+        seq=said["seq"],
+        label=said.get("label"),
+        reason=said.get("reason", ""),
+    )
 
 
 def late_value(message: Message) -> LateValue:
@@ -158,6 +184,10 @@ class Payloads:
                 return _latest(self.topics.line(record.line), record.statistics, qos=0)
             case _:
                 assert_never(record)
+
+    def values_in(self, latest: Mapping[str, Message]) -> Iterator[ValueRecord]:
+        """Yield the values that retained messages, by topic, say: what `message` made of them, read back."""
+        return self._values.records_in(latest)
 
     def status(
         self, state: str, *, time_s: float | None, since_s: float | None, reason: str | None
