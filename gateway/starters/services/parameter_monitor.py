@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from math import inf
@@ -136,7 +135,7 @@ class ParameterMonitor:
         self._on_change = on_change
         self._every_s = every_s
         self._watch = ParameterChanges(starter.profile)
-        self._reads = deque(_lap_of(starter.profile))
+        self._reads = list(_lap_of(starter.profile))
         self._left_of_first_lap = len(self._reads)  # blocks: the first lap makes known what there is
         self._refusals: dict[str, int] = {}  # by row, since the hour began
         self._hour_began_s = -inf
@@ -171,7 +170,7 @@ class ParameterMonitor:
             if not starter.is_answering or starter.identity_standing is not IdentityStatus.MATCHING:
                 continue
             self._ask_again_each_hour()
-            read = self._reads.popleft()
+            read = self._reads.pop(0)
             self._left_of_first_lap -= 1
             try:
                 self._reads += await self._look(read)
@@ -214,7 +213,7 @@ class ParameterMonitor:
         self._hour_began_s = now_s
         if self._refusals:
             self._refusals.clear()
-            self._reads = deque(_lap_of(self._starter.profile))
+            self._reads = list(_lap_of(self._starter.profile))
 
     def _planned(self, codes: Iterable[str]) -> tuple[Read, ...]:
         return _planned(self._starter.profile, codes)
