@@ -1,18 +1,18 @@
 """Records: what the starters and lines report upwards, from values and states to results and audit entries.
 
-`starters` and `app` create them; `mqtt.contract.payloads` converts each to a topic and a payload. Times are
-seconds since 1970, UTC. `seq` identifies and orders the records of one run (boot): `SequenceNumbers` counts
-them up by one.
+`starters` and `app` create them with a `RecordWriter`, a `RecordBus` passes them on to its subscribers;
+`mqtt.contract.payloads` converts each to a topic and a payload. Times are seconds since 1970, UTC. `seq`
+identifies and orders the records of one run (boot): `SequenceNumbers` counts them up by one.
 """
 
 from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from typing import Any, Protocol
+from typing import Any, Protocol, get_args
 
 from gateway.system.clock import Clock
 
@@ -280,6 +280,7 @@ Record = (
     | TripRecord
     | LineRecord
 )
+KINDS: tuple[type[Record], ...] = get_args(Record)
 
 
 class Sink(Protocol):
@@ -329,3 +330,43 @@ class RecordWriter:
         self.sink.put(
             EventRecord(starter, code, severity, text, self.clock.utc_s(), self.sequence.take(), data or {})
         )
+
+
+class RecordBus:
+    """A sink for everyone who makes records; on the app's loop. Never raises.
+
+    1. A subscriber gets the kinds that it names in `takes`; one that names none gets every record.
+    2. The order is the subscribers' order in `connect`; whatever was put before goes to them first.
+    3. A subscriber that fails loses that record alone: `on_failure` is called with it while its exception is
+       handled, and the others get the record all the same.
+    4. A record that a subscriber puts while it handles another one reaches all of them before that other goes
+       on.
+    """
+
+    def __init__(self, on_failure: Callable[[Sink], None]) -> None:
+        self._on_failure = on_failure
+        self._subscribers: tuple[Sink, ...] = ()
+        self._takers: dict[type[Record], tuple[Sink, ...]] = {}
+        self._early: list[Record] = []  # put while the gateway was being built
+
+    def connect(self, *subscribers: Sink) -> None:
+        """Pass records on to these, in this order, from the first on; once."""
+        self._subscribers = subscribers
+        self._takers = {
+            kind: tuple(each for each in subscribers if kind in getattr(each, "takes", KINDS))
+            for kind in KINDS
+        }
+        early, self._early = self._early, []
+        for record in early:
+            self.put(record)
+
+    def put(self, record: Record) -> None:
+        """Pass one record on."""
+        if not self._subscribers:
+            self._early.append(record)
+            return
+        for subscriber in self._takers[type(record)]:
+            try:
+                subscriber.put(record)
+            except Exception:  # noqa: BLE001 - one subscriber's bug is not the others'; it is logged
+                self._on_failure(subscriber)

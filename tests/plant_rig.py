@@ -11,12 +11,12 @@ from typing import Any
 
 from gateway.app.history import HistoryService
 from gateway.app.plant import Plant
-from gateway.app.record_bus import RecordBus
+from gateway.app.record_log import log_failure
 from gateway.config.convert import policy_of, rights_of, setups_of, timing_of
 from gateway.config.diff import changes_of
 from gateway.config.load import parse
 from gateway.config.schema import Config, LineTable
-from gateway.records import AvailabilityRecord, RecordWriter, Severity, StateRecord, ValueRecord
+from gateway.records import AvailabilityRecord, RecordBus, RecordWriter, Severity, StateRecord, ValueRecord
 from gateway.sim.bus.port import SimulatedLine, SimulatedOpener
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.starters.policy.policy import Policy
@@ -170,7 +170,7 @@ async def running(
         *more,
     ):
         here.connect(port, address, family)
-    bus = RecordBus()
+    bus = RecordBus(log_failure)
     records = here.records = RecordWriter(bus, VirtualClock(asyncio.get_running_loop()))
     rights = rights_of(here.config)
     names = [setup.name for setup in setups(here.config)]

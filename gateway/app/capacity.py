@@ -6,7 +6,7 @@ Also what `fast_words` would spare a line.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from math import ceil, isinf
 from typing import Any, get_args
@@ -18,6 +18,7 @@ from gateway.families.diagnosis.identify import identify_requests
 from gateway.line.capacity import deadline_check
 from gateway.line.capacity.deadline_check import LONGEST_LIMIT_S, missed_in, with_deadlines
 from gateway.line.capacity.forecast import Forecast, forecast, longest_gap_s
+from gateway.line.capacity.outage import first_requests_s, start_order
 from gateway.line.scheduler.requests import Poll
 from gateway.modbus.timing import LineTiming
 from gateway.starters.setup import StarterSetup, fast_polls_of, polls_of
@@ -34,6 +35,7 @@ class StarterCapacity:
     table: StarterTable
     ages_s: dict[str, float]  # by group of values: an estimate of the oldest they get without commands
     gap_s: float  # an estimate of the longest time between two requests to it without commands
+    first_poll_s: float  # at the latest until it gets its first request after the line's port is open
     margin_s: (
         float | None
     )  # promised for its watchdog with commands under way; None when it is off or not known
@@ -46,6 +48,10 @@ class LineCapacity:
     table: LineTable
     forecast: Forecast  # while starters are being identified, too
     starters: tuple[StarterCapacity, ...]  # the enabled ones
+
+    def without_polls(self) -> LineCapacity:
+        """Return the same without what is forecast of each poll: a megabyte with 247 starters."""
+        return replace(self, forecast=replace(self.forecast, polls=()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +81,7 @@ def computed_of(line: LineCapacity) -> dict[str, Any]:
         "stop_latency_s": round(line.forecast.stop_latency_s, 4),
         "age_s": ages_s,
         "watchdog_margin_s": round(min(margins_s), 4) if margins_s else None,
-        "is_paced": all(each.poll.every_s for each in line.forecast.polls),  # else it is to be always full
+        "is_paced": all(each.table.every_s for each in line.starters),  # else it is to be always full
     }
 
 
@@ -164,25 +170,31 @@ def _line(line: LineTable) -> LineCapacity:
     polls = _polls_of(line)
     others = [poll for setup in setups if setup.is_enabled for poll in _identification(setup)]
     whole = forecast(polls, timing, allowance_s=line.adapter_allowance_s, jobs=others)
+    limits_s = {each.address: each.watchdog_s for each in line.starters if each.watchdog_s}
+    ordered = start_order(polls, limits_s)
+    firsts_s = first_requests_s(ordered, timing, allowance_s=line.adapter_allowance_s)
     return LineCapacity(
         table=line,
         forecast=whole,
         starters=tuple(
-            _starter(table, setup, whole)
+            _starter(table, setup, whole, first_poll_s=firsts_s[setup.address])
             for table, setup in zip(line.starters, setups, strict=True)
             if setup.is_enabled
         ),
     )
 
 
-def _starter(table: StarterTable, setup: StarterSetup, whole: Forecast) -> StarterCapacity:
+def _starter(
+    table: StarterTable, setup: StarterSetup, whole: Forecast, *, first_poll_s: float
+) -> StarterCapacity:
     ages_s: dict[str, float] = {}
     for each in whole.polls:
         if each.poll.unit == setup.address:
             ages_s[each.poll.group] = max(ages_s.get(each.poll.group, 0.0), each.age_s)
     gap_s = longest_gap_s(whole, setup.address)
     promised_s = whole.watchdog_gaps_s.get(setup.address, gap_s)
-    return StarterCapacity(table, ages_s, gap_s, table.watchdog_s - promised_s if table.watchdog_s else None)
+    margin_s = table.watchdog_s - promised_s if table.watchdog_s else None
+    return StarterCapacity(table, ages_s, gap_s, first_poll_s, margin_s)
 
 
 def _identification(setup: StarterSetup) -> list[Poll]:

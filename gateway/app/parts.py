@@ -22,8 +22,7 @@ from gateway.app.integrations.sparkplug import sparkplug_integration
 from gateway.app.page.access import WebAccess
 from gateway.app.page.page import open_pages, page_integration
 from gateway.app.plant import Plant
-from gateway.app.record_bus import RecordBus
-from gateway.app.record_log import RecordLog
+from gateway.app.record_log import RecordLog, log_failure
 from gateway.app.restart.watch import RestartWatch
 from gateway.app.site import Site
 from gateway.app.state_files import ClockMemory, StateFiles
@@ -32,7 +31,7 @@ from gateway.config.convert import least_watchdog_s, policy_of, rights_of, setup
 from gateway.line.thread import LineHost
 from gateway.mqtt.connection.inbox import Inbox
 from gateway.mqtt.contract.freshness import MAX_AHEAD_S, MAX_TTL_S, RunToken, Tokens
-from gateway.records import RecordWriter, Severity
+from gateway.records import RecordBus, RecordWriter, Severity
 from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.commands.ledger import Proofs
 from gateway.starters.policy.policy import Policy
@@ -57,10 +56,10 @@ class Parts:
         self._suspend_watch = SuspendWatch(self.clock.now_s)
         self._boot = RunToken(secrets.token_hex(8))
         self._tokens = Tokens(self._boot)
-        self._bus = RecordBus()
+        self._bus = RecordBus(log_failure)
         self._records = RecordWriter(self._bus, self.clock)
-        self.latest = LatestRecords()
         self.uplink = Uplink(site, self._tokens, clock=self.clock, publish_event=self.publish_event)
+        self.latest = LatestRecords(self.uplink.publisher.values)
         self.files = StateFiles(site.state_dir, has_operators=bool(site.config.operators))
         self.clock_memory = ClockMemory(self.clock_watch, self.files.clock, publish_event=self.publish_event)
         self.restart = RestartWatch(self.files.restart)

@@ -10,7 +10,7 @@ from collections import OrderedDict
 from collections.abc import Mapping
 from typing import Any
 
-from gateway.records import AvailabilityRecord, EventRecord, Phase, Record, ResultRecord, Severity
+from gateway.records import AvailabilityRecord, EventRecord, Phase, Record, ResultRecord, Severity, Sink
 from gateway.system.clock import Clock
 
 log = logging.getLogger("gateway")
@@ -108,3 +108,8 @@ def _line(starter: str, text: str) -> str:
 def _frames(data: Mapping[str, Any]) -> str:
     frames = data.get("frames")
     return "; last frames:\n" + "\n".join(map(str, frames)) if frames else ""
+
+
+def log_failure(subscriber: Sink) -> None:
+    """Log the exception, while it is handled, by which a subscriber has lost a record."""
+    log.exception("subscriber=%s lost a record", type(subscriber).__name__)

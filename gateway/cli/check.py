@@ -16,8 +16,15 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from gateway.app.capacity import LineCapacity, StarterCapacity, fast_gains, fast_lines, relief_of
-from gateway.app.restart.gaps import first_poll_s, planned_gaps
+from gateway.app.capacity import (
+    LineCapacity,
+    StarterCapacity,
+    fast_gains,
+    fast_lines,
+    prospects_of,
+    relief_of,
+)
+from gateway.app.restart.gaps import planned_gaps
 from gateway.app.site import Site
 from gateway.cli.box import BoxSpeed, capacity, demands_of, excess
 from gateway.cli.command import Subparsers, counted
@@ -38,9 +45,9 @@ from gateway.system.instance_lock import is_locked
 SHORTEST_LIMIT_S = 2.0  # of the service watchdog: a slow line needs most of a second for one transaction
 
 
-def gaps_of_starter(line: LineCapacity, starter: StarterCapacity, restart: Restart | None = None) -> Gaps:
+def gaps_of_starter(starter: StarterCapacity, restart: Restart | None = None) -> Gaps:
     """Return the longest gaps of a starter, with the shipped unit's times unless others are given."""
-    return gaps_of(starter.gap_s, first_poll_s(line, starter), restart)
+    return gaps_of(starter.gap_s, starter.first_poll_s, restart)
 
 
 def print_gaps(line: LineCapacity) -> None:
@@ -51,7 +58,7 @@ def print_gaps(line: LineCapacity) -> None:
     print(f"  {'':{width}}  longest time without a request when the gateway   (watchdog)")
     print(f"  {'starter':{width}}     works   crashes     hangs")
     for starter in line.starters:
-        gaps = gaps_of_starter(line, starter)
+        gaps = gaps_of_starter(starter)
         times = "  ".join(f"{gap_s:6.2f} s" for gap_s in (gaps.regular_s, gaps.crash_s, gaps.hang_s))
         print(f"  {starter.table.name:{width}}  {times}   {_judged(starter, gaps)}")
 
@@ -63,7 +70,7 @@ def tight_watchdogs(prospects: tuple[LineCapacity, ...]) -> Iterator[str]:
             limit_s = starter.table.watchdog_s
             if not limit_s or limit_s < WIDE_FACTOR * starter.gap_s:
                 continue  # off, or too tight even while everything works, which another warning reports
-            gaps = gaps_of_starter(line, starter)
+            gaps = gaps_of_starter(starter)
             for_crash_s, for_hang_s = gaps.wanted_s
             what = f"starter {starter.table.name}: its watchdog of {limit_s:g} s acts when the gateway"
             if limit_s < for_crash_s:
@@ -74,9 +81,9 @@ def tight_watchdogs(prospects: tuple[LineCapacity, ...]) -> Iterator[str]:
                 yield f"{what} hangs: {gap} (make it {for_hang_s:.1f} s{_shorter(limit_s, gaps)})"
 
 
-def as_json(line: LineCapacity, starter: StarterCapacity) -> dict[str, float]:
+def as_json(starter: StarterCapacity) -> dict[str, float]:
     """Return the gaps after failures for `check --json`."""
-    gaps = gaps_of_starter(line, starter)
+    gaps = gaps_of_starter(starter)
     return {"crash_gap_s": round(gaps.crash_s, 4), "hang_gap_s": round(gaps.hang_s, 4)}
 
 
@@ -130,7 +137,7 @@ def run(args: argparse.Namespace) -> int:
         raise
     if args.upgrade:
         return _check_upgrade(args.config, site, as_json=args.json)
-    config, prospects = site.config, site.prospects
+    config, prospects = site.config, prospects_of(site.config)
     speed, demands = BoxSpeed.load(site.state_dir), demands_of(prospects)
     too_much = "" if speed is None else excess(speed, demands)
     overloads = [*_overloads(prospects), *([too_much] if too_much else [])]
@@ -356,7 +363,7 @@ def _as_json(line: LineCapacity) -> dict[str, Any]:
                 "age_s": {group: round(age_s, 4) for group, age_s in starter.ages_s.items()},
                 "longest_gap_s": round(starter.gap_s, 4),
                 "watchdog_s": starter.table.watchdog_s,
-                **as_json(line, starter),
+                **as_json(starter),
                 "watchdog_margin_s": None if starter.margin_s is None else round(starter.margin_s, 4),
             }
             for starter in line.starters

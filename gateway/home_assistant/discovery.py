@@ -12,8 +12,7 @@ from typing import Any
 
 from gateway.home_assistant.entities import available, gateway_entities, starter_entities
 from gateway.home_assistant.site_facts import SiteFacts
-from gateway.mqtt.contract.payloads import Message
-from gateway.mqtt.contract.strict_json import to_payload
+from gateway.mqtt.contract.payloads import Message, to_payload
 
 PRODUCT = "starter-gateway"
 

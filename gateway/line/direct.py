@@ -10,13 +10,12 @@ from typing import Self
 
 from gateway.errors import PortLostError
 from gateway.line.client import LineClient, post_here
-from gateway.line.events import EventQueue, LineEvent, PortChanged, deliver
+from gateway.line.events import EventQueue, LineEvent, PortChanged, Trace, deliver
 from gateway.line.line import Line
 from gateway.line.port.base import ClosesLate, Port, PortOpener
 from gateway.line.rtu.outcome import Outcome
+from gateway.line.rtu.reply_times import ALLOWANCE_S, reply_within_s, request_wire_s
 from gateway.line.rtu.request import Alternates
-from gateway.line.rtu.timeouts import ALLOWANCE_S, reply_within_s, request_wire_s
-from gateway.line.rtu.trace import Trace
 from gateway.line.rtu.transaction import RtuMaster
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming
@@ -98,7 +97,9 @@ class Survey:
     async def __aenter__(self) -> Self:
         self._port = await self._opener()
         trace = Trace(self._opener.name)
-        self._master = RtuMaster(self._port, self.timing, allowance_s=self._allowance_s, trace=trace)
+        self._master = RtuMaster(
+            self._port, self.timing, allowance_s=self._allowance_s, note_frame=trace.note
+        )
         return self
 
     async def __aexit__(

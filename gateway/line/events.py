@@ -11,16 +11,17 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from gateway.line.rtu.bus_faults import BusFault
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Silent
-from gateway.line.rtu.trace import Trace
 from gateway.line.scheduler.requests import Job, Poll
 
 POLLS_WAIT_S = 0.1
+LONGEST_SHOWN = 256  # bytes, the longest frame; a flood is longer
 
 logger = logging.getLogger(__name__)
 
@@ -75,7 +76,7 @@ class JobDone:
 
 @dataclass(frozen=True, slots=True)
 class FrameSeen:
-    """A frame on a line that is captured; direction as in `trace.Tap`."""
+    """A frame on a line that is captured; direction as `RtuMaster` names it."""
 
     line: str
     at_s: float
@@ -84,6 +85,8 @@ class FrameSeen:
 
 
 OnFrame = Callable[[str, float, str, bytes], None]  # what a FrameSeen says
+
+Tap = Callable[[float, str, bytes], None]  # the line's clock, direction, bytes
 
 LineEvent = PollResult | UnitChanged | LineFault | PortChanged | JobDone | FrameSeen
 
@@ -121,6 +124,28 @@ class EventQueue:
         if self.events:
             batch, self.events = self.events, []
             self._hand_over(batch)
+
+
+class Trace:
+    """The last frames of a line, for reports of what happened; each is also logged in hex at DEBUG."""
+
+    def __init__(self, line: str, *, size: int = 16) -> None:
+        self._line = line
+        self._ring: deque[tuple[float, str, bytes]] = deque(maxlen=size)
+        self._is_logged = logger.isEnabledFor(logging.DEBUG)
+        self.tap: Tap | None = None  # is given every frame too
+
+    def note(self, at_s: float, direction: str, frame: bytes) -> None:
+        """Store a frame, or whatever came instead of one."""
+        self._ring.append((at_s, direction, frame[:LONGEST_SHOWN]))
+        if self.tap is not None:
+            self.tap(at_s, direction, frame)
+        if self._is_logged:
+            logger.debug("line=%s %.6f %s %s", self._line, at_s, direction, frame.hex(" "))
+
+    def frames(self) -> tuple[str, ...]:
+        """Return the frames as text, oldest first: seconds on the line's clock, direction, hex."""
+        return tuple(f"{at_s:.6f} {direction} {frame.hex(' ')}" for at_s, direction, frame in self._ring)
 
 
 class LineEvents:

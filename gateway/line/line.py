@@ -11,19 +11,17 @@ from typing import Any
 
 from gateway.errors import PortError, PortLostError, PortResetError
 from gateway.line.capacity.forecast import worst_stop_latency_s
-from gateway.line.events import EventQueue, LineEvents
+from gateway.line.events import EventQueue, LineEvents, Trace
 from gateway.line.port.base import Port, PortOpener
 from gateway.line.port.tty import CountsErrors
-from gateway.line.port_recovery import PortRecovery
 from gateway.line.rtu.late_replies import LateReplies
 from gateway.line.rtu.outcome import Silent
+from gateway.line.rtu.reply_times import ALLOWANCE_S
 from gateway.line.rtu.request import Alternates, Forms
-from gateway.line.rtu.timeouts import ALLOWANCE_S
-from gateway.line.rtu.trace import Trace
 from gateway.line.rtu.transaction import RtuMaster
 from gateway.line.scheduler.requests import Job, Poll
 from gateway.line.scheduler.scheduler import Scheduler
-from gateway.line.service import IDLE_WAKE_S, LineService
+from gateway.line.service import IDLE_WAKE_S, LineService, PortRecovery
 from gateway.line.statistics import Statistics
 from gateway.modbus.timing import LineTiming
 from gateway.system.backoff import Backoff
@@ -196,7 +194,11 @@ class Line:
         """
         self._is_reopening = False
         master = RtuMaster(
-            port, self.timing, allowance_s=self._allowance_s, trace=self._trace, forms=self._forms
+            port,
+            self.timing,
+            allowance_s=self._allowance_s,
+            note_frame=self._trace.note,
+            forms=self._forms,
         )
         service = self._service = self._service_on(master)
         self._scheduler.begin(self._time())

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from gateway.line.rtu.bus_faults import whole_frame
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused
-from gateway.line.rtu.timeouts import ResponseTimeEstimator
+from gateway.line.rtu.reply_times import ResponseTimeEstimator
 from gateway.line.scheduler.requests import Poll, Slot
 from gateway.system.stalls import DelayCounts
 

@@ -1,12 +1,10 @@
-"""What all requests have in common: shape, limits, exception reply, how data are packed [APP 4, 7].
+"""What all requests have in common: shape, limits, exception reply, how bits are packed [APP 4, 7].
 
-Coils: the first one is the lowest bit of the first byte [APP 6.1, 6.11]. Replies that consist of registers:
-byte count and words, high byte first [APP 4.2, 6.3, 6.4, 6.17].
+Coils: the first one is the lowest bit of the first byte [APP 6.1, 6.11].
 """
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterable, Sequence
 from typing import Any, Protocol
 
@@ -89,19 +87,3 @@ def unpack_bits(packed: bytes, bit_count: int) -> tuple[bool, ...]:
     """Return the first `bit_count` bits; what fills up the last byte is ignored."""
     number = int.from_bytes(packed, "little")
     return tuple(bool(number >> place & 1) for place in range(bit_count))
-
-
-def decode_words(request: Request, pdu: bytes, *, count: int) -> tuple[int, ...]:
-    """Return the words of a reply to this request; BadReplyError unless there are exactly `count`."""
-    size = 2 * count
-    if pdu[:2] != bytes((request.function, size)) or len(pdu) != 2 + size:
-        raise mismatch(request, pdu)
-    return struct.unpack_from(f">{count}H", pdu, 2)
-
-
-def encode_words(request: Request, words: Sequence[int], *, count: int) -> bytes:
-    """Return the reply PDU to this request; ValueError unless it is given `count` words."""
-    if len(words) != count:
-        raise ValueError(f"{len(words)} words for a request of {count}")
-    check_words(words)
-    return struct.pack(f">BB{count}H", request.function, 2 * count, *words)

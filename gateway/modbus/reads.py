@@ -1,4 +1,7 @@
-"""The requests that only read: coils, discrete inputs, holding and input registers [APP 6.1-6.4]."""
+"""The requests that only read: coils, discrete inputs, holding and input registers [APP 6.1-6.4].
+
+Replies that consist of registers: byte count and words, high byte first [APP 4.2, 6.3, 6.4, 6.17].
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,10 @@ from typing import ClassVar
 
 from gateway.modbus.codes import Function
 from gateway.modbus.pdu import (
+    Request,
     byte_count,
     check_run,
-    decode_words,
-    encode_words,
+    check_words,
     mismatch,
     pack_bits,
     unpack_bits,
@@ -106,3 +109,19 @@ class ReadInputRegisters(_ReadWords):
     """Ask for a run of 1..125 input registers (function 0x04, [APP 6.4])."""
 
     function: ClassVar[Function] = Function.READ_INPUT_REGISTERS
+
+
+def decode_words(request: Request, pdu: bytes, *, count: int) -> tuple[int, ...]:
+    """Return the words of a reply to this request; BadReplyError unless there are exactly `count`."""
+    size = 2 * count
+    if pdu[:2] != bytes((request.function, size)) or len(pdu) != 2 + size:
+        raise mismatch(request, pdu)
+    return struct.unpack_from(f">{count}H", pdu, 2)
+
+
+def encode_words(request: Request, words: Sequence[int], *, count: int) -> bytes:
+    """Return the reply PDU to this request; ValueError unless it is given `count` words."""
+    if len(words) != count:
+        raise ValueError(f"{len(words)} words for a request of {count}")
+    check_words(words)
+    return struct.pack(f">BB{count}H", request.function, 2 * count, *words)

@@ -13,11 +13,10 @@ from gateway.modbus.pdu import (
     byte_count,
     check_run,
     check_words,
-    decode_words,
-    encode_words,
     mismatch,
     pack_bits,
 )
+from gateway.modbus.reads import decode_words, encode_words
 
 MAX_WRITE_BITS = 1968  # [APP 6.11]
 MAX_WRITE_WORDS = 123  # [APP 6.12]

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from gateway.mqtt.contract.payloads import GatewayInfo, Message, Payloads, cleared
 from gateway.mqtt.outbox.outbox import Outbox
-from gateway.records import Record
+from gateway.records import Record, ValueRecord
 from gateway.system.clock import Clock
 
 log = logging.getLogger(__name__)
@@ -59,6 +59,10 @@ class Publisher:
     def retained(self, topic: str) -> Message | None:
         """Return the newest message of a retained topic; None once the broker has been made to forget it."""
         return self._outbox.latest.get(topic)
+
+    def values(self) -> Iterator[ValueRecord]:
+        """Yield the newest value of each point that was published."""
+        return self._payloads.values_in(self._outbox.latest)
 
     def wake(self) -> None:
         """Have what waits sent."""

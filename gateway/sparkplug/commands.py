@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 from gateway.mqtt.contract.commands import Incoming, Rejection
 from gateway.mqtt.contract.freshness import MAX_AHEAD_S
-from gateway.mqtt.contract.strict_json import to_payload
+from gateway.mqtt.contract.payloads import to_payload
 from gateway.mqtt.contract.topics import Topics, shortened
 from gateway.records import STOP, rfc3339
 from gateway.sparkplug.metrics import COMMANDS, ID_PREFIX, STOP_METRIC

@@ -14,8 +14,8 @@ from gateway.families.profile.schema import Profile, Variant, once_per_profile
 from gateway.families.reading import Block
 from gateway.line.client import LineClient
 from gateway.line.rtu.outcome import Outcome
+from gateway.line.rtu.reply_times import ALLOWANCE_S
 from gateway.line.rtu.request import Alternates
-from gateway.line.rtu.timeouts import ALLOWANCE_S
 from gateway.line.scheduler.requests import Poll, Priority
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import LineTiming

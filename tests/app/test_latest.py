@@ -8,10 +8,8 @@ from tests.sparkplug.support import alarm, availability, info, line, state, valu
 
 
 def test_the_newest_of_each_is_there_with_the_description_first() -> None:
-    latest = LatestRecords()
+    latest = LatestRecords(lambda: [value("pump", "current", 2.0)])
     for record in (
-        value("pump", "current", 1.0),
-        value("pump", "current", 2.0),
         state("pump", "ready"),
         state("pump", "running"),
         availability("pump", "online", 1.0),
@@ -26,15 +24,15 @@ def test_the_newest_of_each_is_there_with_the_description_first() -> None:
 
     assert first == info("pump")
     assert others == [
-        value("pump", "current", 2.0),
         state("pump", "running"),
         availability("pump", "online", 1.0),
+        value("pump", "current", 2.0),
         line({"utilisation": 0.2}),
     ]
 
 
 def test_an_alarm_is_there_until_it_is_cleared() -> None:
-    latest = LatestRecords()
+    latest = LatestRecords(tuple)
     latest.put(alarm("pump", "e03"))
     latest.put(alarm("pump", "e04"))
 
@@ -44,8 +42,8 @@ def test_an_alarm_is_there_until_it_is_cleared() -> None:
 
 
 def test_what_is_gone_is_forgotten() -> None:
-    latest = LatestRecords()
-    latest.put(value("pump", "current", 1.0))
+    latest = LatestRecords(tuple)
+    latest.put(state("pump", "ready"))
     latest.put(line({}))
 
     latest.forget(["pump", "other"])

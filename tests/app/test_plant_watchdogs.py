@@ -12,11 +12,19 @@ from typing import Any
 import pytest
 
 from gateway.app.plant import Plant
-from gateway.app.record_bus import RecordBus
+from gateway.app.record_log import log_failure
 from gateway.config.convert import policy_of, rights_of, setups_of, timing_of
 from gateway.config.load import parse
 from gateway.config.schema import Config, LineTable
-from gateway.records import AvailabilityRecord, EventRecord, Phase, Record, RecordWriter, ResultRecord
+from gateway.records import (
+    AvailabilityRecord,
+    EventRecord,
+    Phase,
+    Record,
+    RecordBus,
+    RecordWriter,
+    ResultRecord,
+)
 from gateway.sim.bus.faults import Reply
 from gateway.sim.bus.port import SimulatedLine, SimulatedOpener
 from gateway.sim.factory import make_unit
@@ -148,7 +156,7 @@ async def running(
     """Run the plant with its dispatcher from the opening of the port to its closing."""
     clock, sink = VirtualClock(asyncio.get_running_loop()), WatchedSink()
     watchdogs = KnownWatchdogs(memory=memory)
-    bus_of_records = RecordBus()
+    bus_of_records = RecordBus(log_failure)
     records = RecordWriter(bus_of_records, clock)
     policy = Policy(
         policy_of(config),

@@ -8,10 +8,18 @@ import pytest
 
 from gateway.app.history.service import PARTS, HistoryService
 from gateway.app.integrations.latest import LatestRecords
-from gateway.app.record_bus import KINDS, RecordBus
-from gateway.app.record_log import RecordLog
+from gateway.app.record_log import RecordLog, log_failure
 from gateway.app.restart.watch import RestartWatch
-from gateway.records import EventRecord, Record, ResultRecord, Severity, StartRecord, TripRecord
+from gateway.records import (
+    KINDS,
+    EventRecord,
+    Record,
+    RecordBus,
+    ResultRecord,
+    Severity,
+    StartRecord,
+    TripRecord,
+)
 from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
 from gateway.storage.state_dir import StateDir
@@ -40,7 +48,7 @@ def event(code: str) -> EventRecord:
 
 
 def test_every_subscriber_gets_every_record_in_the_order_of_subscription() -> None:
-    bus, seen = RecordBus(), list[tuple[str, str]]()
+    bus, seen = RecordBus(log_failure), list[tuple[str, str]]()
     bus.connect(Subscriber("first", seen), Subscriber("second", seen))
 
     bus.put(event("a"))
@@ -50,7 +58,7 @@ def test_every_subscriber_gets_every_record_in_the_order_of_subscription() -> No
 
 
 def test_a_subscriber_gets_only_the_kinds_that_it_names() -> None:
-    bus, seen = RecordBus(), list[tuple[str, str]]()
+    bus, seen = RecordBus(log_failure), list[tuple[str, str]]()
     bus.put(event("early"))
     bus.connect(Results("results", seen), Subscriber("all", seen))
 
@@ -77,7 +85,7 @@ def handled_in(method: Any) -> set[type]:
 
 
 def test_what_was_put_before_there_were_subscribers_reaches_them_first() -> None:
-    bus, seen = RecordBus(), list[tuple[str, str]]()
+    bus, seen = RecordBus(log_failure), list[tuple[str, str]]()
     bus.put(event("early"))
 
     bus.connect(Subscriber("only", seen))
@@ -87,7 +95,7 @@ def test_what_was_put_before_there_were_subscribers_reaches_them_first() -> None
 
 
 def test_a_subscriber_that_fails_keeps_nothing_from_the_others(caplog: pytest.LogCaptureFixture) -> None:
-    bus, seen = RecordBus(), list[tuple[str, str]]()
+    bus, seen = RecordBus(log_failure), list[tuple[str, str]]()
     bus.connect(Broken(), Subscriber("second", seen))
 
     bus.put(event("a"))

@@ -14,7 +14,6 @@ from gateway.app.restart.gaps import (
     RestartGap,
     RestartTimes,
     announcement,
-    first_poll_s,
     restart_gaps,
     times_in,
 )
@@ -58,7 +57,7 @@ def test_what_was_measured_counts_and_what_was_not_is_computed_for_the_worst_cas
     one, two = line.starters
     assert gaps["pump-1"].gap_s == pytest.approx(one.gap_s + 0.5 + 1.25)
     assert gaps["pump-1"].is_measured
-    assert gaps["pump-2"].gap_s == pytest.approx(two.gap_s + 0.5 + START_UP_S + first_poll_s(line, two))
+    assert gaps["pump-2"].gap_s == pytest.approx(two.gap_s + 0.5 + START_UP_S + two.first_poll_s)
     assert not gaps["pump-2"].is_measured
     assert gaps_with(RestartTimes(None, {"pump-1": 1.25}))["pump-1"].gap_s == one.gap_s + STOP_S + 1.25
 

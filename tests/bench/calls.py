@@ -22,8 +22,7 @@ from types import FrameType
 from typing import Any
 
 from gateway.app.plant import Plant
-from gateway.app.record_bus import RecordBus
-from gateway.app.record_log import RecordLog
+from gateway.app.record_log import RecordLog, log_failure
 from gateway.config.convert import policy_of, rights_of, timing_of
 from gateway.config.load import parse
 from gateway.config.schema import LineTable
@@ -40,7 +39,7 @@ from gateway.mqtt.contract.payloads import Payloads
 from gateway.mqtt.contract.topics import Topics
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher
-from gateway.records import RecordWriter
+from gateway.records import RecordBus, RecordWriter
 from gateway.sim.bus.port import SimulatedLine
 from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
@@ -199,7 +198,7 @@ async def _way() -> _Way:
             outbox.acked(outgoing.ticket, 0)
 
     publisher.wake_with(lambda: loop.call_soon(send))
-    bus_of_records = RecordBus()
+    bus_of_records = RecordBus(log_failure)
     records = RecordWriter(bus_of_records, clock)
     policy = Policy(policy_of(config), [name(0, 1)], rights=rights_of(config), records=records)
     services = StarterServices(policy, may_write=False, monitor_every_s=inf, records=records)

@@ -13,7 +13,7 @@ from gateway.cli.parameters.live import LiveStarter, save
 from gateway.cli.parameters.restore import restore
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
-from gateway.line.rtu.timeouts import ALLOWANCE_S
+from gateway.line.rtu.reply_times import ALLOWANCE_S
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.unit import SimulatedUnit

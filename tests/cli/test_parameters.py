@@ -16,7 +16,7 @@ from gateway.cli.parameters.live import LiveStarter, save
 from gateway.errors import CommandError, PortError, UsageError
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Variant
-from gateway.line.rtu.timeouts import ALLOWANCE_S
+from gateway.line.rtu.reply_times import ALLOWANCE_S
 from gateway.modbus.adu import decode
 from gateway.sim.factory import make_unit
 from gateway.starters.parameters.toml_file import from_toml, to_toml

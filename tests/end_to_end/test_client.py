@@ -11,7 +11,7 @@ import pytest
 from gateway.client import Client, Result
 from gateway.errors import BrokerError, NoResultError, UsageError
 from gateway.mqtt.connection.session import Session
-from gateway.mqtt.contract.strict_json import to_json
+from gateway.mqtt.contract.payloads import to_json
 from gateway.mqtt.contract.topics import Topics
 from tests.mosquitto import MosquittoBroker, StartMosquitto, Watcher, free_port
 

@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from gateway.app.history import HistoryService
-from gateway.app.record_bus import RecordBus
+from gateway.app.record_log import log_failure
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.line.client import LineClient, post_here
 from gateway.line.line import Line
 from gateway.modbus.timing import Framing, LineTiming
-from gateway.records import EventRecord, RecordWriter, TripRecord, ValueRecord
+from gateway.records import EventRecord, RecordBus, RecordWriter, TripRecord, ValueRecord
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.starters.policy.policy import Policy
@@ -96,7 +96,7 @@ async def site(
 ) -> AsyncIterator[MotorSite]:
     """`rows` are what earlier runs have stored."""
     clock, sink = VirtualClock(asyncio.get_running_loop()), RecordingSink()
-    bus_of_records, router = RecordBus(), Router()
+    bus_of_records, router = RecordBus(log_failure), Router()
     records = RecordWriter(bus_of_records, clock)
     bus = SimulatedLine(TIMING, [unit], chunk_bytes=None)
     setup = StarterSetup("pump", "pumps", 1, load_profile(unit.family), Variant(), every_s=every_s)

@@ -12,7 +12,7 @@ from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.history.export import recording_of, to_comtrade
 from gateway.history.trip_record import MOST_BYTES
 from gateway.history.trip_recorder import AFTER_S, LATEST_S
-from gateway.mqtt.contract.strict_json import to_payload
+from gateway.mqtt.contract.payloads import to_payload
 from gateway.sim.factory import make_unit
 from gateway.sim.weg.command_sources import P_TIMEOUT
 from tests.history.history_site import MotorSite, site, virtually

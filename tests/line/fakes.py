@@ -11,11 +11,10 @@ from operator import itemgetter
 
 from gateway.errors import PortError, PortLostError
 from gateway.line.client import LineClient, post_here
-from gateway.line.events import FrameSeen, LineEvent, LineFault, PollResult, PortChanged, UnitChanged
+from gateway.line.events import FrameSeen, LineEvent, LineFault, PollResult, PortChanged, Trace, UnitChanged
 from gateway.line.line import Line
 from gateway.line.rtu.outcome import Outcome
 from gateway.line.rtu.request import Alternate
-from gateway.line.rtu.trace import Trace
 from gateway.line.rtu.transaction import RtuMaster
 from gateway.line.scheduler.requests import Poll, Priority
 from gateway.modbus import adu
@@ -188,7 +187,7 @@ def words_of(request: ReadHoldingRegisters) -> tuple[int, ...]:
 
 
 def master(port: FakePort) -> RtuMaster:
-    return RtuMaster(port, port.timing, trace=Trace("line"))
+    return RtuMaster(port, port.timing, note_frame=Trace("line").note)
 
 
 async def ask(port: FakePort, request: Request, unit: int = 1) -> Outcome:

@@ -9,7 +9,7 @@ from dataclasses import replace
 from math import inf
 
 from gateway.line.rtu.outcome import Answered, Outcome, Silent
-from gateway.line.rtu.timeouts import reply_within_s, request_wire_s
+from gateway.line.rtu.reply_times import reply_within_s, request_wire_s
 from gateway.line.scheduler.requests import Poll, Slot
 from gateway.line.scheduler.scheduler import Scheduler
 from gateway.modbus.reads import ReadHoldingRegisters

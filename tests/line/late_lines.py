@@ -21,11 +21,11 @@ from gateway.families.alternates import alternates
 from gateway.families.mapped_registers import plan_with
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
+from gateway.line.events import Trace
 from gateway.line.rtu.bus_faults import BusFault
 from gateway.line.rtu.late_replies import LOOK_AGAIN_S, Agreed
 from gateway.line.rtu.outcome import Answered, Outcome, Refused
 from gateway.line.rtu.request import Alternate, EncodedRequest
-from gateway.line.rtu.trace import Trace
 from gateway.line.rtu.transaction import RtuMaster
 from gateway.modbus.codes import Function
 from gateway.modbus.pdu import Request
@@ -118,7 +118,11 @@ class Line:
         self._limit_s = chance.choice(LIMITS_S)
         self.wire = LateWire(self._timing, chance, faults, limit_s=self._limit_s)
         self._line = RtuMaster(
-            self.wire, self._timing, allowance_s=ALLOWANCE_S, trace=Trace("late"), time=self.wire.time
+            self.wire,
+            self._timing,
+            allowance_s=ALLOWANCE_S,
+            note_frame=Trace("late").note,
+            time=self.wire.time,
         )
         self._asked = deque(self._reads(units, every_s))
         self._written = (b"", 0, -inf)  # the latest write, its number, when

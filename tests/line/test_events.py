@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from gateway.line.events import POLLS_WAIT_S, EventQueue, JobDone, LineEvents, PollResult, deliver
+from gateway.line.events import POLLS_WAIT_S, EventQueue, JobDone, LineEvents, PollResult, Trace, deliver
 from gateway.line.rtu.outcome import Answered, Outcome, Silent
-from gateway.line.rtu.trace import Trace
 from gateway.line.scheduler.requests import Job, Priority
 from gateway.modbus.reads import ReadHoldingRegisters
 from tests.line.fakes import poll

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from gateway.line.capacity.forecast import forecast
-from gateway.line.rtu.timeouts import longest_s
+from gateway.line.rtu.reply_times import longest_s
 from gateway.line.scheduler.requests import Job, Poll, Priority, Slot
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gateway.line.rtu.outcome import Answered, Silent
-from gateway.line.rtu.timeouts import ENOUGH, ResponseTimeEstimator
+from gateway.line.rtu.reply_times import ENOUGH, ResponseTimeEstimator
 from gateway.line.scheduler.requests import Slot
 from gateway.line.scheduler.scheduler import Scheduler
 from gateway.line.scheduler.units import UnitState

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from math import inf
-
 import pytest
 
-from gateway.line.capacity.outage import WIDE_FACTOR, Restart, first_request_s, gaps_of, start_order
-from gateway.line.rtu.timeouts import longest_s, request_wire_s
+from gateway.line.capacity.outage import WIDE_FACTOR, Restart, first_requests_s, gaps_of, start_order
+from gateway.line.rtu.reply_times import longest_s, request_wire_s
 from gateway.modbus.timing import Framing, LineTiming
 from tests.line.fakes import RESPONSE_TIME_S, poll
 
@@ -34,8 +32,8 @@ def test_the_first_request_comes_after_those_before_it_went_unanswered() -> None
     waited_s = longest_s(polls[0].request, TIMING, response_time_s=RESPONSE_TIME_S)
     sent_s = request_wire_s(polls[1].request, TIMING)
 
-    assert first_request_s(polls, TIMING, 2) == pytest.approx(2 * TIMING.silence_s + waited_s + sent_s)
-    assert first_request_s(polls, TIMING, 9) == inf
+    assert first_requests_s(polls, TIMING)[2] == pytest.approx(2 * TIMING.silence_s + waited_s + sent_s)
+    assert 9 not in first_requests_s(polls, TIMING)
 
 
 def test_a_crash_costs_the_restart_the_start_up_and_the_first_round() -> None:

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from gateway.line.rtu.reply import DOUBTS_ENOUGH, TIMELY_ENOUGH, Pace
+from gateway.line.rtu.reply_times import DOUBTS_ENOUGH, TIMELY_ENOUGH, Pace
 
 REPLY_S = 0.015
 IN_TIME_S, TOO_SOON_S = -0.005, 0.004

@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from gateway.line.rtu.timeouts import (
+from gateway.line.rtu.reply_times import (
     ENOUGH,
     FACTOR,
     MARGIN_S,

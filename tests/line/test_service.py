@@ -7,7 +7,7 @@ import asyncio
 import pytest
 
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Outcome, Silent
-from gateway.line.rtu.timeouts import ENOUGH
+from gateway.line.rtu.reply_times import ENOUGH
 from gateway.line.scheduler.requests import Job, Poll, Priority
 from gateway.modbus import adu
 from gateway.modbus.reads import ReadHoldingRegisters

@@ -6,10 +6,10 @@ import random
 import pytest
 
 from gateway.errors import PortLostError
+from gateway.line.events import Trace
 from gateway.line.rtu.late_replies import COPY_S
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.rtu.request import EncodedRequest
-from gateway.line.rtu.trace import Trace
 from gateway.line.rtu.transaction import BABBLE_LIMIT_S, RtuMaster
 from gateway.modbus import adu
 from gateway.modbus.device_id import DeviceIdentification, ReadDeviceIdentification
@@ -257,7 +257,9 @@ def test_a_frame_that_has_become_too_late_in_the_last_wait_before_it_is_not_sent
     async def scenario() -> tuple[Outcome, bool, int]:
         port = HoldingPort(lambda frame: [Said(REPLY)])
         loop = asyncio.get_running_loop()
-        line = RtuMaster(port, TIMING, trace=Trace("line"), time=lambda: loop.time() + port.stopped_s)
+        line = RtuMaster(
+            port, TIMING, note_frame=Trace("line").note, time=lambda: loop.time() + port.stopped_s
+        )
         await asyncio.sleep(0.1)
         encoded = EncodedRequest.of(1, READ)
         outcome = await line.exchange(encoded, response_time_s=RESPONSE_TIME_S, until_s=until_s)

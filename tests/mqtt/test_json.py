@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.mqtt.contract.strict_json import MAX_DEPTH, read_object, to_json, to_payload
+from gateway.mqtt.contract.payloads import to_json, to_payload
+from gateway.mqtt.contract.strict_json import MAX_DEPTH, read_object
 from gateway.records import Quality, rfc3339
 
 ANYTHING = st.recursive(

@@ -56,6 +56,20 @@ def test_the_gateway_begins_as_starting() -> None:
     run_virtually(main())
 
 
+def test_the_newest_values_are_those_of_its_messages_until_a_starter_is_forgotten() -> None:
+    async def main() -> None:
+        made = await desk()
+        made.publisher.put(value(1, 1.0))
+        made.publisher.put(value(2, 2.0))
+        made.published()
+        assert list(made.publisher.values()) == [value(2, 2.0)]
+
+        made.publisher.forget(value(2, 2.0).starter)
+        assert list(made.publisher.values()) == []
+
+    run_virtually(main())
+
+
 def test_a_record_is_put_into_the_outbox_and_the_sender_woken() -> None:
     async def main() -> None:
         made = await desk()

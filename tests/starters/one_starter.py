@@ -8,14 +8,14 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from gateway.app.record_bus import RecordBus
+from gateway.app.record_log import log_failure
 from gateway.errors import DamagedError, StoreError
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.line.client import LineClient, post_here
 from gateway.line.line import Line
 from gateway.modbus.timing import Framing, LineTiming
-from gateway.records import AuditRecord, EventRecord, RecordWriter
+from gateway.records import AuditRecord, EventRecord, RecordBus, RecordWriter
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.starters.commands.dispatcher import Dispatcher
@@ -127,7 +127,7 @@ async def one_starter(
         events=local_events(router.handle),
     )
     rights = Rights([Operator("alice", ("*",), ("*",))])
-    bus_of_records = RecordBus()
+    bus_of_records = RecordBus(log_failure)
     records = RecordWriter(bus_of_records, clock)
     policy = Policy(PolicySettings(), ["pump"], rights=rights, identities_memory=memory, records=records)
     telemetry = StarterTelemetry(

@@ -6,13 +6,13 @@ import asyncio
 from collections.abc import Mapping
 from typing import Any
 
-from gateway.app.record_bus import RecordBus
+from gateway.app.record_log import log_failure
 from gateway.errors import DamagedError, StoreError
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.modbus.pdu import Request
 from gateway.modbus.writes import WriteCoil
-from gateway.records import RecordWriter, StateRecord
+from gateway.records import RecordBus, RecordWriter, StateRecord
 from gateway.starters.commands.dispatcher import Dispatcher
 from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.request import CommandRequest
@@ -112,7 +112,7 @@ class Plant:
         operators: tuple[Operator, ...] = OPERATORS,
     ) -> None:
         self.clock = VirtualClock(asyncio.get_running_loop())
-        self.bus, self.sink = RecordBus(), RecordingSink()
+        self.bus, self.sink = RecordBus(log_failure), RecordingSink()
         self.records = RecordWriter(self.bus, self.clock)
         self.memory = memory or FakeMemory()
         places = [place.partition("@") for place in names or ("pump-1", "pump-2", "pump-3")]

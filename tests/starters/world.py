@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from gateway.app.incoming import IncomingCommands
-from gateway.app.record_bus import RecordBus
+from gateway.app.record_log import log_failure
 from gateway.errors import StartError
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
@@ -25,7 +25,7 @@ from gateway.modbus.writes import WriteCoil
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.freshness import EVERY_S, RunToken, Tokens
 from gateway.mqtt.contract.topics import Topics
-from gateway.records import Record, RecordWriter, ResultRecord
+from gateway.records import Record, RecordBus, RecordWriter, ResultRecord
 from gateway.sim.bus.faults import Reply
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.power import MotorData
@@ -154,7 +154,7 @@ class GatewayWorld:
         clock_watch = ClockWatch("trusted", ask=lambda: self.is_clock_right, read=self._read_clocks)
         clock_watch.recall(self.clock_document)
         self.clock_document = clock_watch.document()
-        bus = RecordBus()
+        bus = RecordBus(log_failure)
         records = RecordWriter(bus, self.clock)
         self.policy = Policy(
             PolicySettings(rules=dict.fromkeys(NAMES, RULES), groups={"both": NAMES}),

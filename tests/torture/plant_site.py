@@ -32,5 +32,5 @@ def site(folder: Path, broker_port: int, *, deaf_after_s: float, state_dir: Path
 def computed(config: Path, restart: Restart) -> Gaps:
     """Return the longest gaps of any starter of the only line."""
     (line,) = prospects_of(load(config))
-    each = [gaps_of_starter(line, starter, restart) for starter in line.starters]
+    each = [gaps_of_starter(starter, restart) for starter in line.starters]
     return max(each, key=lambda gaps: gaps.hang_s)

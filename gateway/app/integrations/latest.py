@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 
 from gateway.records import (
     AlarmRecord,
@@ -16,19 +16,21 @@ from gateway.records import (
 
 
 class LatestRecords:
-    """A sink of records, which retains the newest of each value, state, alarm and line; on the app's loop."""
+    """A sink of records, which retains the newest of each state, alarm and line; on the app's loop.
 
-    takes = (ValueRecord, StateRecord, AvailabilityRecord, InfoRecord, AlarmRecord, LineRecord)
+    The newest value of each point stands in the outbox: `values` reads it there once it is wanted.
+    """
 
-    def __init__(self) -> None:
+    takes = (StateRecord, AvailabilityRecord, InfoRecord, AlarmRecord, LineRecord)
+
+    def __init__(self, values: Callable[[], Iterable[ValueRecord]]) -> None:
+        self._values = values
         self._starters: dict[str, dict[object, Record]] = {}
         self._lines: dict[str, Record] = {}
 
     def put(self, record: Record) -> None:
         """Take a record, in order."""
         match record:
-            case ValueRecord():
-                self._of(record.starter)[record.point] = record
             case StateRecord() | AvailabilityRecord() | InfoRecord():
                 self._of(record.starter)[type(record)] = record
             case AlarmRecord() if record.is_active:
@@ -50,9 +52,10 @@ class LatestRecords:
         self._lines.pop(line, None)
 
     def records(self) -> Iterator[Record]:
-        """Yield what is retained, each starter's description before all else of it."""
+        """Yield the newest records, each starter's description before all else of it."""
         for retained in tuple(self._starters.values()):
             yield from sorted(retained.values(), key=lambda record: not isinstance(record, InfoRecord))
+        yield from self._values()
         yield from tuple(self._lines.values())
 
     def _of(self, starter: str) -> dict[object, Record]:

@@ -11,11 +11,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from gateway.app.capacity import LineCapacity, StarterCapacity
+from gateway.app.capacity import LineCapacity
 from gateway.app.site import Site
-from gateway.config.convert import setups_of, timing_of
+from gateway.config.convert import setups_of
 from gateway.errors import DamagedError
-from gateway.line.capacity.outage import START_UP_S, WIDE_FACTOR, first_request_s, start_order
+from gateway.line.capacity.outage import START_UP_S, WIDE_FACTOR
 from gateway.starters.telemetry.known_watchdogs import WATCHDOGS_FILE, KnownWatchdogs
 from gateway.storage.json_file import JsonFile, JsonStore, ReadOnlyStore
 
@@ -62,14 +62,6 @@ class RestartGap:
         return self.limit_s is None or self.limit_s >= self.wanted_s
 
 
-def first_poll_s(line: LineCapacity, starter: StarterCapacity) -> float:
-    """Return when at the latest a starter gets its first request after its line's port is open."""
-    limits_s = {each.address: each.watchdog_s for each in line.table.starters if each.watchdog_s}
-    polls = start_order((each.poll for each in line.forecast.polls), limits_s)
-    allowance_s = line.table.adapter_allowance_s
-    return first_request_s(polls, timing_of(line.table), starter.table.address, allowance_s=allowance_s)
-
-
 def restart_gaps(
     prospects: Iterable[LineCapacity], times: RestartTimes, *, limit_of: Callable[[str], float | None]
 ) -> Iterator[RestartGap]:
@@ -79,7 +71,7 @@ def restart_gaps(
         for starter in line.starters:
             name = starter.table.name
             start_s = times.start_s.get(name)
-            again_s = START_UP_S + first_poll_s(line, starter) if start_s is None else start_s
+            again_s = START_UP_S + starter.first_poll_s if start_s is None else start_s
             is_measured = start_s is not None and times.stop_s is not None
             yield RestartGap(name, starter.gap_s + stop_s + again_s, is_measured, limit_of(name))
 

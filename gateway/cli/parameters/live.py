@@ -22,7 +22,7 @@ from gateway.line.direct import exclusive_line
 from gateway.line.port.base import PortOpener
 from gateway.line.port.event_loop import new_precise_loop
 from gateway.line.port.opener import SerialOpener
-from gateway.line.rtu.timeouts import request_wire_s
+from gateway.line.rtu.reply_times import request_wire_s
 from gateway.modbus.timing import LineTiming
 from gateway.starters.bulk_read import BulkReading
 from gateway.starters.parameters.model import ParameterSet, entries_of

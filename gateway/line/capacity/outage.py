@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import inf
 
-from gateway.line.rtu.timeouts import ALLOWANCE_S, longest_s, request_wire_s
+from gateway.line.rtu.reply_times import ALLOWANCE_S, longest_s, request_wire_s
 from gateway.line.scheduler.requests import Poll
 from gateway.modbus.timing import LineTiming
 
@@ -65,25 +65,25 @@ def start_order(polls: Iterable[Poll], watchdogs_s: Mapping[int, float] | None =
     return [poll for _, _, poll in sorted(placed, key=lambda each: each[:2])]
 
 
-def first_request_s(
-    polls: Iterable[Poll], timing: LineTiming, unit: int, *, allowance_s: float = ALLOWANCE_S
-) -> float:
-    """Return when at the latest a unit has received its first request after the port is open; inf for never.
+def first_requests_s(
+    polls: Iterable[Poll], timing: LineTiming, *, allowance_s: float = ALLOWANCE_S
+) -> dict[int, float]:
+    """Return by unit when at the latest it has received its first request after the port is open.
 
     `polls` are in the order of the start. None before it may answer; commands come on top.
     """
+    firsts_s: dict[int, float] = {}
     passed_s = timing.silence_s
     for poll in polls:
-        if poll.unit == unit:
-            return passed_s + request_wire_s(poll.request, timing)
+        firsts_s.setdefault(poll.unit, passed_s + request_wire_s(poll.request, timing))
         passed_s += timing.silence_s + longest_s(
             poll.request, timing, response_time_s=poll.response_time_s, allowance_s=allowance_s
         )
-    return inf
+    return firsts_s
 
 
 def gaps_of(regular_s: float, first_s: float, restart: Restart | None = None) -> Gaps:
-    """Return a unit's gaps; `regular_s` is from `longest_gap_s`, `first_s` from `first_request_s`."""
+    """Return a unit's gaps; `regular_s` is from `longest_gap_s`, `first_s` from `first_requests_s`."""
     manager = restart or Restart()
     again_s = manager.restart_s + manager.start_up_s + first_s
     return Gaps(regular_s, regular_s + again_s, regular_s + manager.noticed_s + again_s)

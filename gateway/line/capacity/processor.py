@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from gateway.line.capacity.forecast import Forecast
-from gateway.line.rtu.timeouts import reply_within_s, request_wire_s
+from gateway.line.rtu.reply_times import reply_within_s, request_wire_s
 from gateway.modbus.timing import Framing, LineTiming
 
 # Where slowness is 1:

@@ -9,7 +9,6 @@ are everyday life on a shared line, a cause that persists is not.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf
@@ -73,7 +72,7 @@ class BusFaults:
         self._doubled: dict[int, float] = {}  # by unit
         self._unasked: dict[int, tuple[float, float]] = {}  # by unit: signs, and when they were that many
         self._replies: dict[int, tuple[bytes, float]] = {}  # the latest of each unit, until it is asked again
-        self._recent: dict[int, deque[tuple[bytes, float]]] = {}  # the same, of whatever kind, and whenever
+        self._recent: dict[int, tuple[tuple[bytes, float], ...]] = {}  # the same of any kind, and whenever
         self._copied_s: dict[int, float] = {}  # by unit: the latest copy of a reply
         self._late: dict[int, tuple[float, float]] = {}  # by unit, and of all: signs, as of those unasked
         self._corrupted: dict[int, float] = {}  # by unit: the share of its latest replies
@@ -148,17 +147,14 @@ class BusFaults:
             self._suspect_babble(unit, UNASKED_FRAME, now_s)
 
     def _note_recent(self, unit: int, frame: bytes, at_s: float) -> None:
-        recent = self._recent.get(unit)
-        if recent is None:
-            recent = self._recent[unit] = deque(maxlen=_RECENT)
-        recent.append((frame, at_s))
+        self._recent[unit] = (*self._recent.get(unit, ())[1 - _RECENT :], (frame, at_s))
 
     def _take_copied(self, unit: int, frame: bytes, now_s: float) -> bool:
         """Return whether a frame is the copy of a recent reply; each has one copy at most."""
         recent = self._recent.get(unit, ())
         found = next((one for one in recent if one[0] == frame and now_s - one[1] <= COPIED_WITHIN_S), None)
         if found is not None:
-            self._recent[unit].remove(found)
+            self._recent[unit] = tuple(one for one in recent if one is not found)
         return found is not None
 
     def _note_copy(self, unit: int, now_s: float, *, is_second: bool) -> None:

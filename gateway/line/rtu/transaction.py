@@ -12,10 +12,9 @@ from gateway.line.port.base import DeliversLate, HoldsBack, Port
 from gateway.line.rtu.bus_faults import BusFaults, whole_frame
 from gateway.line.rtu.late_replies import Agreed, LateReplies, Shape
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.rtu.reply import Pace, ReplyAssembler, judge, pieces
+from gateway.line.rtu.reply import ReplyAssembler, judge, pieces
+from gateway.line.rtu.reply_times import ALLOWANCE_S, Pace
 from gateway.line.rtu.request import EncodedRequest, Forms
-from gateway.line.rtu.timeouts import ALLOWANCE_S
-from gateway.line.rtu.trace import RECEIVED, SENT, STRAY, Trace
 from gateway.modbus import adu
 from gateway.modbus.adu import crc16
 from gateway.modbus.codes import EXCEPTION_BIT, Function
@@ -24,6 +23,8 @@ from gateway.modbus.timing import BROADCAST_TURNAROUND_S, LineTiming
 
 BABBLE_LIMIT_S = 1.0  # a line that is busy for longer without our asking is not waited for
 STOP_PATIENCE_S = 0.25  # nor, for a stop, one that is busy for longer than this and than the longest frame
+
+SENT, RECEIVED, STRAY = ">>", "<<", "??"  # where a frame goes; what was not waited for is a stray
 
 _FRAME_GAP = 1.5  # characters
 _HEAD = 2  # unit and function
@@ -40,7 +41,7 @@ class RtuMaster:
         timing: LineTiming,
         *,
         allowance_s: float = ALLOWANCE_S,
-        trace: Trace,
+        note_frame: Callable[[float, str, bytes], None],  # when, which way, and what was on the wire
         forms: Forms | None = None,  # those of this line, if a port was open before
         time: Callable[[], float] | None = None,  # the port's clock; None: the running loop's
     ) -> None:
@@ -50,7 +51,7 @@ class RtuMaster:
         self.character_s = self._character_s = timing.character_s
         self._stop_patience_s = max(STOP_PATIENCE_S, adu.MAX_ADU_SIZE * timing.character_s)
         self._allowance_s = allowance_s
-        self._trace = trace
+        self._note_frame = note_frame
         self._time = time or asyncio.get_running_loop().time
         self._own_end_s = self._time()  # who knows what was on the wire before the port was opened
         self.forms = forms or Forms(LateReplies())
@@ -183,7 +184,7 @@ class RtuMaster:
         self._asked = encoded.unit
         self.bus_faults.note_asked(encoded.unit)
         self._pace.note_asked(encoded.unit)
-        self._trace.note(self.written_s, SENT, encoded.adu)
+        self._note_frame(self.written_s, SENT, encoded.adu)
         try:
             if meanwhile is not None:
                 meanwhile()
@@ -295,7 +296,7 @@ class RtuMaster:
         except BadReplyError:
             return None
         at_s = self._port.last_byte_s
-        self._trace.note(at_s, RECEIVED, frame)
+        self._note_frame(at_s, RECEIVED, frame)
         self._note_answer(encoded, frame, at_s)
         return Answered(value, at_s, max(self._began_s - sent_end_s, 0.0))
 
@@ -310,7 +311,7 @@ class RtuMaster:
         if assembler.has_echo:
             self._is_echoing = True
         if assembler.received:
-            self._trace.note(at_s, RECEIVED, assembler.received)
+            self._note_frame(at_s, RECEIVED, assembler.received)
         if not frame:
             return frame, Silent()
         took_s = max(self._began_s - sent_end_s, 0.0)
@@ -436,6 +437,6 @@ class RtuMaster:
         """Count and forget bytes that were not waited for; the last of them are judged once it is quiet."""
         if stray:
             self.stray_bytes += len(stray)
-            self._trace.note(self._port.last_byte_s, STRAY, stray)
+            self._note_frame(self._port.last_byte_s, STRAY, stray)
             self._stray += stray
             del self._stray[:-_STRAY_BYTES]

@@ -14,8 +14,8 @@ from gateway.mqtt.connection.reconnect import Version, VersionChoice
 from gateway.mqtt.connection.session import Session, SessionParts
 from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.mqtt.contract.commands import Incoming
-from gateway.mqtt.contract.payloads import Message
-from gateway.mqtt.contract.strict_json import read_object, to_payload
+from gateway.mqtt.contract.payloads import Message, to_payload
+from gateway.mqtt.contract.strict_json import read_object
 from gateway.mqtt.contract.topics import Topics
 from gateway.records import STOP, Phase, rfc3339
 

@@ -2,18 +2,21 @@
 
 A retained message is the newest of its topic. A queued message (event, result, audit, history, start, trip)
 is sent in order and repeated until acknowledged. Most messages are values: `ValueTexts` formats their JSON
-directly.
+directly. In all JSON floats have a decimal part and are never NaN, times are RFC 3339 in UTC.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from functools import lru_cache
+from json.encoder import encode_basestring
 from typing import Any, NamedTuple, assert_never
 
 from gateway.mqtt.contract.freshness import RunToken, boot_of
-from gateway.mqtt.contract.strict_json import join_json, to_json, to_payload
 from gateway.mqtt.contract.topics import Topics, to_level
 from gateway.records import (
     AlarmRecord,
@@ -23,6 +26,7 @@ from gateway.records import (
     InfoRecord,
     LineRecord,
     LockRecord,
+    Quality,
     Record,
     ResultRecord,
     StartRecord,
@@ -69,6 +73,29 @@ class ValueTexts:
         reason = f',"reason":{to_json(record.reason)}' if record.reason else ""
         text = f'{{"value":{value},"unit":{to_json(record.unit)},{fate},"boot":{self._boot}{label}{reason}}}'
         return ValueText(topic, text)
+
+    def records_in(self, latest: Mapping[str, Message]) -> Iterator[ValueRecord]:
+        """Yield the values that retained messages, by topic, say; one that was cleared says none."""
+        for starter, topics in tuple(self._known.items()):
+            for point, topic in tuple(topics.items()):
+                message = latest.get(topic)
+                if message is not None and message.payload:
+                    yield _value_record(starter, point, json.loads(message.payload))
+
+
+def _value_record(starter: str, point: str, said: Mapping[str, Any]) -> ValueRecord:
+    time = said["time"]
+    return ValueRecord(
+        starter=starter,
+        point=point,
+        value=said["value"],
+        unit=said["unit"],
+        quality=Quality(said["quality"]),
+        time_s=None if time is None else datetime.fromisoformat(time).timestamp(),
+        seq=said["seq"],
+        label=said.get("label"),
+        reason=said.get("reason", ""),
+    )
 
 
 def late_value(message: Message) -> LateValue:
@@ -157,6 +184,10 @@ class Payloads:
                 return _latest(self.topics.line(record.line), record.statistics, qos=0)
             case _:
                 assert_never(record)
+
+    def values_in(self, latest: Mapping[str, Message]) -> Iterator[ValueRecord]:
+        """Yield the values that retained messages, by topic, say: what `message` made of them, read back."""
+        return self._values.records_in(latest)
 
     def status(
         self, state: str, *, time_s: float | None, since_s: float | None, reason: str | None
@@ -336,3 +367,51 @@ def _queued(
 def _extended(fields: dict[str, Any], more: Mapping[str, Any]) -> dict[str, Any]:
     """Return `fields` with what `more` adds; the contract's own keys cannot be overwritten."""
     return {**fields, **{key: value for key, value in more.items() if key not in fields}}
+
+
+def to_json(value: Any) -> str:
+    """Return compact JSON; what JSON cannot say becomes null (NaN, infinity) or its text."""
+    kind = type(value)
+    if kind is str:  # most are, and nearly all the rest are floats
+        return encode_basestring(value)
+    if kind is float:
+        return _float_text(value)
+    match value:
+        case None:
+            return "null"
+        case bool():
+            return "true" if value else "false"
+        case int():
+            return int.__repr__(value)
+        case float():
+            return _float_text(value)
+        case str():
+            return encode_basestring(str(value))
+        case Mapping():
+            return "{" + ",".join(f"{to_json(str(key))}:{to_json(item)}" for key, item in value.items()) + "}"
+        case list() | tuple() | set() | frozenset():
+            return join_json(to_json(item) for item in value)
+        case _:
+            return to_json(str(value))
+
+
+def join_json(items: Iterable[str]) -> str:
+    """Return a JSON array of items that are JSON already."""
+    return "[" + ",".join(items) + "]"
+
+
+def to_payload(value: Any) -> bytes:
+    """Return `to_json` as UTF-8; lone surrogates, which UTF-8 cannot carry, become `?`."""
+    return to_json(value).encode("utf-8", "replace")
+
+
+def _float_text(value: float) -> str:
+    if not math.isfinite(value):
+        return "null"
+    text = float.__repr__(value)
+    if "e" not in text:
+        return text
+    mantissa, exponent, power = text.partition("e")
+    if "." not in mantissa:
+        mantissa += ".0"  # 1e+16, which some clients would take for an integer tag
+    return f"{mantissa}{exponent}{power}"

@@ -1,15 +1,12 @@
-"""JSON, both ways.
+"""JSON as it is read: strictly, since any client may send; `payloads` writes it.
 
-Reading is strict, since any client may send: no duplicate keys, NaN, deep nesting or very long integers.
-Writing follows the contract: floats have a decimal part and are never NaN, times are RFC 3339 in UTC.
+No duplicate keys, NaN, deep nesting or very long integers.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping
-from json.encoder import encode_basestring
 from typing import Any, NoReturn
 
 MAX_DEPTH = 8
@@ -106,51 +103,3 @@ def _float(text: str) -> float:
     if not math.isfinite(value):
         raise ValueError("a number is too large")
     return value
-
-
-def to_json(value: Any) -> str:
-    """Return compact JSON; what JSON cannot say becomes null (NaN, infinity) or its text."""
-    kind = type(value)
-    if kind is str:  # most are, and nearly all the rest are floats
-        return encode_basestring(value)
-    if kind is float:
-        return _float_text(value)
-    match value:
-        case None:
-            return "null"
-        case bool():
-            return "true" if value else "false"
-        case int():
-            return int.__repr__(value)
-        case float():
-            return _float_text(value)
-        case str():
-            return encode_basestring(str(value))
-        case Mapping():
-            return "{" + ",".join(f"{to_json(str(key))}:{to_json(item)}" for key, item in value.items()) + "}"
-        case list() | tuple() | set() | frozenset():
-            return join_json(to_json(item) for item in value)
-        case _:
-            return to_json(str(value))
-
-
-def join_json(items: Iterable[str]) -> str:
-    """Return a JSON array of items that are JSON already."""
-    return "[" + ",".join(items) + "]"
-
-
-def to_payload(value: Any) -> bytes:
-    """Return `to_json` as UTF-8; lone surrogates, which UTF-8 cannot carry, become `?`."""
-    return to_json(value).encode("utf-8", "replace")
-
-
-def _float_text(value: float) -> str:
-    if not math.isfinite(value):
-        return "null"
-    text = float.__repr__(value)
-    if "e" not in text:
-        return text
-    mantissa, exponent, power = text.partition("e")
-    if "." not in mantissa:
-        mantissa += ".0"  # 1e+16, which some clients would take for an integer tag
-    return f"{mantissa}{exponent}{power}"

@@ -46,7 +46,7 @@ class Backlog:
         self._out: dict[int, QueuedMessage] = {}  # taken and not acknowledged
         self._out_bytes = 0
         self._numbers = 0
-        self._has_news = False  # perhaps; asked for each value that is published, so it must cost nothing
+        self.has_news = False  # whether `next` may have something; looked at for each value that is sent
         self._fresh: dict[int, QueuedMessage] = {}
         self._writing: list[QueuedMessage] = []
         self._gone: list[tuple[Kind, int]] = []
@@ -87,22 +87,20 @@ class Backlog:
         )
         entry.segment.add(entry)
         self._fresh[entry.number] = entry
-        self._has_news |= kind is not Kind.VALUE
+        self.has_news |= kind is not Kind.VALUE
         self._make_room()
         self.on_work()
         return entry
 
     def next(self, late_upto: int) -> QueuedMessage | None:
         """Return the result or event that comes next; what is not `late` does not wait for what is."""
-        if not self._has_news:
-            return None
         is_away = self.is_disk_away()
         result = self._first(Kind.RESULT, is_away)
         event = self._new[Kind.EVENT].first(is_disk_away=is_away)
         if event is None or event.number <= late_upto:
             event = self._first(Kind.EVENT, is_away)
         if result is None or event is None:
-            self._has_news = bool(result or event) or any(segment.sunk.rows for segment in self._segments)
+            self.has_news = bool(result or event) or any(segment.sunk.rows for segment in self._segments)
             return result or event
         is_result_late = result.number <= late_upto
         is_event_first = event.number < result.number and (is_result_late or event.number > late_upto)
@@ -154,7 +152,7 @@ class Backlog:
             segment.give_back(taken)
         self._out.clear()
         self._out_bytes = 0
-        self._has_news = True
+        self.has_news = True
 
     def refuse(self, refusal: Refusal) -> None:
         """Set aside what the broker would not take; its time is the steady clock's."""
@@ -225,7 +223,7 @@ class Backlog:
     def recall(self, recalled: Recalled) -> None:
         """Begin with what earlier runs have left behind; its times are the steady clock's."""
         self._keys = recalled.keys
-        self._has_news = True
+        self.has_news = True
         for kind, share in recalled.shares.items():
             self._old[kind].begin(share)
 
@@ -243,7 +241,7 @@ class Backlog:
         upto = max((row.number for row in page.rows), default=LOWEST)
         missing = segment.page(entries, upto=upto, is_last=page.is_last, lost=lost)
         self.dropped += lost
-        self._has_news = True
+        self.has_news = True
         if missing:
             self._add_loss(Loss(STORE, segment.kind, missing, None, None))
 

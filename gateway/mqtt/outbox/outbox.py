@@ -239,7 +239,7 @@ class Outbox:
 
     def _take_backlog(self) -> Outgoing | None:
         """Return the next result or event; every second old one gives way to a live value."""
-        entry = self.backlog.next(self._late_upto)
+        entry = self.backlog.next(self._late_upto) if self.backlog.has_news else None
         if entry is None:
             return None
         is_late = entry.kind is Kind.EVENT and entry.number <= self._late_upto

@@ -16,7 +16,7 @@ from gateway.families.profile.schema import Profile, Variant
 from gateway.line.scheduler.requests import Priority
 from gateway.modbus.pdu import Request
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
-from gateway.starters.telemetry.emitter import Emitter
+from gateway.starters.telemetry.reporting import Emitter
 from gateway.starters.telemetry.snapshot import Snapshot
 from gateway.starters.telemetry.view import StarterControlView
 

@@ -20,8 +20,8 @@ from gateway.starters.bulk_read import BulkReading, read_in_bulk
 from gateway.starters.identity.first_contact import IdentityStatus, standing_of
 from gateway.starters.identity.recognition import Recognition
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
-from gateway.starters.telemetry.emitter import Emitter
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
+from gateway.starters.telemetry.reporting import Emitter
 from gateway.starters.telemetry.snapshot import Snapshot
 from gateway.system.clock import Clock
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from math import inf
@@ -129,7 +128,7 @@ class ParameterMonitor:
         self._every_s = every_s
         self._watch = watch = ParameterChanges(starter.profile)
         self.recall, self.note_written = watch.recall, watch.note_written
-        self._reads = deque(_lap_of(starter.profile))
+        self._reads = list(_lap_of(starter.profile))
         self._left_of_first_lap = len(self._reads)  # blocks: the first lap makes known what there is
         self._refusals: dict[str, int] = {}  # by row, since the hour began
         self._hour_began_s = -inf
@@ -159,7 +158,7 @@ class ParameterMonitor:
             if not starter.is_answering or starter.identity_standing is not IdentityStatus.MATCHING:
                 continue
             self._ask_again_each_hour()
-            read = self._reads.popleft()
+            read = self._reads.pop(0)
             self._left_of_first_lap -= 1
             try:
                 self._reads += await self._look(read)
@@ -196,7 +195,7 @@ class ParameterMonitor:
         self._hour_began_s = now_s
         if self._refusals:
             self._refusals.clear()
-            self._reads = deque(_lap_of(self._starter.profile))
+            self._reads = list(_lap_of(self._starter.profile))
 
 
 @once_per_profile

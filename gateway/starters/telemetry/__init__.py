@@ -1,4 +1,4 @@
 """From the line's outcomes to records: snapshot, state, alarms, report by exception.
 
-Start at `telemetry`; `polling` says what is read, `emitter` what is published.
+Start at `telemetry`; `polling` says what is read, `reporting` what is published.
 """

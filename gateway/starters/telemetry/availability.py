@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from gateway.records import Severity
-from gateway.starters.telemetry.emitter import Emitter
+from gateway.starters.telemetry.reporting import Emitter
 
 
 class Availability:

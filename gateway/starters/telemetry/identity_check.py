@@ -23,7 +23,7 @@ from gateway.starters.identity.first_contact import FirstContact, IdentityStatus
 from gateway.starters.identity.recognition import is_refusal
 from gateway.starters.identity.registry import IdentityRegistry
 from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.emitter import Emitter
+from gateway.starters.telemetry.reporting import Emitter
 
 PROVED_WITHIN_S = 5.0  # where it is not clear at once
 GAP_POLLS = 2  # without a reply, after which another device may answer
@@ -149,7 +149,7 @@ class Contact:
         self._first_contact = FirstContact(identity.setup, line, on_rows=on_rows, on_identity=on_identity)
         self.begin, self.doubt = self._first_contact.begin, self._first_contact.doubt
         self.cancel, self.close = self._first_contact.cancel, self._first_contact.close
-        self._gap = 0  # polls in a row without a reply
+        self.gap = 0  # polls in a row without a reply
 
     @property
     def is_settled(self) -> bool:
@@ -187,22 +187,22 @@ class Contact:
         if self._identity.standing is not IdentityStatus.MATCHING:
             raise CommandError(f"identity_{self._identity.standing.value}", self._identity.reason)
 
-    def note_answer(self) -> None:
-        """Record that a poll was answered: after a gap perhaps by another device."""
-        if self._gap >= GAP_POLLS:
+    def end_gap(self) -> None:
+        """Record that a poll was answered after a gap: perhaps by another device."""
+        if self.gap >= GAP_POLLS:
             self.doubt()
-        self._gap = 0
+        self.gap = 0
 
     def note_unlike(self, outcome: Silent | Garbled) -> None:
         """Record a poll without an answer: a gap, or a refusal that may be a late one."""
         if isinstance(outcome, Silent):
-            self._gap += 1
+            self.gap += 1
         elif is_refusal(outcome):
             self.doubt()
 
     def note_overdue(self) -> None:
         """Record that values are overdue, which on an overloaded line says nothing of the device."""
-        if self._gap or self._line.stretch == 1.0:
+        if self.gap or self._line.stretch == 1.0:
             self.doubt()
 
     def note_silence(self) -> None:

@@ -140,8 +140,8 @@ class Polling:
         """Record that a poll was answered."""
         polled = self._polled[key]
         if polled.last_s is not None:
-            slowest_s = GAP_PERIODS * (polled.every_s or FREE_PERIOD_S) * self._line.stretch
-            polled.gap_s = min(at_s - polled.last_s, slowest_s)
+            gap_s, usual_s = at_s - polled.last_s, GAP_PERIODS * (polled.every_s or FREE_PERIOD_S)
+            polled.gap_s = gap_s if gap_s <= usual_s else min(gap_s, usual_s * self._line.stretch)
         polled.last_s, polled.is_overdue = at_s, False
         self._soonest_overdue_s = min(self._soonest_overdue_s, polled.overdue_s())
         if polled.refusals.in_row:

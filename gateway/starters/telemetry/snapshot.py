@@ -106,6 +106,15 @@ class Snapshot:
         """Return the values that were just read, by point."""
         return good_values(self._readings)
 
+    def good_values_of(self, points: Iterable[str], *, at_s: float) -> dict[str, Value]:
+        """Return the values of those of these points that were read at this moment, and are good."""
+        readings, good = self._readings, Quality.GOOD
+        return {
+            name: known.value
+            for name in points
+            if (known := readings[name]).at_s == at_s and known.quality is good
+        }
+
     def age_s(self, point: str, *, now_s: float) -> float:
         """Return how long ago a point was read; infinite when it never was."""
         at_s = self._readings[point].at_s

@@ -14,8 +14,7 @@ from gateway.families.profile.state import state_of
 from gateway.families.reading import rows_of_points
 from gateway.records import Quality, Record
 from gateway.starters.telemetry.decoding import flags_of
-from gateway.starters.telemetry.emitter import Emitter
-from gateway.starters.telemetry.reporting import TICK_S
+from gateway.starters.telemetry.reporting import TICK_S, Emitter
 from gateway.starters.telemetry.snapshot import Reading, Snapshot, Value, as_flag
 from gateway.starters.telemetry.transitions import (
     LASTING_S,

@@ -19,17 +19,24 @@ from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.scheduler.requests import Poll, Priority
 from gateway.modbus.codes import exception_name
 from gateway.modbus.pdu import Request
-from gateway.records import Quality, RecordWriter
+from gateway.records import RecordWriter
 from gateway.starters.identity.first_contact import IdentityStatus, standing_of
 from gateway.starters.identity.registry import IdentityRegistry
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
 from gateway.starters.telemetry.availability import Availability
 from gateway.starters.telemetry.decoding import AnswerCache, DecodedPoints, deadbands_of, sources_of, units_of
-from gateway.starters.telemetry.emitter import Emitter, LockOf, info_of
 from gateway.starters.telemetry.identity_check import Contact, IdentityCheck
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs, setting_codes
 from gateway.starters.telemetry.polling import LONGEST_PAUSE_S, Polling, PollLoss
-from gateway.starters.telemetry.reporting import REFRESH_S, SOONEST_S, Report, TickTimer
+from gateway.starters.telemetry.reporting import (
+    REFRESH_S,
+    SOONEST_S,
+    Emitter,
+    LockOf,
+    Report,
+    TickTimer,
+    info_of,
+)
 from gateway.starters.telemetry.snapshot import Snapshot
 from gateway.starters.telemetry.status import Status, status_codes
 from gateway.starters.telemetry.transitions import PublishedFaults
@@ -205,7 +212,7 @@ class StarterTelemetry:
         """Publish all values as stale, at once."""
         now_s = self._clock.now_s()
         self._report.note_changed(self.snapshot.take_changed(), now_s=now_s)
-        self._put_values(now_s + SOONEST_S)
+        self.emitter.values(self._report.take_due(now_s + SOONEST_S))
 
     async def close(self) -> None:
         """Do nothing more on its own; call once nothing is handed to it any more."""
@@ -277,12 +284,7 @@ class StarterTelemetry:
             applied = self._apply(rows, at_s, time_s, decoded)
         self._publish(time_s)
         if applied:
-            readings, good = self.snapshot.readings, Quality.GOOD
-            values = {
-                name: known.value
-                for name in applied
-                if (known := readings[name]).at_s == at_s and known.quality is good
-            }
+            values = self.snapshot.good_values_of(applied, at_s=at_s)
             self.on_readings(Readings(at_s, time_s, self._status.state, values))
 
     def _apply(
@@ -310,7 +312,8 @@ class StarterTelemetry:
             self._lose_fast_words("they are not mapped as they were")
             return
         self._polling.note_answer(key, at_s=answer.at_s)
-        self._contact.note_answer()
+        if self._contact.gap:
+            self._contact.end_gap()
         if self._refused:
             self._look_at_refusals()
         self._record(said.rows, at_s=answer.at_s)
@@ -442,10 +445,6 @@ class StarterTelemetry:
         if records:
             self.emitter.put(*records)
         self._report.note_changed(self.snapshot.take_changed(), now_s=now_s)
-        self._put_values(now_s)
+        self.emitter.values(self._report.take_due(now_s))
         overdue_s = self._polling.next_overdue_s()
         self._waker.at(min(self._report.next_due_s(), self._status.next_due_s, overdue_s))
-
-    def _put_values(self, now_s: float) -> None:
-        for point, reading in self._report.take_due(now_s).items():
-            self.emitter.put(self.emitter.value(point, reading))

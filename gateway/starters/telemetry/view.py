@@ -13,7 +13,7 @@ from gateway.line.scheduler.requests import Priority
 from gateway.modbus.pdu import Request
 from gateway.starters.identity.first_contact import IdentityStatus
 from gateway.starters.setup import Asked, StarterSetup
-from gateway.starters.telemetry.emitter import Emitter
+from gateway.starters.telemetry.reporting import Emitter
 from gateway.starters.telemetry.snapshot import Snapshot
 
 

@@ -10,14 +10,14 @@ from typing import Any
 
 import pytest
 
-from gateway.app.record_bus import RecordBus
+from gateway.app.record_log import log_failure
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Variant
 from gateway.line.client import LineClient, post_here
 from gateway.line.line import Line
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
-from gateway.records import AvailabilityRecord, EventRecord, RecordWriter
+from gateway.records import AvailabilityRecord, EventRecord, RecordBus, RecordWriter
 from gateway.sim.bus.faults import Reply
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.unit import SimulatedUnit
@@ -59,7 +59,7 @@ class Site:
 @asynccontextmanager
 async def site(unit: SimulatedUnit) -> AsyncIterator[Site]:
     clock, sink = VirtualClock(asyncio.get_running_loop()), RecordingSink()
-    bus_of_records = RecordBus()
+    bus_of_records = RecordBus(log_failure)
     records = RecordWriter(bus_of_records, clock)
     bus = SimulatedLine(TIMING, [unit])
     setup = StarterSetup("pump", "pumps", 1, load_profile(unit.family), Variant())
