@@ -361,7 +361,6 @@ class Session:
             topic=topic,
             payload=bytes(message.payload),
             is_retained=bool(message.retain),
-            is_duplicate=message.dup,
             expiry_s=getattr(message.properties, "MessageExpiryInterval", None),
             response_topic=getattr(message.properties, "ResponseTopic", None),
             correlation=getattr(message.properties, "CorrelationData", None),

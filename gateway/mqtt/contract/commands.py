@@ -48,7 +48,6 @@ class Incoming:
     topic: str
     payload: bytes
     is_retained: bool = False
-    is_duplicate: bool = False
     is_early: bool = False
     expiry_s: int | None = None
     response_topic: str | None = None
