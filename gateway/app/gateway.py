@@ -16,7 +16,7 @@ from gateway.app.parts import Parts
 from gateway.app.reload import newly_missed
 from gateway.app.restart.gaps import announcement
 from gateway.app.site import Site
-from gateway.config.convert import least_watchdog_s, policy_of, rights_of, setups_in, wiring_of
+from gateway.config.convert import policy_of, rights_of, setups_in
 from gateway.config.diff import ConfigChanges, changes_of, fixed
 from gateway.errors import ConfigError
 from gateway.records import Severity
@@ -136,12 +136,7 @@ class App:
             parts.services.forbid_writing()
         parts.clock_watch.trust(config.gateway.clock)
         parts.capture.lines = tuple(parts.plant.lines)
-        parts.health.watch(
-            parts.plant.lines.values(),
-            shortest_watchdog_s=least_watchdog_s(config),
-            computed=site.computed,
-            wiring=wiring_of(site.config),
-        )
+        parts.watch_lines()
         for line in changes.lines_forgotten:
             parts.uplink.publisher.forget_line(line)
             parts.latest.forget_line(line)

@@ -81,7 +81,6 @@ class Health:
 
     def __init__(
         self,
-        lines: Iterable[LineClient],
         *,
         progress: Callable[[], Mapping[str, int]],
         publisher: Publisher,
@@ -89,11 +88,8 @@ class Health:
         notifier: Notifier,
         watchdog_every_s: float | None,
         lines_lag: LagMeter,
-        shortest_watchdog_s: float | None,
         publish_event: PublishEvent,
         hangs: HangWatch | None = None,
-        computed: Mapping[str, Mapping[str, Any]] | None = None,
-        wiring: Mapping[str, Sequence[WiredStarter]] | None = None,
     ) -> None:
         self._progress = progress  # by line: grows with each step of its loop
         self._publisher = publisher
@@ -108,6 +104,8 @@ class Health:
             _LagWatch("the gateway's own loop", self.lag, publish_event),
             _LagWatch("the lines' loop", lines_lag, publish_event),
         )
+        self._lines: tuple[LineClient, ...] = ()
+        self._computed: Mapping[str, Mapping[str, Any]] = {}
         self._saturations: dict[str, Saturation] = {}  # of lines that should have time to spare
         self._watchdog_alarms: dict[str, WatchdogAlarm] = {}
         self._cables: dict[str, CableHealth] = {}
@@ -116,7 +114,6 @@ class Health:
         self._link_trouble = ""
         self._is_ready = False
         self._is_changed = False
-        self.watch(lines, shortest_watchdog_s=shortest_watchdog_s, computed=computed or {}, wiring=wiring)
 
     def watch(
         self,
@@ -124,7 +121,7 @@ class Health:
         *,
         shortest_watchdog_s: float | None,
         computed: Mapping[str, Mapping[str, Any]],
-        wiring: Mapping[str, Sequence[WiredStarter]] | None = None,
+        wiring: Mapping[str, Sequence[WiredStarter]],
     ) -> None:
         """Watch these lines from now on.
 
@@ -138,9 +135,9 @@ class Health:
         names = {line.name for line in self._lines}
         self._port_troubles = {n: trouble for n, trouble in self._port_troubles.items() if n in names}
         self._watchdog_alarms = {n: alarm for n, alarm in self._watchdog_alarms.items() if n in names}
-        for name in self._cables.keys() - (wiring or {}).keys():
+        for name in self._cables.keys() - wiring.keys():
             del self._cables[name]
-        for name, starters in (wiring or {}).items():
+        for name, starters in wiring.items():
             self._cables.setdefault(name, CableHealth(starters)).rewire(starters)
         for watch in self._lag_watches:
             watch.shortest_watchdog_s = shortest_watchdog_s

@@ -5,11 +5,11 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from gateway.app.integrations.metrics import MetricsExport
 from gateway.app.page.access import MOST_STARTS, WebAccess
 from gateway.app.site import Site
 from gateway.config.load import parse
@@ -49,7 +49,7 @@ def access(
         clock_doubt=lambda: None,
         is_connected=lambda: True,
         progress=progress,
-        metrics=MetricsExport(),
+        metrics=SimpleNamespace(service=None),  # type: ignore[arg-type]
         stored=stored,
         records=plant.records,
     )

@@ -6,10 +6,10 @@ import asyncio
 import logging
 import platform
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 from gateway import __version__
-from gateway.app.integrations.metrics import MetricsExport, RunningMetrics
+from gateway.app.integrations.integration import Integration
 from gateway.app.page.parameters import rows_of, sample_args
 from gateway.app.page.tools import Tools
 from gateway.app.site import Site
@@ -24,6 +24,7 @@ from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.telemetry.view import StarterControlView
 from gateway.storage.history_table import HistoryRow
+from gateway.web.interface import MetricsAccess
 
 log = logging.getLogger(__name__)
 
@@ -72,7 +73,7 @@ class WebAccess:
         clock_doubt: Callable[[], str | None],
         is_connected: Callable[[], bool],
         progress: Callable[[], Mapping[str, int]],
-        metrics: MetricsExport,
+        metrics: Integration,
         stored: Callable[[str, Sequence[str]], Awaitable[list[HistoryRow]]],
         records: RecordWriter,
     ) -> None:
@@ -187,9 +188,9 @@ class WebAccess:
             "python": platform.python_version(),
         }
 
-    def metrics(self) -> RunningMetrics | None:
+    def metrics(self) -> MetricsAccess | None:
         """Return what answers a scrape; None while the configuration wants no metrics."""
-        return self._metrics.running
+        return cast("MetricsAccess | None", self._metrics.service)
 
     async def health(self) -> dict[str, Any]:
         """Return by line whether it moves, and whether the broker is connected; waits for lines that idle."""
