@@ -226,7 +226,7 @@ class Parts:
 
     def _build_page(self) -> Integration:
         access = WebAccess(
-            self.site,
+            site=self.site,
             tokens=self._tokens,
             take=self.incoming.take,
             dispatcher=self.dispatcher,
@@ -235,9 +235,9 @@ class Parts:
             clock_doubt=self.clock_watch.doubt,
             is_connected=lambda: self.uplink.outbox.is_connected,
             progress=self.host.progress,
-            metrics=self._metrics,
+            metrics_service=self._metrics,
             stored=self.history.stored,
-            records=self._records,
+            writer=self._records,
         )
         return page_integration(self._integration_host, access, publisher=self.uplink.publisher)
 

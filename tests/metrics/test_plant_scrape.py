@@ -283,14 +283,14 @@ def break_it(integration: Integration, fault: str) -> None:
         return
     inner: Any = service
     if fault == "put":
-        inner._service._counts.put = fail
+        inner._counts.put = fail
     elif fault == "move":
-        inner._service.move = fail
+        inner.move = fail
         integration.move(site_of(METRICS))
     elif fault == "run":
-        inner._service._write = fail
-        inner._service._settings = replace(inner._service._settings, textfile=Path("x.prom"))
-        inner._service._moved.set()
+        inner._write = fail
+        inner._settings = replace(inner._settings, textfile=Path("x.prom"))
+        inner._moved.set()
 
 
 @pytest.mark.parametrize("fault", ["", "scrape", "put", "move", "run"])

@@ -54,11 +54,6 @@ MakePart = Callable[[StarterSetup, Surroundings], HistoryPart]
 PARTS: tuple[MakePart, ...] = (CountersPart, StartHistory, TripPart, SettingsPart)
 
 
-def history_file(state_dir: Path, on_news: OnNews) -> HistoryStore:
-    """Return the file in the state directory."""
-    return HistoryStore(state_dir, on_news=on_news)
-
-
 class StarterHistory:
     """The parts of one starter, each guarded against the others' bugs."""
 
@@ -96,7 +91,7 @@ class HistoryService:
         publish_event: PublishEvent,
         policy: Policy | None = None,
         publish_again: PublishAgain = lambda _: None,
-        make_file: Callable[[Path, OnNews], HistoryStore] = history_file,
+        make_file: Callable[[Path, OnNews], HistoryStore] = HistoryStore,
     ) -> None:
         self._publish_event = publish_event
         self._store = make_file(state_dir, self._on_news)
