@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Mapping
-from typing import Any
+from collections.abc import Awaitable
 
 from gateway import __version__
 from gateway.app.parts import Parts
@@ -32,6 +31,7 @@ class App:
 
     def __init__(self, parts: Parts) -> None:
         self._parts = parts
+        self.publish_event = parts.publish_event  # of the gateway's own
         self._is_up = asyncio.Event()
 
     async def run(self, ending: asyncio.Future[str]) -> None:
@@ -58,7 +58,7 @@ class App:
         )
         parts.history.start()
         await parts.plant.start()
-        parts.uplink.start()
+        parts.uplink.disk_sync.start()
         parts.services.start()
         self._is_up.set()
         try:
@@ -144,9 +144,3 @@ class App:
         for integration in parts.integrations:
             integration.move(site)
         return ended
-
-    def publish_event(
-        self, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None, /
-    ) -> None:
-        """Publish an event of the gateway's own."""
-        self._parts.publish_event(code, severity, text, data)

@@ -249,7 +249,8 @@ class Health:
         lag_s = {"line": round(self._lines_lag.worst_s, 4), "gateway": round(self.lag.worst_s, 4)}
         for line in self._lines:
             statistics = line.statistics()
-            more = {**self._computed_of(line), **self._cable_of(line.name, statistics), "lag_s": lag_s}
+            computed = {"computed": self._computed[line.name]} if line.name in self._computed else {}
+            more = {**computed, **self._cable_of(line.name, statistics), "lag_s": lag_s}
             self._sink.put(LineRecord(line.name, {**statistics, **more}))
 
     def _cable_of(self, line: str, statistics: Mapping[str, Any]) -> dict[str, Any]:
@@ -263,9 +264,6 @@ class Health:
         for text in changes.gone:
             self._publish_event("cable", Severity.INFO, f"line {line}: no longer: {text}")
         return {"cable": cable.to_dict()}
-
-    def _computed_of(self, line: LineClient) -> dict[str, Any]:
-        return {"computed": self._computed[line.name]} if line.name in self._computed else {}
 
 
 class _LagWatch:

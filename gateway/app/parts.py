@@ -10,7 +10,7 @@ import secrets
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from gateway.app.capture_socket import capture_of
+from gateway.app.capture_socket import CaptureSocket, socket_path
 from gateway.app.health import Health
 from gateway.app.history import HistoryService
 from gateway.app.incoming import IncomingCommands
@@ -82,7 +82,8 @@ class Parts:
             refuse=self.dispatcher.refuse_unread,
             now_s=self.clock.now_s,
         )
-        self.capture = capture_of(site.config, site.folder, self.host.capture, self.clock)
+        path = socket_path(site.config, site.folder)
+        self.capture = CaptureSocket(path, self.plant.lines, self.host.capture, self.clock)
         self._integration_host = IntegrationHost(site, self.clock, self._is_polling, self.publish_event)
         self._metrics = metrics_integration(self._integration_host, self._build_metrics_source())
         self._page = self._build_page()
