@@ -74,7 +74,7 @@ class RunningPlant:
     file: MemoryFile = field(default_factory=MemoryFile)  # of the history
     records: RecordWriter = field(init=False)  # which everything shares
 
-    # PlantListener
+    # What the plant calls
 
     def publish_event(
         self, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None
@@ -189,7 +189,8 @@ async def running(
     here.services = services
     bus.connect(policy, services, here.history, here.sink)
     plant = here.plant = Plant(
-        here,
+        publish_event=here.publish_event,
+        forget=here.forget,
         policy=policy,
         services=services,
         make_opener=here.opener,
@@ -198,7 +199,7 @@ async def running(
         records=records,
     )
     host = LocalHost(plant.handle)
-    plant.build(host, here.config.lines)
+    plant.build(host, here.config.lines, here)  # type: ignore[arg-type] # all that is asked of it
     here.history.start()
     await plant.start()
     services.start()

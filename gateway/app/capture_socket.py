@@ -29,15 +29,11 @@ def socket_path(config: Config, folder: Path) -> Path:
     return folder / config.gateway.state_dir / f"{config.gateway.name}.capture"
 
 
-def capture_of(
-    config: Config, folder: Path, capture: Callable[[OnFrame | None], None], clock: Clock
-) -> CaptureSocket:
-    """Return the socket of a configured gateway; `capture` switches the lines' frames on and off."""
-    return CaptureSocket(socket_path(config, folder), [line.name for line in config.lines], capture, clock)
-
-
 class CaptureSocket:
-    """Serves any number of readers; while there is none, no frame is touched."""
+    """Serves any number of readers; while there is none, no frame is touched.
+
+    `capture` switches the lines' frames on and off.
+    """
 
     def __init__(
         self,

@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Mapping
-from typing import Any
+from collections.abc import Awaitable
 
 from gateway import __version__
 from gateway.app.parts import Parts
 from gateway.app.reload import newly_missed
 from gateway.app.restart.gaps import announcement
 from gateway.app.site import Site
-from gateway.config.convert import least_watchdog_s, policy_of, rights_of, setups_in, wiring_of
+from gateway.config.convert import policy_of, rights_of, setups_in
 from gateway.config.diff import ConfigChanges, changes_of, fixed
 from gateway.errors import ConfigError
 from gateway.records import Severity
@@ -32,6 +31,7 @@ class App:
 
     def __init__(self, parts: Parts) -> None:
         self._parts = parts
+        self.publish_event = parts.publish_event  # of the gateway's own
         self._is_up = asyncio.Event()
 
     async def run(self, ending: asyncio.Future[str]) -> None:
@@ -58,7 +58,7 @@ class App:
         )
         parts.history.start()
         await parts.plant.start()
-        parts.uplink.start()
+        parts.uplink.disk_sync.start()
         parts.services.start()
         self._is_up.set()
         try:
@@ -136,12 +136,7 @@ class App:
             parts.services.forbid_writing()
         parts.clock_watch.trust(config.gateway.clock)
         parts.capture.lines = tuple(parts.plant.lines)
-        parts.health.watch(
-            parts.plant.lines.values(),
-            shortest_watchdog_s=least_watchdog_s(config),
-            computed=site.computed,
-            wiring=wiring_of(site.config),
-        )
+        parts.watch_lines()
         for line in changes.lines_forgotten:
             parts.uplink.publisher.forget_line(line)
             parts.latest.forget_line(line)
@@ -149,9 +144,3 @@ class App:
         for integration in parts.integrations:
             integration.move(site)
         return ended
-
-    def publish_event(
-        self, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None, /
-    ) -> None:
-        """Publish an event of the gateway's own."""
-        self._parts.publish_event(code, severity, text, data)

@@ -81,7 +81,6 @@ class Health:
 
     def __init__(
         self,
-        lines: Iterable[LineClient],
         *,
         progress: Callable[[], Mapping[str, int]],
         publisher: Publisher,
@@ -89,11 +88,8 @@ class Health:
         notifier: Notifier,
         watchdog_every_s: float | None,
         lines_lag: LagMeter,
-        shortest_watchdog_s: float | None,
         publish_event: PublishEvent,
         hangs: HangWatch | None = None,
-        computed: Mapping[str, Mapping[str, Any]] | None = None,
-        wiring: Mapping[str, Sequence[WiredStarter]] | None = None,
     ) -> None:
         self._progress = progress  # by line: grows with each step of its loop
         self._publisher = publisher
@@ -108,6 +104,8 @@ class Health:
             _LagWatch("the gateway's own loop", self.lag, publish_event),
             _LagWatch("the lines' loop", lines_lag, publish_event),
         )
+        self._lines: tuple[LineClient, ...] = ()
+        self._computed: Mapping[str, Mapping[str, Any]] = {}
         self._saturations: dict[str, Saturation] = {}  # of lines that should have time to spare
         self._watchdog_alarms: dict[str, WatchdogAlarm] = {}
         self._cables: dict[str, CableHealth] = {}
@@ -116,7 +114,6 @@ class Health:
         self._link_trouble = ""
         self._is_ready = False
         self._is_changed = False
-        self.watch(lines, shortest_watchdog_s=shortest_watchdog_s, computed=computed or {}, wiring=wiring)
 
     def watch(
         self,
@@ -124,7 +121,7 @@ class Health:
         *,
         shortest_watchdog_s: float | None,
         computed: Mapping[str, Mapping[str, Any]],
-        wiring: Mapping[str, Sequence[WiredStarter]] | None = None,
+        wiring: Mapping[str, Sequence[WiredStarter]],
     ) -> None:
         """Watch these lines from now on.
 
@@ -138,9 +135,9 @@ class Health:
         names = {line.name for line in self._lines}
         self._port_troubles = {n: trouble for n, trouble in self._port_troubles.items() if n in names}
         self._watchdog_alarms = {n: alarm for n, alarm in self._watchdog_alarms.items() if n in names}
-        for name in self._cables.keys() - (wiring or {}).keys():
+        for name in self._cables.keys() - wiring.keys():
             del self._cables[name]
-        for name, starters in (wiring or {}).items():
+        for name, starters in wiring.items():
             self._cables.setdefault(name, CableHealth(starters)).rewire(starters)
         for watch in self._lag_watches:
             watch.shortest_watchdog_s = shortest_watchdog_s
@@ -252,7 +249,8 @@ class Health:
         lag_s = {"line": round(self._lines_lag.worst_s, 4), "gateway": round(self.lag.worst_s, 4)}
         for line in self._lines:
             statistics = line.statistics()
-            more = {**self._computed_of(line), **self._cable_of(line.name, statistics), "lag_s": lag_s}
+            computed = {"computed": self._computed[line.name]} if line.name in self._computed else {}
+            more = {**computed, **self._cable_of(line.name, statistics), "lag_s": lag_s}
             self._sink.put(LineRecord(line.name, {**statistics, **more}))
 
     def _cable_of(self, line: str, statistics: Mapping[str, Any]) -> dict[str, Any]:
@@ -266,9 +264,6 @@ class Health:
         for text in changes.gone:
             self._publish_event("cable", Severity.INFO, f"line {line}: no longer: {text}")
         return {"cable": cable.to_dict()}
-
-    def _computed_of(self, line: LineClient) -> dict[str, Any]:
-        return {"computed": self._computed[line.name]} if line.name in self._computed else {}
 
 
 class _LagWatch:

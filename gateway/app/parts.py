@@ -10,14 +10,14 @@ import secrets
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from gateway.app.capture_socket import capture_of
+from gateway.app.capture_socket import CaptureSocket, socket_path
 from gateway.app.health import Health
 from gateway.app.history import HistoryService
 from gateway.app.incoming import IncomingCommands
 from gateway.app.integrations.home_assistant import home_assistant_integration
 from gateway.app.integrations.integration import Integration, IntegrationHost
 from gateway.app.integrations.latest import LatestRecords
-from gateway.app.integrations.metrics import GatewaySource, MetricsExport, metrics_integration
+from gateway.app.integrations.metrics import GatewaySource, metrics_integration
 from gateway.app.integrations.sparkplug import sparkplug_integration
 from gateway.app.page.access import WebAccess
 from gateway.app.page.page import open_pages, page_integration
@@ -47,7 +47,7 @@ HOLD_S = MAX_TTL_S + MAX_AHEAD_S  # how long an old command might still pass for
 
 
 class Parts:
-    """The parts of one gateway; implements `PlantListener`. All calls on the app's loop."""
+    """The parts of one gateway. All calls on the app's loop."""
 
     def __init__(self, site: Site, *, notifier: Notifier, watchdog_every_s: float | None = None) -> None:
         self.site = site
@@ -70,7 +70,9 @@ class Parts:
         self.services = self._build_services()
         self.plant = self._build_plant()
         self.host = LineHost(self.plant.handle)
-        self.plant.build(self.host, site.config.lines)
+        self.health = self._build_health(notifier, watchdog_every_s)
+        self.plant.build(self.host, site.config.lines, self.health)
+        self.watch_lines()
         self.dispatcher = self._build_dispatcher()
         self.incoming = self._build_incoming()
         self._inbox = Inbox(
@@ -79,10 +81,10 @@ class Parts:
             refuse=self.dispatcher.refuse_unread,
             now_s=self.clock.now_s,
         )
-        self.capture = capture_of(site.config, site.folder, self.host.capture, self.clock)
-        self.health = self._build_health(notifier, watchdog_every_s)
-        self._metrics = MetricsExport()
+        path = socket_path(site.config, site.folder)
+        self.capture = CaptureSocket(path, self.plant.lines, self.host.capture, self.clock)
         self._integration_host = IntegrationHost(site, self.clock, self._is_polling, self.publish_event)
+        self._metrics = metrics_integration(self._integration_host, self._build_metrics_source())
         self._page = self._build_page()
         self.integrations = self._build_integrations()
         self._connect()
@@ -114,17 +116,15 @@ class Parts:
         self.uplink.publisher.forget(*starters)
         self.latest.forget(starters)
 
-    def note_change(self) -> None:
-        """Publish the lines' statistics soon: they have changed in a way that people wait for."""
-        self.health.note_change()
-
-    def note_starter(self, starter: str, trouble: str) -> None:
-        """Record that a part of a starter cannot be read (why), or that all of it can (empty)."""
-        self.health.note_starter(starter, trouble)
-
-    def note_port(self, line: str, trouble: str) -> None:
-        """Record that a line's port is open (empty) or away (why)."""
-        self.health.note_port(line, trouble)
+    def watch_lines(self) -> None:
+        """Have the health of the site's present lines watched."""
+        config = self.site.config
+        self.health.watch(
+            self.plant.lines.values(),
+            shortest_watchdog_s=least_watchdog_s(config),
+            computed=self.site.computed,
+            wiring=wiring_of(config),
+        )
 
     def _note_delivered(self, key: str) -> None:
         """Have what is not to be published again forgotten: results in the ledger, records in the history."""
@@ -178,7 +178,8 @@ class Parts:
 
     def _build_plant(self) -> Plant:
         return Plant(
-            self,
+            publish_event=self.publish_event,
+            forget=self.forget,
             policy=self.policy,
             services=self.services,
             records=self._records,
@@ -225,7 +226,7 @@ class Parts:
 
     def _build_page(self) -> Integration:
         access = WebAccess(
-            self.site,
+            site=self.site,
             tokens=self._tokens,
             take=self.incoming.take,
             dispatcher=self.dispatcher,
@@ -234,9 +235,9 @@ class Parts:
             clock_doubt=self.clock_watch.doubt,
             is_connected=lambda: self.uplink.outbox.is_connected,
             progress=self.host.progress,
-            metrics=self._metrics,
+            metrics_service=self._metrics,
             stored=self.history.stored,
-            records=self._records,
+            writer=self._records,
         )
         return page_integration(self._integration_host, access, publisher=self.uplink.publisher)
 
@@ -246,7 +247,7 @@ class Parts:
         return (
             self._page,
             home_assistant_integration(host, announcer=uplink.publisher, uplink=uplink),
-            metrics_integration(host, self._build_metrics_source(), self._metrics),
+            self._metrics,
             sparkplug_integration(
                 host,
                 latest=self.latest.records,
@@ -258,10 +259,11 @@ class Parts:
 
     def _build_metrics_source(self) -> GatewaySource:
         return GatewaySource(
-            self.site.config.gateway.name,
+            name=self.site.config.gateway.name,
             plant=self.plant,
             outbox=self.uplink.outbox,
             clock=self.clock,
+            started_s=self.clock.utc_s(),
             clock_doubt=self.clock_watch.doubt,
             lock_of=self.policy.motor_history.lock_of,
             loops={"gateway": self.health.lag, "lines": self.host.lag},
@@ -273,15 +275,11 @@ class Parts:
 
     def _build_health(self, notifier: Notifier, watchdog_every_s: float | None) -> Health:
         return Health(
-            self.plant.lines.values(),
             progress=self.host.progress,
             publisher=self.uplink.publisher,
             sink=self._bus,
             notifier=notifier,
             watchdog_every_s=watchdog_every_s,
             lines_lag=self.host.lag,
-            shortest_watchdog_s=least_watchdog_s(self.site.config),
             publish_event=self.publish_event,
-            computed=self.site.computed,
-            wiring=wiring_of(self.site.config),
         )

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import secrets
-from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
+from gateway.app.health import Health
 from gateway.config.convert import setups_of, timing_of
 from gateway.config.diff import Additions, ConfigChanges
 from gateway.config.schema import LineTable
@@ -21,33 +22,12 @@ from gateway.line.port.base import PortOpener
 from gateway.line.port.opener import SerialOpener
 from gateway.line.service import DEAF
 from gateway.line.thread import LineHost
-from gateway.records import RecordWriter, Severity
+from gateway.records import PublishEvent, RecordWriter, Severity
 from gateway.starters.policy.policy import Policy
 from gateway.starters.services.services import StarterServices
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.reporting import REFRESH_S
 from gateway.starters.telemetry.telemetry import StarterTelemetry
-
-
-class PlantListener(Protocol):
-    """Receives what concerns the gateway as a whole."""
-
-    def publish_event(
-        self, code: str, severity: Severity, text: str, data: Mapping[str, Any] | None = None
-    ) -> None:
-        """Publish an event of the gateway's own."""
-
-    def forget(self, starters: Sequence[str]) -> None:
-        """Have the broker delete what it retains of starters."""
-
-    def note_change(self) -> None:
-        """Publish the lines' statistics soon: they have changed in a way that people wait for."""
-
-    def note_starter(self, starter: str, trouble: str) -> None:
-        """Record that a part of a starter cannot be read (why), or that all of it can (empty)."""
-
-    def note_port(self, line: str, trouble: str) -> None:
-        """Record that a line's port is open (empty) or away (why)."""
 
 
 def serial_opener(table: LineTable) -> PortOpener:
@@ -60,12 +40,16 @@ def _ignore(_name: str, _readings: Readings) -> None:
 
 
 class Plant:
-    """All calls on the app's loop. `starters` and `lines` are by name."""
+    """All calls on the app's loop. `starters` and `lines` are by name.
+
+    `forget` has the broker delete what it retains of starters.
+    """
 
     def __init__(
         self,
-        listener: PlantListener,
         *,
+        publish_event: PublishEvent,
+        forget: Callable[[Sequence[str]], None],
         policy: Policy,
         services: StarterServices,
         records: RecordWriter,
@@ -77,20 +61,22 @@ class Plant:
         self.starters: dict[str, StarterTelemetry] = {}
         self.lines: dict[str, LineClient] = {}
         self._by_unit: dict[tuple[str, int], StarterTelemetry] = {}
-        self._listener = listener
+        self._publish_event = publish_event
+        self._forget = forget
         self._policy = policy
         self._services = services
         self._records = records
         self._make_opener = make_opener
         self._on_readings = on_readings
         self._host: LineHost
+        self._health: Health
         self._edition = 0  # counts the changes
         self._refresh_s = refresh_s  # after which unchanged values are published again
         self._language = language  # of the names of faults, alarms and points
 
-    def build(self, host: LineHost, tables: Iterable[LineTable]) -> None:
-        """Make these lines in a host, with all their starters; once."""
-        self._host = host
+    def build(self, host: LineHost, tables: Iterable[LineTable], health: Health) -> None:
+        """Make these lines in a host, with all their starters; once. `health` gets their troubles."""
+        self._host, self._health = host, health
         for table in tables:
             self._add_line(table)
 
@@ -107,7 +93,7 @@ class Plant:
         endings: list[Coroutine[Any, Any, object]] = []
         for name in changes.starters_gone:
             endings += [self._retire(name).close(), self._services.remove(name)]
-        self._listener.forget(changes.starters_gone)
+        self._forget(changes.starters_gone)
         for name in changes.lines_gone:
             del self.lines[name]
             endings.append(self._host.remove_line(name))
@@ -144,12 +130,10 @@ class Plant:
                 starter = self._by_unit.get((event.line, event.unit))
                 if starter is not None:
                     starter.on_unit(is_answering=event.is_answering, reason=event.reason, frames=event.frames)
-                    self._listener.note_change()
+                    self._health.note_change()
             case LineFault():
                 data = {"line": event.line, "unit": event.unit, "frames": list(event.frames)}
-                self._listener.publish_event(
-                    event.code, Severity.ERROR, f"line {event.line}: {event.text}", data
-                )
+                self._publish_event(event.code, Severity.ERROR, f"line {event.line}: {event.text}", data)
             case PortChanged():
                 self._change_port(event)
             case _:
@@ -159,16 +143,14 @@ class Plant:
         """Publish that a port was opened or is away: then none of its starters answers."""
         data = {"line": event.line}
         if event.is_open:
-            self._listener.publish_event(
-                "port_open", Severity.INFO, f"line {event.line}: the port is open", data
-            )
+            self._publish_event("port_open", Severity.INFO, f"line {event.line}: the port is open", data)
         else:
             code = "port_deaf" if DEAF in event.reason else "port_away"
-            self._listener.publish_event(code, Severity.ERROR, f"line {event.line}: {event.reason}", data)
+            self._publish_event(code, Severity.ERROR, f"line {event.line}: {event.reason}", data)
             for (name, _), starter in self._by_unit.items():
                 if name == event.line:
                     starter.on_unit(is_answering=False, reason=event.reason)
-        self._listener.note_port(event.line, "" if event.is_open else event.reason)
+        self._health.note_port(event.line, "" if event.is_open else event.reason)
 
     def _retire(self, name: str) -> StarterTelemetry:
         starter = self.starters.pop(name)
@@ -229,7 +211,7 @@ class Plant:
         )
         self.starters[setup.name] = self._by_unit[setup.line, setup.address] = starter
         starter.on_readings = partial(self._on_readings, setup.name)
-        starter.availability.on_trouble = partial(self._listener.note_starter, setup.name)
+        starter.availability.on_trouble = partial(self._health.note_starter, setup.name)
         self._services.add(starter)
         return starter
 

@@ -14,7 +14,7 @@ from gateway.starters.policy.motor_history import PRECAUTIONS_FILE
 from gateway.starters.policy.write_budget import WEAR_FILE
 from gateway.starters.telemetry.known_watchdogs import WATCHDOGS_FILE
 from gateway.starters.telemetry.transitions import FAULTS_FILE
-from gateway.storage.json_file import JsonFile, JsonStore, Saver, SwitchedStore
+from gateway.storage.json_file import JsonFile, JsonStore, Saver
 from gateway.system.clock import ClockWatch
 from gateway.system.clock_steps import SETTLED_S
 
@@ -37,7 +37,7 @@ class StateFiles:
         self.published_faults = JsonFile(state_dir / FAULTS_FILE)
         self.restart = JsonFile(state_dir / RESTART_FILE)
         names = (PRECAUTIONS_FILE, IDENTITIES_FILE, WEAR_FILE, CLOCK_FILE)
-        self._switched = [SwitchedStore(JsonFile(state_dir / name), is_on=has_operators) for name in names]
+        self._switched = [JsonFile(state_dir / name, is_on=has_operators) for name in names]
         self.motor_history, self.identities, self.write_budget, self.clock = self._switched
 
     def switch(self, *, has_operators: bool) -> None:

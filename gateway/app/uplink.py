@@ -174,10 +174,6 @@ class Uplink:
         self._note_link(False, f"moving to broker {settings.address}: {MOVED}")  # noqa: FBT003 - the callback's shape
         self._moved.set()
 
-    def start(self) -> None:
-        """Begin to store what waits; a thread opens the file."""
-        self.disk_sync.start()
-
     def publish_again(self, records: Sequence[Record]) -> None:
         """Publish results, starts and trips that a crash may have prevented, unless the outbox has them too.
 

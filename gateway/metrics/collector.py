@@ -57,7 +57,6 @@ class ScrapeCollector(Collector):
         yield from self._gateway()
         yield from self._broker()
         yield from self._line_metrics()
-        yield from self._identity()
         yield from self._states()
         yield from self._contact()
         yield from self._values()
@@ -97,11 +96,9 @@ class ScrapeCollector(Collector):
         yield _histograms("stop_latency_seconds", [(labels, _delays_of(each)) for labels, each in stops])
         yield _family("polls_total", [pair for labels, each in known for pair in _outcomes(labels, each)])
 
-    def _identity(self) -> Iterator[Metric]:
-        yield _family("starter_info", [(_info_labels(each), 1.0) for each in self._scraped.starters])
-
     def _states(self) -> Iterator[Metric]:
         starters = self._starters
+        yield _family("starter_info", [(_info_labels(each), 1.0) for each in self._scraped.starters])
         yield _family("starter_online", [(labels, each.is_online) for each, labels in starters])
         yield _family(
             "starter_state",

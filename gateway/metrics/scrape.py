@@ -7,7 +7,7 @@ while nothing changes, and a gateway that begins to be scraped would not know th
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -21,6 +21,7 @@ class MetricsSettings:
 
     has_all_points: bool = False
     textfile: Path | None = None
+    token: str | None = field(default=None, repr=False)  # that a scrape must carry
 
 
 @dataclass(frozen=True, slots=True)

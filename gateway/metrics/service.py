@@ -67,6 +67,11 @@ class MetricsService:
         self._made_s = -math.inf
         self._moved.set()
 
+    @property
+    def token(self) -> str | None:
+        """Return what a scrape must carry; None: nothing."""
+        return self._settings.token
+
     async def text(self) -> bytes:
         """Return what a scrape gets; at most a second old."""
         async with self._making:

@@ -43,13 +43,13 @@ class DeviceCommand:
     born_utc_s: float | None
 
 
+@dataclass(frozen=True, slots=True)
 class CommandMapper:
     """Makes of each write what the gateway's own command topics would have brought, or why not."""
 
-    def __init__(self, topics: Topics, operator: str, *, ttl_s: float) -> None:
-        self._topics = topics
-        self._operator = operator
-        self._ttl_s = ttl_s
+    topics: Topics
+    operator: str
+    ttl_s: float
 
     def judge(self, asked: DeviceCommand) -> Iterator[Incoming | Rejection]:
         """Yield one answer for each metric of a DCMD, the stops first, and one for all that are too many."""
@@ -60,7 +60,7 @@ class CommandMapper:
         more = len(asked.command.metrics) - len(writes)
         if more:
             text = f"{more} more metrics in the same DCMD: at most {MOST_WRITES}"
-            yield self._refused(asked, "?", _id_of(asked, asked.command.time_s, ""), "too_many", text)
+            yield self._refused(asked.starter, "?", _id_of(asked, asked.command.time_s, ""), "too_many", text)
 
     def stop(self, asked: DeviceCommand) -> Incoming | None:
         """Return the stop that a DCMD asks for, whatever else it asks; None when it asks for none."""
@@ -72,43 +72,40 @@ class CommandMapper:
     def unread(self, starter: str, utc_s: float, code: str, text: str) -> Rejection:
         """Return the refusal of DCMDs for a starter that were not looked into."""
         id_ = f"{ID_PREFIX}{round(utc_s * 1000)}-{code}"
-        return self._rejection(starter, "?", id_, code, text)
+        return self._refused(starter, "?", id_, code, text)
 
     def _judged(self, asked: DeviceCommand, write: HostWrite, *, has_stop: bool) -> Incoming | Rejection:
         verb = COMMANDS.get(write.name)
         issued_s = _issued_s(asked, write)
         id_ = _id_of(asked, issued_s, write.name)
         if verb is None:
-            text = f"there is {', '.join(COMMANDS)}"
             name = shortened(write.name, 60) if write.name.isprintable() else "?"
-            return self._refused(asked, name, id_, "unknown_verb", f"{name!r} is not writable; {text}")
+            text = f"{name!r} is not writable; there is {', '.join(COMMANDS)}"
+            return self._refused(asked.starter, name, id_, "unknown_verb", text)
         if not write.is_true:
-            return self._refused(asked, verb, id_, "bad_payload", "only the value true acts")
+            return self._refused(asked.starter, verb, id_, "bad_payload", "only the value true acts")
         if verb == STOP:
             return self._command(asked, write, verb, id_)
         if not write.is_plain:
             text = "only a Boolean acts, with the value true and no other"
-            return self._refused(asked, verb, id_, "bad_payload", text)
+            return self._refused(asked.starter, verb, id_, "bad_payload", text)
         refusal = _stale(asked, write, issued_s)
         if refusal is not None:
-            return self._refused(asked, verb, id_, *refusal)
+            return self._refused(asked.starter, verb, id_, *refusal)
         if has_stop:
-            return self._refused(asked, verb, id_, "bad_payload", "the same DCMD asks for a stop")
+            return self._refused(asked.starter, verb, id_, "bad_payload", "the same DCMD asks for a stop")
         return self._command(asked, write, verb, id_)
 
     def _command(self, asked: DeviceCommand, write: HostWrite, verb: str, id_: str) -> Incoming:
         issued_s = _issued_s(asked, write)
         body: dict[str, object] = {"id": id_}
         if issued_s is not None and verb != STOP:
-            body |= {"issued_at": rfc3339(issued_s), "ttl_s": self._ttl_s}
-        topic = self._topics.command(asked.starter, self._operator, verb)
+            body |= {"issued_at": rfc3339(issued_s), "ttl_s": self.ttl_s}
+        topic = self.topics.command(asked.starter, self.operator, verb)
         return Incoming(topic, to_payload(body), is_retained=asked.is_retained, source=SPARKPLUG)
 
-    def _refused(self, asked: DeviceCommand, verb: str, id_: str, code: str, text: str) -> Rejection:
-        return self._rejection(asked.starter, verb, id_, code, text)
-
-    def _rejection(self, starter: str, verb: str, id_: str, code: str, text: str) -> Rejection:
-        return Rejection(CommandRequest(starter, self._operator, verb, id_, source=SPARKPLUG), code, text)
+    def _refused(self, starter: str, verb: str, id_: str, code: str, text: str) -> Rejection:
+        return Rejection(CommandRequest(starter, self.operator, verb, id_, source=SPARKPLUG), code, text)
 
 
 def _is_stop(write: HostWrite) -> bool:

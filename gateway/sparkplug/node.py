@@ -77,7 +77,7 @@ class EdgeNode:
         self._rebirth_s = inf  # when the next one is due
         self._last_rebirth_s = -inf
         self.is_permitted = True  # by the primary host
-        self.born_utc_s: float | None = None  # the first birth of this connection
+        self.born_utc_s: float | None = None  # the first birth of this connection; None: none was published
         self.due_s = inf  # when `take` may have something; at most that late
         self.move(starters)
 
@@ -85,11 +85,6 @@ class EdgeNode:
     def is_born(self) -> bool:
         """Return whether this connection's birth was published."""
         return self._node.is_born
-
-    @property
-    def was_born(self) -> bool:
-        """Return whether this connection has published any birth."""
-        return self.born_utc_s is not None
 
     def has(self, starter: str) -> bool:
         """Return whether a starter is one of the devices."""

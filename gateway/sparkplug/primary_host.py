@@ -5,22 +5,15 @@ Births are published only while it is.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from gateway.mqtt.contract.strict_json import read_object
 from gateway.sparkplug.topics import state_topic
 
 
-@dataclass(frozen=True, slots=True)
-class HostState:
-    """What a host application says of itself; `time_ms` is its own time, UTC."""
+def host_state(payload: bytes) -> tuple[bool, int] | None:
+    """Return whether a STATE message says online, and its host's own time (ms, UTC).
 
-    is_online: bool
-    time_ms: int
-
-
-def host_state(payload: bytes) -> HostState | None:
-    """Return what a STATE message says; None when it is none [tck-id-host-topic-phid-birth-payload]."""
+    None when it is none [tck-id-host-topic-phid-birth-payload].
+    """
     try:
         fields = read_object(payload)
     except ValueError:
@@ -28,7 +21,7 @@ def host_state(payload: bytes) -> HostState | None:
     is_online, time_ms = fields.get("online"), fields.get("timestamp")
     if not isinstance(is_online, bool) or isinstance(time_ms, bool) or not isinstance(time_ms, int):
         return None
-    return HostState(is_online, time_ms)
+    return is_online, time_ms
 
 
 class PrimaryHost:
@@ -60,7 +53,8 @@ class PrimaryHost:
     def take(self, payload: bytes) -> bool:
         """Take a STATE message; return whether the host has gone, so that this connection is to end."""
         state = host_state(payload)
-        if state is None or (self._last_ms is not None and state.time_ms < self._last_ms):
+        if state is None or (self._last_ms is not None and state[1] < self._last_ms):
             return False
-        was_online, self._is_online, self._last_ms = self._is_online, state.is_online, state.time_ms
-        return was_online and not state.is_online
+        was_online = self._is_online
+        self._is_online, self._last_ms = state
+        return was_online and not self._is_online

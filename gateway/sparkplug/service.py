@@ -253,7 +253,7 @@ class SparkplugLink:
 
     async def _die(self, link: Session, number: int) -> None:
         """Publish NDEATH, then leave so that the will goes out too, where MQTT 5 allows to say that."""
-        if link.lost.done() or not self._node.was_born:
+        if link.lost.done() or self._node.born_utc_s is None:
             return
         self._death_acked.clear()
         link.publish(DEATH_TICKET, self._node.death(number, self._clock.utc_s()))

@@ -284,15 +284,12 @@ def read_file(path: Path, work: Callable[[Connection], T]) -> T:
     """Do some work on a shared file of another process, or of none, without changing it; StoreError."""
     with _translated(path):
         os.stat(path)
-        connection = _reader(path)
-        try:
+        with closing(_reader(path)) as connection:
             known = format_of(path, FileKind.SQLITE)
             if _known_version(connection, path, known) < known.version:
                 raise StoreError(f"{path} has an earlier format (the gateway converts it when it starts)")
             connection.execute("BEGIN")  # one moment's state, whatever is written meanwhile
             return work(connection)
-        finally:
-            connection.close()
 
 
 def _reader(path: Path) -> Connection:

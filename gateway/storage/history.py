@@ -37,8 +37,8 @@ class HistoryStore:
     def __init__(
         self,
         state_dir: Path,
-        *,
         on_news: OnNews,
+        *,
         retry_s: float = RETRY_S,
         collect_s: float = COLLECT_S,
     ) -> None:

@@ -9,7 +9,7 @@ import logging
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from gateway.errors import DamagedError, StoreError
 from gateway.storage.formats.catalogue import FIRST, KEY, FileKind, format_of, require_known
@@ -27,11 +27,12 @@ MOST_BYTES = 16 * 2**20
 RETRY_S = 5.0
 
 
-class JsonStore(Protocol):
-    """Where the document is stored."""
+class JsonStore:
+    """Where the document is stored; what a kind of store does not define does nothing."""
 
     def load(self) -> Mapping[str, Any] | None:
         """Return the document; None when there is none, DamagedError when it cannot be read any more."""
+        return None
 
     def set_aside(self) -> None:
         """Store a damaged document apart from the next one."""
@@ -40,27 +41,19 @@ class JsonStore(Protocol):
         """Replace the stored document; StoreError."""
 
 
-class NoStore:
+class NoStore(JsonStore):
     """Stores nothing."""
 
-    def load(self) -> Mapping[str, Any] | None:
-        """Return None: nothing was stored."""
-        return None
 
-    def set_aside(self) -> None:
-        """Do nothing."""
-
-    async def save(self, document: Mapping[str, Any]) -> None:
-        """Do nothing."""
-
-
-class JsonFile:
+class JsonFile(JsonStore):
     """A JSON file, replaced in one step; a damaged one is set aside as `<name>.damaged`.
 
-    The version of its format stands in the file only: documents given and returned are without it.
+    The version of its format stands in the file only: documents given and returned are without it. While
+    `is_on` is False nothing is saved.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, is_on: bool = True) -> None:
+        self.is_on = is_on
         self._path = path
         self._format = format_of(path, FileKind.JSON)
         self._earlier: tuple[int, bytes] | None = None  # version and content, until the next save
@@ -133,7 +126,8 @@ class JsonFile:
 
     async def save(self, document: Mapping[str, Any]) -> None:
         """Write the file, in a thread; done when it is on the disk."""
-        await asyncio.to_thread(self._write, self._encoded(document))
+        if self.is_on:
+            await asyncio.to_thread(self._write, self._encoded(document))
 
     def write(self, document: Mapping[str, Any]) -> None:
         """Write the file and wait for the disk."""
@@ -152,7 +146,7 @@ class JsonFile:
             raise StoreError(f"{self._path} cannot be written: {error.strerror}") from error
 
 
-class ReadOnlyStore(NoStore):
+class ReadOnlyStore(JsonStore):
     """What another process stores: it is read, and nothing of it changed or set aside."""
 
     def __init__(self, memory: JsonStore) -> None:
@@ -161,27 +155,6 @@ class ReadOnlyStore(NoStore):
     def load(self) -> Mapping[str, Any] | None:
         """Return the stored document."""
         return self._memory.load()
-
-
-class SwitchedStore:
-    """A store with a switch: off, it saves nothing, which is enough for a gateway without operators."""
-
-    def __init__(self, memory: JsonStore, *, is_on: bool) -> None:
-        self._memory = memory
-        self.is_on = is_on
-
-    def load(self) -> Mapping[str, Any] | None:
-        """Return the stored document."""
-        return self._memory.load()
-
-    def set_aside(self) -> None:
-        """Set a damaged document aside."""
-        self._memory.set_aside()
-
-    async def save(self, document: Mapping[str, Any]) -> None:
-        """Save a document when switched on."""
-        if self.is_on:
-            await self._memory.save(document)
 
 
 class Saver:

@@ -14,7 +14,7 @@ from functools import partial
 from gateway.errors import CommandError, DamagedError, StoreError, UnstorableError
 from gateway.records import STOP, Phase, ResultRecord
 from gateway.storage.database import Connection
-from gateway.storage.journal import UNAVAILABLE, Remembered
+from gateway.storage.journal import UNAVAILABLE, Journal, Remembered
 from gateway.storage.ledger_table import UNNAMED, LedgerRow, LedgerTable
 from gateway.storage.worker import Store
 from gateway.system.clock import Clock
@@ -30,8 +30,8 @@ MOST_EXTRA = 16_384  # characters; a result with more is remembered without its 
 _Read = tuple[list[Remembered], frozenset[tuple[str, str]]]
 
 
-class StoredJournal:
-    """Implements `gateway.storage.journal.Journal`.
+class StoredJournal(Journal):
+    """Stores commands in the database.
 
     `on_undelivered` is called once, with the final results of earlier runs that the broker may not have had.
     Until the ledger has been read it counts as away; also for `hold_s` after it was lost, because commands of

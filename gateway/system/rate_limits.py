@@ -29,17 +29,20 @@ class Damped(Generic[T]):
         self._pass_on = pass_on
         self._clock = clock
         self._every_s = every_s
-        self._damper = Damper(every_s)
-        self._last: dict[Hashable, T] = {}  # of those that were only counted
+        self._passed_s: dict[Hashable, float] = {}
+        self._counted: dict[Hashable, tuple[T, int]] = {}  # the last of those since then, and their number
         self._timers: dict[Hashable, asyncio.TimerHandle] = {}
 
     def put(self, key: Hashable, item: T) -> None:
         """Pass an item on now, or count it."""
-        if self._damper.passes(key, now_s=self._clock.now_s()):
+        now_s = self._clock.now_s()
+        if key not in self._counted and now_s - self._passed_s.get(key, -inf) >= self._every_s:
+            self._passed_s[key] = now_s
             self._pass_on(item, 0)
             return
-        self._last[key] = item
-        if key not in self._timers:
+        _, count = self._counted.get(key, (item, 0))
+        self._counted[key] = item, count + 1
+        if not count:
             loop = asyncio.get_running_loop()
             self._timers[key] = loop.call_later(self._every_s, self._pass_number_on, key)
 
@@ -51,7 +54,8 @@ class Damped(Generic[T]):
 
     def _pass_number_on(self, key: Hashable) -> None:
         del self._timers[key]
-        self._pass_on(self._last.pop(key), self._damper.take(key, now_s=self._clock.now_s()))
+        self._passed_s[key] = self._clock.now_s()
+        self._pass_on(*self._counted.pop(key))
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,29 +84,6 @@ class Bucket:
             return False
         self._tokens -= 1.0
         return True
-
-
-class Damper:
-    """Lets one refusal for each client pass in an interval and counts the others."""
-
-    def __init__(self, every_s: float = REFUSAL_EVERY_S) -> None:
-        self._every_s = every_s
-        self._passed_s: dict[Hashable, float] = {}
-        self._counted: dict[Hashable, int] = {}
-
-    def passes(self, client: Hashable, *, now_s: float) -> bool:
-        """Return whether a refusal is passed on by itself; otherwise it is counted."""
-        passed_s = self._passed_s.get(client)
-        if client not in self._counted and (passed_s is None or now_s - passed_s >= self._every_s):
-            self._passed_s[client] = now_s
-            return True
-        self._counted[client] = self._counted.get(client, 0) + 1
-        return False
-
-    def take(self, client: Hashable, *, now_s: float) -> int:
-        """Return how many refusals were counted since the last one passed, and count from 0 again."""
-        self._passed_s[client] = now_s
-        return self._counted.pop(client)
 
 
 class ChangeDetector:

@@ -29,11 +29,6 @@ class Notifier:
         address = environ.get("NOTIFY_SOCKET", "")
         self._address = "\0" + address[1:] if address.startswith("@") else address
 
-    @property
-    def is_wanted(self) -> bool:
-        """Return whether systemd listens."""
-        return bool(self._address)
-
     def ready(self, status: str = "") -> None:
         """Report that the service is up: the configuration is loaded and the lines are polled."""
         self._send("READY=1", status)

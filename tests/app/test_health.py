@@ -79,19 +79,19 @@ class World:
 
     def health(self) -> Health:
         line: LineClient = self.line  # type: ignore[assignment] # all that is asked of it
-        return Health(
-            [line],
+        health = Health(
             progress=self.progress,
             publisher=self,  # type: ignore[arg-type] # all that is asked of it
             sink=self,  # type: ignore[arg-type] # the same
             notifier=self,  # type: ignore[arg-type] # the same
             watchdog_every_s=LIMIT_S / 2,
             lines_lag=self.lag,
-            shortest_watchdog_s=self.shortest_watchdog_s,
             publish_event=self.publish_event,
             hangs=HangWatch(LIMIT_S / 2, arm=self.arm, disarm=lambda: None),
-            computed=self.computed,
         )
+        watchdog_s = self.shortest_watchdog_s
+        health.watch([line], shortest_watchdog_s=watchdog_s, computed=self.computed, wiring={})
+        return health
 
 
 async def watched(world: World, *steps: tuple[float, Any]) -> None:
@@ -222,7 +222,7 @@ def test_other_lines_are_watched_when_they_have_come_and_those_that_are_gone_no_
         lines.clear()
         lines["fans"] = 0
         fans: LineClient = Fans()  # type: ignore[assignment] # all that is asked of it
-        health.watch([fans], shortest_watchdog_s=0.3, computed={"fans": {"is_paced": True}})
+        health.watch([fans], shortest_watchdog_s=0.3, computed={"fans": {"is_paced": True}}, wiring={})
         await asyncio.sleep(10.0)
         assert len(world.fed_s) > fed + 5
         world.lag.note(0.2, 20.0)

@@ -178,14 +178,15 @@ async def running(
     bus_of_records.connect(policy, services, sink)
     listener: Any = RunningPlant(config=config)
     plant = Plant(
-        listener,
+        publish_event=listener.publish_event,
+        forget=listener.forget,
         policy=policy,
         services=services,
         records=records,
         make_opener=opener,
     )
     host = LocalHost(plant.handle)
-    plant.build(host, config.lines)
+    plant.build(host, config.lines, listener)
     dispatcher = Dispatcher(
         plant.starters,
         rights=rights_of(config),

@@ -9,7 +9,7 @@ from gateway.app.history.part import Surroundings
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.history.readings import Readings
-from gateway.records import Quality, SequenceNumbers, StartRecord
+from gateway.records import Quality, RecordWriter, StartRecord
 from gateway.starters.setup import StarterSetup
 from gateway.storage.history_table import HistoryRow
 from gateway.system.clock_steps import ClockReading
@@ -60,7 +60,7 @@ class Run:
 
     def __init__(self, disk: Disk, time: Time, boot: str, *, rows: Sequence[HistoryRow] | None) -> None:
         self.time, self.sink = time, RecordingSink()
-        here = Surroundings(boot, self.sink, disk, time, SequenceNumbers())
+        here = Surroundings(boot, RecordWriter(self.sink, time), disk)
         self.part = CountersPart(SETUP, here)
         if rows is not None:
             self.part.restore(rows)

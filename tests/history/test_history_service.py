@@ -22,7 +22,6 @@ from gateway.records import (
     Phase,
     RecordWriter,
     ResultRecord,
-    SequenceNumbers,
     Severity,
     StartRecord,
 )
@@ -271,7 +270,7 @@ class Starts:
         clock = VirtualClock(asyncio.get_running_loop())
         self.file = file or MemoryFile()
         self.sink = RecordingSink()
-        here = Surroundings("boot", self.sink, self.file, clock, SequenceNumbers())
+        here = Surroundings("boot", RecordWriter(self.sink, clock), self.file)
         (setup, *_) = setups(site())
         self.part = StartHistory(setup, here)
         self.history = StarterHistory(setup.name, [self.part])

@@ -20,7 +20,7 @@ from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.history.ring import ReadingTable
 from gateway.history.trip_record import TripSnapshot
-from gateway.records import EventRecord, Record, SequenceNumbers, rfc3339
+from gateway.records import EventRecord, Record, RecordWriter, rfc3339
 from gateway.starters.setup import StarterSetup
 from gateway.storage.history import HistoryStore
 from gateway.storage.history_table import HistoryRow
@@ -79,7 +79,7 @@ async def lived(*, days: int = DAYS, per_day: int = 3, seed: int = 7) -> Year:
     """Let the motor live its year and return what the gateway would have stored."""
     chance = random.Random(seed)
     clock, memory, records = YearClock(), MemoryFile(), _Records()
-    here = Surroundings("8c41d07e", records, memory, clock, SequenceNumbers())
+    here = Surroundings("8c41d07e", RecordWriter(records, clock), memory)
     profile = load_profile("ssw07")
     setup = StarterSetup(STARTER, "cooling", 7, profile, Variant(rated_current_a=200.0))
     history = StartHistory(setup, here)

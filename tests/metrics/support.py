@@ -12,7 +12,7 @@ from typing import Any, TypeVar, cast
 from prometheus_client.parser import text_string_to_metric_families
 
 from gateway.app.integrations.integration import Integration, IntegrationHost
-from gateway.app.integrations.metrics import GatewaySource, MetricsExport, metrics_integration
+from gateway.app.integrations.metrics import GatewaySource, metrics_integration
 from gateway.app.site import Site
 from gateway.config.load import parse
 from gateway.metrics.catalogue import PREFIX
@@ -21,6 +21,7 @@ from gateway.mqtt.outbox.outbox import Outbox
 from gateway.records import LockRecord, Quality
 from gateway.starters.telemetry.snapshot import Reading
 from gateway.system.stalls import DelayCounts, LagMeter
+from gateway.web.interface import MetricsAccess
 from tests.plant_rig import SITE, RunningPlant, running
 
 T = TypeVar("T")
@@ -149,13 +150,12 @@ class ScrapedPlant:
 
     rig: RunningPlant
     integration: Integration
-    export: MetricsExport
     events: list[str] = field(default_factory=list)
     locks: dict[str, LockRecord] = field(default_factory=dict)
 
     async def scrape(self) -> Scrape:
-        assert self.export.running is not None
-        return Scrape(await self.export.running.text())
+        service = cast("MetricsAccess", self.integration.service)
+        return Scrape(await service.text())
 
 
 @asynccontextmanager
@@ -171,16 +171,16 @@ async def scraped_plant(
         events: list[str] = []
         locks: dict[str, LockRecord] = {}
         source = GatewaySource(
-            "plant",
+            name="plant",
             plant=rig.plant,
             outbox=cast("Outbox", StandingOutbox()),
             clock=rig.records.clock,
+            started_s=rig.records.clock.utc_s(),
             clock_doubt=lambda: None,
             lock_of=locks.get,
             loops={"gateway": LagMeter(), "lines": LagMeter()},
             streams=lambda: 1,
         )
-        export = MetricsExport()
         integration = metrics_integration(
             IntegrationHost(
                 site_of(METRICS) if site is None else site,
@@ -190,13 +190,11 @@ async def scraped_plant(
                 in_thread,
             ),
             wrap(source),
-            export,
-            in_thread=in_thread,
         )
         bus = rig.records.sink
         bus.connect(*bus._subscribers, integration)
         task = asyncio.create_task(integration.run())
         await asyncio.sleep(settled_s)
-        yield ScrapedPlant(rig, integration, export, events, locks)
+        yield ScrapedPlant(rig, integration, events, locks)
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)

@@ -180,7 +180,7 @@ def test_a_starter_that_a_reload_takes_away_is_gone_with_all_its_series() -> Non
 
 def test_a_reload_switches_the_metrics_on_with_all_that_is_known_and_off_again() -> None:
     async def scenario(here: ScrapedPlant) -> None:
-        assert here.export.running is None
+        assert here.integration.service is None
         here.integration.move(site_of(METRICS))
         await asyncio.sleep(0.1)
         found = await here.scrape()
@@ -189,18 +189,18 @@ def test_a_reload_switches_the_metrics_on_with_all_that_is_known_and_off_again()
 
         here.integration.move(site_of())
         await asyncio.sleep(0.1)
-        assert here.export.running is None
+        assert here.integration.service is None
 
     run_plant(scenario, "")
 
 
 def test_a_reload_changes_the_points_and_the_token() -> None:
     async def scenario(here: ScrapedPlant) -> None:
-        assert here.export.running is not None
-        assert here.export.running.token is None
+        assert here.integration.service is not None
+        assert here.integration.service.token is None
         here.integration.move(site_of(ALL_POINTS, token="secret"))
 
-        assert here.export.running.token == "secret"
+        assert here.integration.service.token == "secret"
         assert (await here.scrape()).all("point_value", starter="pump")
 
     run_plant(scenario)
@@ -283,14 +283,14 @@ def break_it(integration: Integration, fault: str) -> None:
         return
     inner: Any = service
     if fault == "put":
-        inner._service._counts.put = fail
+        inner._counts.put = fail
     elif fault == "move":
-        inner._service.move = fail
+        inner.move = fail
         integration.move(site_of(METRICS))
     elif fault == "run":
-        inner._service._write = fail
-        inner._service._settings = replace(inner._service._settings, textfile=Path("x.prom"))
-        inner._service._moved.set()
+        inner._write = fail
+        inner._settings = replace(inner._settings, textfile=Path("x.prom"))
+        inner._moved.set()
 
 
 @pytest.mark.parametrize("fault", ["", "scrape", "put", "move", "run"])
@@ -333,7 +333,7 @@ def test_without_its_package_it_says_so_once_and_everything_else_goes_on(
     async def scenario(here: ScrapedPlant) -> None:
         await asyncio.sleep(60.0)
         assert here.events == ["metrics_away"]
-        assert here.export.running is None
+        assert here.integration.service is None
         assert len(here.rig.requests_s["hall 1"]) > 60
 
     run_plant(scenario)

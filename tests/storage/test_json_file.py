@@ -99,6 +99,22 @@ async def test_what_cannot_be_written_says_so_and_leaves_the_old(tmp_path: Path)
     assert JsonFile(tmp_path / "x.json").load() == {}
 
 
+async def test_a_file_that_is_switched_off_is_read_and_not_written(tmp_path: Path) -> None:
+    path = tmp_path / "x.json"
+    path.write_text('{"a": 1}')
+    memory = JsonFile(path, is_on=False)
+
+    assert memory.load() == {"a": 1}
+    await memory.save({"a": 2})
+    assert memory.load() == {"a": 1}
+    memory.set_aside()
+    assert (tmp_path / "x.json.damaged").exists()
+    memory.is_on = True
+    await memory.save({"a": 3})
+
+    assert JsonFile(path).load() == {"a": 3}
+
+
 async def test_no_memory_keeps_nothing() -> None:
     memory = NoStore()
     await memory.save({"a": 1})

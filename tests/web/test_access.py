@@ -5,11 +5,11 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from gateway.app.integrations.metrics import MetricsExport
 from gateway.app.page.access import MOST_STARTS, WebAccess
 from gateway.app.site import Site
 from gateway.config.load import parse
@@ -40,7 +40,7 @@ def access(
         return [row for row in rows if row.starter == starter and row.kind in kinds]
 
     made = WebAccess(
-        Site(parse(SITE + USER, "site.toml"), Path("/etc"), None, ()),
+        site=Site(parse(SITE + USER, "site.toml"), Path("/etc"), None, ()),
         tokens=Tokens(RunToken("boot")),
         take=taken.append,
         dispatcher=plant.dispatcher,
@@ -49,9 +49,9 @@ def access(
         clock_doubt=lambda: None,
         is_connected=lambda: True,
         progress=progress,
-        metrics=MetricsExport(),
+        metrics_service=SimpleNamespace(service=None),  # type: ignore[arg-type]
         stored=stored,
-        records=plant.records,
+        writer=plant.records,
     )
     return made, taken
 
@@ -74,7 +74,7 @@ async def test_the_token_is_renewed_each_second_and_at_once_when_the_old_one_cou
 
     first = web.token()
     assert web.token() == first
-    web._tokens.boot.stood_still(plant.clock.now_s())
+    web.tokens.boot.stood_still(plant.clock.now_s())
     second = web.token()
     await asyncio.sleep(1.1)
 
@@ -92,7 +92,7 @@ async def test_the_token_is_renewed_at_once_when_a_stop_has_come() -> None:
 
     after = web.token()
     assert after != before
-    assert web._tokens.made_s(after) == plant.clock.now_s()
+    assert web.tokens.made_s(after) == plant.clock.now_s()
     await asyncio.sleep(0.1)
     assert web.token() == after
     await plant.wait(3.0)

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from gateway.app.history.part import Surroundings
+from gateway.app.history.part import HistoryPart, Surroundings
 from gateway.history.counters import HOUR_S, STANDING, MotorCounters, Totals
 from gateway.history.limits import StartLimits, ThermalModel, pause_left_s, starts_left
 from gateway.history.own_points import PublicationPace, Value, own_points
 from gateway.history.readings import Readings
 from gateway.records import (
-    EventRecord,
     InfoRecord,
     Quality,
     Record,
@@ -35,19 +34,18 @@ OWN_VALID_S = 300.0  # how long a row of the starter counts as read
 MINUTE_S = 60.0
 
 
-class CountersPart:
-    """Implements `HistoryPart`; what the starter counts itself comes by `note_own_rows`."""
+class CountersPart(HistoryPart):
+    """Counts from 0 where the disk could not be read: a later run adds up what it then can read."""
 
-    kinds: tuple[str, ...] = (KIND,)
+    kinds = (KIND,)
 
     def __init__(self, setup: StarterSetup, here: Surroundings) -> None:
-        self._here = here
-        self._name = setup.name
+        super().__init__(setup, here)
         self._totals = Totals()
         self._is_restored = False
         self._own_s: float | None = None  # when any row of the starter's own was given
         self._is_whole = False  # the sums have those of all earlier runs in them
-        self._stored_s = here.clock.now_s()
+        self._stored_s = here.records.clock.now_s()
         self._stored: tuple[float, Mapping[str, object]] = (-math.inf, {})  # what, and when
         self._good: dict[str, Value] = {}  # values of the last time that they were good,
         self._good_utc_s: float | None = None  # which was then
@@ -76,23 +74,23 @@ class CountersPart:
             case StateRecord():
                 self._note_state(record.state)
                 if not self._counters.is_seen:
-                    self._publish(self._here.clock.now_s())
+                    self._publish(self._records.clock.now_s())
             case StartRecord():
                 self._counters.note_start()
                 self._store()
-                self._publish(self._here.clock.now_s())
+                self._publish(self._records.clock.now_s())
             case TripRecord():
                 self._counters.note_trip(str(record.data.get("code")))
                 self._store()
             case InfoRecord():
                 self._counters.rated_a = record.rated_current_a
-                self._publish(self._here.clock.now_s())
+                self._publish(self._records.clock.now_s())
             case _:
                 pass
 
     def note_own_rows(self, rows: Mapping[str, float]) -> None:
         """Record what the starter itself has counted, and its settings; by code, just read."""
-        now_s, names = self._here.clock.now_s(), self._rows
+        now_s, names = self._records.clock.now_s(), self._rows
         self._own_s = now_s if rows else self._own_s
         self._own |= {code: (now_s, value) for code, value in rows.items()}
         if names.thermal in rows:
@@ -155,7 +153,7 @@ class CountersPart:
         """
         if not self._is_restored:
             return
-        self._stored_s = self._here.clock.now_s()
+        self._stored_s = self._records.clock.now_s()
         data = {
             "totals": self._totals.to_dict(),
             "thermal": {} if self._thermal is None else self._thermal.to_dict(),
@@ -165,8 +163,7 @@ class CountersPart:
         if data == before and self._stored_s - written_s < UNCHANGED_EVERY_S and not is_in_any_case:
             return
         self._stored = (self._stored_s, data)
-        limit, utc_s = 1 if self._is_whole else MOST_RUNS, self._here.clock.utc_s()
-        self._here.store.put(self._name, KIND, self._here.boot, time_s=utc_s, data=data, limit=limit)
+        self._put(KIND, self._here.boot, data, limit=1 if self._is_whole else MOST_RUNS)
 
     def _publish(self, now_s: float, *, utc_s: float | None = None) -> None:
         """Publish what is due; good values only while the starter is seen and earlier sums are known."""
@@ -174,13 +171,13 @@ class CountersPart:
         is_good = self._counters.is_seen and self._is_restored
         if is_good:
             self._good = self._values(now_s)
-            self._good_utc_s = self._here.clock.utc_s(now_s) if utc_s is None else utc_s
+            self._good_utc_s = self._records.clock.utc_s(now_s) if utc_s is None else utc_s
         for point in self._pace.take_due(self._good, is_good=is_good, now_s=now_s):
             value = self._good.get(point.name)
             quality = Quality.BAD if value is None else Quality.GOOD if is_good else Quality.STALE
             time_s = None if value is None else self._good_utc_s
-            seq = self._here.sequence.take()
-            self._here.sink.put(ValueRecord(self._name, point.name, value, point.unit, quality, time_s, seq))
+            seq = self._records.sequence.take()
+            self._records.put(ValueRecord(self._name, point.name, value, point.unit, quality, time_s, seq))
 
     def _values(self, now_s: float) -> dict[str, Value]:
         totals, has_load = self._totals, self._counters.has_load
@@ -236,8 +233,7 @@ class CountersPart:
         before, self._left = self._left, left
         if left == 1 and before is not None and before > 1:
             text = "one start is left in this hour: after it the motor must wait"
-            utc_s, seq = self._here.clock.utc_s(), self._here.sequence.take()
-            self._here.sink.put(EventRecord(self._name, ONE_LEFT, Severity.WARNING, text, utc_s, seq))
+            self._records.event(self._name, ONE_LEFT, Severity.WARNING, text)
 
 
 def _hours(seconds: float | None) -> float | None:

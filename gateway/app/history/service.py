@@ -13,7 +13,7 @@ import asyncio
 import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from functools import partial
+from dataclasses import replace
 from operator import methodcaller
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,7 @@ from gateway.records import (
     AvailabilityRecord,
     EventRecord,
     InfoRecord,
+    PublishEvent,
     Record,
     RecordWriter,
     ResultRecord,
@@ -47,18 +48,10 @@ log = logging.getLogger(__name__)
 
 CLOSE_WITHIN_S = 2.0
 
-PublishEvent = Callable[[str, Severity, str], None]  # code, severity, text of an event of the gateway's own
-
-
 # The parts of a starter's history; a new one is plugged in here.
 MakePart = Callable[[StarterSetup, Surroundings], HistoryPart]
 # The counters come first: once they are restored, the starts and trips that the others end are counted.
 PARTS: tuple[MakePart, ...] = (CountersPart, StartHistory, TripPart, SettingsPart)
-
-
-def history_file(state_dir: Path, on_news: OnNews) -> HistoryStore:
-    """Return the file in the state directory."""
-    return HistoryStore(state_dir, on_news=on_news)
 
 
 class StarterHistory:
@@ -98,7 +91,7 @@ class HistoryService:
         publish_event: PublishEvent,
         policy: Policy | None = None,
         publish_again: PublishAgain = lambda _: None,
-        make_file: Callable[[Path, OnNews], HistoryStore] = history_file,
+        make_file: Callable[[Path, OnNews], HistoryStore] = HistoryStore,
     ) -> None:
         self._publish_event = publish_event
         self._store = make_file(state_dir, self._on_news)
@@ -111,7 +104,7 @@ class HistoryService:
             publish_again=publish_again,
         )
         self.delivered = self._delivery.delivered  # called with the key of what the broker has acknowledged
-        self._here = Surroundings(boot, self._delivery, self._store, records.clock, records.sequence, policy)
+        self._here = Surroundings(boot, replace(records, sink=self._delivery), self._store, policy)
         self._is_away = False
         self._loading: set[asyncio.Task[None]] = set()
         self._unread: set[str] = set()  # starters whose rows could not be read
@@ -135,31 +128,17 @@ class HistoryService:
 
     def take_readings(self, starter: str, readings: Readings) -> None:
         """Record what was just read of a starter; never raises."""
-        history = self.starters.get(starter)
-        if history is not None:
-            history.each(methodcaller("take_readings", readings))
+        self._each(starter, methodcaller("take_readings", readings))
 
     def note_fault_data(
         self, starter: str, at_fault: Mapping[str, Mapping[str, Any]], history: Sequence[Mapping[str, Any]]
     ) -> None:
         """Record what a starter says of a trip."""
-
-        def note(part: HistoryPart) -> None:
-            if isinstance(part, TripPart):
-                part.note_fault_data(at_fault, history)
-
-        if starter in self.starters:
-            self.starters[starter].each(note)
+        self._each(starter, methodcaller("note_fault_data", at_fault, history))
 
     def note_own_rows(self, starter: str, rows: Mapping[str, float]) -> None:
         """Record what a starter has counted itself, and its settings."""
-
-        def note(part: HistoryPart) -> None:
-            if isinstance(part, CountersPart):
-                part.note_own_rows(rows)
-
-        if starter in self.starters:
-            self.starters[starter].each(note)
+        self._each(starter, methodcaller("note_own_rows", rows))
 
     def follow(self, setups: Iterable[StarterSetup], *, changed: Iterable[str]) -> None:
         """Record these starters from now on; those of `changed` have another machine or other polls."""
@@ -205,9 +184,12 @@ class HistoryService:
         self._delivery.release()
 
     def _take_record(self, record: Record) -> None:
-        history = self.starters.get(getattr(record, "starter", ""))
+        self._each(getattr(record, "starter", ""), methodcaller("take_record", record))
+
+    def _each(self, starter: str, call: Callable[[HistoryPart], None]) -> None:
+        history = self.starters.get(starter)
         if history is not None:
-            history.each(methodcaller("take_record", record))
+            history.each(call)
 
     def _add(self, setup: StarterSetup) -> None:
         self.starters[setup.name] = StarterHistory(setup.name, [make(setup, self._here) for make in PARTS])
@@ -240,7 +222,7 @@ class HistoryService:
                 history.each(methodcaller("restore", rows.get(name, [])))
             elif is_read:
                 self._unread.discard(name)
-                history.each(partial(_restore_late, rows=rows.get(name, [])))
+                history.each(methodcaller("restore_late", rows.get(name, [])))
             await self._delivery.publish_left(name, rows.get(name, []))
 
     def _on_news(self, news: News, text: str) -> None:
@@ -257,9 +239,3 @@ class HistoryService:
                 self._publish_event("history_unavailable", Severity.WARNING, text)
             case News.LOST:
                 self._publish_event("history_lost", Severity.WARNING, f"the motors' history was lost: {text}")
-
-
-def _restore_late(part: HistoryPart, *, rows: Sequence[HistoryRow]) -> None:
-    """Restore what could not be read before; counters add up without that."""
-    if isinstance(part, StartHistory):
-        part.restore_late(rows)

@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
-from gateway.app.history.part import Surroundings
+from gateway.app.history.part import HistoryPart, Surroundings
 from gateway.errors import CommandError, DamagedError, StoreError
 from gateway.history.baseline import Month, Trend, TrendVerdict, month_of, values_of
 from gateway.history.readings import Readings
@@ -24,7 +24,6 @@ from gateway.history.start_recorder import (
 from gateway.records import (
     AlarmRecord,
     AvailabilityRecord,
-    EventRecord,
     InfoRecord,
     Phase,
     Record,
@@ -45,14 +44,13 @@ DRIFT = "start_drift"  # event and alarm
 NOT_DRIVEN = ("offline", "disabled")  # availability
 
 
-class StartHistory:
-    """Implements `HistoryPart`."""
+class StartHistory(HistoryPart):
+    """Records starts one after the other, and compares each."""
 
-    kinds: tuple[str, ...] = (START, MONTH, BASELINE, BASELINE_CURVE)
+    kinds = (START, MONTH, BASELINE, BASELINE_CURVE)
 
     def __init__(self, setup: StarterSetup, here: Surroundings) -> None:
-        self._name = setup.name
-        self._here = here
+        super().__init__(setup, here)
         self._recorder = self._recorder_of(setup)
         self._trend = Trend()
         self._latest: list[StartSummary] = []  # those whose curves are stored
@@ -145,14 +143,14 @@ class StartHistory:
         raise CommandError("no_start", text)
 
     def _recorder_of(self, setup: StarterSetup) -> StartRecorder:
-        here = self._here
-        recorder = StartRecorder(StartPoints.of(setup.profile), boot=here.boot, take_seq=here.sequence.take)
+        points, take_seq = StartPoints.of(setup.profile), self._records.sequence.take
+        recorder = StartRecorder(points, boot=self._here.boot, take_seq=take_seq)
         recorder.rated_a = setup.variant.rated_current_a
         return recorder
 
     def _note_command(self, result: ResultRecord) -> None:
         if result.phase is Phase.WRITTEN:
-            self._recorder.note_command(StartCommand(result.client, result.id, self._here.clock.now_s()))
+            self._recorder.note_command(StartCommand(result.client, result.id, self._records.clock.now_s()))
         elif result.phase in (Phase.FAILED, Phase.REJECTED):
             self._recorder.forget_command(result.client, result.id)
 
@@ -169,7 +167,7 @@ class StartHistory:
         summary = replace(finished.summary, is_baseline=verdict.is_baseline, drift=verdict.drift)
         self._latest = [*self._latest, summary][-CURVES:]
         record = StartRecord(self._name, summary.id, start_to_dict(summary, finished.curve))
-        self._here.sink.put(record)  # counted by that: one transaction
+        self._records.put(record)  # counted by that: one transaction
         self._put_rows(replace(finished, summary=summary))
         self._report(verdict, summary)
         if self._trend.baseline is not before or verdict.raised or verdict.is_over:
@@ -199,35 +197,25 @@ class StartHistory:
     def _put(
         self, kind: str, id_: str, data: Mapping[str, Any], *, limit: int, is_urgent: bool = False
     ) -> None:
-        if self.is_unread and kind not in (START, CURVE):
-            return
-        time_s = self._here.clock.utc_s()
-        self._here.store.put(
-            self._name, kind, id_, time_s=time_s, data=data, limit=limit, is_urgent=is_urgent
-        )
+        if not self.is_unread or kind in (START, CURVE):
+            super()._put(kind, id_, data, limit=limit, is_urgent=is_urgent)
 
     def _report(self, verdict: TrendVerdict, summary: StartSummary) -> None:
         data = {"start": summary.id, "drift": summary.to_dict().get("drift", {})}
         if verdict.raised:
             self._alarm_count += 1
-            self._raised_s = self._here.clock.utc_s()
+            self._raised_s = self._records.clock.utc_s()
             text = f"the motor starts otherwise than at its baseline: {verdict.raised}"
-            self._put_event(DRIFT, Severity.WARNING, text, data)
+            self._records.event(self._name, DRIFT, Severity.WARNING, text, data)
             self._put_alarm()
         elif verdict.is_over:
-            self._put_event(f"{DRIFT}_over", Severity.INFO, "the motor starts as at its baseline again", data)
+            text = "the motor starts as at its baseline again"
+            self._records.event(self._name, f"{DRIFT}_over", Severity.INFO, text, data)
             self._put_alarm()
 
-    def _put_event(self, code: str, severity: Severity, text: str, data: Mapping[str, Any]) -> None:
-        here = self._here
-        here.sink.put(
-            EventRecord(self._name, code, severity, text, here.clock.utc_s(), here.sequence.take(), data)
-        )
-
     def _put_alarm(self) -> None:
-        here, is_active = self._here, self._trend.is_raised
-        now_s = here.clock.utc_s()
-        here.sink.put(
+        is_active, now_s = self._trend.is_raised, self._records.clock.utc_s()
+        self._records.put(
             AlarmRecord(
                 starter=self._name,
                 code=DRIFT,
@@ -237,7 +225,7 @@ class StartHistory:
                 time_s=now_s if self._raised_s is None else self._raised_s,
                 cleared_s=None if is_active else now_s,
                 count=self._alarm_count,
-                seq=here.sequence.take(),
+                seq=self._records.sequence.take(),
             )
         )
 

@@ -6,26 +6,22 @@ import asyncio
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from gateway.app.history.part import Surroundings
+from gateway.app.history.part import HistoryPart, Surroundings
 from gateway.history.readings import Readings
 from gateway.history.trip_record import STORED, TripSnapshot
 from gateway.history.trip_recorder import AFTER_S, LATEST_S, TripRecorder
 from gateway.records import EventRecord, Record, TripRecord, rfc3339
 from gateway.starters.setup import StarterSetup
-from gateway.storage.history_table import HistoryRow
 
 KIND = "trip"  # of the rows on disk
 SLACK_S = 0.1  # a timer may run out early
 
 
-class TripPart:
-    """Implements `HistoryPart`; what is read of a starter after its trip comes by `note_fault_data`."""
-
-    kinds: tuple[str, ...] = ()  # earlier trips stay on the disk
+class TripPart(HistoryPart):
+    """Records the trip under way; earlier ones stay on the disk."""
 
     def __init__(self, setup: StarterSetup, here: Surroundings) -> None:
-        self._name = setup.name
-        self._here = here
+        super().__init__(setup, here)
         self._recorder = _recorder(setup)
         self._timers: tuple[asyncio.TimerHandle, ...] = ()
 
@@ -51,9 +47,6 @@ class TripPart:
         self._recorder.add_fault_data(at_fault, history)
         self._look()
 
-    def restore(self, rows: Sequence[HistoryRow]) -> None:
-        """Do nothing."""
-
     def follow(self, setup: StarterSetup) -> None:
         """Finish the trip under way, and begin with an empty ring."""
         self._finish(self._recorder.take())
@@ -65,7 +58,7 @@ class TripPart:
 
     def _begin(self, event: EventRecord) -> None:
         state_before, code = event.data.get("from"), event.data.get("alarm")
-        now_s = self._here.clock.now_s()
+        now_s = self._records.clock.now_s()
         unfinished = self._recorder.note_fault(
             id_=f"{self._here.boot}-{event.seq}",
             boot=self._here.boot,
@@ -82,16 +75,16 @@ class TripPart:
 
     def _look(self) -> None:
         if self._recorder.is_waiting:
-            self._finish(self._recorder.take_due(self._here.clock.now_s()))
+            self._finish(self._recorder.take_due(self._records.clock.now_s()))
 
     def _finish(self, trip: TripSnapshot | None) -> None:
         if trip is None:
             return
         for timer in self._timers:
             timer.cancel()
-        data, utc_s = trip.to_dict(), self._here.clock.utc_s()
-        self._here.sink.put(TripRecord(self._name, trip.id, data))  # counted by that: one transaction
-        self._here.store.put(self._name, KIND, trip.id, time_s=utc_s, data=data, limit=STORED, is_urgent=True)
+        data = trip.to_dict()
+        self._records.put(TripRecord(self._name, trip.id, data))  # counted by that: one transaction
+        self._put(KIND, trip.id, data, limit=STORED, is_urgent=True)
 
 
 def _recorder(setup: StarterSetup) -> TripRecorder:

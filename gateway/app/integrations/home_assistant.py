@@ -13,6 +13,7 @@ import json
 import logging
 import math
 import secrets
+from functools import partial
 
 from gateway import __version__
 from gateway.app.integrations.integration import Integration, IntegrationHost
@@ -190,10 +191,7 @@ class HomeAssistantService:
 def home_assistant_integration(host: IntegrationHost, *, announcer: Publisher, uplink: Uplink) -> Integration:
     """Return Home Assistant's discovery, which runs with the table, and until all is deleted without."""
     seed = secrets.randbits(32)
-
-    def make(site: Site) -> HomeAssistantService:
-        return HomeAssistantService(site, announcer=announcer, uplink=uplink, clock=host.clock, seed=seed)
-
+    make = partial(HomeAssistantService, announcer=announcer, uplink=uplink, clock=host.clock, seed=seed)
     return Integration("home-assistant", host, is_wanted=is_wanted, load=lambda: make, missing="")
 
 

@@ -12,7 +12,7 @@ import asyncio
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 from gateway.app.site import Site
 from gateway.records import PublishEvent, Record, Severity
@@ -24,7 +24,7 @@ log = logging.getLogger(__name__)
 POLLING_WITHIN_S = 10.0  # then it begins although a line does not move: it shows why
 LOOK_S = 0.1
 
-Load = Callable[[], Callable[[Site], "IntegrationService"]]
+Load = Callable[[], Callable[[Any], "IntegrationService"]]
 
 
 class IntegrationService(Protocol):
@@ -33,7 +33,7 @@ class IntegrationService(Protocol):
     def put(self, record: Record) -> None:
         """Take a record, in order; returns at once."""
 
-    def move(self, site: Site) -> None:
+    def move(self, settings: Any, /) -> None:
         """Follow another configuration that still wants this integration."""
 
     async def run(self) -> None:
@@ -55,7 +55,8 @@ class Integration:
     """Runs one integration while it is wanted; a sink of records. On the app's loop.
 
     `load` imports, in a thread, what the integration needs, and returns what makes its service; `missing`
-    says what to install when that fails.
+    says what to install when that fails. The service is made of what `settings_of` makes of the site, and
+    given the same at each reload.
     """
 
     def __init__(
@@ -66,6 +67,7 @@ class Integration:
         is_wanted: Callable[[Site], bool],
         load: Load,
         missing: str,
+        settings_of: Callable[[Site], Any] = lambda site: site,
     ) -> None:
         self.name = name
         self._host = host
@@ -73,6 +75,7 @@ class Integration:
         self._is_wanted = is_wanted
         self._load = load
         self._missing = missing
+        self._settings_of = settings_of
         self._service: IntegrationService | None = None
         self._changed = asyncio.Event()  # the configuration, or the service has failed
 
@@ -99,7 +102,7 @@ class Integration:
             self._changed.set()
             return
         try:
-            self._service.move(site)
+            self._service.move(self._settings_of(site))
         except Exception:
             log.exception("integration=%s could not follow the configuration", self.name)
             self._fail()
@@ -127,7 +130,7 @@ class Integration:
         if not self._is_wanted(self._site):
             return True
         try:
-            self._service = service = make(self._site)
+            self._service = service = make(self._settings_of(self._site))
             if await self._ended(service):
                 return True
         except Exception:

@@ -6,10 +6,11 @@ import asyncio
 import logging
 import platform
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, cast
 
 from gateway import __version__
-from gateway.app.integrations.metrics import MetricsExport, RunningMetrics
+from gateway.app.integrations.integration import Integration
 from gateway.app.page.parameters import rows_of, sample_args
 from gateway.app.page.tools import Tools
 from gateway.app.site import Site
@@ -24,6 +25,7 @@ from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.telemetry.view import StarterControlView
 from gateway.storage.history_table import HistoryRow
+from gateway.web.interface import MetricsAccess
 
 log = logging.getLogger(__name__)
 
@@ -57,47 +59,32 @@ MOST_TRIPS = 20
 _REASON = {"reason": "-"}  # a lock is judged with one; the page asks for the real one
 
 
+@dataclass(kw_only=True)
 class WebAccess:
     """Implements `gateway.web.interface.GatewayAccess`; on the application's loop."""
 
-    def __init__(
-        self,
-        site: Site,
-        *,
-        tokens: Tokens,
-        take: Callable[[Incoming], None],
-        dispatcher: Dispatcher,
-        policy: Policy,
-        starters: Mapping[str, StarterControlView],
-        clock_doubt: Callable[[], str | None],
-        is_connected: Callable[[], bool],
-        progress: Callable[[], Mapping[str, int]],
-        metrics: MetricsExport,
-        stored: Callable[[str, Sequence[str]], Awaitable[list[HistoryRow]]],
-        records: RecordWriter,
-    ) -> None:
-        self._stored = stored
-        self.site = site
-        self._tokens = tokens
-        self._take = take
-        self._dispatcher = dispatcher
-        self._policy = policy
-        self._starters = starters
-        self._clock = records.clock
-        self._clock_doubt = clock_doubt
-        self._is_connected = is_connected
-        self._progress = progress
-        self._metrics = metrics
-        self._records = records
-        self._token, self._token_s = "", 0.0
-        self._tools = Tools()
+    site: Site
+    tokens: Tokens
+    take: Callable[[Incoming], None]
+    dispatcher: Dispatcher
+    policy: Policy
+    starters: Mapping[str, StarterControlView]
+    clock_doubt: Callable[[], str | None]
+    is_connected: Callable[[], bool]
+    progress: Callable[[], Mapping[str, int]]
+    metrics_service: Integration
+    stored: Callable[[str, Sequence[str]], Awaitable[list[HistoryRow]]]
+    writer: RecordWriter
+    _token: str = ""
+    _token_s: float = 0.0
+    _tools: Tools = field(default_factory=Tools)
 
     def token(self) -> str:
         """Return a proof of freshness that is at most a second old, and younger than the latest stop."""
-        now_s = self._clock.now_s()
-        is_old = now_s - self._token_s >= EVERY_S or self._token_s < self._dispatcher.stopped_s()
-        if is_old or self._tokens.made_s(self._token) is None:
-            self._token, self._token_s = self._tokens.issue(now_s), now_s
+        now_s = self.writer.clock.now_s()
+        is_old = now_s - self._token_s >= EVERY_S or self._token_s < self.dispatcher.stopped_s()
+        if is_old or self.tokens.made_s(self._token) is None:
+            self._token, self._token_s = self.tokens.issue(now_s), now_s
         return self._token
 
     def may_start(self, client: str) -> bool:
@@ -105,16 +92,16 @@ class WebAccess:
         rights = rights_of(self.site.config)
         return any(
             rights.is_allowed(client, verb=verb, starter=starter)
-            for starter in self._starters
+            for starter in self.starters
             for verb in ("start", "jog")
         )
 
     def actions(self, starter: str, client: str | None) -> list[dict[str, Any]]:
         """Return what could be commanded now, and why not, in the words of what judges commands."""
-        view = self._starters.get(starter)
+        view = self.starters.get(starter)
         if view is None:
             return []
-        two_step = self._policy.rulebook.of(starter).two_step
+        two_step = self.policy.rulebook.of(starter).two_step
         offers = []
         for verb, args in _OFFERS:
             if verb not in (*verbs(view.profile), *OWN_VERBS):
@@ -129,12 +116,12 @@ class WebAccess:
     ) -> None:
         """Judge a command as if it had come over MQTT from this client, and carry it out."""
         topic = f"{self.site.config.base}/command/{starter}/{client}/{verb}"
-        self._take(Incoming(topic, body, correlation=correlation, source=WEB, operator=user))
+        self.take(Incoming(topic, body, correlation=correlation, source=WEB, operator=user))
 
     def note_login(self, verb: str, code: str, *, user: str, client: str, address: str) -> None:
         """Record a login, a refused one, or a logout in the audit and the log."""
         log.info("web %s: user=%s client=%s address=%s %s", verb, user or "unknown", client, address, code)
-        self._records.put(
+        self.writer.put(
             AuditRecord(
                 starter="",
                 client=client,
@@ -143,15 +130,15 @@ class WebAccess:
                 args={"address": address},
                 decision="confirmed" if code == "ok" else "rejected",
                 code=code,
-                time_s=self._clock.utc_s(),
-                seq=self._records.sequence.take(),
+                time_s=self.writer.clock.utc_s(),
+                seq=self.writer.sequence.take(),
                 source=WEB,
             )
         )
 
     async def parameters(self, starter: str) -> list[dict[str, Any]]:
         """Return the rows of a starter's family by the manual's code."""
-        view = self._starters.get(starter)
+        view = self.starters.get(starter)
         if view is None:
             return []
         return await asyncio.to_thread(lambda: list(rows_of(view.profile, view.variant)))
@@ -159,7 +146,7 @@ class WebAccess:
     async def records(self, starter: str) -> Mapping[str, list[Any]] | None:
         """Return the starter's stored starts, the last of them with their samples, and its trips."""
         try:
-            rows = await self._stored(starter, (*_CURVES, "start", "trip"))
+            rows = await self.stored(starter, (*_CURVES, "start", "trip"))
         except StoreError:
             return None
         curves = {row.id: row.data for row in rows if row.kind in _CURVES}
@@ -176,31 +163,31 @@ class WebAccess:
         """Return how clock and broker are."""
         mqtt = self.site.config.mqtt
         return {
-            "clock": {"time": rfc3339(self._clock.utc_s()), "doubt": self._clock_doubt()},
+            "clock": {"time": rfc3339(self.writer.clock.utc_s()), "doubt": self.clock_doubt()},
             "broker": {
                 "host": mqtt.host,
                 "port": mqtt.port,
                 "tls": mqtt.is_tls,
-                "connected": self._is_connected(),
+                "connected": self.is_connected(),
             },
             "version": __version__,
             "python": platform.python_version(),
         }
 
-    def metrics(self) -> RunningMetrics | None:
+    def metrics(self) -> MetricsAccess | None:
         """Return what answers a scrape; None while the configuration wants no metrics."""
-        return self._metrics.running
+        return cast("MetricsAccess | None", self.metrics_service.service)
 
     async def health(self) -> dict[str, Any]:
         """Return by line whether it moves, and whether the broker is connected; waits for lines that idle."""
-        before = self._progress()
+        before = self.progress()
         lines = dict.fromkeys(before, False)
         for _ in range(int(MOVES_WITHIN_S / MOVE_LOOK_S)):
             await asyncio.sleep(MOVE_LOOK_S)
-            lines = {name: steps != before.get(name) for name, steps in self._progress().items()}
+            lines = {name: steps != before.get(name) for name, steps in self.progress().items()}
             if all(lines.values()):
                 break
-        return {"lines": lines, "broker": self._is_connected()}
+        return {"lines": lines, "broker": self.is_connected()}
 
     def diagnostics(self) -> dict[str, Any]:
         """Return what a bug report needs, without secrets."""
@@ -225,8 +212,8 @@ class WebAccess:
             args = _REASON
         elif verb in ("read", "set"):
             args = sample_args(view.profile.family, verb)
-        now_s = self._clock.now_s()
+        now_s = self.writer.clock.now_s()
         request = CommandRequest(
             view.setup.name, client, verb, id="-", args=args, received_s=now_s, source=WEB
         )
-        return self._dispatcher.objection(request)
+        return self.dispatcher.objection(request)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import os
 import shutil
 import subprocess
 import sys
@@ -51,7 +50,6 @@ def _run_tool(name: str, path: Path) -> dict[str, Any]:
             timeout=TOOL_WITHIN_S,
             check=False,
             cwd=path.parent,
-            env=dict(os.environ),
         )
         code, output = done.returncode, done.stdout.decode("utf-8", "replace")
     except subprocess.TimeoutExpired:

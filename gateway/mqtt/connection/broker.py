@@ -75,16 +75,6 @@ class BrokerConnection:
         self._is_outbox_shut = False
         self._farewell_code: int | None = None
 
-    @property
-    def is_connected(self) -> bool:
-        """Return whether messages go out now."""
-        return self._session is not None
-
-    @property
-    def version(self) -> Version:
-        """Return the version of MQTT in use, or to be tried next."""
-        return self._choice.version
-
     async def run(self) -> None:
         """Stay connected until closed or cancelled; never raises for what a network or a broker does."""
         try:

@@ -56,19 +56,12 @@ class _Beginning(bytearray):
         return self
 
 
-def skipped(size: int) -> Notice:
-    """Return what is wrong when the broker sends a packet that is read over."""
+def too_large(size: int, *, is_skipped: bool) -> Notice:
+    """Return what is wrong with a packet from the broker: it was read over, or has ended the connection."""
+    sent = "sent" if is_skipped else "announced"
+    done = "it was not read" if is_skipped else "the connection was closed before it was read"
     return Notice(
         "message_too_large",
-        f"the broker sent a packet of {size} bytes, more than {MAX_INCOMING_BYTES}: it was not read (find "
-        "who sends that to a command topic, and clear it if it is retained)",
-    )
-
-
-def too_large(size: int) -> Notice:
-    """Return what is wrong when the broker announces a packet that is not even read over."""
-    return Notice(
-        "message_too_large",
-        f"the broker announced a packet of {size} bytes, more than {MAX_INCOMING_BYTES}: the connection was "
-        "closed before it was read (find who sends that to a command topic, and clear it if it is retained)",
+        f"the broker {sent} a packet of {size} bytes, more than {MAX_INCOMING_BYTES}: {done} (find who sends "
+        "that to a command topic, and clear it if it is retained)",
     )

@@ -27,7 +27,6 @@ from gateway.mqtt.connection.packet_limit import (
     MAX_INCOMING_BYTES,
     LimitedClient,
     TooLargeError,
-    skipped,
     too_large,
 )
 from gateway.mqtt.connection.reconnect import (
@@ -268,7 +267,7 @@ class Session:
             try:
                 self._client.loop_read()
             except TooLargeError as error:
-                self._lose_with(too_large(error.size))
+                self._lose_with(too_large(error.size, is_skipped=False))
                 return
             except Exception as error:  # noqa: BLE001 - this callback's one guard: nonsense ends the session
                 self._lose(f"the broker sent what cannot be read: {error!r}")
@@ -345,7 +344,7 @@ class Session:
 
     def _on_skip(self, size: int) -> None:
         if self._parts.on_skip is not None:
-            self._loop.call_soon(self._parts.on_skip, skipped(size))
+            self._loop.call_soon(self._parts.on_skip, too_large(size, is_skipped=True))
 
     def _on_publish(self, _client: Any, _userdata: Any, mid: int, code: ReasonCode, _properties: Any) -> None:
         ticket, _ = self._tickets.pop(mid, (None, 0.0))
@@ -361,7 +360,6 @@ class Session:
             topic=topic,
             payload=bytes(message.payload),
             is_retained=bool(message.retain),
-            is_duplicate=message.dup,
             expiry_s=getattr(message.properties, "MessageExpiryInterval", None),
             response_topic=getattr(message.properties, "ResponseTopic", None),
             correlation=getattr(message.properties, "CorrelationData", None),

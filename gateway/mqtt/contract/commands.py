@@ -48,7 +48,6 @@ class Incoming:
     topic: str
     payload: bytes
     is_retained: bool = False
-    is_duplicate: bool = False
     is_early: bool = False
     expiry_s: int | None = None
     response_topic: str | None = None
@@ -109,22 +108,16 @@ def _by_token(_: CommandAddress) -> Collection[str]:
     return (BY_TOKEN,)
 
 
+@dataclass(frozen=True, slots=True)
 class CommandParser:
     """Judges incoming messages for one base and one run of the gateway.
 
     `freshness_of` returns the settings that say what may prove an operator's command fresh.
     """
 
-    def __init__(
-        self,
-        topics: Topics,
-        tokens: Tokens,
-        *,
-        freshness_of: Callable[[CommandAddress], Collection[str]] = _by_token,
-    ) -> None:
-        self._topics = topics
-        self._tokens = tokens
-        self._freshness_of = freshness_of
+    topics: Topics
+    tokens: Tokens
+    freshness_of: Callable[[CommandAddress], Collection[str]] = _by_token
 
     def judge(
         self, incoming: Incoming, moment: Moment, *, received_s: float | None = None
@@ -134,7 +127,7 @@ class CommandParser:
         `received_s` is when it arrived, on the steady clock: `moment` unless it has waited to be parsed.
         """
         received_s = moment.now_s if received_s is None else received_s
-        address = self._topics.parse_command(incoming.topic)
+        address = self.topics.parse_command(incoming.topic)
         if address is None:
             return None
         lenient = _read_leniently(incoming.payload)
@@ -165,7 +158,7 @@ class CommandParser:
             _proof(body),
             verb=address.verb,
             freshness=self._proofs_of(address, incoming),
-            tokens=self._tokens,
+            tokens=self.tokens,
             moment=moment,
         )
         if incoming.is_early:
@@ -176,7 +169,7 @@ class CommandParser:
         self, address: CommandAddress, incoming: Incoming, *, body: _Body, received_s: float
     ) -> CommandRequest:
         # Results go to one topic only, so that the broker's ACL decides who reads them.
-        is_ours = incoming.response_topic == self._topics.result(address.starter, address.client)
+        is_ours = incoming.response_topic == self.topics.result(address.starter, address.client)
         return CommandRequest(
             starter=address.starter,
             client=address.client,
@@ -196,11 +189,11 @@ class CommandParser:
 
     def _proofs_of(self, address: CommandAddress, incoming: Incoming) -> Collection[str]:
         """Return what may prove a command fresh: no bridge lies between this gateway and its own page."""
-        return (BY_TOKEN,) if incoming.source else self._freshness_of(address)
+        return (BY_TOKEN,) if incoming.source else self.freshness_of(address)
 
     def _lasting_boot(self, address: CommandAddress, incoming: Incoming, body: _Body) -> str:
         """Return the boot that proves copies of this command fresh as long as it is the present one."""
-        present = self._tokens.boot.token
+        present = self.tokens.boot.token
         is_proof = body.boot == present and BY_BOOT in self._proofs_of(address, incoming)
         return present if is_proof else ""
 

@@ -70,7 +70,7 @@ class DiskSync:
         self._backlog.on_work = self._note_work
 
     def start(self) -> None:
-        """Begin; the disk is opened elsewhere."""
+        """Begin to store what waits; a thread opens the file."""
         self._disk.start(self._on_disk_news)
         asyncio.get_running_loop().call_later(RECALL_WITHIN_S, self._wait_no_longer)
 

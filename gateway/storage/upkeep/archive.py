@@ -19,6 +19,7 @@ import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import datetime
+from operator import attrgetter
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
@@ -148,7 +149,7 @@ def _verified(archive: tarfile.TarFile, members: list[tarfile.TarInfo], path: Pa
     names = [member.name for member in members[1:]]
     if sorted(names) != sorted(entry.name for entry in entries) or len(set(names)) != len(names):
         raise DamagedError(f"{path}: its files are not those of its manifest")
-    for member, entry in zip(sorted(members[1:], key=_name), sorted(entries), strict=True):
+    for member, entry in zip(sorted(members[1:], key=attrgetter("name")), sorted(entries), strict=True):
         source = archive.extractfile(member) if member.size == entry.octets else None
         if source is None or _digest(source) != entry.sha256:
             raise DamagedError(f"{path}: {entry.name} is not what was stored")
@@ -226,7 +227,3 @@ def _add(archive: tarfile.TarFile, member: Member, octets: int) -> None:
 def _fresh(path: str, flags: int) -> int:
     Path(path).unlink(missing_ok=True)  # one with other rights, or a link
     return private(path, flags | os.O_EXCL)
-
-
-def _name(member: tarfile.TarInfo) -> str:
-    return member.name

@@ -163,7 +163,8 @@ async def test_a_packet_that_is_too_large_is_read_over_and_what_follows_it_comes
     packets = announced(size, is_retained=is_retained) + large + announced(len(small)) + small
     async with FakeBroker(after_suback=packets) as broker, MqttRig(v311(broker.port)) as rig:
         first, second = await rig.command(), await rig.command()
-        assert rig.connection.is_connected
+        assert await rig.link() == (True, "")
+        assert rig.links.empty()  # it was not lost
 
     assert (first.topic, first.is_retained) == ("b/command/p1/a", is_retained)
     assert MAX_PAYLOAD_BYTES < len(first.payload) <= 2 * MAX_INCOMING_BYTES

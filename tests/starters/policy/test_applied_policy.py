@@ -8,7 +8,6 @@ from gateway.records import EventRecord, Phase, ResultRecord
 from gateway.starters.policy.motor_history import MotorHistory
 from gateway.starters.policy.rights import Operator, Rights
 from gateway.starters.policy.start_rules import PolicySettings, RuleSet
-from gateway.storage.json_file import SwitchedStore
 from tests.starters.plant import FakeMemory, Plant
 from tests.starters.rig import virtually
 
@@ -143,18 +142,3 @@ def test_a_page_that_a_starter_had_before_stays() -> None:
 
     assert motor_history.starts_since("pump", 0.0) == [1.0]
     assert motor_history.lock_of("fan") is None
-
-
-async def test_a_memory_that_is_switched_off_is_read_and_not_written() -> None:
-    stored = FakeMemory({"a": 1})
-    memory = SwitchedStore(stored, is_on=False)
-
-    assert memory.load() == {"a": 1}
-    await memory.save({"a": 2})
-    assert stored.document == {"a": 1}
-    memory.is_on = True
-    await memory.save({"a": 3})
-    memory.set_aside()
-
-    assert stored.document == {"a": 3}
-    assert stored.set_asides == 1

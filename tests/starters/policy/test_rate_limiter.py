@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
+
 from gateway.starters.policy.start_rules import RateLimiter, RateLimits
-from gateway.system.rate_limits import Bucket, Damper, Rate
+from gateway.system.rate_limits import REFUSAL_EVERY_S, Bucket, Damped, Rate
+from tests.starters.rig import virtually
+from tests.virtual_time import VirtualClock
 
 
 def taken(bucket: Bucket, *times_s: float) -> list[bool]:
@@ -46,20 +50,32 @@ def test_everyone_together_has_a_limit_too() -> None:
     assert sum(flood.admits(client=str(number), starter="a", now_s=0.0) for number in range(9)) == 3
 
 
-def test_a_refusal_is_published_at_once_and_those_after_it_are_counted() -> None:
-    damper = Damper()
+async def damped(*puts: tuple[float, str, int]) -> list[tuple[float, int, int]]:
+    """Put items of keys at their times; return when each was passed on, and as the last of how many."""
+    loop = asyncio.get_running_loop()
+    begin_s, passed = loop.time(), list[tuple[float, int, int]]()
 
-    passed = [damper.passes("a", now_s=now_s) for now_s in (0.0, 0.01, 0.02, 0.3)]
+    def note(item: int, count: int) -> None:
+        passed.append((round(loop.time() - begin_s, 3), item, count))
 
-    assert passed == [True, False, False, False]  # until their number is published
-    assert damper.take("a", now_s=0.35) == 3
-    assert [damper.passes("a", now_s=now_s) for now_s in (0.4, 0.46)] == [False, False]
-    assert damper.take("a", now_s=0.5) == 2
-    assert damper.passes("a", now_s=0.61)
+    refusals = Damped(note, clock=VirtualClock(loop), every_s=REFUSAL_EVERY_S)
+    for at_s, key, item in puts:
+        await asyncio.sleep(begin_s + at_s - loop.time())
+        refusals.put(key, item)
+    await asyncio.sleep(1.0)
+    return passed
 
 
-def test_refusals_far_apart_are_all_published() -> None:
-    damper = Damper()
+@virtually
+async def test_a_refusal_is_published_at_once_and_those_after_it_are_counted() -> None:
+    flood = [(0.0, "a", 1), (0.09, "a", 2), (0.1, "a", 3), (0.15, "a", 4)]  # until their number is published
+    again = [(0.25, "a", 5), (0.26, "a", 6), (0.5, "a", 7)]
 
-    assert [damper.passes("a", now_s=now_s) for now_s in (0.0, 0.1, 0.25)] == [True, True, True]
-    assert damper.passes("b", now_s=0.25)
+    assert await damped(*flood, *again) == [(0.0, 1, 0), (0.19, 4, 3), (0.35, 6, 2), (0.5, 7, 0)]
+
+
+@virtually
+async def test_refusals_far_apart_are_all_published() -> None:
+    apart = [(0.0, "a", 1), (0.1001, "a", 2), (0.25, "a", 3), (0.25, "b", 4)]
+
+    assert [(item, count) for _, item, count in await damped(*apart)] == [(1, 0), (2, 0), (3, 0), (4, 0)]
