@@ -57,7 +57,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> LoadScopeSch
 
 @pytest.fixture(scope="module", autouse=True)
 def _collected_tests_are_spared() -> None:
-    """Let no full collection look through thousands of collected tests; some tests end that for their process."""
+    """Let no full collection look through all collected tests again; what starts a thread ends that."""
     if not gc.get_freeze_count():
         gc.collect()
         gc.freeze()
