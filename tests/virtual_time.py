@@ -15,19 +15,34 @@ EPOCH_S = 1_760_000_000.0  # the wall time at virtual second 0
 
 
 class _JumpingSelector(selectors.DefaultSelector):
-    """Reports ready files at once; where none is ready, the loop's time takes the wait."""
+    """Reports ready files at once; where none is ready, the loop's time takes the wait.
+
+    The system is asked only where there may be an answer: of a file, or of a thread that has called.
+    """
 
     def __init__(self) -> None:
         super().__init__()
         self.skipped_s = 0.0
+        self.files = 0  # the first is the loop's own, through which threads and signals wake it
+        self.may_be_woken = False
+
+    def register(self, fileobj: Any, events: int, data: Any = None) -> selectors.SelectorKey:
+        self.files += 1
+        return super().register(fileobj, events, data)
+
+    def unregister(self, fileobj: Any) -> selectors.SelectorKey:
+        self.files -= 1
+        return super().unregister(fileobj)
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        ready = super().select(0)
-        if ready:
-            return ready
+        if self.files > 1 or self.may_be_woken:
+            ready = super().select(0)
+            if ready:
+                return ready
         if timeout is None:
             raise RuntimeError("virtual time: nothing is scheduled, the test would never end")
-        self.skipped_s += max(timeout, 0.0)
+        if timeout > 0:
+            self.skipped_s += timeout
         return []
 
 
@@ -41,6 +56,14 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
 
     def time(self) -> float:
         return self._jumping.skipped_s
+
+    def call_soon_threadsafe(self, *args: Any, **kwargs: Any) -> asyncio.Handle:
+        self._jumping.may_be_woken = True  # from now on: who calls once may call again
+        return super().call_soon_threadsafe(*args, **kwargs)
+
+    def add_signal_handler(self, *args: Any) -> None:
+        self._jumping.may_be_woken = True
+        super().add_signal_handler(*args)
 
     def work(self, seconds: float) -> None:
         """Let the processor be busy for so long, and nothing else happen."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, Self, cast
 
 # Left after a broadcast for the units to act: the longer end of 100..200 ms [SERIAL 2.4.1].
@@ -49,21 +49,17 @@ class LineTiming:
 
     baud: int
     framing: Framing
+    character_s: float = field(init=False, repr=False, compare=False)  # of one character on the wire
+    silence_s: float = field(init=False, repr=False, compare=False)
+    """The shortest silence between frames, 3.5 characters as the starters count them."""
 
     def __post_init__(self) -> None:
         if self.baud <= 0:
             raise ValueError(f"{self.baud} bit/s is no speed")
-
-    @property
-    def character_s(self) -> float:
-        """The time of one character on the wire."""
-        return self.framing.character_bits / self.baud
-
-    @property
-    def silence_s(self) -> float:
-        """The shortest silence between frames, 3.5 characters as the starters count them."""
+        object.__setattr__(self, "character_s", self.framing.character_bits / self.baud)
         bits = max(self.framing.character_bits, _COUNTED_BITS)
-        return 3.5 * max(bits / self.baud, _COUNTED_BITS / _FASTEST_COUNTED_BAUD)
+        silence_s = 3.5 * max(bits / self.baud, _COUNTED_BITS / _FASTEST_COUNTED_BAUD)
+        object.__setattr__(self, "silence_s", silence_s)
 
     def wire_s(self, byte_count: int) -> float:
         """Return the time that so many bytes without gaps take."""

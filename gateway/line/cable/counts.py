@@ -28,7 +28,12 @@ class Counts(NamedTuple):
 
     def plus(self, other: Counts, sign: int = 1) -> Counts:
         """Return the sum; with sign -1 the difference."""
-        return Counts(*(one + sign * each for one, each in zip(self, other, strict=True)))
+        return Counts(
+            self.asked + sign * other.asked,
+            self.corrupted + sign * other.corrupted,
+            self.lost + sign * other.lost,
+            self.late + sign * other.late,
+        )
 
     @property
     def bad(self) -> int:
@@ -95,11 +100,12 @@ class StarterCounts:
         """
         times = self._times
         first = max(bisect_right(times, now_s - DAY_S) - 1, 0)
+        late = bisect_right(times, now_s - HOUR_S - _FINE_S)
         left: list[int] = []
-        for at in range(first, len(times)):
-            is_late = times[at] > now_s - HOUR_S - _FINE_S
-            if is_late or not left or times[at] - times[left[-1]] >= _COARSE_S:
+        for at in range(first, late):
+            if not left or times[at] - times[left[-1]] >= _COARSE_S:
                 left.append(at)
+        left += range(max(first, late), len(times))
         if len(left) < len(times):
             self._times = array("d", [times[at] for at in left])
             self._stored = tuple(array("q", [column[at] for at in left]) for column in self._stored)

@@ -12,7 +12,6 @@ from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from itertools import accumulate
 from operator import itemgetter
 
 from gateway.errors import BadFrameError
@@ -188,10 +187,13 @@ class Bus:
         """Hand the master what has arrived by then: by now."""
         if not self._under_way:
             return
-        count = bisect_right(self._under_way, self._now_s() if by_s is None else by_s, key=_ARRIVAL)
+        until_s = self._now_s() if by_s is None else by_s
+        if self._under_way[0][0] > until_s:
+            return
+        count = bisect_right(self._under_way, until_s, key=_ARRIVAL)
         arrived = self._under_way[:count]
         del self._under_way[:count]
-        if arrived and self._sink is not None:
+        if self._sink is not None:
             garbled_s = self._garbled_until_s + self.timing.character_s
             received = b"".join(_garbled(piece) if at_s <= garbled_s else piece for at_s, piece in arrived)
             self._sink(received, arrived[-1][0])
@@ -319,9 +321,11 @@ class Bus:
             self._delivery.cancel()
             self._delivery = None
         if self._under_way:
-            counts = accumulate(len(piece) for _, piece in self._under_way)
-            last = next((at for at, count in enumerate(counts) if count >= self._wanted), -1)
-            by_s = self._under_way[last][0]
+            lacking = self._wanted
+            for by_s, piece in self._under_way:  # noqa: B007 - the last of them counts, else
+                lacking -= len(piece)
+                if lacking <= 0:
+                    break
             self._delivery = self._running().call_at(by_s, self._wake_master, by_s)
 
     def _wake_master(self, by_s: float) -> None:

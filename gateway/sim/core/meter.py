@@ -20,6 +20,10 @@ class Meter:
         self._drawn_s = -math.inf
         self._value = 0.0
 
+    def pass_time(self) -> None:
+        """Let the readings jitter as if they had been read now."""
+        self._noise()
+
     @property
     def current_pct(self) -> float:
         """The current in percent of the rated one, with the noise of measuring."""

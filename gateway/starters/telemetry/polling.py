@@ -184,8 +184,9 @@ class Polling:
         return tuple(
             code
             for polled in self._polled.values()
+            if polled.is_refused and len(polled.block.rows) == 1
             for code in polled.block.codes
-            if polled.is_refused and len(polled.block.codes) == 1 and code in self._vital
+            if code in self._vital
         )
 
     def _split(self, key: str, now_s: float) -> None:

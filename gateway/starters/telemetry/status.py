@@ -119,27 +119,27 @@ class Status:
         utc_s: float,
     ) -> None:
         """Publish what two readings in a row say has happened, as of the first of them."""
-        first_s, before = self._note_readings(snapshot, values, now_s=now_s, utc_s=utc_s)
+        first_s, before = self._note_readings(snapshot, values, now_s=now_s, utc_s=utc_s) or (utc_s, None)
         settled = self._settled.values
         state = str(settled.get(STATE, UNKNOWN))
         is_awaited = self._is_number_awaited(snapshot, now_s)
         self._settle_alarms(settled, shown, is_awaited=is_awaited, utc_s=first_s)
         if state == "fault" and not self._watch.is_in_fault and self._is_held(snapshot, now_s):
-            self._held = self._held or (first_s, before)
+            self._held = self._held or (first_s, self._values_before(now_s) if before is None else before)
             return
         remote = as_flag(settled.get("remote"))
         if self._held is not None:
-            self._add_changes("fault", remote, *self._held)
+            self._add_changes("fault", remote, *self._held, now_s=now_s)
             self._held = None
-        self._add_changes(state, remote, first_s, before)
+        self._add_changes(state, remote, first_s, before, now_s=now_s)
         self._remember_fault(state, now_s=now_s)
         if not self._settled.is_waiting:
             self._first_seen = None
 
     def _note_readings(
         self, snapshot: Snapshot, values: Mapping[str, Value], *, now_s: float, utc_s: float
-    ) -> tuple[float, dict[str, Any]]:
-        """Record the readings that decide; return when their news was read first, and the values before."""
+    ) -> tuple[float, dict[str, Any]] | None:
+        """Record the readings that decide; return since when news waits, and the values before it."""
         deciding = (*self._flags, *self._numbers)
         all_readings = snapshot.readings
         readings: dict[str, tuple[Any, float]] = {
@@ -155,16 +155,21 @@ class Status:
         self._state_since_s = since_s
         if is_new_state or (self._settled.is_waiting and self._first_seen is None):
             self._first_seen = (utc_s, self._values_before(now_s))
-        return self._first_seen or (utc_s, self._values_before(now_s))
+        return self._first_seen
 
     def _add_changes(
         self,
         state: str,
         remote: bool | None,  # noqa: FBT001 - a reading, not an option
         time_s: float,
-        before: dict[str, Any],
+        before: dict[str, Any] | None,
+        *,
+        now_s: float,
     ) -> None:
-        """Publish what became of the state, then the faults that came while it was a fault already."""
+        """Publish what became of the state, then the faults that came while it was a fault already.
+
+        `before` are the values before that; None: those before now.
+        """
         faults = self._settled_alarms.active("fault")
         codes = tuple(each.alarm.code for each in faults)
         was_in_fault = self._watch.is_in_fault
@@ -175,7 +180,8 @@ class Status:
             is_known=self._published.has(self._emitter.starter, codes),
             faults=faults,
         ):
-            self._records.append(self._emitter.change(change, time_s=time_s, more=before))
+            more = self._values_before(now_s) if before is None else before
+            self._records.append(self._emitter.change(change, time_s=time_s, more=more))
         if not self._watch.is_in_fault:
             return
         for standing in faults:
