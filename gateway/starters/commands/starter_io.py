@@ -19,6 +19,7 @@ from gateway.starters.telemetry.view import StarterAccess
 
 T = TypeVar("T")
 
+TRIES = 3  # of a reading that decides
 READ_WITHIN_S = 30.0  # where each refusal may be a late one, or the line has no room
 READ_BACK_PAUSE_S = 0.1
 EQUAL_READINGS = 2  # that must follow one another: a CRC lets one bad frame in some 50,000 pass
@@ -87,14 +88,15 @@ class StarterIo:
         return outcome
 
     async def read(self, reads: Iterable[Read], *, lane: Priority) -> Rows:
-        """Return freshly read rows, trying twice; CommandError without an answer, RefusedError."""
+        """Return freshly read rows, `TRIES` times at most; CommandError without an answer, RefusedError."""
         rows: Rows = {}
         self.seen_s = inf
         for read in reads:
             until_s = asyncio.get_running_loop().time() + READ_WITHIN_S
-            outcome = await self._transact(read.request, lane, until_s=until_s)
-            if isinstance(outcome, (Silent, Garbled)):
+            for _ in range(TRIES):
                 outcome = await self._transact(read.request, lane, until_s=until_s)
+                if not isinstance(outcome, (Silent, Garbled)):
+                    break
             rows |= self._rows_from(read, outcome)
         return rows
 

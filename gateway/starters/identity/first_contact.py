@@ -30,7 +30,7 @@ from gateway.modbus.codes import EXCEPTION_BIT, ExceptionCode, Function
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters, ReadInputRegisters
 from gateway.starters.bulk_read import read_in_bulk
-from gateway.starters.identity.recognition import Recognition, is_refusal
+from gateway.starters.identity.recognition import TRIES_OF_COMMANDS, Recognition, is_refusal
 from gateway.starters.setup import Asked, StarterSetup, ask
 from gateway.system.backoff import Backoff, backoff_s
 from gateway.system.supervised import SupervisedTask
@@ -128,7 +128,7 @@ class FirstContact:
             return False
         if not self._recognition.is_complete:
             return False  # what it said is not enough to compare it by
-        return await self._recognition.is_same(partial(put, is_patient=True))
+        return await self._recognition.is_same(partial(put, is_patient=True), tries=TRIES_OF_COMMANDS)
 
     async def asked_anew(self) -> Identity:
         """Return who answers, by a round of questions that begins from now on."""

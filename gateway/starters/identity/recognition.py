@@ -22,6 +22,7 @@ from gateway.modbus.codes import EXCEPTION_BIT
 Put = Callable[[Question], Awaitable[Outcome]]
 
 TRIES = 2  # a lost reply says nothing
+TRIES_OF_COMMANDS = 3  # more are no use while nothing waits for it: three misses in a row are a silence
 REFUSALS = 2  # each may answer an earlier request; another device answers one of so many,
 # and of one more than replies to the same question are owed
 
@@ -74,22 +75,22 @@ class Recognition:
                 self._said[question] = outcome
         return False
 
-    async def is_same(self, put: Put, *, is_brief: bool = False) -> bool | None:
-        """Return whether it answers as it did; None when it could not be asked.
+    async def is_same(self, put: Put, *, is_brief: bool = False, tries: int = TRIES) -> bool | None:
+        """Return whether it answers as it did; None when it could not be asked, so often in a row.
 
         `is_brief` asks only what the polls do not show. What it never answered clearly is not asked.
         """
         for question in self._questions:
             if question in self._said and (question.is_distinctive or not is_brief):
-                is_same = await self._is_as_before(question, put)
+                is_same = await self._is_as_before(question, put, tries)
                 if not is_same:
                     return is_same
         return True
 
-    async def _is_as_before(self, question: Question, put: Put) -> bool | None:
+    async def _is_as_before(self, question: Question, put: Put, tries: int) -> bool | None:
         before = self._said[question]
         refusals = misses = 0
-        while misses < TRIES:
+        while misses < tries:
             now = await put(question)
             if isinstance(now, Answered):
                 return isinstance(before, Answered) and (
