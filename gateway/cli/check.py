@@ -17,6 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from gateway.app.capacity import (
+    STANDING,
+    VALUES,
     LineCapacity,
     StarterCapacity,
     fast_gains,
@@ -108,7 +110,7 @@ def _shorter(limit_s: float, gaps: Gaps) -> str:
 RESTART_LATER = 75  # EX_TEMPFAIL of sysexits.h
 ROOM_FACTOR = 2  # a copy, and what SQLite writes while it converts
 _SAFE_FACTOR = 1.5  # a watchdog below this many longest gaps leaves little room for commands and retries
-_GROUPS = ("status", "values", "slow")
+_AGES = ("status", VALUES, STANDING, "slow")
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -266,10 +268,10 @@ def _print_line(line: LineCapacity) -> None:
     if not line.starters:
         return
     width = max(7, *(len(starter.table.name) for starter in line.starters))
-    print(f"  {'starter':{width}}  addr  family    about  status   values     slow   watchdog")
+    print(f"  {'starter':{width}}  addr  family    about  status   values  standing     slow   watchdog")
     for starter in line.starters:
         each = starter.table
-        ages = "  ".join(_age(starter.ages_s.get(group)) for group in _GROUPS)
+        ages = "  ".join(_age(starter.ages_s.get(key)) for key in _AGES)
         print(f"  {each.name:{width}}  {each.address:4}  {each.family:6}       {ages}   {_watchdog(starter)}")
     for text in fast_lines(table):
         print(text)

@@ -5,16 +5,20 @@ from __future__ import annotations
 import asyncio
 import functools
 from itertools import pairwise
+from typing import Any
 
 import pytest
 
-from tests.plant_rig import YARD, running, starter
+from tests.plant_rig import WATCHDOG_S, YARD, running, starter
+from tests.starters.rig import virtually
 from tests.virtual_time import run_virtually
 
 SETTLED_S, RUN_S = 30.0, 60.0
 REGULAR_S = 1.3  # the longest that a settled starter of this site waits for a request, at a period of 1 s
 SHARED_S = 0.02  # what lines share is when their events are handed over, after which a period may change
 SLOT_S = 0.25  # more than any one slot of another starter on its line
+COMES_WITHIN_S = 5.0  # from a reload until the state of a starter that comes is known
+WATCHED = f"watchdog_s = {WATCHDOG_S}\n"
 
 
 async def times_of(*changes: tuple[str, str]) -> dict[str, list[float]]:
@@ -90,3 +94,29 @@ def test_a_line_that_is_opened_anew_keeps_no_one_waiting_longer_than_two_slots()
 
     assert longest_gap_s(reloaded["hall 1"]) < REGULAR_S + 2 * SLOT_S
     assert longest_gap_s(reloaded["hall 2"]) < REGULAR_S + 2 * SLOT_S
+
+
+@virtually
+async def test_a_starter_that_comes_to_an_overfull_line_is_known_soon_and_stays_known() -> None:
+    pump = starter("pump", 1, "ssw07").replace(WATCHED, "")
+    busy = pump.replace("every_s = 1.0", "every_s = 0.002")
+    blower = starter("blower", 2, "ssw06").replace(WATCHED, "").replace("every_s = 1.0", "every_s = 2.0")
+    async with running(SETTLED_S) as here:
+        spoken: list[tuple[float, str]] = []
+        await here.reload((starter("pump", 1, "ssw07"), busy), (FAN, blower))
+        for _ in range(700):
+            state = here.plant.starters["blower"].state
+            now_s = asyncio.get_running_loop().time()
+            if not spoken or spoken[-1][1] != state:
+                spoken.append((now_s, state))
+            if len(spoken) == 2 and now_s > SETTLED_S + 30.0 and state == "ready":
+                fan: Any = here.unit("hall", 2)
+                fan._set_remote(is_remote=False)
+                fan.keypad_start()
+                fan._set_remote(is_remote=True)
+            await asyncio.sleep(0.1)
+
+        assert here.plant.lines["hall"].stretch > 5.0
+        assert "running" in {state for _, state in spoken}
+        assert [state for _, state in spoken].count("unknown") == 1
+        assert spoken[1][0] - spoken[0][0] < COMES_WITHIN_S

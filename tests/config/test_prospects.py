@@ -24,6 +24,31 @@ def test_values_are_at_most_a_period_and_a_sweep_old() -> None:
     assert second.gap_s == pytest.approx(first.gap_s + 1.0, rel=0.05)
 
 
+def test_the_values_of_a_motor_that_stands_are_three_periods_and_a_sweep_old() -> None:
+    (line,) = prospects_of(site())
+
+    first, second = line.starters
+
+    assert first.ages_s["values_standing"] == pytest.approx(first.ages_s["values"] + 2 * 1.0)
+    assert second.ages_s["values_standing"] == pytest.approx(second.ages_s["values"] + 2 * 2.0)
+
+
+def test_on_an_overfull_line_a_motor_that_stands_leaves_some_of_its_time_to_the_others() -> None:
+    (line,) = prospects_of(site(("address = 1\n", "address = 1\nevery_s = 0.02\n")))
+
+    (first, _), factor = line.starters, line.forecast.polls[0].period_s / 0.02
+    stretched_s = first.ages_s["values"] + 2 * 0.02 * factor
+    assert factor > 3.0
+    assert first.ages_s["values"] < first.ages_s["values_standing"] < stretched_s
+
+
+def test_values_that_are_read_as_often_as_possible_are_so_while_the_motor_stands_too() -> None:
+    (line,) = prospects_of(site(("address = 1\n", "address = 1\nevery_s = 0.0\n")))
+
+    ages_s = line.starters[0].ages_s
+    assert ages_s["values_standing"] == ages_s["values"]
+
+
 def test_an_identification_counts_for_the_stop_latency() -> None:
     (line,) = prospects_of(site())
 

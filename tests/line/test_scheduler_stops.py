@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from math import inf
 
+import pytest
+
+from gateway.line.rtu.outcome import Outcome, Silent
 from gateway.line.scheduler.job_queue import SHARED_AFTER_S
 from gateway.line.scheduler.requests import Priority
 from gateway.line.scheduler.scheduler import IN_ROW
 from tests.line.fakes import poll
-from tests.line.scheduled import ANSWERED, READ, begun, job, key_of, take
+from tests.line.scheduled import ANSWERED, GARBLED, READ, begun, job, key_of, take
 
+SILENT, NOT_SENT = Silent("no reply"), Silent("the line is never quiet", is_sent=False)
 LATE_S = 2 * SHARED_AFTER_S
 
 
@@ -80,6 +84,27 @@ def test_a_held_follow_up_can_be_withdrawn_and_taken_out() -> None:
 
     assert scheduler.jobs.withdraw(first)
     assert scheduler.jobs.clear() == (second,)
+
+
+@pytest.mark.parametrize(
+    ("outcome", "kinds"), [(SILENT, "fp" * 6), (GARBLED, "fp" * 6), (NOT_SENT, "f" * IN_ROW + "pfff")]
+)
+def test_after_a_read_back_without_an_answer_something_else_goes_first(outcome: Outcome, kinds: str) -> None:
+    scheduler = begun(*(poll(str(unit), unit=unit, every_s=0.0) for unit in range(1, 31)))
+    for _ in range(31):
+        take(scheduler, 0.0)
+    for _ in range(40):
+        scheduler.jobs.submit(job(Priority.FOLLOW_UP, unit=99, request=READ), 8.0)
+
+    now_s, seen = 8.0, ""
+    while len(seen) < len(kinds):
+        slot = scheduler.pick(now_s)
+        assert slot is not None
+        seen += "p" if slot.job is None else "f"
+        now_s += 0.05
+        scheduler.record(slot, ANSWERED if slot.job is None else outcome, now_s)
+
+    assert seen == kinds
 
 
 def test_follow_ups_and_watchdogs_that_are_due_alternate_and_let_a_poll_pass() -> None:

@@ -29,7 +29,7 @@ from dataclasses import replace
 from math import inf
 
 from gateway.line.rtu.bus_faults import whole_frame
-from gateway.line.rtu.outcome import Garbled, Outcome
+from gateway.line.rtu.outcome import Garbled, Outcome, Silent
 from gateway.line.scheduler.job_queue import JobQueue
 from gateway.line.scheduler.polls import PollTable
 from gateway.line.scheduler.requests import Poll, Priority, Slot, Verdict
@@ -49,6 +49,7 @@ class Scheduler:
         self._retry: Slot | None = None  # a poll whose reply was corrupted, or is open: asked again at once
         self._is_for_watchdog = False  # the slot under way
         self._follow_ups_in_row = self._watchdogs_in_row = 0
+        self._gives_way = False  # to another request, after a follow-up that was not answered
         self._picked_s = self._freed_s = -inf
         for poll in polls:
             self.polls.add(poll, -inf)
@@ -70,7 +71,8 @@ class Scheduler:
         The first that there is:
 
         1. A stop's frame.
-        2. A repeat or read-back of a stop; after eight in a row one of 3, 5 or 6, with eight of 4 before.
+        2. A repeat or read-back of a stop; after eight in a row one of 3, 5 or 6, with eight of 4 before;
+           after a read-back without an answer one of 3 to 6.
         3. A poll whose reply was corrupted, once more; one whose outcome is open.
         4. The unit with the earliest watchdog deadline of those that are due, or were not asked since the
            port was opened; one without a known watchdog after commands in their share; after eight in a
@@ -80,7 +82,7 @@ class Scheduler:
         6. A poll by due time. After a miss those of units that answer, otherwise those of units that do not.
         """
         self._picked_s, self._is_for_watchdog = now_s, False
-        if self._follow_ups_in_row < IN_ROW:
+        if self._follow_ups_in_row < IN_ROW and not self._gives_way:
             slot = self.jobs.pop(now_s, Priority.STOP, Priority.FOLLOW_UP)
             self._follow_ups_in_row = 0 if slot is None else self._follow_ups_in_row
         else:
@@ -135,8 +137,11 @@ class Scheduler:
         took_s = min(now_s - max(self._freed_s, since_s), _LONGEST_SLOT_S)
         self._freed_s = now_s
         lane, entry = slot.lane, self.polls.entry_of(slot.poll)
+        self._gives_way = self._gives_way and lane is Priority.STOP
         if lane is Priority.FOLLOW_UP:
             self._follow_ups_in_row += 1
+            is_lost = isinstance(outcome, Silent | Garbled) and outcome.is_sent
+            self._gives_way = is_lost and not slot.is_stop
         elif self._is_for_watchdog:
             self._watchdogs_in_row += 1
         elif lane is not Priority.STOP:

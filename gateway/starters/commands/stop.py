@@ -45,6 +45,7 @@ logger = logging.getLogger(__name__)
 DEADLINE_S = 10.0  # of each message
 REPEAT_S = 0.5
 OWN_FRAMES = Rate(10.0, 8)  # for messages of one starter: so many a second, so many at once
+UNREAD_PAUSE_S = 0.5  # between two readings of a starter that did not answer the latest two
 SEEN_WITHIN_S = 2.0  # before its end, so that a stop counts as seen
 SHARED_WITHIN_S = 0.1  # after the frame before: when the frame of messages beyond that is sent
 
@@ -95,6 +96,7 @@ class Stopping:
         self._under_way: set[asyncio.Task[None]] = set()  # frames that wait for the line or their answer
         self._news = asyncio.Event()  # one of them has left
         self._readings = 0  # begun
+        self._unread = 0  # the latest of them in a row that were not answered
         self._good: list[int] = []  # the latest two readings in a row that show a stop,
         self._good_s = -inf  # when the last of them was there,
         self._shown: dict[str, Any] = {}  # and what it says
@@ -222,7 +224,7 @@ class Stopping:
                 await asyncio.sleep(0)  # the readings are published before the results that rest on them
                 self._end_what_is_over(is_seen=is_seen)
                 self._send_if_due()
-                await self._pause(READ_BACK_PAUSE_S)
+                await self._pause(READ_BACK_PAUSE_S if self._unread < EQUAL_READINGS else UNREAD_PAUSE_S)
             else:
                 await self._wait_for_a_frame()
                 self._procedure()  # what cannot be built cannot be sent
@@ -245,6 +247,7 @@ class Stopping:
         """Return whether what was read shows that the motor stops, and record it."""
         expect = self._procedure().verify
         rows = None if expect is None else await self._starter_io.read_back(expect.reads)
+        self._unread = self._unread + 1 if rows is None else 0
         if expect is None or rows is None:
             return False
         self._is_answered, values = True, self._starter_io.values(rows)

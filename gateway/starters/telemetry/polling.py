@@ -20,7 +20,7 @@ from gateway.families.mapped_registers import MappedBlock, plan_with
 from gateway.families.profile.schema import Profile, Variant, once_per_profile
 from gateway.families.reading import Block, rows_of_points, split
 from gateway.line.client import LineClient
-from gateway.line.scheduler.line_time import FREE_PERIOD_S
+from gateway.line.scheduler.line_time import period_of
 from gateway.starters.setup import StarterSetup, blocks_of
 from gateway.system.backoff import backoff_s
 
@@ -28,7 +28,7 @@ BUSY_STATES = frozenset({"starting", "stopping", "fault"})  # read faster while 
 IDLE_STATES = frozenset({"ready", "not_ready"})  # the motor stands: values read more slowly
 FAST_S = 0.25  # period while the motor starts, stops or is in fault
 IDLE_FACTOR = 3  # values are read so many times less often while it stands, the status is not
-OVERDUE_PERIODS = 3  # a value that was not read for so many periods is stale,
+OVERDUE_PERIODS = 3  # a value that was not read for so many periods, as the line stretches them, is stale,
 UNKNOWN_GAP_S = 3.0  # how long a round may take before one has been seen
 OVERDUE_GRACE_S = 1.0  # with this much patience for a loaded line
 GAP_PERIODS = 2  # between two answers at most, as the line stretches them: what is longer was lost
@@ -92,6 +92,7 @@ class _Polled:
     every_s: float
     last_s: float | None = None  # of the last answer; None since the starter was lost
     gap_s: float | None = None  # between the last two answers, as far as an over-full line explains it
+    stretch: float = 1.0  # of the line's periods at the last answer, by which its next time was planned
     is_overdue: bool = False
     refusals: Refusals = field(default_factory=Refusals)
     whole: Block | None = None  # of which this is one row, since it was refused
@@ -101,12 +102,21 @@ class _Polled:
         """Return whether it was refused so often in a row that it is not by chance."""
         return self.refusals.in_row >= IN_ROW
 
-    def overdue_s(self) -> float:
+    def period_s(self, stretch: float) -> float:
+        """Return how long two answers are apart at most, where the line stretches periods by this much.
+
+        The gap before the last answer may have been a short one: what has changed is read again at once.
+        """
+        factor = max(stretch, self.stretch)
+        every_s = self.every_s if factor == 1.0 else period_of(self.every_s)
+        return max(every_s * factor, self.gap_s or 0.0)
+
+    def overdue_s(self, stretch: float) -> float:
         """Return when the values of this block are stale unless it is answered before."""
         if self.last_s is None or self.is_overdue:
             return inf
-        gap_s = UNKNOWN_GAP_S if self.gap_s is None else self.gap_s
-        return self.last_s + OVERDUE_PERIODS * max(self.every_s, gap_s) + OVERDUE_GRACE_S
+        gap_s = UNKNOWN_GAP_S if self.gap_s is None else 0.0
+        return self.last_s + OVERDUE_PERIODS * max(self.period_s(stretch), gap_s) + OVERDUE_GRACE_S
 
     def forget(self) -> None:
         """Be as if it had never been answered."""
@@ -139,11 +149,11 @@ class Polling:
     def note_answer(self, key: str, *, at_s: float) -> None:
         """Record that a poll was answered."""
         polled = self._polled[key]
+        stretch = polled.stretch = self._line.stretch
         if polled.last_s is not None:
-            gap_s, usual_s = at_s - polled.last_s, GAP_PERIODS * (polled.every_s or FREE_PERIOD_S)
-            polled.gap_s = gap_s if gap_s <= usual_s else min(gap_s, usual_s * self._line.stretch)
+            polled.gap_s = min(at_s - polled.last_s, GAP_PERIODS * period_of(polled.every_s) * stretch)
         polled.last_s, polled.is_overdue = at_s, False
-        self._soonest_overdue_s = min(self._soonest_overdue_s, polled.overdue_s())
+        self._soonest_overdue_s = min(self._soonest_overdue_s, polled.overdue_s(stretch))
         if polled.refusals.in_row:
             polled.refusals.clear()
             self._keep_pace()
@@ -297,9 +307,9 @@ class Polling:
         if now_s < self._soonest_overdue_s:
             return ()
         codes: list[str] = []
-        self._soonest_overdue_s = inf
+        self._soonest_overdue_s, stretch = inf, self._line.stretch
         for polled in self._polled.values():
-            overdue_s = polled.overdue_s()
+            overdue_s = polled.overdue_s(stretch)
             if overdue_s <= now_s:
                 polled.is_overdue = True
                 codes += polled.block.codes
@@ -314,7 +324,8 @@ class Polling:
     @property
     def status_period_s(self) -> float:
         """Return the longest time that passes between two readings of the status, as far as it is known."""
-        periods = [max(p.every_s, p.gap_s or 0.0) for p in self._polled.values() if p.block.group == "status"]
+        stretch = self._line.stretch
+        periods = [p.period_s(stretch) for p in self._polled.values() if p.block.group == "status"]
         return max(periods, default=self._setup.every_s)
 
     @property

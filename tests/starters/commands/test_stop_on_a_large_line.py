@@ -157,6 +157,39 @@ async def test_stops_of_dead_starters_leave_the_others_watchdogs_their_polls(dea
 
 
 @virtually
+async def test_stops_of_starters_that_do_not_answer_leave_the_others_their_polls() -> None:
+    async with large_line(8) as here:
+        await asyncio.sleep(20.0)
+        asked_s = here.clock.now_s()
+        for address in range(1, 5):
+            here.bus.remove(here.unit(address))
+            here.submit("stop", f"{address}", address)
+        await asyncio.sleep(12.0)
+
+        until_s = here.clock.now_s()
+        for address in range(5, 9):
+            readings_s = [asked_s, *(at_s for at_s in here.readings(address) if at_s >= asked_s)]
+            assert longest_gap_s(readings_s, until_s) < 3.0  # after 4 s a state is stale
+        frames_s = [each for each in here.bus.transcript if each.data[:2] == b"\x01\x05"]
+        assert len(frames_s) >= 10
+        assert here.end("1")[0] - asked_s < 11.0
+
+
+@virtually
+async def test_a_starter_that_does_not_answer_is_read_about_once_for_each_frame_of_its_stop() -> None:
+    async with large_line(8) as here:
+        await asyncio.sleep(20.0)
+        here.bus.remove(here.unit(1))
+        here.bus.transcript.clear()
+        here.submit("stop", "1")
+        await asyncio.sleep(12.0)
+
+        asked = [each.data[1] for each in here.bus.transcript if each.data[0] == 1]
+        assert asked.count(5) >= 15
+        assert len(asked) - asked.count(5) <= 1.2 * asked.count(5)
+
+
+@virtually
 async def test_a_group_that_is_stopped_again_and_again_is_confirmed_as_if_it_had_been_stopped_once() -> None:
     async with large_line(120) as here:
         await asyncio.sleep(8.0)

@@ -245,7 +245,7 @@ async def test_a_slow_line_does_not_make_its_values_stale() -> None:
 
 @pytest.mark.parametrize("every_s", [0.0, 1.0])
 @virtually
-async def test_a_line_with_long_rounds_makes_its_values_stale_at_most_once(every_s: float) -> None:
+async def test_a_line_with_long_rounds_does_not_make_its_values_stale(every_s: float) -> None:
     rig = await Rig(every_s=every_s).online()
     rig.line.stretch = 15.0
 
@@ -253,9 +253,52 @@ async def test_a_line_with_long_rounds_makes_its_values_stale_at_most_once(every
         await asyncio.sleep(15.0)
         rig.poll()
 
-    qualities = [record.quality for record in rig.sink.values("running")]
-    assert qualities.count(STALE) == 1
-    assert qualities[-1] is Quality.GOOD
+    assert STALE not in {record.quality for record in rig.sink.values("running")}
+    assert rig.telemetry.snapshot.readings["running"].quality is Quality.GOOD
+
+
+@pytest.mark.parametrize("every_s", [0.0, 1.0])
+@virtually
+async def test_a_status_that_was_read_twice_in_a_row_on_an_overfull_line_is_good_until_its_next_time(
+    every_s: float,
+) -> None:
+    rig = await Rig(every_s=every_s).online()
+    rig.line.stretch = 15.0
+
+    for _ in range(10):
+        rig.poll()
+        await asyncio.sleep(0.3)
+        rig.poll(STATUS)
+        await asyncio.sleep(15.0)
+
+    assert "unknown" not in rig.sink.states()
+
+
+@virtually
+async def test_a_line_that_becomes_overfull_after_a_reading_makes_it_stale_no_sooner_than_its_next_time() -> (
+    None
+):
+    rig = await Rig().online()
+    await rig.poll_for(10.0)
+    rig.line.stretch = 15.0
+
+    await asyncio.sleep(15.0)
+    rig.poll()
+
+    assert "unknown" not in rig.sink.states()
+
+
+@virtually
+async def test_what_is_not_read_any_more_on_an_overfull_line_is_good_for_six_of_its_periods_at_most() -> None:
+    rig = await Rig().online()
+    rig.line.stretch = 15.0
+    for _ in range(3):
+        await asyncio.sleep(30.0)
+        rig.poll()
+
+    await asyncio.sleep(6 * 15.0 + 1.5)
+
+    assert rig.sink.states()[-1] == "unknown"
 
 
 @virtually
