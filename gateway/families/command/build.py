@@ -138,6 +138,7 @@ _VALUE = "value"
 # Entries that take a motion command back: built whatever is unknown, forbidden by nothing.
 _RELEASES = ("stop", "jog_off")
 _RELEASED_BY = {"start": "stop", "jog": "jog_off"}
+TAKEN_BACK = tuple(_RELEASED_BY)  # verbs
 _AT_REST_WITHIN_S = 2.0  # lost replies are made up for
 _RELEASED_WITHIN_S = 0.5
 

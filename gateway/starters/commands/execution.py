@@ -9,7 +9,7 @@ from math import inf
 from typing import Any, assert_never
 
 from gateway.errors import CommandError
-from gateway.families.command.build import build, release
+from gateway.families.command.build import TAKEN_BACK, build, release
 from gateway.families.command.interlock import demand
 from gateway.families.profile.decode import decode_row
 from gateway.families.profile.parameters import find
@@ -39,6 +39,7 @@ WAITS_FOR_S = 10.0  # the same of what moves no motor, and may wait for the line
 MOST_DECISIONS = 5  # each on new readings, when the line was not free while the ones before counted
 MOST_TAKE_BACKS = 3  # each after new readings of a motor that stands
 MAY_BE_TURNING = "the motor may be turning"
+MAY_STAND = "the command may also stand in the starter and act later: send a stop"
 LOOK = "look at the starter"
 _NOT_SET_UP = (  # what a write is refused with that the starter is not set up for, or does not have
     ExceptionCode.ILLEGAL_FUNCTION,
@@ -46,8 +47,8 @@ _NOT_SET_UP = (  # what a write is refused with that the starter is not set up f
     ExceptionCode.ILLEGAL_DATA_VALUE,
 )
 
-_TAKEN_BACK = "then it was seen to stand, and run = 0 was written so that it cannot start later"
-_NOT_TAKEN_BACK = (
+_IS_TAKEN_BACK = "then it was seen to stand, and run = 0 was written so that it cannot start later"
+_IS_NOT_TAKEN_BACK = (
     "then it was seen to stand, but run = 0 was not seen to be taken in remote mode: the command may stand, "
     "and start the motor later; send a stop once the starter is in remote mode"
 )
@@ -144,7 +145,9 @@ class CommandExecution:
     def _cut(self, code: str, text: str) -> Final:
         """Return the end of a command that something came in the way of."""
         if self.report.life.is_written:
-            return Final(Phase.UNCONFIRMED, code, f"{text}; it was written before: {self._outlook}")
+            is_left = code == "shutting_down" and self.report.request.verb in TAKEN_BACK
+            outlook = f"{self._outlook}; {MAY_STAND}" if is_left else self._outlook
+            return Final(Phase.UNCONFIRMED, code, f"{text}; it was written before: {outlook}")
         if code == "internal":
             return Final(Phase.FAILED, code, text)
         return Final(Phase.REJECTED, code, f"{text}; nothing was written")
@@ -396,8 +399,8 @@ class CommandExecution:
             if await self._starter_io.see(take_back.at_rest) is None:
                 break
             if await self._is_released(verb, take_back.released):
-                return replace(end, text=f"{end.text}; {_TAKEN_BACK}")
-            text = f"; {_NOT_TAKEN_BACK}"
+                return replace(end, text=f"{end.text}; {_IS_TAKEN_BACK}")
+            text = f"; {_IS_NOT_TAKEN_BACK}"
         return replace(end, text=end.text + text)
 
     async def _is_released(self, verb: str, released: Expect) -> bool:
