@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
+from gateway.app.record_bus import RecordBus
 
 from gateway.app.capacity import STANDING, VALUES, LineCapacity, prospects_of
 from gateway.app.plant import Plant
-from gateway.app.record_bus import RecordBus
 from gateway.config.convert import policy_of, rights_of, timing_of
 from gateway.config.load import parse
 from gateway.config.schema import Config

@@ -24,7 +24,7 @@ from gateway.families.profile.schema import Variant
 from gateway.line.events import Trace
 from gateway.line.rtu.bus_faults import BusFault
 from gateway.line.rtu.late_replies import LOOK_AGAIN_S, Agreed
-from gateway.line.rtu.outcome import Answered, Outcome, Refused
+from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused
 from gateway.line.rtu.request import Alternate, EncodedRequest
 from gateway.line.rtu.transaction import RtuMaster
 from gateway.modbus.codes import Function
@@ -61,6 +61,7 @@ class Tally:
     series: int = 0  # answers that counted since enough before them were equal
     wrong: int = 0  # answers that were another request's
     mixed: int = 0  # of two replies within one another, whose CRC was right by chance
+    since: int = 0  # acknowledgements in doubt of which it is known since when the write was sent
     older: int = 0  # answers to the same request, sent less than `OLDER_S` before
     elapsed_s: float = 0.0
     ideal_s: float = 0.0  # what the same answers, and the deadlines of those too late, take at the least
@@ -77,6 +78,7 @@ class Tally:
             "wrong",
             "mixed",
             "older",
+            "since",
             "examples",
         ):
             setattr(self, name, getattr(self, name) + getattr(other, name))
@@ -126,6 +128,7 @@ class Line:
         )
         self._asked = deque(self._reads(units, every_s))
         self._written = (b"", 0, -inf)  # the latest write, its number, when
+        self._writes: deque[tuple[bytes, int, float]] = deque(maxlen=1000)
 
     def ask(self, count: int) -> Tally:
         """Send so many requests."""
@@ -256,7 +259,18 @@ class Line:
                 self.tally.older += 1  # the same was written a moment before
             else:
                 self._note_wrong(f"{self.wire.asked}: {unit} write acknowledged by {self.wire.answered}")
+        self._writes.append((encoded.adu, self.wire.asked, began_s))
+        if isinstance(outcome, Garbled) and outcome.acknowledges_since_s > -inf:
+            self._check_since(encoded.adu, outcome.acknowledges_since_s)
         self.tally.ideal_s += self.wire.now_s - began_s
+
+    def _check_since(self, written: bytes, since_s: float) -> None:
+        """See whether an equal write that was sent since then was acknowledged."""
+        self.tally.since += 1
+        known = set(self.wire.whole)
+        since = {number for frame, number, at_s in self._writes if frame == written and at_s >= since_s}
+        if not since & known and self.wire.mixed != self.wire.asked:
+            self._note_wrong(f"{self.wire.asked}: nothing written since {since_s} was acknowledged")
 
     def faults(self) -> tuple[BusFault, ...]:
         """Return what was recognised as wrong with the line."""

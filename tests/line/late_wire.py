@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import heapq
 import random
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
@@ -61,6 +61,7 @@ class LateWire:
         self.mixed = 0  # the number of the latest request while which frames came within others
         self._rest = 0  # bytes of the frame under way still to come
         self.answered = 0  # the number of the request that the latest bytes answer: a write's do not show it
+        self.whole: deque[int] = deque(maxlen=1000)  # the numbers of the requests answered last
         self._serial = 0
         self._held: tuple[bytes, int] | None = None  # the reply that is swapped with the next, its number
         self._held_s = -inf
@@ -91,6 +92,8 @@ class LateWire:
             if self._rest not in (0, rest + len(chunk)):
                 self.mixed = self.asked
             self._rest = rest
+            if not rest:
+                self.whole.append(self.answered)
             self.now_s = max(self.now_s, at_s)
             self.last_byte_s = at_s
             received += chunk

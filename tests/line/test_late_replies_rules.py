@@ -191,6 +191,28 @@ def test_what_may_be_the_answer_after_all_says_nothing_about_the_line(frame: byt
     assert not late.is_orderly(12.0)
 
 
+def test_acknowledgements_in_doubt_count_for_the_oldest_writes_whose_own_are_owed() -> None:
+    """Each is of another write: after as many as are owed, the next is of a later one."""
+    shape = expected_shape(WRITE)
+    late = owing(shape)
+
+    for sent_s, since_s in ((6.0, 0.0), (6.5, 6.0), (7.0, 6.5)):
+        assert late.acknowledges_since_s(UNIT, WRITE, shape, sent_s) == since_s
+        stray(late, WRITE.encode(), at_s=sent_s + 0.02, awaited=shape)
+        late.note_unanswered(UNIT, shape, sent_s, sent_s + 0.1)
+
+
+def test_a_copy_of_an_acknowledgement_in_doubt_counts_for_no_other_write() -> None:
+    shape = expected_shape(WRITE)
+    late = owing(shape, shape)
+
+    stray(late, WRITE.encode(), at_s=6.02, awaited=shape)
+    stray(late, WRITE.encode(), at_s=6.03, awaited=shape)
+    late.note_unanswered(UNIT, shape, 6.0, 6.1)
+
+    assert late.acknowledges_since_s(UNIT, WRITE, shape, 6.5) == 0.0
+
+
 def test_what_was_refused_in_doubt_is_asked_again_when_nothing_is_owed() -> None:
     late = owing(TWO_SHAPE)
     late.note_refusal_doubted(UNIT, STATUS)

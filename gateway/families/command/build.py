@@ -12,6 +12,7 @@ from typing import Any
 
 from gateway.families.command import run_command
 from gateway.families.command.control_word import (
+    command_bit,
     command_requests,
     has_plain_word,
     is_jogging,
@@ -25,7 +26,15 @@ from gateway.families.command.settings import build_read, build_set, prepare_rea
 from gateway.families.devices import device_of
 from gateway.families.profile.arguments import check_names, choice, switch
 from gateway.families.profile.decode import is_known
-from gateway.families.profile.procedure import Expect, Preparation, Procedure, Seen, WriteStep, refused
+from gateway.families.profile.procedure import (
+    Expect,
+    Preparation,
+    Procedure,
+    Seen,
+    TakeBack,
+    WriteStep,
+    refused,
+)
 from gateway.families.profile.schema import Command, Profile, Variant
 from gateway.families.reading import reads_for, rows_of_points
 from gateway.modbus.pdu import Request
@@ -129,6 +138,9 @@ _VALUE = "value"
 # Entries that take a motion command back: built whatever is unknown, forbidden by nothing.
 _RELEASES = ("stop", "jog_off")
 _RELEASED_BY = {"start": "stop", "jog": "jog_off"}
+TAKEN_BACK = tuple(_RELEASED_BY)  # verbs
+_AT_REST_WITHIN_S = 2.0  # lost replies are made up for
+_RELEASED_WITHIN_S = 0.5
 
 
 def _effects(profile: Profile, variant: Variant, verb: str, args: Mapping[str, Any]) -> tuple[bool, bool]:
@@ -193,12 +205,25 @@ def _build_command(profile: Profile, variant: Variant, verb: str, name: str, *, 
     procedure = Procedure(steps, verify=verification(profile, variant, verb, command), note=command.note)
     if name not in _RELEASED_BY:
         return procedure
+    return replace(procedure, take_back=_take_back(profile, variant, name))
+
+
+def _take_back(profile: Profile, variant: Variant, name: str) -> TakeBack | None:
     at_rest = verification(profile, variant, "stop", profile.commands["stop"])
-    return replace(
-        procedure,
-        abandon=tuple(_requests(profile, variant, _RELEASED_BY[name], seen=seen)),
-        at_rest=None if at_rest is None else replace(at_rest, within_s=0.0),  # now
+    if at_rest is None:
+        return None
+    row = run_row(profile, variant)
+    reads = reads_for(profile, (row, *rows_of_points(profile, ("remote",))))
+    is_remote = Expect(reads, "remote", (True,), _RELEASED_WITHIN_S)
+    released = Expect(
+        reads, row, ((0,),), _RELEASED_WITHIN_S, mask=command_bit(profile, name), also=(is_remote,)
     )
+    return TakeBack(replace(at_rest, within_s=_AT_REST_WITHIN_S), released)
+
+
+def release(profile: Profile, variant: Variant, verb: str, *, seen: Seen) -> tuple[Request, ...]:
+    """Return what takes a start or a jog back, from the rows known last."""
+    return tuple(_requests(profile, variant, _RELEASED_BY[verb], seen=seen))
 
 
 def _requests(profile: Profile, variant: Variant, name: str, *, seen: Seen) -> Sequence[Request]:

@@ -39,6 +39,14 @@ def run_row(profile: Profile, variant: Variant) -> str:
     return profile.rows_at[Table.COIL, address][0].code
 
 
+def command_bit(profile: Profile, name: str) -> int:
+    """Return the bit of `run_row` that a motion command sets; single coils follow its order (ssw07 5.3.2)."""
+    start, write = (profile.commands[each].writes[0] for each in ("start", name))
+    if write.coil is None or start.coil is None:
+        return write.set_bits
+    return profile.command_bits.run << (write.coil - start.coil)
+
+
 def is_jogging(profile: Profile, seen: Seen) -> bool:
     """Return whether the starter was last seen to jog."""
     return bool(flags_of(profile, seen).get("jog"))

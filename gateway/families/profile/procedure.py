@@ -67,19 +67,26 @@ class Preparation:
 
 
 @dataclass(frozen=True, slots=True)
+class TakeBack:
+    """When a start that did not act is taken back, and how that shows; `build.release` is what is written."""
+
+    at_rest: Expect  # the motor stands: one that cannot be seen is left alone
+    released: Expect  # the command reads 0, in remote mode: in local mode a starter may ignore the write
+
+
+@dataclass(frozen=True, slots=True)
 class Procedure:
     """What a command writes and what must be seen afterwards; no steps for a `read`.
 
     When `is_unchanged`, the starter already holds what was asked for and nothing is written. `abandon` is
-    written when something failed after the first write, to leave the starter safe; where there is `at_rest`,
-    only when that was seen: a start that did not act is taken back, one that cannot be seen is not.
+    written when something failed after the first write, to leave the starter safe.
     """
 
     steps: tuple[WriteStep, ...]
     verify: Expect | None = None
     is_unchanged: bool = False
     abandon: tuple[Request, ...] = ()
-    at_rest: Expect | None = None
+    take_back: TakeBack | None = None
     subject: str = ""  # code of the row that is set or read
     subjects: tuple[str, ...] = ()  # codes of the rows, where several were asked for at once
     note: str = ""  # what the operator must know with the result

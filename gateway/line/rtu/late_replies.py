@@ -20,7 +20,8 @@ Invariants
     *orderly*: there an answer ends what its unit owed before. One reply that comes out of order makes the
     line strict again, for `STRICT_S`.
  5. A write is never held back. Where an equal reply is owed its acknowledgement is not believed: the read-
-    back decides. What is known is since when such a write was acknowledged, enough for one that is repeated.
+    back decides. What is known is since when such a write was acknowledged, enough for one that is repeated:
+    it counts for the oldest that is owed, so that the next is of a later write.
     A refusal shows its function only: it is not believed while the unit owes a reply to that function, and
     what it refused is asked again after that.
  6. Identification replies (FC43) name what they answer: they are always believed.
@@ -299,11 +300,13 @@ class LateReplies:
         if unit in self._debts:
             self.just_came.append(unit)
         is_acknowledgement = shape == awaited and pdu[0] in _NAMED | _ADDRESSED
+        may_be_copy = self._add_copy(unit, pdu, at_s, began_s=began_s)
+        if is_acknowledgement and not may_be_copy:
+            self._count_for_oldest(unit, shape)
         if is_acknowledgement or (awaited is not None and pdu[0] == awaited[0] | EXCEPTION_BIT):
-            self._add_copy(unit, pdu, at_s, began_s=began_s)
             return
         self._disturbed_until_s = at_s + DISTURBED_S
-        if self._add_copy(unit, pdu, at_s, began_s=began_s):
+        if may_be_copy:
             return
         debts = self._debts.get(unit, [])
         if at_s < self._copied_s.get((unit, shape), -inf) + LATE_S:
@@ -345,6 +348,15 @@ class LateReplies:
         self._latest = {key: shape for key, shape in self._latest.items() if key[0] != unit}
         self._series = {key: series for key, series in self._series.items() if key[0] != unit}
         self._rests = {key: until_s for key, until_s in self._rests.items() if key[0] != unit}
+
+    def _count_for_oldest(self, unit: int, shape: Shape) -> None:
+        """Count an acknowledgement that may be of any of several writes for the oldest: it owes no other."""
+        debts = self._debts.get(unit, [])
+        oldest = next((debt for debt in debts if debt.shape == shape), None)
+        if oldest is not None:
+            debts.remove(oldest)
+            if not debts:
+                del self._debts[unit]
 
     def _note_latest(self, unit: int, asked: Request, shape: Shape, at_s: float) -> None:
         """Record the shape of a reading that counts: a series under way keeps its own."""

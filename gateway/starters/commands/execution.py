@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import inf
 from typing import Any, assert_never
 
 from gateway.errors import CommandError
-from gateway.families.command.build import build
+from gateway.families.command.build import TAKEN_BACK, build, release
 from gateway.families.command.interlock import demand
 from gateway.families.profile.decode import decode_row
 from gateway.families.profile.parameters import find
-from gateway.families.profile.procedure import Expect, Preparation, Procedure, WriteStep
+from gateway.families.profile.procedure import Expect, Preparation, Procedure, TakeBack, WriteStep
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.scheduler.requests import Priority
 from gateway.modbus.codes import ExceptionCode, exception_name
+from gateway.modbus.pdu import Request
 from gateway.records import Phase
 from gateway.starters.commands.admission import CAN_WAIT
 from gateway.starters.commands.command_queue import LINE_FULL, Place
@@ -36,7 +37,9 @@ DECIDES_FOR_S = 2.0  # after that a reading decides about no motor any more: muc
 CLEARS_FOR_S = 5.0  # after run = 0: then who commands the motor is changed no more by the same procedure
 WAITS_FOR_S = 10.0  # the same of what moves no motor, and may wait for the line
 MOST_DECISIONS = 5  # each on new readings, when the line was not free while the ones before counted
+MOST_TAKE_BACKS = 3  # each after new readings of a motor that stands
 MAY_BE_TURNING = "the motor may be turning"
+MAY_STAND = "the command may also stand in the starter and act later: send a stop"
 LOOK = "look at the starter"
 _NOT_SET_UP = (  # what a write is refused with that the starter is not set up for, or does not have
     ExceptionCode.ILLEGAL_FUNCTION,
@@ -44,6 +47,11 @@ _NOT_SET_UP = (  # what a write is refused with that the starter is not set up f
     ExceptionCode.ILLEGAL_DATA_VALUE,
 )
 
+_IS_TAKEN_BACK = "then it was seen to stand, and run = 0 was written so that it cannot start later"
+_IS_NOT_TAKEN_BACK = (
+    "then it was seen to stand, but run = 0 was not seen to be taken in remote mode: the command may stand, "
+    "and start the motor later; send a stop once the starter is in remote mode"
+)
 _NOTHING_ELSE = "nothing else was written; do it at the starter, where the motor can be watched"
 
 
@@ -137,7 +145,9 @@ class CommandExecution:
     def _cut(self, code: str, text: str) -> Final:
         """Return the end of a command that something came in the way of."""
         if self.report.life.is_written:
-            return Final(Phase.UNCONFIRMED, code, f"{text}; it was written before: {self._outlook}")
+            is_left = code == "shutting_down" and self.report.request.verb in TAKEN_BACK
+            outlook = f"{self._outlook}; {MAY_STAND}" if is_left else self._outlook
+            return Final(Phase.UNCONFIRMED, code, f"{text}; it was written before: {outlook}")
         if code == "internal":
             return Final(Phase.FAILED, code, text)
         return Final(Phase.REJECTED, code, f"{text}; nothing was written")
@@ -191,7 +201,7 @@ class CommandExecution:
             is_last = all(later.may_be_refused for later in procedure.steps[place:])
             end = await self._take_step(step, is_last=is_last)
             if end is not None:
-                is_left = step.is_run_off or procedure.at_rest is not None
+                is_left = step.is_run_off or procedure.take_back is not None
                 return end if is_left else await self._abandoned(end)
         if procedure.verify is None:
             text = f"written, but it cannot be read back: {self._outlook}"
@@ -199,8 +209,8 @@ class CommandExecution:
         values = await self._starter_io.see(procedure.verify)
         if values is None:
             end = self._not_seen(procedure.verify)
-            if procedure.at_rest is not None:
-                return await self._taken_back(end, procedure.at_rest)
+            if procedure.take_back is not None:
+                return await self._taken_back(end, self.report.request.verb, procedure.take_back)
             return await self._abandoned(replace(end, text=_noted(end.text, procedure)))
         await self._prove_again()
         return self._confirmed(procedure, values)
@@ -382,13 +392,30 @@ class CommandExecution:
     def _points(self, rows: Rows) -> dict[str, Any]:
         return {name: value for name, value in self._starter_io.values(rows).items() if name not in rows}
 
-    async def _taken_back(self, end: Final, at_rest: Expect) -> Final:
+    async def _taken_back(self, end: Final, verb: str, take_back: TakeBack) -> Final:
         """Take back a start that is seen not to have acted: nothing is to let it act later."""
-        if await self._starter_io.see(at_rest) is None:
-            return end
-        is_off = await self._leave_safe()
-        text = "run = 0 was written so that it cannot start later" if is_off else "run = 0 was not taken"
-        return replace(end, text=f"{end.text}; then it was seen to stand, and {text}")
+        text = ""
+        for _ in range(MOST_TAKE_BACKS):
+            if await self._starter_io.see(take_back.at_rest) is None:
+                break
+            if await self._is_released(verb, take_back.released):
+                return replace(end, text=f"{end.text}; {_IS_TAKEN_BACK}")
+            text = f"; {_IS_NOT_TAKEN_BACK}"
+        return replace(end, text=end.text + text)
+
+    async def _is_released(self, verb: str, released: Expect) -> bool:
+        """Take a start back in words that follow from what was just read, and return whether that shows."""
+        until_s = self._starter_io.seen_s + DECIDES_FOR_S
+        try:
+            await self._prove_again()
+        except CommandError:
+            return False  # another device answers now: these are not its words
+        for request in self._released_by(verb):
+            await self._starter_io.write(request, lane=Priority.COMMAND, until_s=until_s)
+        return await self._starter_io.see(released) is not None
+
+    def _released_by(self, verb: str) -> Sequence[Request]:
+        return release(self._starter.profile, self._starter.variant, verb, seen=self._starter.snapshot.rows)
 
     async def _abandoned(self, end: Final) -> Final:
         """Return the end of a command that failed after its first write, once the starter is left safe."""
@@ -399,7 +426,10 @@ class CommandExecution:
     async def _leave_safe(self) -> bool:
         """Write what the procedure names for this case, if it was begun; return whether that was taken."""
         procedure = self._procedure
-        if procedure is None or not procedure.abandon or not self.report.life.is_written:
+        if procedure is None or not self.report.life.is_written:
+            return True
+        requests = self._released_by(self.report.request.verb) if procedure.take_back else procedure.abandon
+        if not requests:
             return True
         try:
             await self._starter.prove(lane=Priority.COMMAND)
@@ -407,7 +437,7 @@ class CommandExecution:
             if error.code != "no_answer":
                 return False  # another device answers now: these are not its words
         wire = StarterIo(self._starter)  # what halts the command does not halt this
-        outcomes = [await wire.write(request, lane=Priority.COMMAND) for request in procedure.abandon]
+        outcomes = [await wire.write(request, lane=Priority.COMMAND) for request in requests]
         return all(isinstance(outcome, Answered) for outcome in outcomes)
 
 

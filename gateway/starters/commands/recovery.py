@@ -6,9 +6,10 @@ import asyncio
 from contextlib import suppress
 from dataclasses import replace
 
+from gateway.families.command.build import TAKEN_BACK
 from gateway.families.profile.state import state_of
 from gateway.records import Phase, ResultRecord, Severity
-from gateway.starters.commands.execution import LOOK, MAY_BE_TURNING
+from gateway.starters.commands.execution import LOOK, MAY_BE_TURNING, MAY_STAND
 from gateway.starters.commands.lifecycle import Reporting, audit
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.telemetry.transitions import UNKNOWN
@@ -42,6 +43,7 @@ class Recovery:
         if self._remembered.may_be_written:
             outlook = LOOK if self._remembered.result.verb in STILL else MAY_BE_TURNING
             text += f"; it was written, or about to be: {outlook}"
+            text += f"; {MAY_STAND}" if self._remembered.result.verb in TAKEN_BACK else ""
             phase = Phase.UNCONFIRMED
         else:
             text += "; nothing was written"

@@ -11,6 +11,7 @@ from gateway.storage.journal import Remembered
 from tests.starters.fakes import AT_SPEED, READY, TRANSACTION_S, VB01
 from tests.starters.journal_rig import rig_online
 from tests.starters.rig import virtually
+from tests.starters.rules import ignore
 
 # A crash at every moment of a start's life: the start frame goes out at most once per id, whatever follows.
 MOMENTS_S = [round(TRANSACTION_S * step / 4, 4) for step in range(40)]
@@ -83,6 +84,29 @@ async def test_an_intent_without_outcome_is_published_once_with_the_state_and_ne
     assert again == []
     assert rig.starts() == 1
     assert rig.sink.of(ResultRecord)[-1].is_duplicate
+
+
+@pytest.mark.parametrize("is_killed", [False, True])
+@virtually
+async def test_a_start_that_the_end_of_the_gateway_cuts_short_is_said_to_stand_perhaps(
+    *, is_killed: bool
+) -> None:
+    """Nothing takes it back: nothing is written at an end, nor at a beginning."""
+    rig = await rig_online()
+    rig.unit.on_write = ignore
+    rig.submit("start", "1")
+    await asyncio.sleep(1.0)
+
+    if is_killed:
+        rig.crash()
+        rig.restart()
+    else:
+        await rig.dispatcher.close()
+    await asyncio.sleep(15.0)
+
+    assert rig.sink.final("1").phase is Phase.UNCONFIRMED
+    assert "stand in the starter and act later: send a stop" in rig.sink.final("1").text
+    assert len(rig.line.writes) == 1
 
 
 @virtually

@@ -20,7 +20,7 @@ SELDOM_S = 60.0  # so that no poll falls between
 
 @dataclass
 class LosesSome:
-    """An impairment: of a starter's replies the first are passed on, and of those that follow some are lost."""
+    """An impairment: the first replies of a starter are passed on, then some are lost."""
 
     passes: int
     loses: int

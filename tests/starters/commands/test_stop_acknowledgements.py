@@ -51,17 +51,17 @@ async def at_speed(here: OneStarter) -> None:
     await asyncio.sleep(60.0)
 
 
-async def stopped(here: OneStarter, *, within_s: float) -> tuple[Phase, str, float]:
+async def stopped(here: OneStarter, *, within_s: float, name: str = "s") -> tuple[Phase, str, float]:
     """Stop a motor that runs; return the end of the stop, and how long it took."""
     loop = asyncio.get_running_loop()
     begun_s = loop.time()
-    here.submit("stop", "s")
+    here.submit("stop", name)
     while loop.time() - begun_s < within_s:
         await asyncio.sleep(0.01)
-        for phase, code in here.sink.phases("s"):
+        for phase, code in here.sink.phases(name):
             if Phase(phase).is_final:
                 return Phase(phase), code, loop.time() - begun_s
-    raise AssertionError(here.sink.phases("s"))
+    raise AssertionError(here.sink.phases(name))
 
 
 @pytest.mark.parametrize("late_s", [None, 0.1, 0.3, 0.45, 0.6, 0.9])
@@ -78,6 +78,25 @@ async def test_a_stop_whose_first_acknowledgement_is_lost_or_late_is_confirmed_s
 
         assert phase is Phase.CONFIRMED
         assert took_s < SOON_S
+
+
+@pytest.mark.parametrize("later_s", [2.0, 8.0, 20.0])
+@pytest.mark.parametrize("family", FAMILIES)
+@virtually
+async def test_the_stop_after_one_whose_acknowledgement_was_lost_is_confirmed_soon(
+    family: str, later_s: float
+) -> None:
+    async with one_starter(make_unit(family, 1)) as here:
+        await at_speed(here)
+        here.bus.impair(1, PoorAcknowledgements(1))
+        await stopped(here, within_s=15.0)
+
+        for number in range(3):
+            await asyncio.sleep(later_s)
+            phase, _, took_s = await stopped(here, within_s=15.0, name=f"later {number}")
+
+            assert phase is Phase.CONFIRMED
+            assert took_s < SOON_S
 
 
 @pytest.mark.parametrize("offset_s", [0.05 * number for number in range(12)])
