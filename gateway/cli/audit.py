@@ -10,26 +10,23 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from gateway.cli.command import Subparsers
+from gateway.cli.command import flag
 from gateway.config.load import load
 from gateway.errors import UsageError
 from gateway.storage.audit.chain import FIRST_HASH, verify
 from gateway.storage.audit.segments import FOLDER, lines, read_anchor
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "audit",
-        description="Show or verify the audit that a gateway stores in its state directory; exit code 1 when "
-        "its chain is broken.",
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = (
+        "Show or verify the audit that a gateway stores in its state directory; exit code 1 when "
+        "its chain is broken."
     )
     parser.add_argument("action", choices=("show", "verify"), help="print the entries, or check their chain")
     parser.add_argument("path", metavar="STATE_DIR_OR_CONFIG", help="where the gateway stores it")
     parser.add_argument("--last", metavar="N", type=int, help="show only the newest N entries")
-    parser.add_argument(
-        "--json", action="store_true", help="print the entries as they are stored, one a line"
-    )
+    flag(parser, "--json", about="print the entries as they are stored, one a line")
     parser.add_argument(
         "--contains", metavar="HASH", help="verify also that a hash noted earlier is still in the chain"
     )

@@ -21,7 +21,6 @@ from types import TracebackType
 from typing import Any
 
 from gateway.app.capture_socket import FORMAT, socket_path
-from gateway.cli.command import Subparsers
 from gateway.config.load import load
 from gateway.errors import CaptureError
 
@@ -85,12 +84,11 @@ class CaptureFile:
         self._file.close()
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "capture",
-        description="Record a running gateway's lines for Wireshark's Modbus RTU dissector; Ctrl-C ends it. "
-        f"Read it with: tshark -r FILE {READ_WITH}",
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = (
+        "Record a running gateway's lines for Wireshark's Modbus RTU dissector; Ctrl-C ends it. "
+        f"Read it with: tshark -r FILE {READ_WITH}"
     )
     parser.add_argument("config", metavar="CONFIG", help="the running gateway's TOML file")
     parser.add_argument("file", metavar="FILE.pcapng", help="is overwritten")

@@ -20,7 +20,7 @@ from gateway.app.capacity import LineCapacity, StarterCapacity, fast_gains, fast
 from gateway.app.restart.gaps import first_poll_s, planned_gaps
 from gateway.app.site import Site
 from gateway.cli.box import BoxSpeed, capacity, demands_of, excess
-from gateway.cli.command import Subparsers, counted
+from gateway.cli.command import counted, flag
 from gateway.config.schema import Config, LineTable
 from gateway.errors import ConfigError, Problem, StartError
 from gateway.families.profile.load import ENGLISH, LANGUAGES, languages_of, load_profile
@@ -104,20 +104,18 @@ _SAFE_FACTOR = 1.5  # a watchdog below this many longest gaps leaves little room
 _GROUPS = ("status", "values", "slow")
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "check", description="Validate a configuration and print the budget of its lines; nothing is opened."
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = "Validate a configuration and print the budget of its lines; nothing is opened."
     parser.add_argument("config", metavar="CONFIG", help="the configuration file")
-    parser.add_argument(
+    flag(
+        parser,
         "--upgrade",
-        action="store_true",
-        help="look instead at whether this version may replace the one that runs: exit 0 when it accepts "
+        about="look instead at whether this version may replace the one that runs: exit 0 when it accepts "
         "configuration and state and no watchdog acts during a restart, 78 when it does not accept them, 75 "
         "when a restart takes too long for a watchdog",
     )
-    parser.add_argument("--json", action="store_true", help="print the same as JSON")
+    flag(parser, "--json", about="print the same as JSON")
 
 
 def run(args: argparse.Namespace) -> int:

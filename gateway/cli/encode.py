@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Mapping
 from typing import Any
 
-from gateway.cli.command import Subparsers, arguments, whole_number
+from gateway.cli.command import arguments, whole_number
 from gateway.errors import CommandError, UsageError
 from gateway.families.command.build import build, prepare
 from gateway.families.profile.load import FAMILIES, load_profile
@@ -18,11 +18,9 @@ _WRONG_WORDS = ("unknown_verb", "bad_arguments", "unknown_parameter")
 _HINTS = {"slot_unknown": "give --slot 1 or --slot 2", "word_unknown": "give --last-word"}
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "encode", description="Print the request frames of a command: hex, CRC included, one a line."
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = "Print the request frames of a command: hex, CRC included, one a line."
     parser.add_argument("family", metavar="FAMILY", help=", ".join(FAMILIES))
     parser.add_argument("address", metavar="ADDRESS", help="of the starter, 1..247")
     parser.add_argument("verb", metavar="VERB", help="start, stop, reset, set, read ...")

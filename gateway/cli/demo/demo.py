@@ -14,7 +14,7 @@ from collections.abc import Coroutine
 from contextlib import AsyncExitStack, suppress
 from pathlib import Path
 
-from gateway.cli.command import Subparsers
+from gateway.cli.command import flag
 from gateway.cli.demo.client import publish, watch
 from gateway.cli.demo.plant_day import BASE, run_plant
 from gateway.cli.demo.processes import PORT, DemoBroker, DemoSimulator, free_port
@@ -123,19 +123,11 @@ KNOB_GUIDE = (
 )
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "demo", description="Four simulated starters, a broker on loopback and the gateway. Ctrl-C ends it."
-    )
-    parser.add_argument(
-        "-v", "--verbose", action="store_true", help="log every frame, instead of showing the table"
-    )
-    parser.add_argument(
-        "--plant",
-        action="store_true",
-        help="the motors run a small plant's day by themselves, again and again",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = "Four simulated starters, a broker on loopback and the gateway. Ctrl-C ends it."
+    flag(parser, "-v", "--verbose", about="log every frame, instead of showing the table")
+    flag(parser, "--plant", about="the motors run a small plant's day by themselves, again and again")
     parser.add_argument(
         "--broker",
         metavar="PORT",

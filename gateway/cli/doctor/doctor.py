@@ -7,7 +7,7 @@ import asyncio
 from pathlib import Path
 
 from gateway.app.capacity import prospects_of
-from gateway.cli.command import Subparsers, counted
+from gateway.cli.command import counted
 from gateway.cli.doctor.box import box_remarks
 from gateway.cli.doctor.broker import OWN_NAME, BrokerAccess
 from gateway.cli.doctor.finding import DoctorFinding
@@ -23,14 +23,13 @@ from gateway.line.port.opener import SerialOpener
 from gateway.system.clock import SystemClock
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "doctor",
-        description="Look for problems: speed of this machine and its disk, ports, adapters, clock, state"
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = (
+        "Look for problems: speed of this machine and its disk, ports, adapters, clock, state"
         " directory, broker, and in the starters command sources and communication watchdogs. Nothing is"
         " changed, but the speed is stored in state_dir, for `check`; exit code 1 when there is a problem."
-        " Run it as the gateway's user.",
+        " Run it as the gateway's user."
     )
     parser.add_argument("config", metavar="CONFIG", help="the gateway's configuration")
     who = f"the operator as whom a running gateway is asked, else --username, else {OWN_NAME}"

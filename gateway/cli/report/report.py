@@ -15,7 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from gateway.cli.command import Subparsers, place_of, write_text
+from gateway.cli.command import flag, place_of, write_text
 from gateway.cli.operator_login import add_broker_login, settings_of
 from gateway.cli.report.content import (
     HealthReport,
@@ -46,18 +46,17 @@ ASKED_WITHIN_S = 2.0  # retained messages come at once
 CONNECTED_WITHIN_S = 5.0
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "report",
-        description="Print how a motor and its starter do: identity, hours, starts against the baseline, "
-        "trends, trips, changed parameters, the line. With --html a page that prints well on A4.",
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = (
+        "Print how a motor and its starter do: identity, hours, starts against the baseline, "
+        "trends, trips, changed parameters, the line. With --html a page that prints well on A4."
     )
     parser.add_argument("config", metavar="CONFIG", help="the gateway's configuration")
     parser.add_argument("starter", metavar="STARTER", help="name of the starter")
     parser.add_argument("--html", metavar="FILE", help="write a page with plots instead of printing")
     parser.add_argument("--language", choices=LANGUAGES, help="of the report (default: the configuration's)")
-    parser.add_argument("--no-broker", action="store_true", help="leave out what only the broker knows")
+    flag(parser, "--no-broker", about="leave out what only the broker knows")
     add_broker_login(parser)
 
 

@@ -15,7 +15,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from gateway.cli.backup.backup import CONFIG, OUTSIDE, STATE, name_in_backup
-from gateway.cli.command import Subparsers
+from gateway.cli.command import flag
 from gateway.cli.restore.caution import HELD, give_to, give_to_owner_of, lock_all, note_past
 from gateway.cli.restore.rollback import roll_back
 from gateway.cli.restore.switch import RESTORED, Switch
@@ -34,20 +34,19 @@ from gateway.system.clock import read_clocks
 from gateway.system.instance_lock import FILE, instance_lock, is_locked
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "restore",
-        description="Put back what a backup holds; or, with --rollback, the copies that an upgrade left "
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = (
+        "Put back what a backup holds; or, with --rollback, the copies that an upgrade left "
         "beside files that an earlier version cannot read. The gateway must not run. Afterwards "
-        "every starter that can be locked is locked: what happened since the backup is not known.",
+        "every starter that can be locked is locked: what happened since the backup is not known."
     )
     parser.add_argument(
         "file", metavar="FILE", help="the backup; with --rollback the gateway's configuration"
     )
     parser.add_argument("--to", metavar="DIR", help="put everything below this folder, not where it was")
-    parser.add_argument("--replace", action="store_true", help="replace what is there; it is set aside")
-    parser.add_argument("--rollback", action="store_true", help="put back the copies of before an upgrade")
+    flag(parser, "--replace", about="replace what is there; it is set aside")
+    flag(parser, "--rollback", about="put back the copies of before an upgrade")
 
 
 def run(args: argparse.Namespace) -> int:

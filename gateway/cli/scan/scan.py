@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import get_args
 
-from gateway.cli.command import Progress, Subparsers, whole_number
+from gateway.cli.command import Progress, flag, whole_number
 from gateway.cli.scan.config_text import config_text, described
 from gateway.cli.scan.search import (
     ADDRESSES,
@@ -35,13 +35,12 @@ BY_ID = Path("/dev/serial/by-id")
 _RANGE = re.compile(r"(\d+)(?:-(\d+))?")
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "scan",
-        description="Find and identify the starters on a port, and print a configuration for them. Only reads"
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = (
+        "Find and identify the starters on a port, and print a configuration for them. Only reads"
         " are sent, so it may be used while motors run; but a request, of whatever kind, starts the"
-        " communication watchdog of a starter that has one, and the end of the scan lets it act.",
+        " communication watchdog of a starter that has one, and the end of the scan lets it act."
     )
     parser.add_argument("port", metavar="PORT", help="/dev/... or socket://host:port; no gateway may hold it")
     parser.add_argument("--baud", metavar="N,..", help=f"rates to try, else {_list(BAUDS)}")
@@ -50,12 +49,8 @@ def add_parser(subparsers: Subparsers) -> None:
     parser.add_argument(
         "--reply-within", metavar="S", type=float, default=0.05, help="what a unit may take to answer (0.05)"
     )
-    parser.add_argument(
-        "--thorough", action="store_true", help="ask each address with four requests, not one"
-    )
-    parser.add_argument(
-        "--all", action="store_true", help="try every setting; else the first one with a find is the last"
-    )
+    flag(parser, "--thorough", about="ask each address with four requests, not one")
+    flag(parser, "--all", about="try every setting; else the first one with a find is the last")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from gateway.cli.command import Subparsers
+from gateway.cli.command import flag
 from gateway.cli.simulate.topics import simulator_topics
 from gateway.config.convert import timing_of
 from gateway.config.load import load
@@ -32,12 +32,11 @@ from gateway.sim.factory import make_unit
 TOLERANCE_S = 0.0002  # two programs never wake on the spot
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "simulate",
-        description="Simulate the starters of a configuration, with real byte times, on pseudo-terminals."
-        " A port that does not exist yet is made (a link), so that `run` works with the same configuration.",
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = (
+        "Simulate the starters of a configuration, with real byte times, on pseudo-terminals."
+        " A port that does not exist yet is made (a link), so that `run` works with the same configuration."
     )
     parser.add_argument("config", metavar="CONFIG", help="the site's TOML file")
     parser.add_argument(
@@ -46,7 +45,7 @@ def add_parser(subparsers: Subparsers) -> None:
         help="a broker on loopback (mqtt://127.0.0.1:1883) where simulator/STARTER/KNOB trips, clears and"
         f" switches the simulated starters; KNOB is one of {', '.join(KNOBS)}",
     )
-    parser.add_argument("--companion", action="store_true", help=argparse.SUPPRESS)  # ends with its stdin
+    flag(parser, "--companion", about=argparse.SUPPRESS)  # ends with its stdin
 
 
 def run(args: argparse.Namespace) -> int:

@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.cli.command import Subparsers
+from gateway.cli.command import flag
 from gateway.cli.operator_login import add_broker_login, password_of, settings_of
 from gateway.cli.watch.overview import Overview
 from gateway.config.load import load
@@ -44,11 +44,9 @@ SETTLED_S = 2.5  # retained messages have come by then, and two tokens
 AGAIN_S, AGAIN_AT_MOST_S = 0.5, 10.0
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "watch", description="Show the starters as a live table, from MQTT alone. Ctrl-C ends it."
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = "Show the starters as a live table, from MQTT alone. Ctrl-C ends it."
     parser.add_argument(
         "target", metavar="CONFIG|URL", help="a gateway's configuration, or a broker: mqtt://host[:port]"
     )
@@ -57,7 +55,7 @@ def add_parser(subparsers: Subparsers) -> None:
         metavar="TOPIC",
         help=f"where gateways publish, + for any level (default: the configuration's, else {ALL_GATEWAYS})",
     )
-    parser.add_argument("--once", action="store_true", help="print the table once; so without a terminal")
+    flag(parser, "--once", about="print the table once; so without a terminal")
     parser.add_argument("--ca-file", metavar="FILE", help="the certificate authority, for mqtts://")
     add_broker_login(parser)
 
