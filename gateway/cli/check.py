@@ -19,8 +19,8 @@ from typing import Any
 from gateway.app.capacity import LineCapacity, StarterCapacity, fast_gains, fast_lines, relief_of
 from gateway.app.restart.gaps import first_poll_s, planned_gaps
 from gateway.app.site import Site
-from gateway.cli.box import BoxSpeed, capacity, demands_of, excess
 from gateway.cli.command import counted, flag
+from gateway.cli.doctor.speed import BoxSpeed, capacity, demands_of, excess
 from gateway.config.schema import Config, LineTable
 from gateway.errors import ConfigError, Problem, StartError
 from gateway.families.profile.load import ENGLISH, LANGUAGES, languages_of, load_profile

@@ -41,6 +41,7 @@ COMMANDS = {
     "broker-kit": "write what a Mosquitto needs for this gateway, and prove it on the running broker",
     "web-password": "print the line of a login of the status page",
 }
+_HOMES = {"simulate": "demo", "backup": "restore", "history": "report"}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -117,9 +118,10 @@ def _parse(parser: argparse.ArgumentParser, arguments: list[str]) -> argparse.Na
 
 
 def _load(name: str) -> CommandModule:
-    """Return a command's module: of its name, in this folder or in one of that name."""
+    """Return a command's module: of its name, in this folder, one of that name or another command's."""
     module = name.replace("-", "_")
-    folder = f".{module}" if (Path(__file__).parent / module).is_dir() else ""
+    home = _HOMES.get(name, module)
+    folder = f".{home}" if (Path(__file__).parent / home).is_dir() else ""
     return cast(CommandModule, importlib.import_module(f"gateway.cli{folder}.{module}"))
 
 

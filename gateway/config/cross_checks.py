@@ -12,17 +12,19 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import get_args
 
-from gateway.config.documents import (
+from gateway.config.mistakes import (
     Document,
+    Mistake,
     again,
+    choose,
     lines_in,
     list_in,
+    short,
     starters_in,
     starters_of,
     table_in,
     text_in,
 )
-from gateway.config.mistakes import Mistake, choose, short
 from gateway.config.network_checks import network_mistakes
 from gateway.config.schema import Baud, FramingText
 from gateway.config.toml_lines import Key

@@ -1,13 +1,14 @@
-"""Mistakes in a configuration: one `Mistake`, and the wording of what the models refuse.
+"""Mistakes in a configuration: one `Mistake`, the wording of what the models refuse, and where rules look.
 
-A mistake has its key, what is wrong and a hint; `load` adds the line in the file.
+A mistake has its key, what is wrong and a hint; `load` adds the line in the file. Rules across tables look
+into the document as parsed: a value of the wrong type counts as none there, since the models find that.
 """
 
 from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import date, time
 from typing import Any, get_args
@@ -180,3 +181,53 @@ def _known_keys(table: Key) -> list[str]:
 
 def _is_model(annotation: Any) -> bool:
     return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+
+
+Document = Mapping[str, Any]
+
+
+def lines_in(document: Document) -> Iterator[tuple[Key, Document]]:
+    """Yield the lines with their keys."""
+    for index, line in enumerate(list_in(document, "line")):
+        if isinstance(line, Mapping):
+            yield ("line", index), line
+
+
+def starters_in(document: Document) -> Iterator[tuple[Key, Document]]:
+    """Yield the starters of all lines with their keys."""
+    for key, line in lines_in(document):
+        yield from starters_of(key, line)
+
+
+def starters_of(key: Key, line: Document) -> Iterator[tuple[Key, Document]]:
+    """Yield a line's starters with their keys."""
+    for index, starter in enumerate(list_in(line, "starter")):
+        if isinstance(starter, Mapping):
+            yield (*key, "starter", index), starter
+
+
+def table_in(document: Document, name: str) -> Document:
+    """Return a table; an empty one for none."""
+    table = document.get(name)
+    return table if isinstance(table, Mapping) else {}
+
+
+def list_in(document: Document, name: str) -> list[Any]:
+    """Return a list; an empty one for none."""
+    items = document.get(name)
+    return items if isinstance(items, list) else []
+
+
+def text_in(table: Document, name: str) -> str:
+    """Return a text; an empty one for none."""
+    text = table.get(name)
+    return text if isinstance(text, str) else ""
+
+
+def again(seen: dict[object, Key], key: Key, value: object, hint: str) -> Iterator[Mistake]:
+    """Yield a value that another key has too; `seen` is what came before."""
+    if not value or not isinstance(value, str | int):
+        return
+    if value in seen:
+        yield Mistake(key, f"{short(value)} is also {spell(seen[value])}", hint)
+    seen.setdefault(value, key)

@@ -6,9 +6,8 @@ import ipaddress
 import re
 from collections.abc import Iterator, Mapping
 
-from gateway.config.documents import Document, again, list_in, table_in, text_in
 from gateway.config.integration_tables import DEFAULT_DISCOVERY_PREFIX
-from gateway.config.mistakes import Mistake, choose, short
+from gateway.config.mistakes import Document, Mistake, again, choose, list_in, short, table_in, text_in
 from gateway.config.schema import DEFAULT_BASE
 from gateway.config.toml_lines import Key
 from gateway.config.values import NAME_PATTERN, SCHEMES, is_loopback, split_listen, split_url

@@ -9,7 +9,7 @@ from typing import Any
 
 from gateway.app.capacity import prospects_of
 from gateway.cli.doctor.broker import BrokerAccess
-from gateway.cli.doctor.finding import DoctorFinding
+from gateway.cli.doctor.machine import DoctorFinding
 from gateway.cli.doctor.starters import LineCheckup
 from gateway.config.convert import timing_of
 from gateway.config.load import parse

@@ -19,10 +19,10 @@ from gateway.cli.broker_kit.bridge import (
     telemetry,
 )
 from gateway.cli.broker_kit.expected import topics_of
+from gateway.cli.broker_kit.folder import drawn_passwords, password_line, write_private
 from gateway.cli.broker_kit.kit import broker_conf
 from gateway.cli.broker_kit.lint import overlap, warnings
 from gateway.cli.broker_kit.logins import Guests, Login, access_list, logins_of, remote_clients
-from gateway.cli.broker_kit.password_file import drawn_passwords, password_line, write_private
 from gateway.cli.main import main
 from gateway.config.schema import Config
 from gateway.errors import ConfigError, UsageError

@@ -11,7 +11,7 @@ import pytest
 
 from gateway.cli.doctor import doctor
 from gateway.cli.doctor.broker import BrokerAccess
-from gateway.cli.doctor.finding import DoctorFinding
+from gateway.cli.doctor.machine import DoctorFinding
 from gateway.cli.main import main
 from gateway.errors import BrokerError, PortError
 from gateway.families.devices.findings import Weight

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from gateway.cli.broker_kit.bridge import bridge_logins
 from gateway.cli.broker_kit.certificates import BROKER_DAYS, CA, CA_KEY, CERT, ends_on, names_in
-from gateway.cli.broker_kit.folder import CENTRAL, is_kit
+from gateway.cli.broker_kit.folder import CENTRAL, FOLDER, is_kit
 from gateway.cli.broker_kit.kit import (
     GivenFiles,
     KitSettings,
@@ -19,7 +19,6 @@ from gateway.cli.broker_kit.kit import (
 )
 from gateway.cli.broker_kit.lint import warnings
 from gateway.cli.broker_kit.logins import Login, remote_clients
-from gateway.cli.broker_kit.password_file import FOLDER
 from gateway.cli.broker_kit.proof import Broker, prove
 from gateway.cli.command import flag
 from gateway.config.load import load

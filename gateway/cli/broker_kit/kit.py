@@ -34,9 +34,17 @@ from gateway.cli.broker_kit.certificates import (
     require_pair,
     sign_broker,
 )
-from gateway.cli.broker_kit.folder import CENTRAL, CENTRAL_CA, SETTINGS, replaced
+from gateway.cli.broker_kit.folder import (
+    CENTRAL,
+    CENTRAL_CA,
+    FOLDER,
+    SETTINGS,
+    drawn_passwords,
+    password_file,
+    replaced,
+    write_private,
+)
 from gateway.cli.broker_kit.logins import Guests, Login, access_list, logins_of
-from gateway.cli.broker_kit.password_file import FOLDER, drawn_passwords, password_file, write_private
 from gateway.config.schema import Config
 from gateway.config.values import TOPIC_PATTERN, is_loopback
 from gateway.errors import StartError, UsageError

@@ -1,1 +1,1 @@
-"""`demo`: a broker, simulated starters and the gateway in one terminal. Start at `demo`."""
+"""`demo` and `simulate`: simulated starters, with a broker and the gateway or alone. Start at either."""

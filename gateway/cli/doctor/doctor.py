@@ -8,10 +8,15 @@ from pathlib import Path
 
 from gateway.app.capacity import prospects_of
 from gateway.cli.command import counted
-from gateway.cli.doctor.box import box_remarks
 from gateway.cli.doctor.broker import OWN_NAME, BrokerAccess
-from gateway.cli.doctor.finding import DoctorFinding
-from gateway.cli.doctor.machine import clock_remark, latency_remark, state_dir_remark, wear_remarks
+from gateway.cli.doctor.machine import (
+    DoctorFinding,
+    box_remarks,
+    clock_remark,
+    latency_remark,
+    state_dir_remark,
+    wear_remarks,
+)
 from gateway.cli.doctor.starters import LineCheckup
 from gateway.cli.operator_login import add_login, checked_client, user_name
 from gateway.config.convert import timing_of

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gateway.app.capacity import LineCapacity
 from gateway.cli.doctor.broker import BrokerAccess
-from gateway.cli.doctor.finding import DoctorFinding
+from gateway.cli.doctor.machine import DoctorFinding
 from gateway.cli.parameters.restore import identity_trouble
 from gateway.config.convert import setups_of, timing_of
 from gateway.config.schema import LineTable

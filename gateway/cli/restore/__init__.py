@@ -1,1 +1,1 @@
-"""`restore`: what a backup holds, or the files of before an upgrade, put back. Start at `restore`."""
+"""`backup` and `restore`: configuration and state of a gateway, stored and put back. Start at either."""

@@ -1,4 +1,6 @@
-"""`starter-gateway scan`: which starters are on a port, at which rate, framing and address; by reads only."""
+"""`starter-gateway scan`: which starters are on a port, at which rate, framing and address; by reads only.
+
+Prints a configuration for them that `check` accepts."""
 
 from __future__ import annotations
 
@@ -6,12 +8,12 @@ import argparse
 import asyncio
 import os
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import get_args
 
+from gateway.app.capacity import check_watchdogs
 from gateway.cli.command import Progress, flag, whole_number
-from gateway.cli.scan.config_text import config_text, described
 from gateway.cli.scan.search import (
     ADDRESSES,
     BAUDS,
@@ -23,8 +25,9 @@ from gateway.cli.scan.search import (
     timings_in_order,
     why_not,
 )
+from gateway.config.load import parse
 from gateway.config.schema import Baud, FramingText
-from gateway.errors import UsageError
+from gateway.errors import ConfigError, UsageError
 from gateway.line.port.base import PortOpener
 from gateway.line.port.event_loop import new_precise_loop
 from gateway.line.port.opener import SerialOpener
@@ -153,3 +156,84 @@ def _split(text: str | None) -> list[str]:
 
 def _list(values: Iterable[object]) -> str:
     return ", ".join(str(value) for value in values)
+
+
+_HEAD = """\
+# Found by `starter-gateway scan`. Give gateway, line and starters their names, and name the broker.
+# There is no [[operator]]: a gateway with this configuration only reads.
+
+[gateway]
+name = "gateway-1"
+
+[mqtt]
+url = "mqtt://127.0.0.1:1883"
+
+[[line]]
+name = "line-1"
+port = {port}
+baud = {baud}
+framing = "{framing}"
+"""
+
+
+def config_text(port: str, found: Sequence[Find]) -> str:
+    """Return the configuration; "" when none of the finds is a starter that a line can have."""
+    usable = [find for find in found if find.profile is not None and why_not(find.profile, find.timing) == ""]
+    if not usable:
+        return ""
+    timing = usable[0].timing
+    here = [find for find in usable if find.timing == timing]
+    rest = [find for find in found if find not in here]
+    text = _text(port, timing, here, rest, with_watchdogs=True)
+    try:
+        parse(text, "scan", check=check_watchdogs)
+    except ConfigError:  # a watchdog that this line cannot keep: say so, but do not demand it
+        text = _text(port, timing, here, rest, with_watchdogs=False)
+    return text
+
+
+def described(find: Find) -> str:
+    """Return in a line who answers, in characters that harm no terminal."""
+    if find.profile is None:
+        return clean(f"no known starter: {find.identity.reason}")
+    identity = find.identity
+    facts = [identity.model or find.profile.title]
+    facts += [f"firmware {identity.firmware}"] if identity.firmware else []
+    facts += [f"serial {identity.serial}"] if identity.serial else []
+    return clean(", ".join(facts))
+
+
+def clean(text: str) -> str:
+    """Return a foreign text with printable ASCII only."""
+    return "".join(char if " " <= char <= "~" else "?" for char in text)
+
+
+def _text(
+    port: str, timing: LineTiming, here: Sequence[Find], rest: Sequence[Find], *, with_watchdogs: bool
+) -> str:
+    quoted = '"' + port.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    parts = [_HEAD.format(port=quoted, baud=timing.baud, framing=timing.framing)]
+    parts += [_starter(find, with_watchdogs=with_watchdogs) for find in sorted(here, key=lambda f: f.address)]
+    parts += [_left_out(find) for find in rest]
+    return "\n".join(parts)
+
+
+def _starter(find: Find, *, with_watchdogs: bool) -> str:
+    family = "" if find.profile is None else find.profile.family
+    lines = [
+        f"[[line.starter]] # {described(find)}",
+        f'name = "{family}-{find.address}"',
+        f"address = {find.address}",
+        f'family = "{family}"',
+    ]
+    if find.watchdogs:
+        first = find.watchdogs[0]
+        key = f"watchdog_s = {first.after_s} # {first.code}: it {first.does}"
+        lines.append(key if with_watchdogs else f"# {key}; this line is too slow for it")
+    return "\n".join(lines) + "\n"
+
+
+def _left_out(find: Find) -> str:
+    where = f"# address {find.address} at {find.timing.baud} {find.timing.framing}"
+    why = why_not(find.profile, find.timing) if find.profile is not None else ""
+    return f"{where}: {described(find)}" + (f" ({why})" if why else "") + "\n"

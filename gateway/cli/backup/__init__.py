@@ -1,1 +1,0 @@
-"""`backup`: configuration and state of a gateway in one file. Start at `backup`."""

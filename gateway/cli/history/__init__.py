@@ -1,1 +1,0 @@
-"""`history`: the recorded starts and trips of a starter, listed or exported. Start at `history`."""

@@ -1,1 +1,0 @@
-"""`simulate`: simulated starters on pseudo terminals or TCP. Start at `simulate`."""
