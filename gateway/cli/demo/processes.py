@@ -50,9 +50,7 @@ async def demo_simulator(config: Path, *, broker_port: int) -> AsyncIterator[Non
     """
     knobs = ("--knobs", f"mqtt://127.0.0.1:{broker_port}")
     command = (sys.executable, "-m", "gateway", "simulate", str(config), *knobs, "--companion")
-    async with _process(
-        *command, stdin=PIPE, stdout=PIPE
-    ) as process:  # killed, we end it by stdin
+    async with _process(*command, stdin=PIPE, stdout=PIPE) as process:  # killed, we end it by stdin
         if not await _is_ready(process):
             raise PortError("of the demo", "the simulated starters do not start", "see their output above")
         yield
