@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING
 from gateway.cli.command import flag
 from gateway.cli.operator_login import add_broker_login, password_of, settings_of
 from gateway.cli.watch.overview import Overview
+from gateway.client import broker_at
 from gateway.config.load import load
-from gateway.config.values import is_loopback, split_url
+from gateway.config.values import is_loopback
 from gateway.errors import BrokerError, UsageError
 from gateway.mqtt.connection.command_client import connected
-from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
+from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.topics import is_level
 from gateway.system.backoff import Backoff
@@ -160,19 +161,11 @@ def _target(args: argparse.Namespace) -> tuple[BrokerSettings, str]:
             password_file=args.password_file,
         )
         return settings, config.base
-    parts = split_url(args.target)
-    if parts is None:
-        raise UsageError(f"{args.target!r} is no broker (mqtt://host[:port] or mqtts://host[:port])")
-    split, port = parts
-    host = split.hostname or ""
-    is_tls = split.scheme == "mqtts"
-    if args.username and not is_tls and not is_loopback(host):
-        raise UsageError(f"{args.target}: a password would go unencrypted (use mqtts://)")
-    settings = BrokerSettings(
-        host, port, f"watch-{uuid.uuid4().hex[:8]}", tls=TlsSettings(args.ca_file) if is_tls else None
-    )
+    settings = broker_at(args.target, client_id=f"watch-{uuid.uuid4().hex[:8]}", ca_file=args.ca_file)
     if args.username:
-        password = password_of(args.username, host, password_file=args.password_file)
+        if settings.tls is None and not is_loopback(settings.host):
+            raise UsageError(f"{args.target}: a password would go unencrypted (use mqtts://)")
+        password = password_of(args.username, settings.host, password_file=args.password_file)
         settings = replace(settings, username=args.username, password=password)
     return settings, ALL_GATEWAYS
 
