@@ -12,13 +12,12 @@ from gateway.cli.broker_kit.certificates import BROKER_DAYS, CA, CA_KEY, CERT, e
 from gateway.cli.broker_kit.folder import CENTRAL, FOLDER, is_kit
 from gateway.cli.broker_kit.kit import (
     GivenFiles,
-    KitSettings,
     kit_logins,
     read_settings,
     write_kit,
 )
 from gateway.cli.broker_kit.lint import warnings
-from gateway.cli.broker_kit.logins import Login, remote_clients
+from gateway.cli.broker_kit.logins import KitSettings, Login, remote_clients
 from gateway.cli.broker_kit.proof import Broker, prove
 from gateway.cli.command import flag
 from gateway.config.load import load
