@@ -90,7 +90,7 @@ def examine(
         broker = NoBroker(config, rows or {})
         clock = VirtualClock(asyncio.get_running_loop())
         line = opener or bus.opener()
-        await LineCheckup(prospect, line, broker=broker, clock=clock, state_dir=state_dir).run(found.append)
+        await LineCheckup(prospect, line, found.append, broker, clock, state_dir).run()
 
     run_virtually(run())
     return found

@@ -45,13 +45,8 @@ def run(args: argparse.Namespace) -> int:
     """Print one finding a line, then the number of errors and warnings."""
     config = load(args.config)
     folder = Path(args.config).parent
-    broker = BrokerAccess(
-        config,
-        folder,
-        client=checked_client(args.client or args.username or OWN_NAME),
-        username=args.username,
-        password_file=args.password_file,
-    )
+    client = checked_client(args.client or args.username or OWN_NAME)
+    broker = BrokerAccess(config, folder, client, args.username, args.password_file)
     print(f"{args.config}, looked at by user {user_name() or 'without a name'}")
     with asyncio.Runner(loop_factory=new_precise_loop) as runner:
         remarks = runner.run(_examine(config, folder, broker))
@@ -88,7 +83,6 @@ async def _examine(config: Config, folder: Path, broker: BrokerAccess) -> list[D
     for prospect in prospects:
         table = prospect.table
         opener = SerialOpener(table.port, table.baud, timing_of(table).framing)
-        checkup = LineCheckup(prospect, opener, broker=broker, clock=SystemClock(), state_dir=state_dir)
-        await checkup.run(report)
+        await LineCheckup(prospect, opener, report, broker, SystemClock(), state_dir).run()
         report(latency_remark(table.port, f"line {table.name}"))
     return remarks
