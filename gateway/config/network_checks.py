@@ -62,7 +62,8 @@ def _url(key: Key, url: str, *, is_open: bool) -> Iterator[Mistake]:
     if parts is None:
         scheme = url.partition("://")[0]
         hint = choose(scheme, SCHEMES) if "://" in url and scheme not in SCHEMES else "mqtts://host:8883"
-        yield Mistake(key, f"{short(_without_login(url))} is no broker address", hint)
+        without_login = re.sub(r"[^/]*@", "...@", url)
+        yield Mistake(key, f"{short(without_login)} is no broker address", hint)
         return
     split, _port = parts
     if split.username is not None or split.password is not None:
@@ -73,10 +74,6 @@ def _url(key: Key, url: str, *, is_open: bool) -> Iterator[Mistake]:
     if split.scheme == "mqtt" and not is_local and not is_open:
         hint = "use mqtts://, or allow_plaintext = true"
         yield Mistake(key, "would send passwords and commands unencrypted", hint)
-
-
-def _without_login(url: str) -> str:
-    return re.sub(r"[^/]*@", "...@", url)
 
 
 def _base(document: Document) -> Iterator[Mistake]:
@@ -130,9 +127,8 @@ def _web_users(document: Document) -> Iterator[Mistake]:
 
 def _operator(document: Document, key: Key, client: str) -> Iterator[Mistake]:
     """Yield a name that should be an operator's client and is not."""
-    operators = [
-        text_in(table, "client") for table in list_in(document, "operator") if isinstance(table, Mapping)
-    ]
+    tables = list_in(document, "operator")
+    operators = [text_in(table, "client") for table in tables if isinstance(table, Mapping)]
     if client and client not in operators:
         hint = choose(client, operators) if operators else "add an [[operator]] with this client"
         yield Mistake(key, f"{short(client)} is no [[operator]]'s client", hint)

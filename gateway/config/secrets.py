@@ -68,7 +68,12 @@ def sparkplug_password(
 
 def password_in(path: Path, *, key: str = "password_file") -> str:
     """Return a file's first line; ConfigError when it cannot be used, or others may use it too."""
-    _refuse_readable_by_others(path, key)
+    try:
+        mode = path.stat().st_mode
+    except OSError as error:
+        raise _unusable(path, key, error.strerror or str(error), "create it, mode 0600") from error
+    if mode & (stat.S_IRWXG | stat.S_IRWXO):
+        raise _unusable(path, key, "others than its owner may use it", f"chmod 600 {path}")
     return _first_line(path, key)
 
 
@@ -94,9 +99,7 @@ def without_logins(text: str, config: Config) -> tuple[str, list[str]]:
     left = [user for user in (after.users if after else ()) if user.password != unmatched_line()]
     if left:
         what = f"the password of login {left[0].name} cannot be left out"
-        raise ConfigError(
-            "the copy", [Problem("web.user", what, "write it without escapes, or use --secrets")]
-        )
+        raise _unusable(Path("the copy"), "web.user", what, "write it without escapes, or use --secrets")
     return text, [user.name for user in users]
 
 
@@ -111,19 +114,9 @@ def _credential(name: str, environ: Mapping[str, str]) -> str | None:
     except (FileNotFoundError, NotADirectoryError):
         return None
     except OSError as error:
-        raise _unusable(
-            path, name, error.strerror or str(error), "see LoadCredential= of the unit"
-        ) from error
+        what = error.strerror or str(error)
+        raise _unusable(path, name, what, "see LoadCredential= of the unit") from error
     return _first_line(path, name)
-
-
-def _refuse_readable_by_others(path: Path, key: str) -> None:
-    try:
-        mode = path.stat().st_mode
-    except OSError as error:
-        raise _unusable(path, key, error.strerror or str(error), "create it, mode 0600") from error
-    if mode & (stat.S_IRWXG | stat.S_IRWXO):
-        raise _unusable(path, key, "others than its owner may use it", f"chmod 600 {path}")
 
 
 def _first_line(path: Path, key: str) -> str:
