@@ -24,14 +24,7 @@ from gateway.cli.doctor.speed import BoxSpeed, capacity, demands_of, excess
 from gateway.config.schema import Config, LineTable
 from gateway.errors import ConfigError, Problem, StartError
 from gateway.families.profile.load import ENGLISH, LANGUAGES, languages_of, load_profile
-from gateway.line.capacity.outage import (
-    FEEDS,
-    LOOK_S,
-    WIDE_FACTOR,
-    Gaps,
-    Restart,
-    gaps_of,
-)
+from gateway.line.capacity.outage import FEEDS, LOOK_S, WIDE_FACTOR, Gaps, Restart, gaps_of
 from gateway.storage.upkeep.versions import pending_in, refuse_newer
 from gateway.system.instance_lock import is_locked
 

@@ -10,12 +10,7 @@ from pathlib import Path
 from gateway.cli.broker_kit.bridge import bridge_logins
 from gateway.cli.broker_kit.certificates import BROKER_DAYS, CA, CA_KEY, CERT, ends_on, names_in
 from gateway.cli.broker_kit.folder import CENTRAL, FOLDER, is_kit
-from gateway.cli.broker_kit.kit import (
-    GivenFiles,
-    kit_logins,
-    read_settings,
-    write_kit,
-)
+from gateway.cli.broker_kit.kit import GivenFiles, kit_logins, read_settings, write_kit
 from gateway.cli.broker_kit.lint import warnings
 from gateway.cli.broker_kit.logins import KitSettings, Login, remote_clients
 from gateway.cli.broker_kit.proof import Broker, prove
