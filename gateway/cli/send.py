@@ -54,10 +54,7 @@ def run(args: argparse.Namespace) -> int:
     if not is_level(args.verb):
         raise UsageError(f"no verb {args.verb!r} (start, stop, reset, set, read ...)")
     order = _order(args, _client(config, args.client))
-    folder = Path(args.config).parent
-    settings = settings_of(
-        config, folder, tool="send", username=args.username, password_file=args.password_file
-    )
+    settings = settings_of(config, Path(args.config).parent, tool="send", login=args)
     sender = CommandClient(settings, Topics(config.base))
     sending = sender.send(order, now_s=time.time(), within_s=args.timeout, on_phase=_show)
     result = asyncio.run(sending)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from argparse import Namespace
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -43,7 +44,7 @@ class BrokerAccess:
     async def remarks(self) -> list[DoctorFinding]:
         """Log in, under another client id than the gateway, and return what was found."""
         try:
-            settings = self._settings_of(None, None)
+            settings = settings_of(self.config, self.folder, tool=OWN_NAME)
         except ConfigError as error:
             return [DoctorFinding("mqtt.password_file", str(error), Weight.ERROR)]
         remarks = []
@@ -54,7 +55,8 @@ class BrokerAccess:
         try:
             if self.username is not None:  # the gateway could be disconnected by a second one with its login
                 who = f"the login {self.username}"
-                settings = self._settings_of(self.username, self.password_file)
+                login = Namespace(username=self.username, password_file=self.password_file)
+                settings = settings_of(self.config, self.folder, tool=OWN_NAME, login=login)
             session, version = await connected(settings)
             await session.disconnect()
         except (BrokerError, ConfigError) as error:
@@ -107,11 +109,6 @@ class BrokerAccess:
         if self._settings is None:
             raise BrokerError("the broker cannot be used", "see above")
         return self._settings
-
-    def _settings_of(self, username: str | None, password_file: str | None) -> BrokerSettings:
-        return settings_of(
-            self.config, self.folder, tool=OWN_NAME, username=username, password_file=password_file
-        )
 
 
 def _words(result: Mapping[str, Any]) -> tuple[int, ...]:

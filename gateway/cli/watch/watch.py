@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.cli.command import flag
-from gateway.cli.operator_login import add_broker_login, password_of, settings_of
+from gateway.cli.operator_login import add_login, password_of, settings_of
 from gateway.cli.watch.overview import Overview
 from gateway.client import broker_at
 from gateway.config.load import load
@@ -58,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     flag(parser, "--once", about="print the table once; so without a terminal")
     parser.add_argument("--ca-file", metavar="FILE", help="the certificate authority, for mqtts://")
-    add_broker_login(parser)
+    add_login(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -153,14 +153,7 @@ def _target(args: argparse.Namespace) -> tuple[BrokerSettings, str]:
     """Return the way to the broker, and below which topics the gateways are."""
     if "://" not in args.target:
         config = load(args.target)
-        settings = settings_of(
-            config,
-            Path(args.target).parent,
-            tool="watch",
-            username=args.username,
-            password_file=args.password_file,
-        )
-        return settings, config.base
+        return settings_of(config, Path(args.target).parent, tool="watch", login=args), config.base
     settings = broker_at(args.target, client_id=f"watch-{uuid.uuid4().hex[:8]}", ca_file=args.ca_file)
     if args.username:
         if settings.tls is None and not is_loopback(settings.host):
