@@ -57,9 +57,15 @@ def _folder(path: Path) -> Path:
 
 
 def _verify(folder: Path, wanted: str | None) -> int:
-    anchor = read_anchor(folder)
-    seen = _Seen(lines(folder), wanted)
-    verdict = verify(seen, after=anchor.head)
+    anchor, is_found = read_anchor(folder), wanted is None
+
+    def passing() -> Iterator[tuple[str, str]]:
+        nonlocal is_found
+        for place, line in lines(folder):
+            is_found = is_found or f'"hash":"{wanted}"' in line
+            yield place, line
+
+    verdict = verify(passing(), after=anchor.head)
     problems = list(verdict.problems)
     if anchor.head is None:
         problems.append("the anchor of the removed segments cannot be read")
@@ -70,31 +76,17 @@ def _verify(folder: Path, wanted: str | None) -> int:
     print(f"{folder}: {verdict.count} entries from {since} on, chain {described}")
     if verdict.head.hash != FIRST_HASH:
         print(f"newest: line {verdict.head.number}, hash {verdict.head.hash}")
-    is_found = wanted is None or seen.has_wanted or wanted == (anchor.head and anchor.head.hash)
+    is_found = is_found or wanted == (anchor.head and anchor.head.hash)
     if not is_found:
         print(f"no line has the hash {wanted}: newer lines were cut off, or it was noted elsewhere")
     return 1 if problems or not is_found else 0
-
-
-class _Seen:
-    """Lines that pass by, and whether the one that is wanted was one of them."""
-
-    def __init__(self, passing: Iterator[tuple[str, str]], wanted: str | None) -> None:
-        self._passing = passing
-        self._mark = f'"hash":"{wanted}"'
-        self.has_wanted = False
-
-    def __iter__(self) -> Iterator[tuple[str, str]]:
-        for place, line in self._passing:
-            self.has_wanted = self.has_wanted or self._mark in line
-            yield place, line
 
 
 def _readable(line: str) -> str:
     try:
         entry = json.loads(line)
     except ValueError:
-        return f"?  {line[:200]!r}"
+        entry = None
     if not isinstance(entry, dict):
         return f"?  {line[:200]!r}"
     head = f"{entry.get('n')}  {entry.get('time')}"
@@ -105,11 +97,7 @@ def _readable(line: str) -> str:
     args = f" {_json(entry['args'])}" if entry.get("args") else ""
     why = f", reason given: {entry['claimed_reason']}" if entry.get("claimed_reason") else ""
     what = f"{entry.get('verb')} {entry.get('starter')}{args}"
-    end = (
-        entry.get("decision")
-        if entry.get("code") == "ok"
-        else f"{entry.get('decision')} ({entry.get('code')})"
-    )
+    end = str(entry.get("decision")) + ("" if entry.get("code") == "ok" else f" ({entry.get('code')})")
     return f"{head}  {who}: {what}, id {entry.get('id')}{why}: {end}{_change(entry)}"
 
 

@@ -116,9 +116,7 @@ def _move_all(source: Path, target: Path) -> None:
 
 FOLDER = "logins"  # of a kit: one file a login
 
-_ITERATIONS = (
-    101  # mosquitto_passwd's; what is drawn below has 160 bits, which no number of them could improve
-)
+_ITERATIONS = 101  # mosquitto_passwd's; no number of them could improve the 160 bits that are drawn below
 _SALT_BYTES, _HASH_BYTES = 12, 64
 _PASSWORD_BYTES = 20
 

@@ -73,7 +73,9 @@ async def simulated_lines(config: Config) -> AsyncIterator[dict[str, PtyLine]]:
     async with AsyncExitStack() as stack:
         lines: dict[str, PtyLine] = {}
         for table in config.lines:
-            line = PtyLine(_bus(table), link=_link(table))
+            units = [simulated_unit(starter) for starter in table.starters if starter.enabled]
+            bus = Bus(timing_of(table), units, name=table.name, chunk_bytes=None, tolerance_s=TOLERANCE_S)
+            line = PtyLine(bus, link=_link(table))
             await line.start()
             stack.push_async_callback(line.stop)
             lines[table.name] = line
@@ -129,19 +131,13 @@ def simulated_unit(starter: StarterTable) -> SimulatedUnit:
     simulated = starter.simulated
     profile = load_profile(starter.family)
     rows = profile.parameters
-    options: dict[str, Any] = {
-        "settings": {rows[code].address: value for code, value in simulated.parameters.items()}
-    }
-    if simulated.firmware is not None:
-        options["firmware"] = simulated.firmware
+    options: dict[str, Any] = {"firmware": simulated.firmware, "slot": starter.slot}
+    options = {key: value for key, value in options.items() if value is not None}
+    options["settings"] = {rows[code].address: value for code, value in simulated.parameters.items()}
     if simulated.markers:
         markers = [(find(profile, code), is_on) for code, is_on in simulated.markers.items()]
-        options["coils"] = {row.address: is_on for row, is_on in markers if row.table is Table.COIL}
-        options["discrete_inputs"] = {
-            row.address: is_on for row, is_on in markers if row.table is Table.DISCRETE
-        }
-    if starter.slot is not None:
-        options["slot"] = starter.slot
+        for name, table in (("coils", Table.COIL), ("discrete_inputs", Table.DISCRETE)):
+            options[name] = {row.address: is_on for row, is_on in markers if row.table is table}
     try:
         unit = make_unit(
             starter.family, starter.address, seed=starter.address, model=starter.model, **options
@@ -159,11 +155,6 @@ def _fit_motor(unit: SimulatedUnit, table: SimulatedMotorTable) -> None:
     unit.motor.become(replace(unit.motor.data, **table.model_dump(exclude=supply, exclude_none=True)))
     unit.motor.set_line_voltage(table.line_voltage_pct)
     unit.motor.lost_phase = None if table.lost_phase is None else PHASES.index(table.lost_phase)
-
-
-def _bus(table: LineTable) -> Bus:
-    units = [simulated_unit(starter) for starter in table.starters if starter.enabled]
-    return Bus(timing_of(table), units, name=table.name, chunk_bytes=None, tolerance_s=TOLERANCE_S)
 
 
 def _beside_a_real_port(table: LineTable, path: str) -> str:
