@@ -21,16 +21,6 @@ _OWN_POINTS = ("hours_total", "energy_kwh", "starts_left", "pause_left_s", "stan
 
 
 @dataclass(frozen=True, slots=True)
-class ShownTrip:
-    """One trip, as far as the report shows it."""
-
-    time: str
-    code: str
-    text: str
-    state_before: str
-
-
-@dataclass(frozen=True, slots=True)
 class MonthMeans:
     """The starts of one month: how they ended, and the means of those that reached full voltage."""
 
@@ -83,7 +73,7 @@ class HealthReport:
     baseline_curve: StartSamples | None = None
     drift: str = ""  # in words, while it is raised
     months: list[MonthMeans] = field(default_factory=list)
-    trips: list[ShownTrip] = field(default_factory=list)  # the newest first
+    trips: list[Mapping[str, Any]] = field(default_factory=list)  # as stored, the newest first
     settings: list[Setting] = field(default_factory=list)  # the newest first
     line: LineQuality | None = None
     notes: list[str] = field(default_factory=list)  # what could not be had, and why
@@ -135,8 +125,7 @@ def _add_row(report: HealthReport, row: HistoryRow) -> None:
             outcomes = {str(name): int(count) for name, count in data["outcomes"].items()}
             report.months.append(MonthMeans(str(data["month"]), outcomes, means))
         case "trip":
-            known = (str(data.get(name) or "") for name in ("time", "code", "text", "state_before"))
-            report.trips.append(ShownTrip(*known))
+            report.trips.append(data)
         case _:
             pass  # counters are summed up apart
 
