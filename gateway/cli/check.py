@@ -67,12 +67,6 @@ def tight_watchdogs(prospects: tuple[LineCapacity, ...]) -> Iterator[str]:
                 yield f"{what} hangs: {gap} (make it {for_hang_s:.1f} s{_shorter(limit_s, gaps)})"
 
 
-def as_json(line: LineCapacity, starter: StarterCapacity) -> dict[str, float]:
-    """Return the gaps after failures for `check --json`."""
-    gaps = gaps_of_starter(line, starter)
-    return {"crash_gap_s": round(gaps.crash_s, 4), "hang_gap_s": round(gaps.hang_s, 4)}
-
-
 def _judged(starter: StarterCapacity, gaps: Gaps) -> str:
     limit_s = starter.table.watchdog_s
     if limit_s is None:
@@ -347,10 +341,12 @@ def _as_json(line: LineCapacity) -> dict[str, Any]:
                 "age_s": {group: round(age_s, 4) for group, age_s in starter.ages_s.items()},
                 "longest_gap_s": round(starter.gap_s, 4),
                 "watchdog_s": starter.table.watchdog_s,
-                **as_json(line, starter),
+                "crash_gap_s": round(gaps.crash_s, 4),
+                "hang_gap_s": round(gaps.hang_s, 4),
                 "watchdog_margin_s": None if starter.margin_s is None else round(starter.margin_s, 4),
             }
             for starter in line.starters
+            for gaps in [gaps_of_starter(line, starter)]
         ],
         "polls": [
             {

@@ -55,9 +55,8 @@ def latency_remark(port: str, where: str, *, sysfs: Path = SYSFS_TTY) -> DoctorF
     if milliseconds <= LONGEST_LATENCY_MS:
         return DoctorFinding(where, f"the adapter's latency timer is {milliseconds} ms")
     what = f"the adapter holds replies back for up to {milliseconds} ms"
-    return DoctorFinding(
-        where, f"{what} (echo 1 > {timer}, or install the udev rule of deploy/)", Weight.WARNING
-    )
+    hint = f"echo 1 > {timer}, or install the udev rule of deploy/"
+    return DoctorFinding(where, f"{what} ({hint})", Weight.WARNING)
 
 
 def clock_remark(ask: Callable[[], bool | None] = kernel_says_synchronised) -> DoctorFinding:
@@ -67,9 +66,8 @@ def clock_remark(ask: Callable[[], bool | None] = kernel_says_synchronised) -> D
         return DoctorFinding("clock", "whether it is synchronised is unknown here", Weight.NOTE)
     if not is_synchronised:
         what = "is not synchronised: time stamps are wrong, commands need `token`, not `issued_at`"
-        return DoctorFinding(
-            "clock", f"{what} (install chrony, or switch systemd-timesyncd on)", Weight.WARNING
-        )
+        hint = "install chrony, or switch systemd-timesyncd on"
+        return DoctorFinding("clock", f"{what} ({hint})", Weight.WARNING)
     return DoctorFinding("clock", "is synchronised")
 
 
@@ -95,20 +93,25 @@ def _wear_remark(starter: str, count: int) -> DoctorFinding:
 
 def state_dir_remark(folder: Path) -> DoctorFinding:
     """Return whether the state directory, and all that is the gateway's in it, may be written."""
+    trouble = _state_dir_trouble(folder)
+    return DoctorFinding(
+        "state_dir", trouble or f"{folder} may be written", Weight.ERROR if trouble else None
+    )
+
+
+def _state_dir_trouble(folder: Path) -> str:
     if not folder.exists():
-        what = "is not there (make it for the gateway's user)"
-        return DoctorFinding("state_dir", f"{folder} {what}", Weight.ERROR)
+        return f"{folder} is not there (make it for the gateway's user)"
     if not folder.is_dir():
-        return DoctorFinding("state_dir", f"{folder} is no folder (choose another one)", Weight.ERROR)
+        return f"{folder} is no folder (choose another one)"
     if not os.access(folder, os.R_OK | os.W_OK | os.X_OK):
-        what = "may not be written by this user"
-        return DoctorFinding("state_dir", f"{folder} {what} (chown it to the gateway's user)", Weight.ERROR)
+        return f"{folder} may not be written by this user (chown it to the gateway's user)"
     foreign = [str(path) for path in _foreign_in(folder)]
-    if foreign:
-        more = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
-        what = f"{foreign[0]}{more} in it may not be written by the gateway's user"
-        return DoctorFinding("state_dir", f"{what} (chown -R that user: {folder})", Weight.ERROR)
-    return DoctorFinding("state_dir", f"{folder} may be written")
+    if not foreign:
+        return ""
+    more = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
+    what = f"{foreign[0]}{more} in it may not be written by the gateway's user"
+    return f"{what} (chown -R that user: {folder})"
 
 
 def _foreign_in(folder: Path) -> Iterator[Path]:
@@ -159,9 +162,8 @@ def _timers(speed: BoxSpeed) -> DoctorFinding:
     late = f"waits end {speed.timer_late_s * 1e3:.1f} ms late, at most {speed.timer_worst_s * 1e3:.1f} ms"
     if speed.timer_late_s <= LATE_S:
         return DoctorFinding("timers", late)
-    return DoctorFinding(
-        "timers", f"{late}: every transaction takes so much longer (see what else runs)", Weight.WARNING
-    )
+    what = f"{late}: every transaction takes so much longer (see what else runs)"
+    return DoctorFinding("timers", what, Weight.WARNING)
 
 
 def _disk(sync_s: float) -> DoctorFinding:
