@@ -36,19 +36,6 @@ def gaps_of_starter(line: LineCapacity, starter: StarterCapacity, restart: Resta
     return gaps_of(starter.gap_s, first_poll_s(line, starter), restart)
 
 
-def print_gaps(line: LineCapacity) -> None:
-    """Print the longest gaps of every starter beside its watchdog."""
-    if not line.starters:
-        return
-    width = max(7, *(len(starter.table.name) for starter in line.starters))
-    print(f"  {'':{width}}  longest time without a request when the gateway   (watchdog)")
-    print(f"  {'starter':{width}}     works   crashes     hangs")
-    for starter in line.starters:
-        gaps = gaps_of_starter(line, starter)
-        times = "  ".join(f"{gap_s:6.2f} s" for gap_s in (gaps.regular_s, gaps.crash_s, gaps.hang_s))
-        print(f"  {starter.table.name:{width}}  {times}   {_judged(starter, gaps)}")
-
-
 def tight_watchdogs(prospects: tuple[LineCapacity, ...]) -> Iterator[str]:
     """Yield a warning, with a remedy, for each starter whose watchdog a failure of the gateway would trip."""
     for line in prospects:
@@ -143,7 +130,6 @@ def run(args: argparse.Namespace) -> int:
         print(f"this machine, as `doctor` measured it on {speed.day}, {capacity(speed, demands)}")
     for line in prospects:
         _print_line(line)
-        print_gaps(line)
     for warning in warnings:
         print(f"warning: {warning}")
     return 0
@@ -251,6 +237,12 @@ def _print_line(line: LineCapacity) -> None:
         print(f"  {each.name:{width}}  {each.address:4}  {each.family:6}       {ages}   {_watchdog(starter)}")
     for text in fast_lines(table):
         print(text)
+    print(f"  {'':{width}}  longest time without a request when the gateway   (watchdog)")
+    print(f"  {'starter':{width}}     works   crashes     hangs")
+    for starter in line.starters:
+        gaps = gaps_of_starter(line, starter)
+        times = "  ".join(f"{gap_s:6.2f} s" for gap_s in (gaps.regular_s, gaps.crash_s, gaps.hang_s))
+        print(f"  {starter.table.name:{width}}  {times}   {_judged(starter, gaps)}")
 
 
 def _age(age_s: float | None) -> str:

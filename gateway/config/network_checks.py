@@ -141,12 +141,8 @@ def _home_assistant(document: Document) -> Iterator[Mistake]:
     if table.get("commands") is True and not text_in(table, "operator"):
         hint = "name the [[operator]] whose rights Home Assistant has"
         yield Mistake(("homeassistant", "commands"), "needs operator beside it", hint)
-    if "homeassistant" in document:
-        yield from _home_assistant_topics(document, table)
-
-
-def _home_assistant_topics(document: Document, table: Document) -> Iterator[Mistake]:
-    """Yield topics of Home Assistant that are, hold or lie in those of another purpose."""
+    if "homeassistant" not in document:
+        return
     base = text_in(table_in(document, "mqtt"), "base") or DEFAULT_BASE
     base = base.replace("{gateway}", text_in(table_in(document, "gateway"), "name"))
     prefix = text_in(table, "discovery_prefix") or DEFAULT_DISCOVERY_PREFIX

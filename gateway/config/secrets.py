@@ -9,7 +9,6 @@ from __future__ import annotations
 import stat
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import NamedTuple
 
 from pydantic import BaseModel
 
@@ -24,14 +23,6 @@ SPARKPLUG_CREDENTIAL = "sparkplug.password"
 METRICS_CREDENTIAL = "metrics.token"
 _ENDING = "_file"  # of a key that names a file to be read
 _SECRET = frozenset({"password_file", "key_file", "token_file"})
-
-
-class SiteFile(NamedTuple):
-    """A file by the key that names it."""
-
-    key: str
-    path: Path  # as configured: relative ones begin at the configuration's folder
-    is_secret: bool
 
 
 def mqtt_password(config: Config, folder: str | Path, environ: Mapping[str, str]) -> str | None:
@@ -77,14 +68,12 @@ def password_in(path: Path, *, key: str = "password_file") -> str:
     return _first_line(path, key)
 
 
-def files_of(config: Config) -> list[SiteFile]:
-    """Return every file that a configuration refers to, each once."""
-    found: dict[Path, SiteFile] = {}
-    for each in _files_in(config, ""):
-        before = found.get(each.path)
-        if before is None or each.is_secret:
-            found[each.path] = each
-    return list(found.values())
+def files_of(config: Config) -> dict[Path, bool]:
+    """Return every file that a configuration refers to, as it is named there, and whether it is a secret."""
+    found: dict[Path, bool] = {}
+    for path, is_secret in _files_in(config):
+        found[path] = is_secret or found.get(path, False)
+    return found
 
 
 def without_logins(text: str, config: Config) -> tuple[str, list[str]]:
@@ -135,11 +124,11 @@ def _unusable(path: Path, key: str, what: str, hint: str) -> ConfigError:
     return ConfigError(str(path), [Problem(key, what, hint)])
 
 
-def _files_in(table: BaseModel, where: str) -> Iterator[SiteFile]:
-    for name, field in type(table).model_fields.items():
-        value, key = getattr(table, name), f"{where}{field.alias or name}"
+def _files_in(table: BaseModel) -> Iterator[tuple[Path, bool]]:
+    for name in type(table).model_fields:
+        value = getattr(table, name)
         if name.endswith(_ENDING) and value is not None:
-            yield SiteFile(key, Path(value), name in _SECRET)
+            yield Path(value), name in _SECRET
         for item in value if isinstance(value, tuple) else (value,):
             if isinstance(item, BaseModel):
-                yield from _files_in(item, f"{key}.")
+                yield from _files_in(item)

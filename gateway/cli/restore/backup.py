@@ -131,13 +131,13 @@ def _configured(path: Path, config: Config, *, with_secrets: bool) -> tuple[list
         text, logins = without_logins(text, config)
     own = f"{CONFIG}/{path.name}"
     members, left_out, files = {own: Member(own, text.encode(), path)}, [], files_of(config)
-    secrets = {(folder / each.path).resolve() for each in files if each.is_secret}
+    secrets = {(folder / path).resolve() for path, is_secret in files.items() if is_secret}
     for each in files:
-        where, name = folder / each.path, name_in_backup(folder, each.path)
+        where, name = folder / each, name_in_backup(folder, each)
         is_hidden = not with_secrets and where.resolve() in secrets
         content = b"" if is_hidden else where.read_bytes()
         if is_hidden or (not with_secrets and PRIVATE in content):
-            left_out.append(str(each.path))
+            left_out.append(str(each))
         else:
             members[name] = Member(name, content, where)  # one that two keys name is there once
     facts = {

@@ -172,7 +172,7 @@ def _write_configured(archive: Archive, place: _Place) -> None:
 
 def _refuse_foreign(config: Config, folder: Path, archive: Archive, name: str) -> None:
     """Raise DamagedError for a file of the configuration's folder that the configuration does not name."""
-    known = {f"{CONFIG}/{name}", *(name_in_backup(folder, each.path) for each in files_of(config))}
+    known = {f"{CONFIG}/{name}", *(name_in_backup(folder, path) for path in files_of(config))}
     for entry in archive.entries:
         if not entry.name.startswith(f"{STATE}/") and entry.name not in known:
             raise DamagedError(f"the backup holds {entry.name}, which its configuration does not name")
@@ -230,10 +230,10 @@ def _report(facts: Mapping[str, Any], place: _Place, locked: list[str]) -> None:
         )
     before = Path(facts["folder"])
     for each in files_of(config) if before != folder else ():
-        name = name_in_backup(before, each.path)
-        if each.path.is_absolute() and name in place.configured.values() and name.startswith(f"{CONFIG}/"):
+        name = name_in_backup(before, each)
+        if each.is_absolute() and name in place.configured.values() and name.startswith(f"{CONFIG}/"):
             now = folder / name.removeprefix(f"{CONFIG}/")
-            print(f"the configuration names {each.path}, which is {now} now: change it")
+            print(f"the configuration names {each}, which is {now} now: change it")
     if any(name.startswith(f"{OUTSIDE}/") for name in place.configured):
         print(f"files of other folders are below {folder / OUTSIDE}: put each where it belongs")
     missing = [*facts["left_out"], *(f"the password of login {each}" for each in facts["logins"])]
