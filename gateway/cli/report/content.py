@@ -54,7 +54,6 @@ class LineQuality:
     numbers: Mapping[str, Any]  # of this starter: asked, answered, silent, garbled, response_time_s ...
     rates: Mapping[str, float]
     texts: tuple[str, ...]
-    utilisation: float | None = None
 
 
 @dataclass
@@ -210,7 +209,6 @@ def line_quality(line: str, starter: str, address: int, published: Mapping[str, 
         (published.get("units") or {}).get(str(address)) or {},
         (cable.get("starters") or {}).get(starter) or {},
         tuple(str(text) for text in cable.get("texts") or ()),
-        published.get("utilisation"),
     )
 
 
