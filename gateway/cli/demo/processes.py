@@ -46,11 +46,11 @@ async def demo_broker(folder: Path) -> AsyncIterator[tuple[int, str]]:
 async def demo_simulator(config: Path, *, broker_port: int) -> AsyncIterator[None]:
     """Run the simulated starters of a configuration, their knobs at a broker on loopback.
 
-    PortError when the line does not come.
+    PortError when the line does not come. They end with their stdin, so also when this process is killed.
     """
     knobs = ("--knobs", f"mqtt://127.0.0.1:{broker_port}")
     command = (sys.executable, "-m", "gateway", "simulate", str(config), *knobs, "--companion")
-    async with _process(*command, stdin=PIPE, stdout=PIPE) as process:  # killed, we end it by stdin
+    async with _process(*command, stdin=PIPE, stdout=PIPE) as process:
         if not await _is_ready(process):
             raise PortError("of the demo", "the simulated starters do not start", "see their output above")
         yield

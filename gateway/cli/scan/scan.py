@@ -1,6 +1,7 @@
 """`starter-gateway scan`: which starters are on a port, at which rate, framing and address; by reads only.
 
-Prints a configuration for them that `check` accepts."""
+Prints a configuration for them that `check` accepts.
+"""
 
 from __future__ import annotations
 
