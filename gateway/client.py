@@ -11,7 +11,7 @@ from __future__ import annotations
 import time
 import uuid
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from gateway.config.values import split_url
@@ -74,19 +74,13 @@ class Client:
         operator: str | None = None,
     ) -> None:
         """`client` is the level in the command topic, `operator` a claim for the audit; or UsageError."""
-        parts = split_url(url)
-        if parts is None:
-            raise UsageError(f"{url!r} is no broker (mqtt://host[:port] or mqtts://host[:port])")
+        self._broker = broker_at(url, username=username, password=password, ca_file=ca_file)
         if not all(is_level(level) for level in base.split("/")):
             raise UsageError(f"{base!r} is no base (levels of a-z, 0-9, _ and - between slashes)")
         if not is_level(client):
             raise UsageError(f"{client!r} is no client (only a-z, 0-9, _ and -)")
-        split, self._port = parts
-        self._host = split.hostname or ""
-        self._tls = TlsSettings(ca_file) if split.scheme == "mqtts" else None
         self._topics = Topics(base)
         self._client = client
-        self._login = username, password
         self._operator = operator
 
     async def command(
@@ -147,15 +141,23 @@ class Client:
         return await self.command(starter, "set", {"parameter": parameter, "value": value}, reason=reason)
 
     def _settings(self) -> BrokerSettings:
-        username, password = self._login
-        return BrokerSettings(
-            host=self._host,
-            port=self._port,
-            client_id=f"{self._client}-{uuid.uuid4().hex[:12]}",
-            username=username,
-            password=password,
-            tls=self._tls,
-        )
+        return replace(self._broker, client_id=f"{self._client}-{uuid.uuid4().hex[:12]}")
+
+
+def broker_at(
+    url: str,
+    *,
+    client_id: str = "",
+    username: str | None = None,
+    password: str | None = None,
+    ca_file: str | None = None,
+) -> BrokerSettings:
+    """Return the way to the broker of a URL; UsageError when it is none."""
+    parts = split_url(url)
+    if parts is None:
+        raise UsageError(f"{url!r} is no broker (mqtt://host[:port] or mqtts://host[:port])")
+    tls = TlsSettings(ca_file) if parts[0].scheme == "mqtts" else None
+    return BrokerSettings(parts[0].hostname or "", parts[1], client_id, username, password, tls=tls)
 
 
 def _result(fields: Mapping[str, Any]) -> Result:

@@ -10,26 +10,23 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from gateway.cli.command import Subparsers
+from gateway.cli.command import flag
 from gateway.config.load import load
 from gateway.errors import UsageError
 from gateway.storage.audit.chain import FIRST_HASH, verify
 from gateway.storage.audit.segments import FOLDER, lines, read_anchor
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "audit",
-        description="Show or verify the audit that a gateway stores in its state directory; exit code 1 when "
-        "its chain is broken.",
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = (
+        "Show or verify the audit that a gateway stores in its state directory; exit code 1 when "
+        "its chain is broken."
     )
     parser.add_argument("action", choices=("show", "verify"), help="print the entries, or check their chain")
     parser.add_argument("path", metavar="STATE_DIR_OR_CONFIG", help="where the gateway stores it")
     parser.add_argument("--last", metavar="N", type=int, help="show only the newest N entries")
-    parser.add_argument(
-        "--json", action="store_true", help="print the entries as they are stored, one a line"
-    )
+    flag(parser, "--json", about="print the entries as they are stored, one a line")
     parser.add_argument(
         "--contains", metavar="HASH", help="verify also that a hash noted earlier is still in the chain"
     )
@@ -60,9 +57,15 @@ def _folder(path: Path) -> Path:
 
 
 def _verify(folder: Path, wanted: str | None) -> int:
-    anchor = read_anchor(folder)
-    seen = _Seen(lines(folder), wanted)
-    verdict = verify(seen, after=anchor.head)
+    anchor, is_found = read_anchor(folder), wanted is None
+
+    def passing() -> Iterator[tuple[str, str]]:
+        nonlocal is_found
+        for place, line in lines(folder):
+            is_found = is_found or f'"hash":"{wanted}"' in line
+            yield place, line
+
+    verdict = verify(passing(), after=anchor.head)
     problems = list(verdict.problems)
     if anchor.head is None:
         problems.append("the anchor of the removed segments cannot be read")
@@ -73,31 +76,17 @@ def _verify(folder: Path, wanted: str | None) -> int:
     print(f"{folder}: {verdict.count} entries from {since} on, chain {described}")
     if verdict.head.hash != FIRST_HASH:
         print(f"newest: line {verdict.head.number}, hash {verdict.head.hash}")
-    is_found = wanted is None or seen.has_wanted or wanted == (anchor.head and anchor.head.hash)
+    is_found = is_found or wanted == (anchor.head and anchor.head.hash)
     if not is_found:
         print(f"no line has the hash {wanted}: newer lines were cut off, or it was noted elsewhere")
     return 1 if problems or not is_found else 0
-
-
-class _Seen:
-    """Lines that pass by, and whether the one that is wanted was one of them."""
-
-    def __init__(self, passing: Iterator[tuple[str, str]], wanted: str | None) -> None:
-        self._passing = passing
-        self._mark = f'"hash":"{wanted}"'
-        self.has_wanted = False
-
-    def __iter__(self) -> Iterator[tuple[str, str]]:
-        for place, line in self._passing:
-            self.has_wanted = self.has_wanted or self._mark in line
-            yield place, line
 
 
 def _readable(line: str) -> str:
     try:
         entry = json.loads(line)
     except ValueError:
-        return f"?  {line[:200]!r}"
+        entry = None
     if not isinstance(entry, dict):
         return f"?  {line[:200]!r}"
     head = f"{entry.get('n')}  {entry.get('time')}"
@@ -108,11 +97,7 @@ def _readable(line: str) -> str:
     args = f" {_json(entry['args'])}" if entry.get("args") else ""
     why = f", reason given: {entry['claimed_reason']}" if entry.get("claimed_reason") else ""
     what = f"{entry.get('verb')} {entry.get('starter')}{args}"
-    end = (
-        entry.get("decision")
-        if entry.get("code") == "ok"
-        else f"{entry.get('decision')} ({entry.get('code')})"
-    )
+    end = str(entry.get("decision")) + ("" if entry.get("code") == "ok" else f" ({entry.get('code')})")
     return f"{head}  {who}: {what}, id {entry.get('id')}{why}: {end}{_change(entry)}"
 
 

@@ -17,11 +17,9 @@ import sys
 import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from gateway.app.capture_socket import FORMAT, socket_path
-from gateway.cli.command import Subparsers
 from gateway.config.load import load
 from gateway.errors import CaptureError
 
@@ -42,21 +40,19 @@ class CaptureFile:
         except ImportError as error:
             raise CaptureError("python-pcapng is missing (pip install 'starter-gateway[capture]')") from error
         section = blocks.SectionHeader(options={"shb_userappl": "starter-gateway"})
-        self._interfaces: dict[str, int] = {}
-        for number, line in enumerate(lines):
+        self._interfaces = {line: number for number, line in enumerate(lines)}
+        for line in self._interfaces:
             section.new_member(
                 blocks.InterfaceDescription,
                 link_type=LINKTYPE_RTAC_SERIAL,
                 options={"if_name": line, "if_description": "Modbus RTU"},
             )
-            self._interfaces[line] = number
-        self._packet = blocks.EnhancedPacket
         self._section: Any = section
         try:
             self._file = path.open("wb")
         except OSError as error:
             raise CaptureError(f"{path}: {error.strerror}") from error
-        self._writer = FileWriter(self._file, section)
+        self._packet, self._writer = blocks.EnhancedPacket, FileWriter(self._file, section)
 
     def write(self, line: str, time_us: int, direction: str, frame: bytes) -> None:
         """Append a frame: >> began then, anything else ended then."""
@@ -76,21 +72,16 @@ class CaptureFile:
         )
         self._file.flush()
 
-    def __enter__(self) -> CaptureFile:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Write nothing more."""
         self._file.close()
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "capture",
-        description="Record a running gateway's lines for Wireshark's Modbus RTU dissector; Ctrl-C ends it. "
-        f"Read it with: tshark -r FILE {READ_WITH}",
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = (
+        "Record a running gateway's lines for Wireshark's Modbus RTU dissector; Ctrl-C ends it. "
+        f"Read it with: tshark -r FILE {READ_WITH}"
     )
     parser.add_argument("config", metavar="CONFIG", help="the running gateway's TOML file")
     parser.add_argument("file", metavar="FILE.pcapng", help="is overwritten")
@@ -106,13 +97,12 @@ def run(args: argparse.Namespace) -> int:
         messages = _messages(connection, end_s)
         lines = _lines(next(messages, {}), path)
         count = 0
-        with CaptureFile(Path(args.file), lines) as file:
+        with contextlib.closing(CaptureFile(Path(args.file), lines)) as file:
             print(f"recording {', '.join(lines)}; Ctrl-C ends it", file=sys.stderr)
             with contextlib.suppress(KeyboardInterrupt):
                 for frame in messages:
-                    file.write(
-                        frame["line"], frame["time_us"], frame["direction"], bytes.fromhex(frame["frame"])
-                    )
+                    content = bytes.fromhex(frame["frame"])
+                    file.write(frame["line"], frame["time_us"], frame["direction"], content)
                     count += 1
     print(
         f"{count} frames; look at them with: tshark -r {shlex.quote(args.file)} {READ_WITH}", file=sys.stderr

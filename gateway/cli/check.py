@@ -28,19 +28,12 @@ from gateway.app.capacity import (
 )
 from gateway.app.restart.gaps import planned_gaps
 from gateway.app.site import Site
-from gateway.cli.box import BoxSpeed, capacity, demands_of, excess
-from gateway.cli.command import Subparsers, counted
+from gateway.cli.command import counted, flag
+from gateway.cli.doctor.speed import BoxSpeed, capacity, demands_of, excess
 from gateway.config.schema import Config, LineTable
 from gateway.errors import ConfigError, Problem, StartError
 from gateway.families.profile.load import ENGLISH, LANGUAGES, languages_of, load_profile
-from gateway.line.capacity.outage import (
-    FEEDS,
-    LOOK_S,
-    WIDE_FACTOR,
-    Gaps,
-    Restart,
-    gaps_of,
-)
+from gateway.line.capacity.outage import FEEDS, LOOK_S, WIDE_FACTOR, Gaps, Restart, gaps_of
 from gateway.storage.upkeep.versions import pending_in, refuse_newer
 from gateway.system.instance_lock import is_locked
 
@@ -50,19 +43,6 @@ SHORTEST_LIMIT_S = 2.0  # of the service watchdog: a slow line needs most of a s
 def gaps_of_starter(starter: StarterCapacity, restart: Restart | None = None) -> Gaps:
     """Return the longest gaps of a starter, with the shipped unit's times unless others are given."""
     return gaps_of(starter.gap_s, starter.first_poll_s, restart)
-
-
-def print_gaps(line: LineCapacity) -> None:
-    """Print the longest gaps of every starter beside its watchdog."""
-    if not line.starters:
-        return
-    width = max(7, *(len(starter.table.name) for starter in line.starters))
-    print(f"  {'':{width}}  longest time without a request when the gateway   (watchdog)")
-    print(f"  {'starter':{width}}     works   crashes     hangs")
-    for starter in line.starters:
-        gaps = gaps_of_starter(starter)
-        times = "  ".join(f"{gap_s:6.2f} s" for gap_s in (gaps.regular_s, gaps.crash_s, gaps.hang_s))
-        print(f"  {starter.table.name:{width}}  {times}   {_judged(starter, gaps)}")
 
 
 def tight_watchdogs(prospects: tuple[LineCapacity, ...]) -> Iterator[str]:
@@ -81,12 +61,6 @@ def tight_watchdogs(prospects: tuple[LineCapacity, ...]) -> Iterator[str]:
             elif limit_s < for_hang_s:
                 gap = f"{gaps.hang_s:.1f} s without a request"
                 yield f"{what} hangs: {gap} (make it {for_hang_s:.1f} s{_shorter(limit_s, gaps)})"
-
-
-def as_json(starter: StarterCapacity) -> dict[str, float]:
-    """Return the gaps after failures for `check --json`."""
-    gaps = gaps_of_starter(starter)
-    return {"crash_gap_s": round(gaps.crash_s, 4), "hang_gap_s": round(gaps.hang_s, 4)}
 
 
 def _judged(starter: StarterCapacity, gaps: Gaps) -> str:
@@ -113,20 +87,18 @@ _SAFE_FACTOR = 1.5  # a watchdog below this many longest gaps leaves little room
 _AGES = ("status", VALUES, STANDING, "slow")
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "check", description="Validate a configuration and print the budget of its lines; nothing is opened."
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = "Validate a configuration and print the budget of its lines; nothing is opened."
     parser.add_argument("config", metavar="CONFIG", help="the configuration file")
-    parser.add_argument(
+    flag(
+        parser,
         "--upgrade",
-        action="store_true",
-        help="look instead at whether this version may replace the one that runs: exit 0 when it accepts "
+        about="look instead at whether this version may replace the one that runs: exit 0 when it accepts "
         "configuration and state and no watchdog acts during a restart, 78 when it does not accept them, 75 "
         "when a restart takes too long for a watchdog",
     )
-    parser.add_argument("--json", action="store_true", help="print the same as JSON")
+    flag(parser, "--json", about="print the same as JSON")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -167,7 +139,6 @@ def run(args: argparse.Namespace) -> int:
         print(f"this machine, as `doctor` measured it on {speed.day}, {capacity(speed, demands)}")
     for line in prospects:
         _print_line(line)
-        print_gaps(line)
     for warning in warnings:
         print(f"warning: {warning}")
     return 0
@@ -275,6 +246,12 @@ def _print_line(line: LineCapacity) -> None:
         print(f"  {each.name:{width}}  {each.address:4}  {each.family:6}       {ages}   {_watchdog(starter)}")
     for text in fast_lines(table):
         print(text)
+    print(f"  {'':{width}}  longest time without a request when the gateway   (watchdog)")
+    print(f"  {'starter':{width}}     works   crashes     hangs")
+    for starter in line.starters:
+        gaps = gaps_of_starter(starter)
+        times = "  ".join(f"{gap_s:6.2f} s" for gap_s in (gaps.regular_s, gaps.crash_s, gaps.hang_s))
+        print(f"  {starter.table.name:{width}}  {times}   {_judged(starter, gaps)}")
 
 
 def _age(age_s: float | None) -> str:
@@ -365,10 +342,12 @@ def _as_json(line: LineCapacity) -> dict[str, Any]:
                 "age_s": {group: round(age_s, 4) for group, age_s in starter.ages_s.items()},
                 "longest_gap_s": round(starter.gap_s, 4),
                 "watchdog_s": starter.table.watchdog_s,
-                **as_json(starter),
+                "crash_gap_s": round(gaps.crash_s, 4),
+                "hang_gap_s": round(gaps.hang_s, 4),
                 "watchdog_margin_s": None if starter.margin_s is None else round(starter.margin_s, 4),
             }
             for starter in line.starters
+            for gaps in [gaps_of_starter(starter)]
         ],
         "polls": [
             {

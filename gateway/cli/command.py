@@ -20,21 +20,19 @@ STEP = 0.1  # of the whole, between two lines where there is no terminal
 _CLEAR = "\r\x1b[K"
 
 
-class Subparsers(Protocol):
-    """Where a command adds its own parser: what argparse's `add_subparsers` returns."""
-
-    def add_parser(self, name: str, *, help: str = ..., description: str = ...) -> argparse.ArgumentParser:  # noqa: A002 - argparse's word
-        """Return a new parser."""
-
-
 class CommandModule(Protocol):
     """A module of this package that is a command."""
 
-    def add_parser(self, subparsers: Subparsers) -> None:
-        """Add the command's parser; its name is the module's."""
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Give the command's parser its description and arguments."""
 
     def run(self, args: argparse.Namespace) -> int:
         """Carry the command out and return the exit code."""
+
+
+def flag(parser: argparse._ActionsContainer, *names: str, about: str) -> None:
+    """Add an option that is given or not."""
+    parser.add_argument(*names, action="store_true", help=about)
 
 
 _CONSTANTS = {"true": True, "false": False}

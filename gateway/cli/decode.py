@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 
-from gateway.cli.command import Subparsers, whole_number
+from gateway.cli.command import whole_number
 from gateway.errors import CommandError, UsageError
 from gateway.families.mapped_registers import decode_mapped
 from gateway.families.profile.decode import decode_words
@@ -15,9 +15,9 @@ from gateway.families.profile.rows import Table
 from gateway.families.profile.schema import Profile, Variant
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser("decode", description="Decode words read from a starter, to JSON.")
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = "Decode words read from a starter, to JSON."
     parser.add_argument("family", metavar="FAMILY", help=", ".join(FAMILIES))
     parser.add_argument("table", metavar="TABLE", help="holding, input or coil")
     parser.add_argument(

@@ -7,7 +7,7 @@ from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
-from gateway.cli.command import Subparsers, whole_number
+from gateway.cli.command import flag, whole_number
 from gateway.errors import StartError
 
 SITE = Path(__file__).parents[1] / "docs_site"  # built by `make site`
@@ -22,17 +22,15 @@ class _Quiet(SimpleHTTPRequestHandler):
         """Do nothing."""
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "docs", description="Serve this program's documentation on loopback. Ctrl-C ends it."
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = "Serve this program's documentation on loopback. Ctrl-C ends it."
     parser.add_argument("--port", metavar="N", default=str(PORT), help=f"the TCP port, else {PORT}; 0: any")
-    parser.add_argument("--path", action="store_true", help="print the folder where it lies, and end")
-    parser.add_argument(
+    flag(parser, "--path", about="print the folder where it lies, and end")
+    flag(
+        parser,
         "--deploy",
-        action="store_true",
-        help="print the folder of what an installation needs: unit, udev rules, the broker's files, and end",
+        about="print the folder of what an installation needs: unit, udev rules, the broker's files, and end",
     )
 
 

@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
-from typing import Any
 
-from gateway.cli.command import Subparsers, arguments, whole_number
+from gateway.cli.command import arguments, whole_number
 from gateway.errors import CommandError, UsageError
 from gateway.families.command.build import build, prepare
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Profile, Variant
 from gateway.modbus import adu
-from gateway.modbus.pdu import Request
 
 _WRONG_WORDS = ("unknown_verb", "bad_arguments", "unknown_parameter")
 _HINTS = {"slot_unknown": "give --slot 1 or --slot 2", "word_unknown": "give --last-word"}
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "encode", description="Print the request frames of a command: hex, CRC included, one a line."
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = "Print the request frames of a command: hex, CRC included, one a line."
     parser.add_argument("family", metavar="FAMILY", help=", ".join(FAMILIES))
     parser.add_argument("address", metavar="ADDRESS", help="of the starter, 1..247")
     parser.add_argument("verb", metavar="VERB", help="start, stop, reset, set, read ...")
@@ -39,15 +34,17 @@ def run(args: argparse.Namespace) -> int:
     seen = _seen(profile, variant, args.last_word)
     values = arguments(args.args)
     try:
-        requests = _requests(profile, variant, args.verb, values, seen=seen)
+        reads = prepare(profile, variant, args.verb, values).reads
+        is_read = args.verb == "read"
+        steps = reads if is_read else build(profile, variant, args.verb, values, seen=seen).steps
     except CommandError as error:
         if error.code in _WRONG_WORDS:
             raise UsageError(error.text) from error
         if error.code in _HINTS:
             raise UsageError(f"{error.text} ({_HINTS[error.code]})") from error
         raise
-    for request in requests:
-        print(adu.encode(address, request.encode()).hex(" ").upper())
+    for step in steps:
+        print(adu.encode(address, step.request.encode()).hex(" ").upper())
     return 0
 
 
@@ -66,17 +63,3 @@ def _seen(profile: Profile, variant: Variant, last_word: str | None) -> dict[str
     codes = profile.command_word if variant.slot is None else (profile.command_word[variant.slot - 1],)
     outputs = (output.word for output in profile.outputs.values())  # of the verb `output`
     return dict.fromkeys((*codes, *outputs), (word,))
-
-
-def _requests(
-    profile: Profile,
-    variant: Variant,
-    verb: str,
-    args: Mapping[str, Any],
-    *,
-    seen: dict[str, tuple[int, ...]],
-) -> list[Request]:
-    preparation = prepare(profile, variant, verb, args)
-    if verb == "read":
-        return [read.request for read in preparation.reads]
-    return [step.request for step in build(profile, variant, verb, args, seen=seen).steps]

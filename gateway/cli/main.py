@@ -8,6 +8,7 @@ import importlib
 import os
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NoReturn, cast
 
 from gateway import __version__
@@ -40,6 +41,7 @@ COMMANDS = {
     "broker-kit": "write what a Mosquitto needs for this gateway, and prove it on the running broker",
     "web-password": "print the line of a login of the status page",
 }
+_HOMES = {"simulate": "demo", "backup": "restore", "history": "report"}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -99,10 +101,9 @@ def _parser(chosen: str | None, *, is_whole: bool = False) -> argparse.ArgumentP
     parser.add_argument("--version", action="version", version=f"{PROGRAM} {__version__}")
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name, about in COMMANDS.items():
+        its_own = subparsers.add_parser(name, help=about)
         if name == chosen or is_whole:
-            _load(name).add_parser(subparsers)
-        else:
-            subparsers.add_parser(name, help=about)
+            _load(name).add_arguments(its_own)
     return parser
 
 
@@ -117,7 +118,11 @@ def _parse(parser: argparse.ArgumentParser, arguments: list[str]) -> argparse.Na
 
 
 def _load(name: str) -> CommandModule:
-    return cast(CommandModule, importlib.import_module(f"gateway.cli.{name.replace('-', '_')}"))
+    """Return a command's module: of its name, in this folder, one of that name or another command's."""
+    module = name.replace("-", "_")
+    home = _HOMES.get(name, module)
+    folder = f".{home}" if (Path(__file__).parent / home).is_dir() else ""
+    return cast(CommandModule, importlib.import_module(f"gateway.cli{folder}.{module}"))
 
 
 def _complete(parser: argparse.ArgumentParser) -> None:

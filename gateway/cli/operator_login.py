@@ -17,30 +17,33 @@ from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.mqtt.contract.topics import is_level
 
 
-def add_login(parser: argparse.ArgumentParser, *, client: str) -> None:
-    """Add `--client`, with this help, `--username` and `--password-file`."""
-    parser.add_argument("--client", metavar="NAME", help=client)
-    add_broker_login(parser)
-
-
-def add_broker_login(parser: argparse.ArgumentParser) -> None:
-    """Add `--username` and `--password-file`."""
-    parser.add_argument(
-        "--username", metavar="NAME", help="the login at the broker, else the configuration's"
-    )
+def add_login(parser: argparse.ArgumentParser, *, client: str = "") -> None:
+    """Add `--client` where there is a help text for it, `--username` and `--password-file`."""
+    if client:
+        parser.add_argument("--client", metavar="NAME", help=client)
+    who = "the login at the broker, else the configuration's"
+    parser.add_argument("--username", metavar="NAME", help=who)
     parser.add_argument("--password-file", metavar="FILE", help=f"else ${VARIABLE}, else you are asked")
 
 
 def settings_of(
-    config: Config, folder: Path, *, tool: str, username: str | None, password_file: str | None
+    config: Config, folder: Path, *, tool: str, login: argparse.Namespace | None = None
 ) -> BrokerSettings:
-    """Return the way to the broker, with a client id of this tool's; ConfigError or UsageError."""
+    """Return the way to the broker, with a client id of this tool's; ConfigError or UsageError.
+
+    `login` has what the options of `add_login` say; without them it is the configuration's login.
+    """
+    username, file = (None, None) if login is None else (login.username, login.password_file)
+    if username is None and file is None:
+        password = mqtt_password(config, folder, os.environ)
+    else:
+        password = password_of(username or "", config.mqtt.host, password_file=file)
     return broker_of(
         config,
         folder,
         client_id=f"{config.gateway.name}-{tool}-{uuid.uuid4().hex[:8]}",  # never the gateway's own
         username=username or config.mqtt.username,
-        password=_password(config, folder, username=username, password_file=password_file),
+        password=password,
     )
 
 
@@ -68,9 +71,3 @@ def password_of(username: str, host: str, *, password_file: str | None) -> str:
     if not sys.stdin.isatty():
         raise UsageError(f"no password for {username} (--password-file, or ${VARIABLE})")
     return getpass.getpass(f"Password of {username} at {host}: ")
-
-
-def _password(config: Config, folder: Path, *, username: str | None, password_file: str | None) -> str | None:
-    if username is not None or password_file is not None:
-        return password_of(username or "", config.mqtt.host, password_file=password_file)
-    return mqtt_password(config, folder, os.environ)

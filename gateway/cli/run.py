@@ -15,7 +15,7 @@ from gateway.app.gateway import App
 from gateway.app.parts import Parts
 from gateway.app.reload import Reload
 from gateway.app.site import Site
-from gateway.cli.command import Subparsers
+from gateway.cli.command import flag
 from gateway.config.schema import Config
 from gateway.storage.state_dir import keep_private
 from gateway.storage.upkeep.versions import refuse_newer
@@ -25,13 +25,11 @@ from gateway.system.log_thread import BackgroundHandler, TraceFilter
 from gateway.system.systemd import Notifier, PriorityFormatter, is_journal, watchdog_interval_s
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "run", description="Run the gateway. SIGTERM ends it in order, SIGHUP reads the configuration again."
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = "Run the gateway. SIGTERM ends it in order, SIGHUP reads the configuration again."
     parser.add_argument("config", metavar="CONFIG", help="the site's TOML file")
-    parser.add_argument("-v", "--verbose", action="store_true", help="log every frame")
+    flag(parser, "-v", "--verbose", about="log every frame")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import argparse
 import json
 
-from gateway.cli.command import Subparsers
 from gateway.config.schema import Config
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    subparsers.add_parser("schema", description="Print the JSON Schema of the configuration.")
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description."""
+    parser.description = "Print the JSON Schema of the configuration."
 
 
 def run(_args: argparse.Namespace) -> int:

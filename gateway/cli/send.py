@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from gateway.cli.command import Subparsers, arguments, expectations
+from gateway.cli.command import arguments, expectations
 from gateway.cli.operator_login import add_login, checked_client, settings_of, user_name
 from gateway.config.load import load
 from gateway.config.schema import Config
@@ -20,11 +20,10 @@ from gateway.mqtt.contract.topics import Topics, is_level
 from gateway.records import SELECT, Phase
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "send",
-        description="Send a command over MQTT and show its phases; exit code 0 only when it is confirmed.",
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = (
+        "Send a command over MQTT and show its phases; exit code 0 only when it is confirmed."
     )
     parser.add_argument(
         "config", metavar="CONFIG", help="the gateway's configuration, or one with its broker"
@@ -55,10 +54,7 @@ def run(args: argparse.Namespace) -> int:
     if not is_level(args.verb):
         raise UsageError(f"no verb {args.verb!r} (start, stop, reset, set, read ...)")
     order = _order(args, _client(config, args.client))
-    folder = Path(args.config).parent
-    settings = settings_of(
-        config, folder, tool="send", username=args.username, password_file=args.password_file
-    )
+    settings = settings_of(config, Path(args.config).parent, tool="send", login=args)
     sender = CommandClient(settings, Topics(config.base))
     sending = sender.send(order, now_s=time.time(), within_s=args.timeout, on_phase=_show)
     result = asyncio.run(sending)

@@ -6,19 +6,17 @@ import argparse
 import getpass
 import sys
 
-from gateway.cli.command import Subparsers
 from gateway.errors import UsageError
 from gateway.system.password_hash import password_line
 
 SHORTEST = 8  # characters
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    subparsers.add_parser(
-        "web-password",
-        description="Read a password, twice from a terminal or once from standard input, and print the line"
-        " for `password` of a [[web.user]]. The password itself is stored nowhere.",
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description."""
+    parser.description = (
+        "Read a password, twice from a terminal or once from standard input, and print the line"
+        " for `password` of a [[web.user]]. The password itself is stored nowhere."
     )
 
 

@@ -12,17 +12,19 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import get_args
 
-from gateway.config.documents import (
+from gateway.config.mistakes import (
     Document,
+    Mistake,
     again,
+    choose,
     lines_in,
     list_in,
+    short,
     starters_in,
     starters_of,
     table_in,
     text_in,
 )
-from gateway.config.mistakes import Mistake, choose, short
 from gateway.config.network_checks import network_mistakes
 from gateway.config.schema import Baud, FramingText
 from gateway.config.toml_lines import Key
@@ -67,7 +69,9 @@ def _duplicates(document: Document) -> Iterator[Mistake]:
     for key, line in lines_in(document):
         addresses: dict[object, Key] = {}
         yield from again(lines, (*key, "name"), text_in(line, "name"), "each line needs its own name")
-        yield from again(ports, (*key, "port"), _port(line), "put all starters of a port under one [[line]]")
+        port = text_in(line, "port")
+        port = posixpath.normpath(port) if posixpath.isabs(port) else port
+        yield from again(ports, (*key, "port"), port, "put all starters of a port under one [[line]]")
         for starter_key, starter in starters_of(key, line):
             hint = "each starter needs its own name, whatever its line"
             yield from again(starters, (*starter_key, "name"), text_in(starter, "name"), hint)
@@ -75,19 +79,12 @@ def _duplicates(document: Document) -> Iterator[Mistake]:
             yield from again(addresses, (*starter_key, "address"), starter.get("address"), hint)
 
 
-def _port(line: Document) -> str:
-    port = text_in(line, "port")
-    return posixpath.normpath(port) if posixpath.isabs(port) else port
-
-
 def _orders(document: Document) -> Iterator[Mistake]:
     """Yield what an order along the cable names that is not on the line, names twice or leaves out."""
     for key, line in lines_in(document):
         if not isinstance(line.get("order"), list):
             continue
-        names = [
-            text_in(starter, "name") for _, starter in starters_of(key, line) if text_in(starter, "name")
-        ]
+        names = [name for _, starter in starters_of(key, line) if (name := text_in(starter, "name"))]
         order, where = list_in(line, "order"), (*key, "order")
         for position, name in enumerate(order):
             if isinstance(name, str) and name not in names:
@@ -106,10 +103,12 @@ def _families(document: Document) -> Iterator[Mistake]:
         for family, name in by_family.items():
             yield from _serial(key, line, load_profile(family), name)
         for starter_key, starter in starters_of(key, line):
-            if "slot" in starter and _is_family(starter):
-                yield from _slot(starter_key, load_profile(starter["family"]))
-            if starter.get("fast_words") is True and _is_family(starter):
-                yield from _fast_words(starter_key, load_profile(starter["family"]))
+            profile = load_profile(starter["family"]) if _is_family(starter) else None
+            if profile and "slot" in starter and len(profile.command_word) < 2:
+                yield Mistake((*starter_key, "slot"), f"{profile.family} has no slots", "leave it out")
+            if profile and starter.get("fast_words") is True and profile.fast_words is None:
+                what = f"{profile.family} has no words to map"
+                yield Mistake((*starter_key, "fast_words"), what, "leave it out")
 
 
 def _is_family(starter: Document) -> bool:
@@ -128,18 +127,8 @@ def _serial(key: Key, line: Document, profile: Profile, name: str) -> Iterator[M
         yield Mistake((*key, "framing"), what, hint)
 
 
-def _slot(key: Key, profile: Profile) -> Iterator[Mistake]:
-    if len(profile.command_word) < 2:
-        yield Mistake((*key, "slot"), f"{profile.family} has no slots", "leave it out")
-
-
-def _fast_words(key: Key, profile: Profile) -> Iterator[Mistake]:
-    if profile.fast_words is None:
-        yield Mistake((*key, "fast_words"), f"{profile.family} has no words to map", "leave it out")
-
-
 def _patterns(document: Document) -> Iterator[Mistake]:
-    names = [text_in(starter, "name") for _, starter in starters_in(document) if text_in(starter, "name")]
+    names = [name for _, starter in starters_in(document) if (name := text_in(starter, "name"))]
     for where in ("operator", "rules", "group"):
         for index, table in enumerate(list_in(document, where)):
             patterns = list_in(table, "starters") if isinstance(table, Mapping) else []

@@ -21,12 +21,7 @@ _MAX_BYTES = 1_000_000
 Check = Callable[[Config], list[Mistake]]
 
 
-def no_check(_: Config) -> list[Mistake]:
-    """Find nothing."""
-    return []
-
-
-def load(path: str | Path, *, check: Check = no_check) -> Config:
+def load(path: str | Path, *, check: Check = lambda _: []) -> Config:
     """Return the configuration in a file; ConfigError with every problem when it cannot be used.
 
     `check` looks for mistakes in a configuration that has no others.
@@ -34,7 +29,7 @@ def load(path: str | Path, *, check: Check = no_check) -> Config:
     return parse(_read(path), str(path), check=check)
 
 
-def parse(text: str, path: str, *, check: Check = no_check) -> Config:
+def parse(text: str, path: str, *, check: Check = lambda _: []) -> Config:
     """Do as `load` with a TOML text; `path` is what messages call it."""
     document = _document(text, path)
     mistakes: list[Mistake] = []

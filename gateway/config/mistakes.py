@@ -1,19 +1,19 @@
-"""Mistakes in a configuration: one `Mistake`, and the wording of what the models refuse.
+"""Mistakes in a configuration: one `Mistake`, the wording of what the models refuse, and where rules look.
 
-A mistake has its key, what is wrong and a hint; `load` adds the line in the file.
+A mistake has its key, what is wrong and a hint; `load` adds the line in the file. Rules across tables look
+into the document as parsed: a value of the wrong type counts as none there, since the models find that.
 """
 
 from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import date, time
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
-from pydantic_core import ErrorDetails
 
 from gateway.config.schema import REPEATED_TABLES, Config
 from gateway.config.toml_lines import Key
@@ -70,41 +70,48 @@ def explain(error: ValidationError) -> list[Mistake]:
     for detail in error.errors(include_url=False):
         if detail["type"] == "too_short" and detail["input"]:
             continue  # its items are wrong, and named one by one
-        mistakes.append(_mistake(detail))
+        key, value = detail["loc"], detail["input"]
+        mistakes.append(Mistake(key, *_words(detail["type"], key, value, detail.get("ctx", {}))))
     return mistakes
 
 
-def _mistake(detail: ErrorDetails) -> Mistake:
-    key: Key = detail["loc"]
-    kind = detail["type"]
-    ctx = detail.get("ctx", {})
-    explanation = _EXPLANATIONS.get(kind)
-    if explanation is None:
-        return Mistake(key, f"is {short(detail['input'])}", demand_of(kind, ctx))
-    return Mistake(key, *explanation(key, detail["input"], ctx))
+def _words(kind: str, key: Key, value: Any, ctx: Mapping[str, Any]) -> tuple[str, str]:
+    """Return what is wrong, and the hint, for a kind of error of pydantic."""
+    header = ".".join(str(part) for part in key if not isinstance(part, int))
+    is_repeated = header in REPEATED_TABLES
+    some = f"at least one [[{header}]] is needed"
+    match kind:
+        case "missing":
+            table = f"a table [{header}] is needed" if len(key) == 1 else ""
+            return "is missing", _MISSING_HINTS.get(header, some if is_repeated else table)
+        case "extra_forbidden":
+            return "unknown key", choose(key[-1], _known_keys(key[:-1]))
+        case "string_pattern_mismatch":
+            return _of_pattern(value, ctx["pattern"])
+        case "string_too_short" | "string_too_long" if not value:
+            return "is empty", "leave the key out, or give it a value"
+        case "string_too_long":
+            return f"has {len(value)} characters", f"at most {ctx['max_length']}"
+        case "literal_error" if isinstance(value, str) and "'" in ctx["expected"]:
+            return f"is {short(value)}", choose(value, re.findall(r"'([^']*)'", ctx["expected"]))
+        case "literal_error":
+            return f"is {short(value)}", f"must be {ctx['expected']}"
+        case "too_short":
+            return "is empty", some if is_repeated else "name at least one"
+        case "tuple_type" if is_repeated:
+            return "is not a list of tables", f"write [[{header}]], with two brackets"
+        case "tuple_type":
+            return f"is {short(value)}", 'must be a list, e.g. ["start", "stop"]'
+        case "model_type":
+            return f"is {short(value)}", f"must be a table, [{header}]"
+        case _:
+            return f"is {short(value)}", demand_of(kind, ctx)
 
 
 _MISSING_HINTS = {
     "web.user.operator": "name the client of an [[operator]]: the login has its rights",
     "web.user.password": "paste the line that starter-gateway web-password prints",
 }
-
-
-def _missing(key: Key, _value: Any, _ctx: Mapping[str, Any]) -> tuple[str, str]:
-    hint = _MISSING_HINTS.get(_header(key))
-    if hint is not None:
-        return "is missing", hint
-    if _header(key) in REPEATED_TABLES:
-        return "is missing", f"at least one [[{_header(key)}]] is needed"
-    if len(key) == 1:
-        return "is missing", f"a table [{key[0]}] is needed"
-    return "is missing", ""
-
-
-def _unknown(key: Key, _value: Any, _ctx: Mapping[str, Any]) -> tuple[str, str]:
-    return "unknown key", choose(key[-1], _known_keys(key[:-1]))
-
-
 _PATTERN_HINTS = {
     FIRMWARE_PATTERN: "two numbers with a point between them, such as 1.30",
     USER_PATTERN: "only letters, digits, _ . @ and -",
@@ -114,59 +121,11 @@ _PATTERN_HINTS = {
 }
 
 
-def _pattern(_key: Key, value: Any, ctx: Mapping[str, Any]) -> tuple[str, str]:
-    if ctx["pattern"] == LINE_PATTERN:  # perhaps a password: it is not shown
+def _of_pattern(value: Any, pattern: str) -> tuple[str, str]:
+    if pattern == LINE_PATTERN:  # perhaps a password: it is not shown
         return "is no password line", "paste the line that starter-gateway web-password prints"
-    if ctx["pattern"] in _PATTERN_HINTS:
-        return f"is {short(value)}", _PATTERN_HINTS[ctx["pattern"]]
-    also = "" if ctx["pattern"] == NAME_PATTERN else ", and * or ? for any others"
-    return f"is {short(value)}", f"only a-z, 0-9, _ and -{also}"
-
-
-def _choice(_key: Key, value: Any, ctx: Mapping[str, Any]) -> tuple[str, str]:
-    words = re.findall(r"'([^']*)'", ctx["expected"])
-    if words and isinstance(value, str):
-        return f"is {short(value)}", choose(value, words)
-    return f"is {short(value)}", f"must be {ctx['expected']}"
-
-
-def _empty(key: Key, _value: Any, _ctx: Mapping[str, Any]) -> tuple[str, str]:
-    if _header(key) in REPEATED_TABLES:
-        return "is empty", f"at least one [[{_header(key)}]] is needed"
-    return "is empty", "name at least one"
-
-
-def _no_list(key: Key, value: Any, _ctx: Mapping[str, Any]) -> tuple[str, str]:
-    if _header(key) in REPEATED_TABLES:
-        return "is not a list of tables", f"write [[{_header(key)}]], with two brackets"
-    return f"is {short(value)}", 'must be a list, e.g. ["start", "stop"]'
-
-
-def _no_table(key: Key, value: Any, _ctx: Mapping[str, Any]) -> tuple[str, str]:
-    return f"is {short(value)}", f"must be a table, [{_header(key)}]"
-
-
-def _length(_key: Key, value: Any, ctx: Mapping[str, Any]) -> tuple[str, str]:
-    if not value:
-        return "is empty", "leave the key out, or give it a value"
-    return f"has {len(value)} characters", f"at most {ctx['max_length']}"
-
-
-_EXPLANATIONS: dict[str, Callable[[Key, Any, Mapping[str, Any]], tuple[str, str]]] = {
-    "missing": _missing,
-    "extra_forbidden": _unknown,
-    "string_pattern_mismatch": _pattern,
-    "string_too_short": _length,
-    "string_too_long": _length,
-    "literal_error": _choice,
-    "too_short": _empty,
-    "tuple_type": _no_list,
-    "model_type": _no_table,
-}
-
-
-def _header(key: Key) -> str:
-    return ".".join(str(part) for part in key if not isinstance(part, int))
+    also = "" if pattern == NAME_PATTERN else ", and * or ? for any others"
+    return f"is {short(value)}", _PATTERN_HINTS.get(pattern, f"only a-z, 0-9, _ and -{also}")
 
 
 def _known_keys(table: Key) -> list[str]:
@@ -174,9 +133,56 @@ def _known_keys(table: Key) -> list[str]:
     for part in table:
         if isinstance(part, str):
             field = next(f for name, f in model.model_fields.items() if (f.alias or name) == part)
-            model = next(t for t in (field.annotation, *get_args(field.annotation)) if _is_model(t))
+            types = (field.annotation, *get_args(field.annotation))
+            model = next(t for t in types if isinstance(t, type) and issubclass(t, BaseModel))
     return [field.alias or name for name, field in model.model_fields.items()]
 
 
-def _is_model(annotation: Any) -> bool:
-    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+Document = Mapping[str, Any]
+
+
+def lines_in(document: Document) -> Iterator[tuple[Key, Document]]:
+    """Yield the lines with their keys."""
+    for index, line in enumerate(list_in(document, "line")):
+        if isinstance(line, Mapping):
+            yield ("line", index), line
+
+
+def starters_in(document: Document) -> Iterator[tuple[Key, Document]]:
+    """Yield the starters of all lines with their keys."""
+    for key, line in lines_in(document):
+        yield from starters_of(key, line)
+
+
+def starters_of(key: Key, line: Document) -> Iterator[tuple[Key, Document]]:
+    """Yield a line's starters with their keys."""
+    for index, starter in enumerate(list_in(line, "starter")):
+        if isinstance(starter, Mapping):
+            yield (*key, "starter", index), starter
+
+
+def table_in(document: Document, name: str) -> Document:
+    """Return a table; an empty one for none."""
+    table = document.get(name)
+    return table if isinstance(table, Mapping) else {}
+
+
+def list_in(document: Document, name: str) -> list[Any]:
+    """Return a list; an empty one for none."""
+    items = document.get(name)
+    return items if isinstance(items, list) else []
+
+
+def text_in(table: Document, name: str) -> str:
+    """Return a text; an empty one for none."""
+    text = table.get(name)
+    return text if isinstance(text, str) else ""
+
+
+def again(seen: dict[object, Key], key: Key, value: object, hint: str) -> Iterator[Mistake]:
+    """Yield a value that another key has too; `seen` is what came before."""
+    if not value or not isinstance(value, str | int):
+        return
+    if value in seen:
+        yield Mistake(key, f"{short(value)} is also {spell(seen[value])}", hint)
+    seen.setdefault(value, key)

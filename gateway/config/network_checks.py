@@ -6,9 +6,8 @@ import ipaddress
 import re
 from collections.abc import Iterator, Mapping
 
-from gateway.config.documents import Document, again, list_in, table_in, text_in
 from gateway.config.integration_tables import DEFAULT_DISCOVERY_PREFIX
-from gateway.config.mistakes import Mistake, choose, short
+from gateway.config.mistakes import Document, Mistake, again, choose, list_in, short, table_in, text_in
 from gateway.config.schema import DEFAULT_BASE
 from gateway.config.toml_lines import Key
 from gateway.config.values import NAME_PATTERN, SCHEMES, is_loopback, split_listen, split_url
@@ -63,7 +62,8 @@ def _url(key: Key, url: str, *, is_open: bool) -> Iterator[Mistake]:
     if parts is None:
         scheme = url.partition("://")[0]
         hint = choose(scheme, SCHEMES) if "://" in url and scheme not in SCHEMES else "mqtts://host:8883"
-        yield Mistake(key, f"{short(_without_login(url))} is no broker address", hint)
+        without_login = re.sub(r"[^/]*@", "...@", url)
+        yield Mistake(key, f"{short(without_login)} is no broker address", hint)
         return
     split, _port = parts
     if split.username is not None or split.password is not None:
@@ -74,10 +74,6 @@ def _url(key: Key, url: str, *, is_open: bool) -> Iterator[Mistake]:
     if split.scheme == "mqtt" and not is_local and not is_open:
         hint = "use mqtts://, or allow_plaintext = true"
         yield Mistake(key, "would send passwords and commands unencrypted", hint)
-
-
-def _without_login(url: str) -> str:
-    return re.sub(r"[^/]*@", "...@", url)
 
 
 def _base(document: Document) -> Iterator[Mistake]:
@@ -131,9 +127,8 @@ def _web_users(document: Document) -> Iterator[Mistake]:
 
 def _operator(document: Document, key: Key, client: str) -> Iterator[Mistake]:
     """Yield a name that should be an operator's client and is not."""
-    operators = [
-        text_in(table, "client") for table in list_in(document, "operator") if isinstance(table, Mapping)
-    ]
+    tables = list_in(document, "operator")
+    operators = [text_in(table, "client") for table in tables if isinstance(table, Mapping)]
     if client and client not in operators:
         hint = choose(client, operators) if operators else "add an [[operator]] with this client"
         yield Mistake(key, f"{short(client)} is no [[operator]]'s client", hint)
@@ -146,12 +141,8 @@ def _home_assistant(document: Document) -> Iterator[Mistake]:
     if table.get("commands") is True and not text_in(table, "operator"):
         hint = "name the [[operator]] whose rights Home Assistant has"
         yield Mistake(("homeassistant", "commands"), "needs operator beside it", hint)
-    if "homeassistant" in document:
-        yield from _home_assistant_topics(document, table)
-
-
-def _home_assistant_topics(document: Document, table: Document) -> Iterator[Mistake]:
-    """Yield topics of Home Assistant that are, hold or lie in those of another purpose."""
+    if "homeassistant" not in document:
+        return
     base = text_in(table_in(document, "mqtt"), "base") or DEFAULT_BASE
     base = base.replace("{gateway}", text_in(table_in(document, "gateway"), "name"))
     prefix = text_in(table, "discovery_prefix") or DEFAULT_DISCOVERY_PREFIX

@@ -9,7 +9,6 @@ from __future__ import annotations
 import stat
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import NamedTuple
 
 from pydantic import BaseModel
 
@@ -24,14 +23,6 @@ SPARKPLUG_CREDENTIAL = "sparkplug.password"
 METRICS_CREDENTIAL = "metrics.token"
 _ENDING = "_file"  # of a key that names a file to be read
 _SECRET = frozenset({"password_file", "key_file", "token_file"})
-
-
-class SiteFile(NamedTuple):
-    """A file by the key that names it."""
-
-    key: str
-    path: Path  # as configured: relative ones begin at the configuration's folder
-    is_secret: bool
 
 
 def mqtt_password(config: Config, folder: str | Path, environ: Mapping[str, str]) -> str | None:
@@ -68,18 +59,21 @@ def sparkplug_password(
 
 def password_in(path: Path, *, key: str = "password_file") -> str:
     """Return a file's first line; ConfigError when it cannot be used, or others may use it too."""
-    _refuse_readable_by_others(path, key)
+    try:
+        mode = path.stat().st_mode
+    except OSError as error:
+        raise _unusable(path, key, error.strerror or str(error), "create it, mode 0600") from error
+    if mode & (stat.S_IRWXG | stat.S_IRWXO):
+        raise _unusable(path, key, "others than its owner may use it", f"chmod 600 {path}")
     return _first_line(path, key)
 
 
-def files_of(config: Config) -> list[SiteFile]:
-    """Return every file that a configuration refers to, each once."""
-    found: dict[Path, SiteFile] = {}
-    for each in _files_in(config, ""):
-        before = found.get(each.path)
-        if before is None or each.is_secret:
-            found[each.path] = each
-    return list(found.values())
+def files_of(config: Config) -> dict[Path, bool]:
+    """Return every file that a configuration refers to, as it is named there, and whether it is a secret."""
+    found: dict[Path, bool] = {}
+    for path, is_secret in _files_in(config):
+        found[path] = is_secret or found.get(path, False)
+    return found
 
 
 def without_logins(text: str, config: Config) -> tuple[str, list[str]]:
@@ -94,9 +88,7 @@ def without_logins(text: str, config: Config) -> tuple[str, list[str]]:
     left = [user for user in (after.users if after else ()) if user.password != unmatched_line()]
     if left:
         what = f"the password of login {left[0].name} cannot be left out"
-        raise ConfigError(
-            "the copy", [Problem("web.user", what, "write it without escapes, or use --secrets")]
-        )
+        raise _unusable(Path("the copy"), "web.user", what, "write it without escapes, or use --secrets")
     return text, [user.name for user in users]
 
 
@@ -111,19 +103,9 @@ def _credential(name: str, environ: Mapping[str, str]) -> str | None:
     except (FileNotFoundError, NotADirectoryError):
         return None
     except OSError as error:
-        raise _unusable(
-            path, name, error.strerror or str(error), "see LoadCredential= of the unit"
-        ) from error
+        what = error.strerror or str(error)
+        raise _unusable(path, name, what, "see LoadCredential= of the unit") from error
     return _first_line(path, name)
-
-
-def _refuse_readable_by_others(path: Path, key: str) -> None:
-    try:
-        mode = path.stat().st_mode
-    except OSError as error:
-        raise _unusable(path, key, error.strerror or str(error), "create it, mode 0600") from error
-    if mode & (stat.S_IRWXG | stat.S_IRWXO):
-        raise _unusable(path, key, "others than its owner may use it", f"chmod 600 {path}")
 
 
 def _first_line(path: Path, key: str) -> str:
@@ -142,11 +124,11 @@ def _unusable(path: Path, key: str, what: str, hint: str) -> ConfigError:
     return ConfigError(str(path), [Problem(key, what, hint)])
 
 
-def _files_in(table: BaseModel, where: str) -> Iterator[SiteFile]:
-    for name, field in type(table).model_fields.items():
-        value, key = getattr(table, name), f"{where}{field.alias or name}"
+def _files_in(table: BaseModel) -> Iterator[tuple[Path, bool]]:
+    for name in type(table).model_fields:
+        value = getattr(table, name)
         if name.endswith(_ENDING) and value is not None:
-            yield SiteFile(key, Path(value), name in _SECRET)
+            yield Path(value), name in _SECRET
         for item in value if isinstance(value, tuple) else (value,):
             if isinstance(item, BaseModel):
-                yield from _files_in(item, f"{key}.")
+                yield from _files_in(item)

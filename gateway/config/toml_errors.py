@@ -28,19 +28,15 @@ def syntax_problem(error: ValueError, text: str) -> Problem:
         line = None if found is None else text.count("\n", 0, found.start()) + 1
         return Problem("syntax", "a number has too many digits", "is something missing in between?", line)
     place = _PLACE.search(message)
-    line, column = _place(place, text)
-    lines = text.replace("\r\n", "\n").split("\n")  # as the parser counts them
-    rest = lines[line - 1][column - 1 :].strip() if place and place[1] else ""
-    what, hint = _words(_PLACE.sub("", message), rest)
-    where = f"column {column}" if place is None or place[1] else "the end of the file"
-    return Problem("syntax", f"{what}, at {where}" if place else what, hint, line if place else None)
-
-
-def _place(place: re.Match[str] | None, text: str) -> tuple[int, int]:
-    """Return the line and column of an error; the end of the text for one that was met there."""
+    line, where, rest = None, "", ""
     if place is not None and place[1]:
-        return int(place[1]), int(place[2])
-    return text.rstrip("\n").count("\n") + 1, 1
+        line, column = int(place[1]), int(place[2])
+        lines = text.replace("\r\n", "\n").split("\n")  # as the parser counts them
+        where, rest = f", at column {column}", lines[line - 1][column - 1 :].strip()
+    elif place is not None:
+        line, where = text.rstrip("\n").count("\n") + 1, ", at the end of the file"
+    what, hint = _words(_PLACE.sub("", message), rest)
+    return Problem("syntax", f"{what}{where}", hint, line)
 
 
 def _words(message: str, rest: str) -> tuple[str, str]:

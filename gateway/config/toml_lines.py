@@ -6,16 +6,18 @@ The text is one that `tomllib` accepts; only what decides where keys are is unde
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 Key = tuple[str | int, ...]
 
-_BARE = re.compile(r"[A-Za-z0-9_-]+")
-_QUOTED = re.compile(r'"(?:[^"\\\n]|\\.)*"|\'[^\'\n]*\'')
-_LONG = re.compile(r'"""(?:[^\\]|\\.)*?"{3,5}|\'\'\'.*?\'{3,5}', re.DOTALL)
-_SCALAR = re.compile(r"[^,\]}#\n]*")
-_BLANK = re.compile(r"[ \t]*")
-_BLANK_LINES = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
+_TOKEN = re.compile(
+    r"""(?P<skipped>[ \t\r]+|\#[^\n]*)
+    |"{3}(?:[^\\]|\\.)*?"{3,5} | '{3}.*?'{3,5} | "(?:[^"\\\n]|\\.)*" | '[^'\n]*'
+    |[^]\s,[{}=.\#"']+
+    |.""",
+    re.DOTALL | re.VERBOSE,
+)
+_ENDS = (",", "]", "}", "\n", "")  # what follows a value
 _ESCAPES = {'"': '"', "\\": "\\", "b": "\b", "t": "\t", "n": "\n", "f": "\f", "r": "\r"}
 
 
@@ -36,32 +38,30 @@ def line_of(lines: dict[Key, int], key: Sequence[str | int]) -> int | None:
 
 
 class _Scan:
-    """One pass over a text, from its first character to its last."""
+    """One pass over the tokens of a text, from the first to the last, which is empty."""
 
     def __init__(self, text: str) -> None:
         self.lines: dict[Key, int] = {}
-        self._text = text
-        self._at = 0
-        self._line = 1
+        self._left = [("", 0), *reversed(list(_tokens(text)))]
         self._counts: dict[Key, int] = {}  # items so far of each array of tables
 
     def document(self) -> None:
         """Note the position of everything."""
         table: Key = ()
-        self._take(_BLANK_LINES)
-        while self._at < len(self._text):
-            if self._peek() == "[":
+        while token := self._first():
+            if token == "[":
                 table = self._header()
             else:
                 self._assignment(table)
-            self._take(_BLANK_LINES)
 
     def _header(self) -> Key:
-        is_array = self._text.startswith("[[", self._at)
-        line = self._line
-        self._skip(2 if is_array else 1)
+        _, line = self._left.pop()
+        is_array = self._peek() == "["
+        if is_array:
+            self._left.pop()
         parts = self._dotted()
-        self._skip(2 if is_array else 1)
+        for _ in range(2 if is_array else 1):
+            self._left.pop()
         table: Key = ()
         for index, part in enumerate(parts):
             table = (*table, part)
@@ -74,78 +74,62 @@ class _Scan:
         return table
 
     def _assignment(self, table: Key) -> None:
-        line = self._line
-        key = table
+        line, key = self._left[-1][1], table
         for part in self._dotted():
             key = (*key, part)
             self.lines.setdefault(key, line)
-        self._skip(1)  # =
-        self._take(_BLANK)
+        self._left.pop()  # =
         self._value(key)
 
     def _value(self, key: Key) -> None:
-        if self._peek() == "[":
-            self._array(key)
-        elif self._peek() == "{":
-            self._inline_table(key)
-        elif not self._take(_LONG) and not self._take(_QUOTED):
-            self._take(_SCALAR)
-
-    def _array(self, key: Key) -> None:
-        self._skip(1)
-        self._take(_BLANK_LINES)
+        opening = self._peek()
+        if opening not in ("[", "{"):
+            while self._peek() not in _ENDS:
+                self._left.pop()
+            return
+        self._left.pop()
         index = 0
-        while self._peek() not in ("]", ""):
-            self.lines.setdefault((*key, index), self._line)
-            self._value((*key, index))
-            index += 1
-            self._comma()
-        self._skip(1)
-
-    def _inline_table(self, key: Key) -> None:
-        self._skip(1)
-        self._take(_BLANK_LINES)
-        while self._peek() not in ("}", ""):
-            self._assignment(key)
-            self._comma()
-        self._skip(1)
-
-    def _comma(self) -> None:
-        self._take(_BLANK_LINES)
-        if self._peek() == ",":
-            self._skip(1)
-        self._take(_BLANK_LINES)
+        while self._first() not in ("]", "}"):
+            if opening == "{":
+                self._assignment(key)
+            else:
+                self.lines.setdefault((*key, index), self._left[-1][1])
+                self._value((*key, index))
+                index += 1
+            if self._first() == ",":
+                self._left.pop()
+        self._left.pop()
 
     def _dotted(self) -> list[str]:
-        parts = []
-        while True:
-            self._take(_BLANK)
-            quoted = self._take(_QUOTED)
-            parts.append(_unquote(quoted) if quoted else self._take(_BARE))
-            self._take(_BLANK)
-            if self._peek() != ".":
-                return parts
-            self._skip(1)
+        parts = [_unquote(self._left.pop()[0])]
+        while self._peek() == ".":
+            self._left.pop()
+            parts.append(_unquote(self._left.pop()[0]))
+        return parts
 
     def _peek(self) -> str:
-        return self._text[self._at : self._at + 1]
+        return self._left[-1][0]
 
-    def _skip(self, count: int) -> None:
-        self._at += count
-
-    def _take(self, pattern: re.Pattern[str]) -> str:
-        match = pattern.match(self._text, self._at)
-        taken = match.group() if match else ""
-        self._at += len(taken)
-        self._line += taken.count("\n")
-        return taken
+    def _first(self) -> str:
+        """Return the next token that is no line's end."""
+        while self._peek() == "\n":
+            self._left.pop()
+        return self._peek()
 
 
-def _unquote(quoted: str) -> str:
-    body = quoted[1:-1]
-    if quoted[0] == "'":
-        return body
-    return re.sub(r"\\(u[0-9A-Fa-f]{4}|U[0-9A-Fa-f]{8}|.)", _unescape, body)
+def _tokens(text: str) -> Iterator[tuple[str, int]]:
+    """Yield what is neither blank nor comment, with its line."""
+    line = 1
+    for match in _TOKEN.finditer(text):
+        if match["skipped"] is None:
+            yield match[0], line
+        line += match[0].count("\n")
+
+
+def _unquote(word: str) -> str:
+    if word[0] == '"':
+        return re.sub(r"\\(u[0-9A-Fa-f]{4}|U[0-9A-Fa-f]{8}|.)", _unescape, word[1:-1])
+    return word.strip("'")
 
 
 def _unescape(match: re.Match[str]) -> str:

@@ -81,9 +81,8 @@ class Accounts:
         is_right = await self._checked(str(password) if is_text else "-", line)
         is_same = self._settings.users.get(name) == known  # else a reload has changed the user meanwhile
         if not is_right or not is_text or known is None or not is_same:
-            self._note(
-                "login", "wrong_login", name if known else "", "" if known is None else known.client, caller
-            )
+            who = ("", "") if known is None else (name, known.client)
+            self._note("login", "wrong_login", *who, caller)
             return LoginOutcome()
         self._limiter.succeeded(*keys)
         secret, session = self._sessions.open(

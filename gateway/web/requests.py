@@ -60,11 +60,8 @@ def caller_of(settings: WebSettings, headers: Mapping[str, str], *, peer: str, s
     strangers = [each for each in reversed(forwarded) if not is_trusted(settings.trusted_proxies, each)]
     address = strangers[0] if strangers and _is_address(strangers[0]) else peer
     proto = headers.get("x-forwarded-proto", scheme).strip().lower()
-    return Caller(
-        address,
-        headers.get("x-forwarded-host", host).strip(),
-        proto if proto in ("http", "https") else scheme,
-    )
+    scheme = proto if proto in ("http", "https") else scheme
+    return Caller(address, headers.get("x-forwarded-host", host).strip(), scheme)
 
 
 def is_trusted(proxies: Sequence[str], peer: str) -> bool:
@@ -110,7 +107,8 @@ def scrape_refusal(headers: Mapping[str, str], caller: Caller, token: str | None
         scheme, _, given = headers.get("authorization", "").partition(" ")
         is_right = hmac.compare_digest(given.strip().encode("utf-8", "replace"), token.encode("utf-8"))
         return "" if scheme.lower() == "bearer" and is_right else "send Authorization: Bearer TOKEN"
-    if caller.is_tls or (_is_address(caller.address) and _is_loopback(caller.address)):
+    is_address = _is_address(caller.address)
+    if caller.is_tls or (is_address and ipaddress.ip_address(_plain(caller.address)).is_loopback):
         return ""
     return "from other machines by TLS only, or with token_file in [metrics]"
 
@@ -187,10 +185,6 @@ def _is_address(text: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _is_loopback(address: str) -> bool:
-    return ipaddress.ip_address(_plain(address)).is_loopback
 
 
 def _plain(address: str) -> str:

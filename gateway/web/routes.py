@@ -10,6 +10,7 @@ import json
 import re
 import secrets
 from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from starlette.exceptions import HTTPException
@@ -24,11 +25,7 @@ from gateway.web.accounts import Accounts
 from gateway.web.commands import MAX_BODY_BYTES, PendingCommands
 from gateway.web.interface import GatewayAccess, ToolBusyError, dumps
 from gateway.web.plots import HOUR_STEP_S, SPARK_SLOTS, SPARK_STEP_S, numbers, thinned
-from gateway.web.requests import (
-    Caller,
-    scrape_refusal,
-    takes_gzip,
-)
+from gateway.web.requests import Caller, scrape_refusal, takes_gzip
 from gateway.web.sessions import WebSession
 from gateway.web.site_model import SiteModel
 from gateway.web.static_files import INDEX, StaticFile
@@ -48,27 +45,19 @@ class WebError(HTTPException):
         super().__init__(status, json.dumps({"error": code, "text": text}), headers)
 
 
+@dataclass(eq=False)
 class Routes:
     """What the page answers on which path; all state is what it is given."""
 
-    def __init__(
-        self,
-        *,
-        model: SiteModel,
-        access: GatewayAccess,
-        accounts: Accounts,
-        streams: Streams,
-        commands: PendingCommands,
-        files: Mapping[str, StaticFile],
-        clock: Clock,
-    ) -> None:
-        self._model = model
-        self._access = access
-        self._accounts = accounts
-        self._streams = streams
-        self._commands = commands
-        self._files = files
-        self._clock = clock
+    model: SiteModel
+    access: GatewayAccess
+    accounts: Accounts
+    streams: Streams
+    commands: PendingCommands
+    files: Mapping[str, StaticFile]
+    clock: Clock
+
+    def __post_init__(self) -> None:
         self._one_at_a_time = asyncio.Lock()  # what takes long for many starters
         self.router = Router(self._routes(), redirect_slashes=False)
 
@@ -109,7 +98,7 @@ class Routes:
         return self._file(request, request.path_params["name"])
 
     def _file(self, request: Request, name: str) -> Response:
-        file = self._files.get(name)
+        file = self.files.get(name)
         if file is None:
             raise WebError(404, "not_found", "there is no such file")
         headers = {"etag": file.etag, "cache-control": "no-cache", "vary": "Accept-Encoding"}
@@ -122,13 +111,13 @@ class Routes:
         return Response(content, media_type=file.media_type, headers=headers)
 
     async def _health(self, _: Request) -> Response:
-        status = self._model.payload("gateway/status") or {"state": "unknown"}
-        health = await self._access.health()
+        status = self.model.payload("gateway/status") or {"state": "unknown"}
+        health = await self.access.health()
         is_well = status["state"] in ("online", "degraded") and all(health["lines"].values())
         return _json({"state": status["state"], **health}, status=200 if is_well else 503)
 
     async def _metrics(self, request: Request) -> Response:
-        metrics = self._access.metrics()
+        metrics = self.access.metrics()
         if metrics is None:
             raise WebError(404, "no_metrics", "there is no [metrics] in the configuration, or it has failed")
         reason = scrape_refusal(_headers(request), _caller(request), metrics.token)
@@ -142,47 +131,47 @@ class Routes:
 
     async def _state(self, request: Request) -> Response:
         stream = self._new_stream(request)
-        etag = f'"{self._model.gen}"'
+        etag = f'"{self.model.gen}"'
         if _header(request, "if-none-match") == etag:
             return Response(status_code=304, headers={"etag": etag})
         content = bytearray()
         async with self._one_at_a_time:
-            async for piece in unhurried(self._streams.snapshot(stream)):
+            async for piece in unhurried(self.streams.snapshot(stream)):
                 content += piece
         return _encoded(bytes(content), {"etag": etag})
 
     async def _events(self, request: Request) -> EventStream:
         stream = self._new_stream(request)
-        if not self._streams.join(stream):
+        if not self.streams.join(stream):
             text = "too many pages are open here; close one"
             raise WebError(503, "busy", text, retry_s=BUSY_RETRY_S)
-        return EventStream(self._streams, stream)
+        return EventStream(self.streams, stream)
 
     def _new_stream(self, request: Request) -> Stream:
         starter = request.query_params.get("starter")
         if starter is not None:
             self._require_starter(starter)
-        session = self._accounts.session(_headers(request), _caller(request), is_use=False)
+        session = self.accounts.session(_headers(request), _caller(request), is_use=False)
         return Stream(
             scope=starter,
             owner=session.key if session else _caller(request).address,
-            session=dumps(self._accounts.as_data(session)),
+            session=dumps(self.accounts.as_data(session)),
             session_key=session.key if session else "",
             client=session.client if session else None,
         )
 
     async def _starter(self, request: Request) -> Response:
         name = self._named(request)
-        session = self._accounts.session(_headers(request), _caller(request))
+        session = self.accounts.session(_headers(request), _caller(request))
         about = {
             "name": name,
-            "facts": self._model.facts(name),
-            "actions": self._access.actions(name, session.client if session else None),
-            "commands": self._model.commands(name),
+            "facts": self.model.facts(name),
+            "actions": self.access.actions(name, session.client if session else None),
+            "commands": self.model.commands(name),
         }
         topics = b",".join(
             dumps(topic) + b":" + (payload or b"null")
-            for topic, payload in self._model.topics(name)
+            for topic, payload in self.model.topics(name)
             if topic.startswith(f"starter/{name}/")
         )
         content = dumps(about)[:-1] + b',"topics":{' + topics + b"}}"
@@ -190,9 +179,9 @@ class Routes:
 
     async def _history(self, request: Request) -> Response:
         name = self._named(request)
-        stored = await self._access.records(name) or {}
+        stored = await self.access.records(name) or {}
         lists = {
-            kind: [dumps(each) for each in stored[kind]] if kind in stored else self._model.records(name, one)
+            kind: [dumps(each) for each in stored[kind]] if kind in stored else self.model.records(name, one)
             for kind, one in (("starts", "start"), ("trips", "trip"))
         }
         content = b'{"plots":' + dumps(self._plots(name))
@@ -201,15 +190,15 @@ class Routes:
         return _encoded(content + b"}")
 
     def _plots(self, name: str) -> dict[str, Any]:
-        plots, now_s = self._model.plots(name), self._clock.now_s()
-        point = self._model.voltage_point(name)
+        plots, now_s = self.model.plots(name), self.clock.now_s()
+        point = self.model.voltage_point(name)
         units = {
-            each: (self._model.payload(f"starter/{name}/value/{each}") or {}).get("unit", "")
+            each: (self.model.payload(f"starter/{name}/value/{each}") or {}).get("unit", "")
             for each in ("current", point)
             if each
         }
         return {
-            "end": rfc3339(self._clock.utc_s()),
+            "end": rfc3339(self.clock.utc_s()),
             "step_s": HOUR_STEP_S,
             "current": numbers(plots.current.values(now_s)) if plots else [],
             "voltage": numbers(plots.voltage.values(now_s)) if plots else [],
@@ -219,30 +208,30 @@ class Routes:
         }
 
     async def _parameters(self, request: Request) -> Response:
-        return _json({"rows": await self._access.parameters(self._named(request))})
+        return _json({"rows": await self.access.parameters(self._named(request))})
 
     async def _gateway(self, _: Request) -> Response:
-        return _json({**self._access.about(), "streams": len(self._streams)})
+        return _json({**self.access.about(), "streams": len(self.streams)})
 
     async def _sparks(self, request: Request) -> Response:
         asked = request.query_params.get("points", "60")
         points = int(asked) if asked.isascii() and asked.isdigit() and len(asked) < 4 else 60
         points = min(max(points, 1), SPARK_SLOTS)
-        now_s, sparks = self._clock.now_s(), {}
+        now_s, sparks = self.clock.now_s(), {}
         async with self._one_at_a_time:
-            for name in tuple(self._model.site.starters):
-                plots = self._model.plots(name)
+            for name in tuple(self.model.site.starters):
+                plots = self.model.plots(name)
                 if plots is not None:
                     sparks[name] = numbers(thinned(plots.spark.values(now_s), points))
                     await asyncio.sleep(0)
         step_s = SPARK_STEP_S * -(-SPARK_SLOTS // points)
-        return _json({"end": rfc3339(self._clock.utc_s()), "step_s": step_s, "starters": sparks})
+        return _json({"end": rfc3339(self.clock.utc_s()), "step_s": step_s, "starters": sparks})
 
     async def _csv(self, _: Request) -> Response:
         text = io.StringIO()
         writer = csv.writer(text)
         writer.writerow(["time", "topic", "severity", "code", "text", "client", "verb", "decision", "id"])
-        for message in self._model.messages(None) or ():
+        for message in self.model.messages(None) or ():
             fields = json.loads(message.payload)
             columns = ("severity", "code", "text", "client", "verb", "decision", "id")
             writer.writerow(
@@ -254,28 +243,28 @@ class Routes:
     # Who is logged in
 
     async def _session(self, request: Request) -> Response:
-        session = self._accounts.session(_headers(request), _caller(request))
-        return _json(self._accounts.as_data(session))
+        session = self.accounts.session(_headers(request), _caller(request))
+        return _json(self.accounts.as_data(session))
 
     async def _login(self, request: Request) -> Response:
         fields = _object(await self._body(request))
         caller = _caller(request)
-        outcome = await self._accounts.log_in(fields.get("user"), fields.get("password"), caller)
+        outcome = await self.accounts.log_in(fields.get("user"), fields.get("password"), caller)
         if outcome.wait_s:
             text = f"too many wrong passwords; wait {outcome.wait_s} s"
             raise WebError(429, "too_many_logins", text, retry_s=outcome.wait_s)
         if outcome.session is None:
             raise WebError(401, "wrong_login", "the user or the password is wrong")
-        answer = _json(self._accounts.as_data(outcome.session))
-        answer.headers["set-cookie"] = self._accounts.cookie(caller, outcome.secret)
+        answer = _json(self.accounts.as_data(outcome.session))
+        answer.headers["set-cookie"] = self.accounts.cookie(caller, outcome.secret)
         return answer
 
     async def _logout(self, request: Request) -> Response:
         session = self._own_session(request)
-        self._accounts.log_out(session, _caller(request))
-        self._streams.end(session.key)
-        answer = _json(self._accounts.as_data(None))
-        answer.headers["set-cookie"] = self._accounts.cookie(_caller(request), "")
+        self.accounts.log_out(session, _caller(request))
+        self.streams.end(session.key)
+        answer = _json(self.accounts.as_data(None))
+        answer.headers["set-cookie"] = self.accounts.cookie(_caller(request), "")
         return answer
 
     # What is done
@@ -283,12 +272,12 @@ class Routes:
     async def _command(self, request: Request) -> Response:
         session = self._own_session(request)
         starter, verb = request.path_params["starter"], request.path_params["verb"]
-        if not self._model.is_target(starter) or _VERB.fullmatch(verb) is None:
+        if not self.model.is_target(starter) or _VERB.fullmatch(verb) is None:
             raise WebError(404, "not_found", "there is no such starter or group, or no such verb")
         body = await self._body(request)
         correlation = f"web-{secrets.token_hex(12)}".encode("ascii")
-        with self._commands.expect(correlation, starter) as phases:
-            self._access.submit(
+        with self.commands.expect(correlation, starter) as phases:
+            self.access.submit(
                 starter, verb, body, client=session.client, user=session.user, correlation=correlation
             )
             is_final = await phases.until_final()
@@ -299,23 +288,23 @@ class Routes:
         self._own_session(request)
         await self._body(request)
         try:
-            return _json(await self._access.run_tool(request.url.path.rpartition("/")[2]))
+            return _json(await self.access.run_tool(request.url.path.rpartition("/")[2]))
         except ToolBusyError:
             raise WebError(503, "busy", "one runs already; wait for it", retry_s=BUSY_RETRY_S) from None
 
     async def _diagnostics(self, request: Request) -> Response:
-        if self._accounts.session(_headers(request), _caller(request)) is None:
+        if self.accounts.session(_headers(request), _caller(request)) is None:
             raise WebError(401, "login", "log in first")
-        gateway = await asyncio.to_thread(self._access.diagnostics)
+        gateway = await asyncio.to_thread(self.access.diagnostics)
         topics = b",".join(
-            dumps(name) + b":" + (payload or b"null") for name, payload in self._model.topics(None)
+            dumps(name) + b":" + (payload or b"null") for name, payload in self.model.topics(None)
         )
         content = dumps(gateway)[:-1] + b',"topics":{' + topics + b"}}"
         return _encoded(content, {"content-disposition": 'attachment; filename="diagnostics.json"'})
 
     def _own_session(self, request: Request) -> WebSession:
         """Return the login of a request that does something; WebError without one, or from another page."""
-        session = self._accounts.session(_headers(request), _caller(request))
+        session = self.accounts.session(_headers(request), _caller(request))
         if session is None:
             raise WebError(401, "login", "log in first")
         if not secrets.compare_digest(
@@ -330,7 +319,7 @@ class Routes:
         return name
 
     def _require_starter(self, name: str) -> None:
-        if name not in self._model.site.starters:
+        if name not in self.model.site.starters:
             raise WebError(404, "not_found", "there is no such starter")
 
     async def _body(self, request: Request) -> bytes:

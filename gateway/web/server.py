@@ -34,9 +34,8 @@ BACKLOG = 128
 END_WITHIN_S = 1.0
 
 for _name in ("uvicorn", "uvicorn.error", "uvicorn.access"):
-    logging.getLogger(_name).setLevel(
-        logging.CRITICAL
-    )  # any client could fill the log; the page logs its own
+    # Any client could fill the log; the page logs its own.
+    logging.getLogger(_name).setLevel(logging.CRITICAL)
 
 
 class Connection(H11Protocol):

@@ -9,7 +9,7 @@ import json
 import sys
 from collections import OrderedDict, deque
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from gateway.records import AuditRecord, Phase, Quality, Record, ResultRecord, ValueRecord, rfc3339
@@ -70,29 +70,6 @@ class ShownSite:
     groups: Mapping[str, tuple[str, ...]]
 
 
-@dataclass(slots=True)
-class CommandLog:
-    """One command and its phases."""
-
-    id: str | None
-    client: str
-    verb: str
-    args: Mapping[str, Any] = field(default_factory=dict)
-    source: str = ""
-    phases: list[dict[str, Any]] = field(default_factory=list)
-
-    def as_data(self) -> dict[str, Any]:
-        """Return it for JSON."""
-        return {
-            "id": self.id,
-            "client": self.client,
-            "verb": self.verb,
-            "args": self.args,
-            "source": self.source or "mqtt",
-            "phases": self.phases,
-        }
-
-
 class SiteModel:
     """Takes messages and records; on the application's loop."""
 
@@ -107,7 +84,7 @@ class SiteModel:
         self._records: deque[SiteMessage] = deque()  # starts and trips
         self._record_bytes = 0
         self._plots: dict[str, StarterPlots] = {}
-        self._commands: dict[str, OrderedDict[tuple[str, str, str], CommandLog]] = {}
+        self._commands: dict[str, OrderedDict[tuple[str, str, str], dict[str, Any]]] = {}  # as for JSON
 
     def move(self, site: ShownSite) -> None:
         """Show another configuration; what it does not name is forgotten."""
@@ -145,7 +122,7 @@ class SiteModel:
             ):
                 command = self._command(record.starter, record.client, record.id, record.verb)
                 if command is not None:
-                    command.args, command.source = record.args, record.source
+                    command |= {"args": record.args, "source": record.source or "mqtt"}
             case _:
                 pass
 
@@ -220,7 +197,7 @@ class SiteModel:
 
     def commands(self, starter: str) -> list[dict[str, Any]]:
         """Return a starter's last commands, oldest first."""
-        return [command.as_data() for command in self._commands.get(starter, {}).values()]
+        return [dict(command) for command in self._commands.get(starter, {}).values()]
 
     def records(self, starter: str, kind: str) -> list[bytes]:
         """Return the payloads of a starter's last starts or trips, oldest first."""
@@ -293,20 +270,22 @@ class SiteModel:
                 "text": record.text,
                 "time": rfc3339(record.time_s),
             }
-            command.phases = [*command.phases[-7:], phase]
+            command["phases"] = [*command["phases"][-7:], phase]
 
-    def _command(self, starter: str, client: str, id_: str | None, verb: str) -> CommandLog | None:
-        """Return the log of a command to a starter or group that there is; one without id by its verb."""
+    def _command(self, starter: str, client: str, id_: str | None, verb: str) -> dict[str, Any] | None:
+        """Return the record of a command to a starter or group that there is; one without id by its verb."""
         if not self.is_target(starter):
             return None
         commands = self._commands.setdefault(starter, OrderedDict())
         key = client, id_ or "", verb
         command = commands.get(key)
-        if command is not None and not id_ and command.phases and Phase(command.phases[-1]["phase"]).is_final:
+        phases = command["phases"] if command is not None else []
+        if not id_ and phases and Phase(phases[-1]["phase"]).is_final:
             commands[client, f"ended {self.gen}", verb] = commands.pop(key)  # one without id is over
             command = None
         if command is None:
-            command = commands[key] = CommandLog(id_, client, verb)
+            command = {"id": id_, "client": client, "verb": verb, "args": {}, "source": "mqtt", "phases": []}
+            commands[key] = command
             while len(commands) > MOST_COMMANDS:
                 commands.popitem(last=False)
         return command

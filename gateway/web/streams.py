@@ -115,15 +115,16 @@ class Streams:
         actions = self._actions(stream)
         is_new = actions != stream.actions
         stream.actions = actions
-        if not changed and not is_new:
-            if self._clock.now_s() - stream.sent_s >= BEAT_S - ACTIONS_S / 2:
-                yield self._noted(stream) + b"event: beat\ndata: {" + self._head() + b"}\n\n"
+        is_beat, now_s = not changed and not is_new, self._clock.now_s()
+        if is_beat and now_s - stream.sent_s < BEAT_S - ACTIONS_S / 2:
+            return
+        stream.sent_s = now_s
+        if is_beat:
+            yield b"event: beat\ndata: {" + self._head() + b"}\n\n"
             return
         more = b',"actions":' + actions if is_new else b""
         content = changed or b'"topics":{},"messages":[]'
-        yield (
-            self._noted(stream) + b"event: change\ndata: {" + self._head() + b"," + content + more + b"}\n\n"
-        )
+        yield b"event: change\ndata: {" + self._head() + b"," + content + more + b"}\n\n"
 
     def is_due(self, stream: Stream) -> bool:
         """Return whether something has changed for a client, apart from the time."""
@@ -162,14 +163,10 @@ class Streams:
         yield b'],"actions":' + (stream.actions or b"null") + b"}"
 
     def _snapshot(self, stream: Stream) -> Iterator[bytes]:
-        yield self._noted(stream) + b"event: snapshot\ndata: "
+        stream.sent_s = self._clock.now_s()  # so that the next beat is due later
+        yield b"event: snapshot\ndata: "
         yield from self.snapshot(stream)
         yield b"\n\n"
-
-    def _noted(self, stream: Stream) -> bytes:
-        """Note that something is sent, so that the next beat is due later; return nothing to send."""
-        stream.sent_s = self._clock.now_s()
-        return b""
 
     def _head(self) -> bytes:
         head = {"gen": self.model.gen, "time": rfc3339(self._clock.utc_s()), "token": self._access.token()}

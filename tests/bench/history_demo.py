@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gateway.cli.demo.demo import CONFIG
-from gateway.cli.simulate.simulate import simulated_unit
+from gateway.cli.demo.simulate import simulated_unit
 from gateway.config.load import parse
 from gateway.sim.core.start_curve import StartCurve, start_curve
 from tests.end_to_end.demo_site import demo

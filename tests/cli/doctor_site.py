@@ -9,7 +9,7 @@ from typing import Any
 
 from gateway.app.capacity import prospects_of
 from gateway.cli.doctor.broker import BrokerAccess
-from gateway.cli.doctor.finding import DoctorFinding
+from gateway.cli.doctor.machine import DoctorFinding
 from gateway.cli.doctor.starters import LineCheckup
 from gateway.config.convert import timing_of
 from gateway.config.load import parse
@@ -90,7 +90,7 @@ def examine(
         broker = NoBroker(config, rows or {})
         clock = VirtualClock(asyncio.get_running_loop())
         line = opener or bus.opener()
-        await LineCheckup(prospect, line, broker=broker, clock=clock, state_dir=state_dir).run(found.append)
+        await LineCheckup(prospect, line, found.append, broker, clock, state_dir).run()
 
     run_virtually(run())
     return found

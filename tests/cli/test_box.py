@@ -10,10 +10,8 @@ from pathlib import Path
 import pytest
 
 from gateway.app.capacity import prospects_of
-from gateway.cli.box import BoxSpeed, measured
-from gateway.cli.box.speed import BOX_FILE, ROUND_S, WINDOW_S, slowness_of
-from gateway.cli.doctor.box import judged
-from gateway.cli.doctor.finding import DoctorFinding
+from gateway.cli.doctor.machine import DoctorFinding, judged
+from gateway.cli.doctor.speed import BOX_FILE, ROUND_S, WINDOW_S, BoxSpeed, measured, slowness_of
 from gateway.cli.main import main
 from gateway.config.load import parse
 from gateway.families.devices.findings import Weight

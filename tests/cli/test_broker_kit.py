@@ -19,10 +19,10 @@ from gateway.cli.broker_kit.bridge import (
     telemetry,
 )
 from gateway.cli.broker_kit.expected import topics_of
+from gateway.cli.broker_kit.folder import drawn_passwords, password_line, write_private
 from gateway.cli.broker_kit.kit import broker_conf
 from gateway.cli.broker_kit.lint import overlap, warnings
-from gateway.cli.broker_kit.logins import Guests, Login, access_list, logins_of, remote_clients
-from gateway.cli.broker_kit.password_file import drawn_passwords, password_line, write_private
+from gateway.cli.broker_kit.logins import KitSettings, Login, access_list, logins_of, remote_clients
 from gateway.cli.main import main
 from gateway.config.schema import Config
 from gateway.errors import ConfigError, UsageError
@@ -49,7 +49,7 @@ CENTRAL = CentralBroker("central", 8883, "acme/mcc1", "/ca.pem")
 needs_openssl = pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl is not here")
 
 
-def by_name(config: Config, guests: Guests) -> dict[str, Login]:
+def by_name(config: Config, guests: KitSettings) -> dict[str, Login]:
     return {login.name: login for login in logins_of(config, guests)}
 
 
@@ -58,7 +58,7 @@ def allows(login: Login, topic: str, *, writing: bool) -> bool:
 
 
 def test_the_list_is_of_the_operators_and_of_a_base_of_any_depth() -> None:
-    text = access_list(logins_of(site(DEEP), Guests(viewers=("panel",))))
+    text = access_list(logins_of(site(DEEP), KitSettings(viewers=("panel",))))
 
     assert "user alice\n" in text
     assert "topic write acme/site1/mcc1/command/+/alice/#\n" in text
@@ -69,7 +69,7 @@ def test_the_list_is_of_the_operators_and_of_a_base_of_any_depth() -> None:
 @pytest.mark.parametrize("bridged", [False, True])
 def test_the_access_list_gives_what_the_proof_demands_and_nothing_else(bridged: bool) -> None:
     config = site(NAMED, DATED, WITH_ALL)
-    logins = logins_of(config, Guests(further={"alice-send": "alice"}))
+    logins = logins_of(config, KitSettings(further={"alice-send": "alice"}))
     logins += edge_logins(config, config.base) if bridged else ()
 
     for topic in topics_of(config, logins):
@@ -80,7 +80,7 @@ def test_the_access_list_gives_what_the_proof_demands_and_nothing_else(bridged: 
 
 def test_no_probe_of_the_proof_gets_through_where_something_exists() -> None:
     config = site(NAMED, DATED, WITH_ALL)
-    logins = logins_of(config, Guests())
+    logins = logins_of(config, KitSettings())
 
     real = [topic for topic in topics_of(config, logins) if "pump-1" in topic.name]
     assert {topic.name.rpartition("/")[2] for topic in real} >= {"start", "state", "pump-1"}
@@ -93,7 +93,7 @@ def test_a_probe_is_no_payload_of_a_command_but_a_stop() -> None:
 
 
 def test_a_further_login_has_its_operators_rights() -> None:
-    found = by_name(site(NAMED), Guests(further={"alice-send": "alice"}))
+    found = by_name(site(NAMED), KitSettings(further={"alice-send": "alice"}))
 
     assert found["alice-send"].writes == found["alice"].writes
 
@@ -101,22 +101,22 @@ def test_a_further_login_has_its_operators_rights() -> None:
 @pytest.mark.parametrize(
     ("guests", "what"),
     [
-        (Guests(viewers=("alice",)), "two logins have the name alice"),
-        (Guests(viewers=("prover",)), "the proof's own"),
-        (Guests(viewers=("a b",)), "no name for a login"),
-        (Guests(viewers=("..",)), "no name for a login"),
-        (Guests(viewers=("acl-probe",)), "the proof's own"),
-        (Guests(further={"x": "carol"}), "no \\[\\[operator\\]\\] carol"),
+        (KitSettings(viewers=("alice",)), "two logins have the name alice"),
+        (KitSettings(viewers=("prover",)), "the proof's own"),
+        (KitSettings(viewers=("a b",)), "no name for a login"),
+        (KitSettings(viewers=("..",)), "no name for a login"),
+        (KitSettings(viewers=("acl-probe",)), "the proof's own"),
+        (KitSettings(further={"x": "carol"}), "no \\[\\[operator\\]\\] carol"),
     ],
 )
-def test_logins_that_cannot_be_are_refused(guests: Guests, what: str) -> None:
+def test_logins_that_cannot_be_are_refused(guests: KitSettings, what: str) -> None:
     with pytest.raises(UsageError, match=what):
         logins_of(site(NAMED), guests)
 
 
 def test_a_gateway_without_a_login_is_refused_with_what_to_write() -> None:
     with pytest.raises(ConfigError, match='username = "mcc1"'):
-        logins_of(site(), Guests())
+        logins_of(site(), KitSettings())
 
 
 def test_sparkplug_needs_a_login_of_its_own_at_this_broker() -> None:
@@ -124,8 +124,8 @@ def test_sparkplug_needs_a_login_of_its_own_at_this_broker() -> None:
     elsewhere = ("[[operator]]", '[sparkplug]\ngroup = "plant"\nurls = ["mqtts://other"]\n\n[[operator]]')
 
     with pytest.raises(ConfigError, match="mcc1-spb"):
-        logins_of(site(NAMED, own), Guests())
-    assert "spBv1.0" not in access_list(logins_of(site(NAMED, elsewhere), Guests()))
+        logins_of(site(NAMED, own), KitSettings())
+    assert "spBv1.0" not in access_list(logins_of(site(NAMED, elsewhere), KitSettings()))
 
 
 def test_a_password_is_hashed_as_mosquitto_passwd_does() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from gateway.cli.doctor import doctor
 from gateway.cli.doctor.broker import BrokerAccess
-from gateway.cli.doctor.finding import DoctorFinding
+from gateway.cli.doctor.machine import DoctorFinding
 from gateway.cli.main import main
 from gateway.errors import BrokerError, PortError
 from gateway.families.devices.findings import Weight
@@ -166,10 +166,13 @@ def test_the_exit_code_says_whether_anything_is_a_problem(
     path.write_text(site(folder=str(tmp_path)), "utf-8")
 
     class Checkup:
-        def __init__(self, *_: object, **__: object) -> None: ...
+        def __init__(self, *given: Any) -> None:
+            self._report: Callable[[DoctorFinding], None] = given[2]
 
-        async def run(self, report: Callable[[DoctorFinding], None]) -> None:
-            report(DoctorFinding("line hall", "is odd", Weight.WARNING if is_a_problem else Weight.NOTE))
+        async def run(self) -> None:
+            self._report(
+                DoctorFinding("line hall", "is odd", Weight.WARNING if is_a_problem else Weight.NOTE)
+            )
 
     async def no_remarks(_self: BrokerAccess) -> list[DoctorFinding]:
         return []

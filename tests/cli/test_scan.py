@@ -14,8 +14,7 @@ import pytest
 
 from gateway.cli.command import Progress
 from gateway.cli.main import main
-from gateway.cli.scan.config_text import clean, config_text
-from gateway.cli.scan.scan import addresses_in, scan, show, stable_name
+from gateway.cli.scan.scan import addresses_in, clean, config_text, scan, show, stable_name
 from gateway.cli.scan.search import BAUDS, FRAMINGS, Find, SearchSettings, timings_in_order
 from gateway.config.load import parse
 from gateway.errors import PortError, UsageError

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from gateway.cli.simulate.simulate import simulate, simulated_unit
+from gateway.cli.demo.simulate import simulate, simulated_unit
 from gateway.config.load import parse
 from gateway.errors import ConfigError, UsageError
 from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegisters, ReadInputRegisters

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from gateway.cli.simulate.topics import answer_to, simulator_topics
+from gateway.cli.demo.simulate import answer_to, simulator_topics
 from gateway.errors import UsageError
 from gateway.mqtt.contract.commands import Incoming
 from gateway.sim.factory import make_unit

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from gateway.cli.broker_kit.logins import Guests, access_list, logins_of
+from gateway.cli.broker_kit.logins import KitSettings, access_list, logins_of
 from gateway.mqtt.contract.topics import Topics
 from tests.config.sites import site
 
@@ -106,7 +106,7 @@ def test_the_list_for_emqx_gives_the_rights_of_the_one_for_mosquitto() -> None:
         'client = "alice"',
         'client = "bob"\nmay = ["stop"]\nstarters = ["*"]\n\n[[operator]]\nclient = "alice"',
     )
-    ours = access_list(logins_of(site(logins, bob), Guests()))
+    ours = access_list(logins_of(site(logins, bob), KitSettings()))
     wanted = set(rights(ours.splitlines()))
     besides = set(rights((CONTRIB / "postgresql" / "README.md").read_text("utf-8").splitlines()))
     others = {each for each in given | wanted | besides if each[0] in ("auditor", "historian")}

@@ -19,7 +19,7 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from gateway.cli.box import BoxSpeed
+from gateway.cli.doctor.speed import BoxSpeed
 from gateway.line.capacity.processor import LineDemand, processor_share
 from tests.bench.account import account, between, quantile, stops
 from tests.bench.judge import Spec
@@ -89,7 +89,7 @@ def box_speed(throttle: Throttle) -> BoxSpeed:
     program = (
         "import asyncio, json, pathlib, tempfile\n"
         "from dataclasses import asdict\n"
-        "from gateway.cli.box import measured\n"
+        "from gateway.cli.doctor.speed import measured\n"
         "from gateway.line.port.event_loop import new_precise_loop\n"
         "with asyncio.Runner(loop_factory=new_precise_loop) as runner:\n"
         "    print(json.dumps(asdict(runner.run(measured(pathlib.Path(tempfile.gettempdir()))))))\n"

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from gateway.cli.broker_kit.kit import broker_conf
-from gateway.cli.simulate.simulate import simulated_lines
+from gateway.cli.demo.simulate import simulated_lines
 from gateway.config.load import load, parse
 from gateway.line.capacity.outage import Restart
 from gateway.sim.core.unit import SimulatedUnit

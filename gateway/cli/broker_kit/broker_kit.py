@@ -9,52 +9,42 @@ from pathlib import Path
 
 from gateway.cli.broker_kit.bridge import bridge_logins
 from gateway.cli.broker_kit.certificates import BROKER_DAYS, CA, CA_KEY, CERT, ends_on, names_in
-from gateway.cli.broker_kit.folder import CENTRAL, is_kit
-from gateway.cli.broker_kit.kit import (
-    GivenFiles,
-    KitSettings,
-    kit_logins,
-    read_settings,
-    write_kit,
-)
+from gateway.cli.broker_kit.folder import CENTRAL, FOLDER, is_kit
+from gateway.cli.broker_kit.kit import GivenFiles, kit_logins, read_settings, write_kit
 from gateway.cli.broker_kit.lint import warnings
-from gateway.cli.broker_kit.logins import Login, remote_clients
-from gateway.cli.broker_kit.password_file import FOLDER
+from gateway.cli.broker_kit.logins import KitSettings, Login, remote_clients
 from gateway.cli.broker_kit.proof import Broker, prove
-from gateway.cli.command import Subparsers
+from gateway.cli.command import flag
 from gateway.config.load import load
 from gateway.config.schema import Config
 from gateway.config.secrets import password_in
 from gateway.errors import UsageError
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "broker-kit",
-        description="Write Mosquitto's configuration, access list, passwords and certificates for a gateway"
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = (
+        "Write Mosquitto's configuration, access list, passwords and certificates for a gateway"
         " into a folder; with --prove, try on the running broker that each login may do what it must, and"
         " nothing else; with --lint, look for dangerous lines in a Mosquitto configuration. Exit code 1 when"
-        " the proof or the look finds something.",
+        " the proof or the look finds something."
     )
     parser.add_argument("config", metavar="CONFIG", help="the gateway's configuration")
     parser.add_argument(
         "folder", metavar="DIR", nargs="?", help="the folder of the kit; only its owner may read it"
     )
     actions = parser.add_mutually_exclusive_group()
-    actions.add_argument("--prove", action="store_true", help="prove the kit on the running broker of CONFIG")
+    flag(actions, "--prove", about="prove the kit on the running broker of CONFIG")
     actions.add_argument(
         "--lint", metavar="FILE", nargs="+", help="files of Mosquitto's configuration to look at"
     )
-    actions.add_argument(
+    flag(
+        actions,
         "--update",
-        action="store_true",
-        help="write a kit again after a change of CONFIG or of the options below: stored passwords and the"
+        about="write a kit again after a change of CONFIG or of the options below: stored passwords and the"
         " authority stay, the broker's certificate is signed anew",
     )
-    actions.add_argument(
-        "--force", action="store_true", help="replace a kit, with new passwords and certificates"
-    )
+    flag(actions, "--force", about="replace a kit, with new passwords and certificates")
     _add_contents(parser)
 
 

@@ -55,9 +55,8 @@ def sign_broker(folder: Path, hosts: tuple[str, ...]) -> None:
 
 def ends_on(certificate: Path) -> str:
     """Return until when a certificate is valid, as openssl prints it."""
-    return _openssl(certificate.parent, "x509", "-noout", "-enddate", "-in", certificate.name).partition("=")[
-        2
-    ]
+    shown = _openssl(certificate.parent, "x509", "-noout", "-enddate", "-in", certificate.name)
+    return shown.partition("=")[2]
 
 
 def names_in(certificate: Path) -> str:

@@ -2,21 +2,28 @@
 
 A kit is made in a private folder inside its folder and moved over when it is complete: what is refused on the
 way changes nothing, and a symbolic link in the folder is replaced, not followed.
+
+Each password lies in a file of its own. A line of Mosquitto's password file is
+`name:$7$ITERATIONS$SALT$HASH`: PBKDF2 with SHA-512, salt and hash in base64
+[mosquitto_passwd(1); RFC 8018 5.2].
 """
 
 from __future__ import annotations
 
+import base64
 import fcntl
+import hashlib
 import os
+import secrets
 import shutil
 import stat
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
 from gateway.cli.broker_kit.certificates import CA, CA_KEY, CERT, KEY
-from gateway.cli.broker_kit.password_file import FOLDER
+from gateway.config.secrets import password_in
 from gateway.errors import UsageError
 
 SETTINGS = "kit.json"  # what makes a folder a kit; moved over last
@@ -105,3 +112,39 @@ def _move_all(source: Path, target: Path) -> None:
     for old in target.iterdir():
         if old.name not in {each.name for each in files} and not old.is_dir():
             old.unlink()
+
+
+FOLDER = "logins"  # of a kit: one file a login
+
+_ITERATIONS = 101  # mosquitto_passwd's; no number of them could improve the 160 bits that are drawn below
+_SALT_BYTES, _HASH_BYTES = 12, 64
+_PASSWORD_BYTES = 20
+
+
+def drawn_passwords(names: Iterable[str], *stored: Path) -> dict[str, str]:
+    """Return a password for each login: of the first folder `stored` that has one, else a new one."""
+    passwords = {}
+    for name in names:
+        files = [folder / name for folder in stored if (folder / name).exists()]
+        passwords[name] = password_in(files[0]) if files else secrets.token_urlsafe(_PASSWORD_BYTES)
+    return passwords
+
+
+def password_line(name: str, password: str, *, salt: bytes | None = None) -> str:
+    """Return a login's line of the password file."""
+    salt = secrets.token_bytes(_SALT_BYTES) if salt is None else salt
+    digest = hashlib.pbkdf2_hmac("sha512", password.encode(), salt, _ITERATIONS, _HASH_BYTES)
+    salt_text, digest_text = (base64.b64encode(raw).decode("ascii") for raw in (salt, digest))
+    return f"{name}:$7${_ITERATIONS}${salt_text}${digest_text}"
+
+
+def password_file(passwords: Mapping[str, str]) -> str:
+    """Return the text of the password file."""
+    return "".join(f"{password_line(name, password)}\n" for name, password in passwords.items())
+
+
+def write_private(path: Path, text: str) -> None:
+    """Write a file that only its owner may read, from its first byte on; what was there is replaced."""
+    path.unlink(missing_ok=True)
+    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as file:
+        file.write(text)

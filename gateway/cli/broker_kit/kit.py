@@ -10,8 +10,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict
-
 from gateway.cli.broker_kit.bridge import (
     BRIDGE_PORT,
     DEFAULT_PORT,
@@ -34,9 +32,17 @@ from gateway.cli.broker_kit.certificates import (
     require_pair,
     sign_broker,
 )
-from gateway.cli.broker_kit.folder import CENTRAL, CENTRAL_CA, SETTINGS, replaced
-from gateway.cli.broker_kit.logins import Guests, Login, access_list, logins_of
-from gateway.cli.broker_kit.password_file import FOLDER, drawn_passwords, password_file, write_private
+from gateway.cli.broker_kit.folder import (
+    CENTRAL,
+    CENTRAL_CA,
+    FOLDER,
+    SETTINGS,
+    drawn_passwords,
+    password_file,
+    replaced,
+    write_private,
+)
+from gateway.cli.broker_kit.logins import KitSettings, Login, access_list, logins_of
 from gateway.config.schema import Config
 from gateway.config.values import TOPIC_PATTERN, is_loopback
 from gateway.errors import StartError, UsageError
@@ -47,37 +53,19 @@ _BASE = re.compile(TOPIC_PATTERN)
 _BRIDGE_PORTS = (LOOPBACK_PORT, BRIDGE_PORT)
 
 
-class KitSettings(BaseModel):
-    """What a kit is made of beside the configuration; stored in it, for updates and the proof."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    hosts: tuple[str, ...] = ()
-    viewers: tuple[str, ...] = ("viewer",)
-    auditors: tuple[str, ...] = ("auditor",)
-    further: dict[str, str] = {}  # login: operator
-    bridge: str = ""  # host[:port] of the central broker
-    bridge_base: str = ""  # of this gateway's topics there
-    has_bridge_ca: bool = False
-
-    @property
-    def guests(self) -> Guests:
-        """Return the logins that the configuration does not name."""
-        return Guests(self.viewers, self.auditors, self.further)
-
-    def central(self, config: Config) -> CentralBroker | None:
-        """Return the central broker; None without a bridge, UsageError for a wrong address."""
-        if not self.bridge:
-            return None
-        address = _BRIDGE.fullmatch(self.bridge)
-        if address is None or (address[2] and not 0 < int(address[2]) < 65536):
-            raise UsageError(f"--bridge {self.bridge!r} is no HOST[:PORT] (a name, or an IPv4 address)")
-        base = (self.bridge_base or config.base).replace("{gateway}", config.gateway.name)
-        if not _BASE.fullmatch(base):
-            hint = f"levels of a-z, A-Z, 0-9, _ . and -, e.g. acme/site1/{config.gateway.name}"
-            raise UsageError(f"--bridge-base {base!r} is no base of topics ({hint})")
-        ca_path = f"{INSTALLED}/{CENTRAL_CA}" if self.has_bridge_ca else ""
-        return CentralBroker(address[1], int(address[2] or DEFAULT_PORT), base, ca_path)
+def central_of(config: Config, settings: KitSettings) -> CentralBroker | None:
+    """Return the central broker; None without a bridge, UsageError for a wrong address."""
+    if not settings.bridge:
+        return None
+    address = _BRIDGE.fullmatch(settings.bridge)
+    if address is None or (address[2] and not 0 < int(address[2]) < 65536):
+        raise UsageError(f"--bridge {settings.bridge!r} is no HOST[:PORT] (a name, or an IPv4 address)")
+    base = (settings.bridge_base or config.base).replace("{gateway}", config.gateway.name)
+    if not _BASE.fullmatch(base):
+        hint = f"levels of a-z, A-Z, 0-9, _ . and -, e.g. acme/site1/{config.gateway.name}"
+        raise UsageError(f"--bridge-base {base!r} is no base of topics ({hint})")
+    ca_path = f"{INSTALLED}/{CENTRAL_CA}" if settings.has_bridge_ca else ""
+    return CentralBroker(address[1], int(address[2] or DEFAULT_PORT), base, ca_path)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +97,7 @@ def certificate_names(config: Config, settings: KitSettings) -> tuple[str, ...]:
 
 def kit_logins(config: Config, settings: KitSettings) -> tuple[Login, ...]:
     """Return every login at the edge's broker, the bridge's with them."""
-    logins, central = logins_of(config, settings.guests), settings.central(config)
+    logins, central = logins_of(config, settings), central_of(config, settings)
     bridging = () if central is None else edge_logins(config, central.base)
     if taken := {login.name for login in logins} & {login.name for login in bridging}:
         raise UsageError(f"two logins have the name {min(taken)} (the bridge has one of that name)")
@@ -136,7 +124,7 @@ def write_kit(
 
     What is refused changes nothing in the folder.
     """
-    logins, central = kit_logins(config, settings), settings.central(config)
+    logins, central = kit_logins(config, settings), central_of(config, settings)
     there = () if central is None else central_logins(config, central.base)
     try:
         with replaced(folder) as stage:

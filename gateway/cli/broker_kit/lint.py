@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
+from itertools import zip_longest
 
 _INWARDS = {False: ("in", "both"), True: ("out", "both")}  # the directions in which commands reach the edge
 _TRUE = ("true", "1")  # all that Mosquitto takes for it
@@ -50,7 +51,12 @@ def warnings(text: str, base: str, remote: Collection[str] | None = None) -> Ite
 
 def overlap(one: str, other: str) -> bool:
     """Return whether some topic matches both filters."""
-    return _levels_overlap(one.split("/"), other.split("/"))
+    for level, its in zip_longest(one.split("/"), other.split("/")):
+        if "#" in (level, its):
+            return True
+        if None in (level, its) or (level != its and "+" not in (level, its)):
+            return False
+    return True
 
 
 def _undated(bridge: _Bridge, base: str, remote: Collection[str]) -> Iterator[str]:
@@ -72,9 +78,8 @@ def _of_bridge(bridge: _Bridge, base: str) -> Iterator[str]:
         is_command = overlap(topic, commands)
         is_own = any(overlap(topic, f"{base}/{branch}") for branch in _OWN_BRANCHES)
         has_commands = has_commands or (is_command and direction in _INWARDS[bridge.is_local])
-        is_narrow = bridge.is_local and not (
-            is_command and is_own
-        )  # the bridge's own way to the edge's broker
+        # The bridge's own way to the edge's broker:
+        is_narrow = bridge.is_local and not (is_command and is_own)
         if is_command and direction != "in" and not is_narrow:
             what = f"{topic} sends commands out, those that came in by a bridge too: an endless storm"
             yield f"{where}: {what} (name the topics: gateway/#, starter/#, result/#, audit)"
@@ -117,12 +122,3 @@ def _topic(value: str) -> tuple[str, str]:
     direction = rest[0] if rest else "out"
     prefix = rest[2] if len(rest) > 2 and rest[2] != '""' else ""
     return direction, prefix + ("" if pattern == '""' else pattern)
-
-
-def _levels_overlap(one: list[str], other: list[str]) -> bool:
-    if not one or not other:
-        return one == other or one == ["#"] or other == ["#"]
-    if "#" in (one[0], other[0]):
-        return True
-    is_same = one[0] == other[0] or "+" in (one[0], other[0])
-    return is_same and _levels_overlap(one[1:], other[1:])

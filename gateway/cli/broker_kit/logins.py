@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import StrEnum
 from urllib.parse import urlsplit
+
+from pydantic import BaseModel, ConfigDict
 
 from gateway.config.integration_tables import SparkplugTable
 from gateway.config.schema import Config
@@ -48,13 +50,18 @@ class Login:
     writes: list[str] = field(default_factory=list)
 
 
-@dataclass(frozen=True, slots=True)
-class Guests:
-    """Logins that no table of the configuration names; `further` maps a login to its operator."""
+class KitSettings(BaseModel):
+    """What a kit is made of beside the configuration; stored in it, for updates and the proof."""
 
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    hosts: tuple[str, ...] = ()
     viewers: tuple[str, ...] = ("viewer",)
     auditors: tuple[str, ...] = ("auditor",)
-    further: Mapping[str, str] = field(default_factory=dict)
+    further: dict[str, str] = {}  # login: operator; like viewers and auditors named in no table
+    bridge: str = ""  # host[:port] of the central broker
+    bridge_base: str = ""  # of this gateway's topics there
+    has_bridge_ca: bool = False
 
 
 def gateway_login(config: Config) -> str:
@@ -69,10 +76,10 @@ def gateway_login(config: Config) -> str:
     return name
 
 
-def logins_of(config: Config, guests: Guests) -> tuple[Login, ...]:
+def logins_of(config: Config, settings: KitSettings) -> tuple[Login, ...]:
     """Return every login with its rights; ConfigError or UsageError when two would have one name."""
     found: dict[str, Login] = {}
-    for login in (_gateway(config), *_operators(config, guests), *_guests(config, guests)):
+    for login in (_gateway(config), *_operators(config, settings), *_guests(config, settings)):
         if not _NAME.fullmatch(login.name):
             raise UsageError(f"{login.name!r} is no name for a login (a-z, 0-9, _ . @ and -)")
         if PROBE in (login.name, login.client):
@@ -143,21 +150,21 @@ def _gateway(config: Config) -> Login:
     return Login(gateway_login(config), "", {Role.GATEWAY}, [f"{base}/#"], writes)
 
 
-def _operators(config: Config, guests: Guests) -> Iterator[Login]:
+def _operators(config: Config, settings: KitSettings) -> Iterator[Login]:
     clients = dict.fromkeys(each.client for each in config.operators)
-    for name, client in guests.further.items():
+    for name, client in settings.further.items():
         if client not in clients:
             raise UsageError(f"--login {name}={client}: there is no [[operator]] {client}")
-    for name, client in [*((each, each) for each in clients), *guests.further.items()]:
+    for name, client in [*((each, each) for each in clients), *settings.further.items()]:
         reads = [*_seen_by_all(config), f"{config.base}/result/+/{client}"]
         yield Login(name, client, {Role.OPERATOR}, reads, [f"{config.base}/command/+/{client}/#"])
 
 
-def _guests(config: Config, guests: Guests) -> Iterator[Login]:
+def _guests(config: Config, settings: KitSettings) -> Iterator[Login]:
     base = config.base
-    for name in guests.viewers:
+    for name in settings.viewers:
         yield Login(name, "", {Role.VIEWER}, _seen_by_all(config))
-    for name in guests.auditors:
+    for name in settings.auditors:
         books = [f"{base}/gateway/event", f"{base}/starter/+/event", f"{base}/audit"]
         yield Login(name, "", {Role.AUDITOR}, books)
 

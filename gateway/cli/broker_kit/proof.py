@@ -81,13 +81,11 @@ async def prove(broker: Broker, logins: tuple[Login, ...]) -> list[ProofFinding]
 
 async def _require_no_gateway(broker: Broker) -> None:
     topics = Topics(broker.config.base)
-    status = await CommandClient(broker.settings(PROVER), topics).retained(
-        topics.gateway_status, within_s=STATUS_WITHIN_S
-    )
+    prover = CommandClient(broker.settings(PROVER), topics)
+    status = await prover.retained(topics.gateway_status, within_s=STATUS_WITHIN_S)
     if status is not None and status.get("state") not in (None, "offline"):
-        raise StartError(
-            "the gateway is running, and the proof needs its login", "systemctl stop starter-gateway"
-        )
+        what = "the gateway is running, and the proof needs its login"
+        raise StartError(what, "systemctl stop starter-gateway")
 
 
 class _Proof:

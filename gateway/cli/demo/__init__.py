@@ -1,5 +1,1 @@
-"""`demo`: a broker, simulated starters and the gateway in one terminal. Start at `demo`."""
-
-from gateway.cli.demo.demo import add_parser, run
-
-__all__ = ["add_parser", "run"]
+"""`demo` and `simulate`: simulated starters, with a broker and the gateway or alone. Start at either."""

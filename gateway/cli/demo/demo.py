@@ -14,10 +14,9 @@ from collections.abc import Coroutine
 from contextlib import AsyncExitStack, suppress
 from pathlib import Path
 
-from gateway.cli.command import Subparsers
-from gateway.cli.demo.client import publish, watch
+from gateway.cli.command import flag
 from gateway.cli.demo.plant_day import BASE, run_plant
-from gateway.cli.demo.processes import PORT, DemoBroker, DemoSimulator, free_port
+from gateway.cli.demo.processes import PORT, demo_broker, demo_simulator, free_port, publish, watch
 from gateway.cli.run import log_to_stderr, serve
 from gateway.cli.watch.watch import Watching, new_console
 from gateway.config.load import load
@@ -123,19 +122,11 @@ KNOB_GUIDE = (
 )
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "demo", description="Four simulated starters, a broker on loopback and the gateway. Ctrl-C ends it."
-    )
-    parser.add_argument(
-        "-v", "--verbose", action="store_true", help="log every frame, instead of showing the table"
-    )
-    parser.add_argument(
-        "--plant",
-        action="store_true",
-        help="the motors run a small plant's day by themselves, again and again",
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = "Four simulated starters, a broker on loopback and the gateway. Ctrl-C ends it."
+    flag(parser, "-v", "--verbose", about="log every frame, instead of showing the table")
+    flag(parser, "--plant", about="the motors run a small plant's day by themselves, again and again")
     parser.add_argument(
         "--broker",
         metavar="PORT",
@@ -208,25 +199,18 @@ def page_of() -> tuple[str, str]:
 
 async def _demo(folder: Path, *, has_table: bool, has_plant: bool) -> None:
     async with AsyncExitStack() as stack:
-        broker = DemoBroker(folder)
-        await broker.start()
-        stack.push_async_callback(broker.stop)
+        port, broker = await stack.enter_async_context(demo_broker(folder))
         path = folder / "demo.toml"
         page, table = page_of()
-        path.write_text(CONFIG.format(folder=folder, port=broker.port) + table, "utf-8")
+        path.write_text(CONFIG.format(folder=folder, port=port) + table, "utf-8")
         config = load(path)
-        simulator = DemoSimulator(path, broker_port=broker.port)
-        await simulator.start()
-        stack.push_async_callback(simulator.stop)
+        await stack.enter_async_context(demo_simulator(path, broker_port=port))
         has_clients = all(shutil.which(name) for name in ("mosquitto_sub", "mosquitto_pub"))
-        print(
-            guide(path, config.lines[0].port, broker.title, broker.port, page=page, has_clients=has_clients),
-            flush=True,
-        )
+        print(guide(path, config.lines[0].port, broker, port, page=page, has_clients=has_clients), flush=True)
         if has_plant:
-            _beside(stack, run_plant(broker.port))
+            _beside(stack, run_plant(port))
         if has_table:
-            settings = BrokerSettings("127.0.0.1", broker.port, f"demo-table-{uuid.uuid4().hex[:8]}")
+            settings = BrokerSettings("127.0.0.1", port, f"demo-table-{uuid.uuid4().hex[:8]}")
             print(f"The gateway's log is in {folder}/gateway.log\n", flush=True)
             _beside(stack, Watching(settings, BASE).show(new_console(), is_full_screen=False))
         await serve(path, config, None)

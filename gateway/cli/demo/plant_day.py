@@ -10,7 +10,7 @@ import asyncio
 import logging
 from typing import NamedTuple
 
-from gateway.cli.demo.client import publish
+from gateway.cli.demo.processes import publish
 from gateway.client import Client
 from gateway.errors import GatewayError
 

@@ -1,75 +1,82 @@
-"""The demo's processes: a broker, and the simulated starters, so that these answer on time."""
+"""The demo's broker and simulated starters, each a process; MQTT where Mosquitto's clients are missing."""
 
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import importlib.util
 import shutil
 import socket
 import sys
+import uuid
+from asyncio.subprocess import DEVNULL, PIPE, Process
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from gateway.errors import BrokerError, PortError
+from gateway.mqtt.connection.command_client import connected
+from gateway.mqtt.connection.settings import BrokerSettings
+from gateway.mqtt.contract.commands import Incoming
+from gateway.mqtt.contract.payloads import Message
 
 PORT = 1883
+ACKNOWLEDGED_WITHIN_S = 5.0
+REFUSED = 0x80  # reason codes from here on [MQTT5 2.4]
 _START_TIMEOUT_S = 20.0
 
 
-class DemoBroker:
-    """A broker process that lives as long as the demo; any program on this machine may use it."""
+@asynccontextmanager
+async def demo_broker(folder: Path) -> AsyncIterator[tuple[int, str]]:
+    """Run a broker that any program on this machine may use; give its port and title.
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._process: asyncio.subprocess.Process | None = None
-        self.port = free_port(PORT)
-        self.title = ""
+    BrokerError when none can be had.
+    """
+    port = free_port(PORT)
+    title, command = _broker_command(folder, port)
+    with (folder / "broker.log").open("wb") as log:
+        async with _process(*command, stdin=DEVNULL, stdout=log, stderr=log) as process:
+            if not await _has_begun(process, port):
+                log_text = (folder / "broker.log").read_text(errors="replace").strip()
+                raise BrokerError(f"the demo's broker does not start: {log_text[-200:] or 'no message'}")
+            yield port, title
 
-    async def start(self) -> None:
-        """Start the broker and wait until it listens; raise BrokerError when none can be had."""
-        command = self._command()
-        with (self._folder / "broker.log").open("wb") as log:
-            self._process = await asyncio.create_subprocess_exec(
-                *command, stdin=asyncio.subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True
-            )
-        for _ in range(int(_START_TIMEOUT_S / 0.1)):
-            if self._process.returncode is not None:
-                break
-            if await _listens(self.port):
-                return
-            await asyncio.sleep(0.1)
-        log_text = (self._folder / "broker.log").read_text(errors="replace").strip()
-        await self.stop()
-        raise BrokerError(f"the demo's broker does not start: {log_text[-200:] or 'no message'}")
 
-    async def stop(self) -> None:
-        """End the broker's process."""
-        process, self._process = self._process, None
-        await _end(process)
+@asynccontextmanager
+async def demo_simulator(config: Path, *, broker_port: int) -> AsyncIterator[None]:
+    """Run the simulated starters of a configuration, their knobs at a broker on loopback.
 
-    def _command(self) -> list[str]:
-        mosquitto = find_mosquitto()
-        if mosquitto is not None:
-            self.title = "Mosquitto"
-            config = self._folder / "mosquitto.conf"
-            config.write_text(
-                f"listener {self.port} 127.0.0.1\nallow_anonymous true\npersistence false\n"
-                "set_tcp_nodelay true\n"
-            )
-            return [mosquitto, "-c", str(config)]
-        if importlib.util.find_spec("amqtt") is None:
-            raise BrokerError(
-                "no broker: neither Mosquitto nor amqtt is installed",
-                "apt install mosquitto, or pip install 'starter-gateway[demo]'",
-            )
-        self.title = "amqtt (embedded, MQTT 3.1.1 only)"
-        config = self._folder / "amqtt.yaml"
+    PortError when the line does not come. They end with their stdin, so also when this process is killed.
+    """
+    knobs = ("--knobs", f"mqtt://127.0.0.1:{broker_port}")
+    command = (sys.executable, "-m", "gateway", "simulate", str(config), *knobs, "--companion")
+    async with _process(*command, stdin=PIPE, stdout=PIPE) as process:
+        if not await _is_ready(process):
+            raise PortError("of the demo", "the simulated starters do not start", "see their output above")
+        yield
+
+
+def _broker_command(folder: Path, port: int) -> tuple[str, list[str]]:
+    """Return the title of the broker that is here, and how it is started."""
+    mosquitto = find_mosquitto()
+    if mosquitto is not None:
+        config = folder / "mosquitto.conf"
         config.write_text(
-            "listeners:\n  default:\n    type: tcp\n"
-            f"    bind: 127.0.0.1:{self.port}\n"
-            "plugins:\n  amqtt.plugins.authentication.AnonymousAuthPlugin:\n    allow_anonymous: true\n"
+            f"listener {port} 127.0.0.1\nallow_anonymous true\npersistence false\nset_tcp_nodelay true\n"
         )
-        return [sys.executable, "-m", "amqtt.scripts.broker_script", "-c", str(config)]
+        return "Mosquitto", [mosquitto, "-c", str(config)]
+    if importlib.util.find_spec("amqtt") is None:
+        raise BrokerError(
+            "no broker: neither Mosquitto nor amqtt is installed",
+            "apt install mosquitto, or pip install 'starter-gateway[demo]'",
+        )
+    config = folder / "amqtt.yaml"
+    config.write_text(
+        f"listeners:\n  default:\n    type: tcp\n    bind: 127.0.0.1:{port}\n"
+        "plugins:\n  amqtt.plugins.authentication.AnonymousAuthPlugin:\n    allow_anonymous: true\n"
+    )
+    command = [sys.executable, "-m", "amqtt.scripts.broker_script", "-c", str(config)]
+    return "amqtt (embedded, MQTT 3.1.1 only)", command
 
 
 def find_mosquitto() -> str | None:
@@ -80,67 +87,85 @@ def find_mosquitto() -> str | None:
 def free_port(wanted: int) -> int:
     """Return this port of loopback, or any free one when it is taken; BrokerError for none."""
     for port in (wanted, 0):
-        with socket.socket() as probe, contextlib.suppress(OSError):
+        with socket.socket() as probe, suppress(OSError):
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # a demo that has just ended
             probe.bind(("127.0.0.1", port))
             return int(probe.getsockname()[1])
     raise BrokerError("no free port on loopback")
 
 
-async def _listens(port: int) -> bool:
+async def _has_begun(broker: Process, port: int) -> bool:
+    """Return whether a broker listens, in time and before it ends."""
+    for _ in range(int(_START_TIMEOUT_S / 0.1)):
+        if broker.returncode is not None:
+            break
+        with suppress(OSError):
+            _, writer = await asyncio.open_connection("127.0.0.1", port)
+            writer.close()
+            with suppress(OSError):
+                await writer.wait_closed()
+            return True
+        await asyncio.sleep(0.1)
+    return False
+
+
+async def _is_ready(simulator: Process) -> bool:
+    """Return whether the simulated starters have come, which their last line says."""
+    assert simulator.stdout is not None
+    with suppress(TimeoutError):
+        async with asyncio.timeout(_START_TIMEOUT_S):
+            while line := await simulator.stdout.readline():
+                if line.startswith(b"knobs:"):
+                    return True
+    return False
+
+
+@asynccontextmanager
+async def _process(*command: str, **streams: Any) -> AsyncIterator[Process]:
+    """Run a program that Ctrl-C does not reach, and end it."""
+    process = await asyncio.create_subprocess_exec(*command, **streams, start_new_session=True)
     try:
-        _, writer = await asyncio.open_connection("127.0.0.1", port)
-    except OSError:
-        return False
-    writer.close()
-    with contextlib.suppress(OSError):
-        await writer.wait_closed()
-    return True
+        yield process
+    finally:
+        with suppress(ProcessLookupError):
+            process.terminate()
+        try:
+            await asyncio.wait_for(process.wait(), 5.0)
+        except TimeoutError:
+            process.kill()
+            await process.wait()
 
 
-_READY = "knobs:"  # how the last line that it prints begins
-
-
-class DemoSimulator:
-    """The simulated starters of a configuration, their knobs at a broker on loopback."""
-
-    def __init__(self, config: Path, *, broker_port: int) -> None:
-        self._config = config
-        self._broker = f"mqtt://127.0.0.1:{broker_port}"
-        self._process: asyncio.subprocess.Process | None = None
-
-    async def start(self) -> None:
-        """Start and wait until the line is there; PortError when it does not come."""
-        command = ("-m", "gateway", "simulate", str(self._config), "--knobs", self._broker, "--companion")
-        self._process = process = await asyncio.create_subprocess_exec(
-            sys.executable,
-            *command,
-            stdin=asyncio.subprocess.PIPE,  # closed when we are killed, which ends it too
-            stdout=asyncio.subprocess.PIPE,
-            start_new_session=True,
-        )
-        assert process.stdout is not None
-        with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(_START_TIMEOUT_S):
-                while line := await process.stdout.readline():
-                    if line.decode().startswith(_READY):
-                        return
-        await self.stop()
-        raise PortError("of the demo", "the simulated starters do not start", "see their output above")
-
-    async def stop(self) -> None:
-        """End the process."""
-        process, self._process = self._process, None
-        await _end(process)
-
-
-async def _end(process: asyncio.subprocess.Process | None) -> None:
-    if process is None:
-        return
-    with contextlib.suppress(ProcessLookupError):
-        process.terminate()
+async def watch(port: int, topic: str) -> None:
+    """Print topic and payload of each message that comes, until the connection is lost or Ctrl-C."""
+    session, _ = await connected(_settings(port), on_incoming=_show)
     try:
-        await asyncio.wait_for(process.wait(), 5.0)
+        if not await session.subscribe(topic, with_retained=True):
+            raise BrokerError(f"the broker on port {port} does not let {topic} be read")
+        await session.lost
+    finally:
+        await session.disconnect()
+    raise BrokerError(f"the connection to the broker on port {port} was lost", "does the demo still run?")
+
+
+async def publish(port: int, topic: str, payload: str) -> None:
+    """Publish one message, not retained; BrokerError unless the broker has taken it."""
+    acknowledged: asyncio.Queue[int] = asyncio.Queue()
+    session, _ = await connected(_settings(port), on_ack=lambda _, code: acknowledged.put_nowait(code))
+    try:
+        session.publish(1, Message(topic, payload.encode(), qos=1, retain=False))
+        code = await asyncio.wait_for(acknowledged.get(), ACKNOWLEDGED_WITHIN_S)
     except TimeoutError:
-        process.kill()
-        await process.wait()
+        raise BrokerError(f"the broker on port {port} has not taken the message") from None
+    finally:
+        await session.disconnect()
+    if code >= REFUSED:
+        raise BrokerError(f"the broker on port {port} does not let {topic} be written")
+
+
+def _settings(port: int) -> BrokerSettings:
+    return BrokerSettings("127.0.0.1", port, f"starter-gateway-demo-{uuid.uuid4().hex[:8]}")
+
+
+def _show(message: Incoming) -> None:
+    print(message.topic, message.payload.decode("utf-8", "replace"), flush=True)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
+from argparse import Namespace
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from gateway.cli.doctor.finding import DoctorFinding
+from gateway.cli.doctor.machine import DoctorFinding
 from gateway.cli.operator_login import settings_of, user_name
 from gateway.config.convert import rights_of
 from gateway.config.schema import Config
@@ -25,60 +27,51 @@ KNOWN_WITHIN_S = 2.0
 _VERB = "read"
 
 
+@dataclass
 class BrokerAccess:
     """The broker of a configuration, as this doctor may use it.
 
     The gateway's own login is tried, or `username` in its place; a running gateway is asked as `client`.
     """
 
-    def __init__(
-        self,
-        config: Config,
-        folder: Path,
-        *,
-        client: str = OWN_NAME,
-        username: str | None = None,
-        password_file: str | None = None,
-    ) -> None:
-        self._config = config
-        self._folder = folder
-        self._client = client
-        self._username = username
-        self._password_file = password_file
-        self._settings: BrokerSettings | None = None  # once a login has succeeded
+    config: Config
+    folder: Path
+    client: str = OWN_NAME
+    username: str | None = None
+    password_file: str | None = None
+    _settings: BrokerSettings | None = field(default=None, init=False)  # once a login has succeeded
 
     async def remarks(self) -> list[DoctorFinding]:
         """Log in, under another client id than the gateway, and return what was found."""
         try:
-            settings = self._settings_of(None, None)
+            settings = settings_of(self.config, self.folder, tool=OWN_NAME)
         except ConfigError as error:
             return [DoctorFinding("mqtt.password_file", str(error), Weight.ERROR)]
         remarks = []
-        if self._config.mqtt.password_file is not None:
+        if self.config.mqtt.password_file is not None:
             remarks.append(DoctorFinding("mqtt.password_file", "only its owner may read it"))
         who = "the gateway's login"
         where = f"broker {settings.address}"
         try:
-            if (
-                self._username is not None
-            ):  # a broker may disconnect the gateway for a second connection with its login
-                who = f"the login {self._username}"
-                settings = self._settings_of(self._username, self._password_file)
-            version = await _log_in(settings)
+            if self.username is not None:  # the gateway could be disconnected by a second one with its login
+                who = f"the login {self.username}"
+                login = Namespace(username=self.username, password_file=self.password_file)
+                settings = settings_of(self.config, self.folder, tool=OWN_NAME, login=login)
+            session, version = await connected(settings)
+            await session.disconnect()
         except (BrokerError, ConfigError) as error:
             return [*remarks, DoctorFinding(where, f"{who}: {error}", Weight.ERROR)]
         self._settings = settings
-        return [*remarks, DoctorFinding(where, f"takes {who}, MQTT {version}")]
+        return [*remarks, DoctorFinding(where, f"takes {who}, MQTT {version.value}")]
 
     async def known(self, starter: str) -> str:
         """Return the running gateway's reason why a starter cannot be read; empty when it can.
 
         BrokerError when the broker, or the right to read it, is missing.
         """
-        topics = Topics(self._config.base)
-        known = await CommandClient(self._usable(), topics).retained(
-            topics.availability(starter), within_s=KNOWN_WITHIN_S
-        )
+        topics = Topics(self.config.base)
+        asking, topic = CommandClient(self._usable(), topics), topics.availability(starter)
+        known = await asking.retained(topic, within_s=KNOWN_WITHIN_S)
         if known is None or known.get("state") == "online":
             return ""
         since = f" since {known['since']}" if known.get("since") else ""
@@ -90,19 +83,18 @@ class BrokerAccess:
         BrokerError when the broker, the gateway or the right to ask is missing, or everything is refused.
         """
         settings = self._usable()
-        if not rights_of(self._config).is_allowed(self._client, verb=_VERB, starter=starter):
+        if not rights_of(self.config).is_allowed(self.client, verb=_VERB, starter=starter):
             raise BrokerError(
-                f"no [[operator]] {self._client} may read it",
-                f'add one with client = "{self._client}", may = ["{_VERB}"], or name yours with --client',
+                f"no [[operator]] {self.client} may read it",
+                f'add one with client = "{self.client}", may = ["{_VERB}"], or name yours with --client',
             )
         rows: dict[str, tuple[int, ...]] = {}
         refusal = ""
         for code in codes:
-            order = Order(starter, self._client, _VERB, {"parameter": code}, operator=user_name())
-            sender = CommandClient(settings, Topics(self._config.base))
-            result = await sender.send(
-                order, now_s=time.time(), within_s=READ_WITHIN_S, on_phase=lambda _: None
-            )
+            order = Order(starter, self.client, _VERB, {"parameter": code}, operator=user_name())
+            sender = CommandClient(settings, Topics(self.config.base))  # for one command
+            sending = sender.send(order, now_s=time.time(), within_s=READ_WITHIN_S, on_phase=lambda _: None)
+            result = await sending
             if result is None:
                 raise BrokerError("the gateway gives no result", "is it allowed to read commands?")
             if result.get("phase") == Phase.CONFIRMED:
@@ -117,18 +109,6 @@ class BrokerAccess:
         if self._settings is None:
             raise BrokerError("the broker cannot be used", "see above")
         return self._settings
-
-    def _settings_of(self, username: str | None, password_file: str | None) -> BrokerSettings:
-        return settings_of(
-            self._config, self._folder, tool=OWN_NAME, username=username, password_file=password_file
-        )
-
-
-async def _log_in(settings: BrokerSettings) -> str:
-    """Connect once and leave; return the version that the broker takes."""
-    session, version = await connected(settings)
-    await session.disconnect()
-    return version.value
 
 
 def _words(result: Mapping[str, Any]) -> tuple[int, ...]:

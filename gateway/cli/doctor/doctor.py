@@ -7,11 +7,16 @@ import asyncio
 from pathlib import Path
 
 from gateway.app.capacity import prospects_of
-from gateway.cli.command import Subparsers, counted
-from gateway.cli.doctor.box import box_remarks
+from gateway.cli.command import counted
 from gateway.cli.doctor.broker import OWN_NAME, BrokerAccess
-from gateway.cli.doctor.finding import DoctorFinding
-from gateway.cli.doctor.machine import clock_remark, latency_remark, state_dir_remark, wear_remarks
+from gateway.cli.doctor.machine import (
+    DoctorFinding,
+    box_remarks,
+    clock_remark,
+    latency_remark,
+    state_dir_remark,
+    wear_remarks,
+)
 from gateway.cli.doctor.starters import LineCheckup
 from gateway.cli.operator_login import add_login, checked_client, user_name
 from gateway.config.convert import timing_of
@@ -23,14 +28,13 @@ from gateway.line.port.opener import SerialOpener
 from gateway.system.clock import SystemClock
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "doctor",
-        description="Look for problems: speed of this machine and its disk, ports, adapters, clock, state"
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = (
+        "Look for problems: speed of this machine and its disk, ports, adapters, clock, state"
         " directory, broker, and in the starters command sources and communication watchdogs. Nothing is"
         " changed, but the speed is stored in state_dir, for `check`; exit code 1 when there is a problem."
-        " Run it as the gateway's user.",
+        " Run it as the gateway's user."
     )
     parser.add_argument("config", metavar="CONFIG", help="the gateway's configuration")
     who = f"the operator as whom a running gateway is asked, else --username, else {OWN_NAME}"
@@ -41,13 +45,8 @@ def run(args: argparse.Namespace) -> int:
     """Print one finding a line, then the number of errors and warnings."""
     config = load(args.config)
     folder = Path(args.config).parent
-    broker = BrokerAccess(
-        config,
-        folder,
-        client=checked_client(args.client or args.username or OWN_NAME),
-        username=args.username,
-        password_file=args.password_file,
-    )
+    client = checked_client(args.client or args.username or OWN_NAME)
+    broker = BrokerAccess(config, folder, client, args.username, args.password_file)
     print(f"{args.config}, looked at by user {user_name() or 'without a name'}")
     with asyncio.Runner(loop_factory=new_precise_loop) as runner:
         remarks = runner.run(_examine(config, folder, broker))
@@ -84,7 +83,6 @@ async def _examine(config: Config, folder: Path, broker: BrokerAccess) -> list[D
     for prospect in prospects:
         table = prospect.table
         opener = SerialOpener(table.port, table.baud, timing_of(table).framing)
-        checkup = LineCheckup(prospect, opener, broker=broker, clock=SystemClock(), state_dir=state_dir)
-        await checkup.run(report)
+        await LineCheckup(prospect, opener, report, broker, SystemClock(), state_dir).run()
         report(latency_remark(table.port, f"line {table.name}"))
     return remarks

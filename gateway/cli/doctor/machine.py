@@ -1,21 +1,43 @@
-"""Problems of the machine: adapters, the clock, the state directory and its contents."""
+"""Findings, and those of the machine: speed, adapters, clock, the state directory and its contents."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
-from gateway.cli.doctor.finding import DoctorFinding
+from gateway.app.capacity import LineCapacity
+from gateway.cli.doctor.speed import BoxSpeed, capacity, demands_of, excess, measured
 from gateway.errors import DamagedError
 from gateway.families.devices.findings import Weight
+from gateway.starters.commands.execution import SLOW_DISK_S
 from gateway.starters.policy.write_budget import WEAR_FILE, WRITES_BORNE, totals_in
 from gateway.storage.audit.segments import FOLDER as AUDIT
 from gateway.storage.formats.catalogue import FORMATS
 from gateway.storage.json_file import JsonFile
+from gateway.storage.ledger import INTEND_WITHIN_S
 from gateway.storage.upkeep.state_copy import own_files
 from gateway.system.clock import kernel_says_synchronised
+
+
+@dataclass(frozen=True, slots=True)
+class DoctorFinding:
+    """One thing looked at; `weight` is None when all is well."""
+
+    where: str
+    text: str
+    weight: Weight | None = None
+
+    @property
+    def is_problem(self) -> bool:
+        """Return whether a person should act on it."""
+        return self.weight in (Weight.WARNING, Weight.ERROR)
+
+    def __str__(self) -> str:
+        return f"{self.weight or 'ok':8}{self.where}: {self.text}"
+
 
 OWN_FOLDERS = frozenset({AUDIT, *(Path(each.name).parent.name for each in FORMATS.values())})
 SYSFS_TTY = Path("/sys/class/tty")
@@ -33,9 +55,8 @@ def latency_remark(port: str, where: str, *, sysfs: Path = SYSFS_TTY) -> DoctorF
     if milliseconds <= LONGEST_LATENCY_MS:
         return DoctorFinding(where, f"the adapter's latency timer is {milliseconds} ms")
     what = f"the adapter holds replies back for up to {milliseconds} ms"
-    return DoctorFinding(
-        where, f"{what} (echo 1 > {timer}, or install the udev rule of deploy/)", Weight.WARNING
-    )
+    hint = f"echo 1 > {timer}, or install the udev rule of deploy/"
+    return DoctorFinding(where, f"{what} ({hint})", Weight.WARNING)
 
 
 def clock_remark(ask: Callable[[], bool | None] = kernel_says_synchronised) -> DoctorFinding:
@@ -45,9 +66,8 @@ def clock_remark(ask: Callable[[], bool | None] = kernel_says_synchronised) -> D
         return DoctorFinding("clock", "whether it is synchronised is unknown here", Weight.NOTE)
     if not is_synchronised:
         what = "is not synchronised: time stamps are wrong, commands need `token`, not `issued_at`"
-        return DoctorFinding(
-            "clock", f"{what} (install chrony, or switch systemd-timesyncd on)", Weight.WARNING
-        )
+        hint = "install chrony, or switch systemd-timesyncd on"
+        return DoctorFinding("clock", f"{what} ({hint})", Weight.WARNING)
     return DoctorFinding("clock", "is synchronised")
 
 
@@ -73,20 +93,25 @@ def _wear_remark(starter: str, count: int) -> DoctorFinding:
 
 def state_dir_remark(folder: Path) -> DoctorFinding:
     """Return whether the state directory, and all that is the gateway's in it, may be written."""
+    trouble = _state_dir_trouble(folder)
+    return DoctorFinding(
+        "state_dir", trouble or f"{folder} may be written", Weight.ERROR if trouble else None
+    )
+
+
+def _state_dir_trouble(folder: Path) -> str:
     if not folder.exists():
-        what = "is not there (make it for the gateway's user)"
-        return DoctorFinding("state_dir", f"{folder} {what}", Weight.ERROR)
+        return f"{folder} is not there (make it for the gateway's user)"
     if not folder.is_dir():
-        return DoctorFinding("state_dir", f"{folder} is no folder (choose another one)", Weight.ERROR)
+        return f"{folder} is no folder (choose another one)"
     if not os.access(folder, os.R_OK | os.W_OK | os.X_OK):
-        what = "may not be written by this user"
-        return DoctorFinding("state_dir", f"{folder} {what} (chown it to the gateway's user)", Weight.ERROR)
+        return f"{folder} may not be written by this user (chown it to the gateway's user)"
     foreign = [str(path) for path in _foreign_in(folder)]
-    if foreign:
-        more = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
-        what = f"{foreign[0]}{more} in it may not be written by the gateway's user"
-        return DoctorFinding("state_dir", f"{what} (chown -R that user: {folder})", Weight.ERROR)
-    return DoctorFinding("state_dir", f"{folder} may be written")
+    if not foreign:
+        return ""
+    more = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
+    what = f"{foreign[0]}{more} in it may not be written by the gateway's user"
+    return f"{what} (chown -R that user: {folder})"
 
 
 def _foreign_in(folder: Path) -> Iterator[Path]:
@@ -101,3 +126,51 @@ def _foreign_in(folder: Path) -> Iterator[Path]:
             is_another = os.geteuid() == 0 and path.lstat().st_uid != owner
             if is_another or (path.exists() and not os.access(path, os.R_OK | os.W_OK)):
                 yield path
+
+
+LATE_S = 0.001  # of a wait, in the middle: costs a line at 19200 bit/s a twentieth of its time
+OTHERS_SHARE = 0.1  # of the processor, taken by other programs while it was measured
+
+
+async def box_remarks(state_dir: Path, prospects: Iterable[LineCapacity]) -> list[DoctorFinding]:
+    """Measure, store the measurement for `check`, and return what was found."""
+    speed = await measured(state_dir)
+    remarks = list(judged(speed, prospects))
+    if trouble := speed.store(state_dir):
+        remarks.append(DoctorFinding("machine", f"the measurement is not stored: {trouble}", Weight.NOTE))
+    return remarks
+
+
+def judged(speed: BoxSpeed, prospects: Iterable[LineCapacity]) -> Iterator[DoctorFinding]:
+    """Give the findings about a measured machine."""
+    demands = demands_of(prospects)
+    trouble = excess(speed, demands)
+    if trouble:
+        yield DoctorFinding("machine", trouble, Weight.WARNING)
+    else:
+        yield DoctorFinding("machine", capacity(speed, demands))
+    if 1.0 - speed.processor > OTHERS_SHARE:
+        share = f"{1.0 - speed.processor:.0%} of a processor"
+        what = f"{share} went to other programs meanwhile, or a quota held it back"
+        yield DoctorFinding("machine", f"{what}; counted in as if they always did", Weight.NOTE)
+    yield _timers(speed)
+    if speed.sync_s is not None:
+        yield _disk(speed.sync_s)
+
+
+def _timers(speed: BoxSpeed) -> DoctorFinding:
+    late = f"waits end {speed.timer_late_s * 1e3:.1f} ms late, at most {speed.timer_worst_s * 1e3:.1f} ms"
+    if speed.timer_late_s <= LATE_S:
+        return DoctorFinding("timers", late)
+    what = f"{late}: every transaction takes so much longer (see what else runs)"
+    return DoctorFinding("timers", what, Weight.WARNING)
+
+
+def _disk(sync_s: float) -> DoctorFinding:
+    what = f"a write to state_dir is on the disk after {sync_s * 1e3:.0f} ms"
+    if sync_s <= SLOW_DISK_S:
+        return DoctorFinding("disk", what)
+    hint = "another disk, or nothing else that writes to this one"
+    if sync_s <= INTEND_WITHIN_S:
+        return DoctorFinding("disk", f"{what}: every start waits for it ({hint})", Weight.WARNING)
+    return DoctorFinding("disk", f"{what}: starts are refused, ledger_unavailable ({hint})", Weight.ERROR)

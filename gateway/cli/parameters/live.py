@@ -68,23 +68,17 @@ class LiveStarter:
     @asynccontextmanager
     async def bench(self, watchdogs: KnownWatchdogs | None = None) -> AsyncIterator[OfflineStarter]:
         """Open the port and identify the starter; PortError, CommandError."""
-        name, allowance_s = self.setup.line, self.allowance_s
         if not may_use(self.opener.name, self.state_dir):
             raise PortError(self.opener.name, _HELD, _STOP_IT)
         try:
             async with exclusive_line(
-                name,
+                self.setup.line,
                 self.opener,
                 self.timing,
-                allowance_s=allowance_s,
+                allowance_s=self.allowance_s,
                 alternates_of=partial(alternates, self.setup.profile),
             ) as line:
-                bench = OfflineStarter(
-                    self.setup,
-                    line=line,
-                    clock=self.clock,
-                    watchdogs=watchdogs,
-                )
+                bench = OfflineStarter(self.setup, line=line, clock=self.clock, watchdogs=watchdogs)
                 await bench.identify()
                 yield bench
         except PortError as error:

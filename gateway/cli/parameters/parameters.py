@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from gateway.cli.command import Progress, Subparsers
+from gateway.cli.command import Progress, flag
 from gateway.cli.parameters.live import LiveStarter, save_live
 from gateway.cli.parameters.restore import run_restore
 from gateway.errors import UsageError
@@ -14,12 +14,11 @@ from gateway.starters.parameters.model import ParameterSet, differences, of_fact
 from gateway.starters.parameters.toml_file import from_toml, to_toml
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser, with one for each of its actions."""
-    parser = subparsers.add_parser(
-        "parameters",
-        description="Save, compare and restore a starter's parameters. The port is used directly: a gateway"
-        " that runs on it must be stopped before.",
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments, and a parser for each of its actions."""
+    parser.description = (
+        "Save, compare and restore a starter's parameters. The port is used directly: a gateway"
+        " that runs on it must be stopped before."
     )
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     save = actions.add_parser(
@@ -29,9 +28,7 @@ def add_parser(subparsers: Subparsers) -> None:
     )
     _add_starter(save)
     save.add_argument("file", metavar="FILE", help="a new TOML file; - for the standard output")
-    save.add_argument(
-        "--unnamed", action="store_true", help="P000 to P999 too, as raw words (SSW-06, SSW-07)"
-    )
+    flag(save, "--unnamed", about="P000 to P999 too, as raw words (SSW-06, SSW-07)")
     diff = actions.add_parser(
         "diff",
         help="print the settings in which two sets differ; exit code 1 when there are any",
@@ -39,12 +36,12 @@ def add_parser(subparsers: Subparsers) -> None:
     )
     diff.add_argument("a", metavar="A", help="a saved file, or CONFIG:STARTER for a live one")
     diff.add_argument("b", metavar="B", nargs="?", help="another one")
-    diff.add_argument(
+    flag(
+        diff,
         "--factory",
-        action="store_true",
-        help="instead of B: what the starter is delivered with, as far as its serial manual prints it",
+        about="instead of B: what the starter is delivered with, as far as its serial manual prints it",
     )
-    diff.add_argument("--all", action="store_true", help="measured values too, not the settings alone")
+    flag(diff, "--all", about="measured values too, not the settings alone")
     restore = actions.add_parser(
         "restore",
         help="write the settings that differ, at standstill only",
@@ -52,18 +49,14 @@ def add_parser(subparsers: Subparsers) -> None:
     )
     _add_starter(restore)
     restore.add_argument("file", metavar="FILE", help="a file of `parameters save`")
-    restore.add_argument(
-        "--dry-run", action="store_true", help="print what would be written, and write nothing"
-    )
-    restore.add_argument(
+    flag(restore, "--dry-run", about="print what would be written, and write nothing")
+    flag(
+        restore,
         "--command-sources",
-        action="store_true",
-        help="also those that say who commands the motor ([protected.command_sources]): may start it when"
+        about="also those that say who commands the motor ([protected.command_sources]): may start it when"
         " a run command stands there",
     )
-    restore.add_argument(
-        "--other-model", action="store_true", help="restore also a file that was saved from another model"
-    )
+    flag(restore, "--other-model", about="restore also a file that was saved from another model")
 
 
 def run(args: argparse.Namespace) -> int:

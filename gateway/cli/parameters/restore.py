@@ -109,16 +109,8 @@ def run_restore(live: LiveStarter, wanted: ParameterSet, args: argparse.Namespac
         raise UsageError(f"{what}: choose another file")
     keep_private(live.state_dir)
     with asyncio.Runner(loop_factory=new_precise_loop) as runner:
-        return runner.run(
-            restore(
-                live,
-                wanted,
-                progress,
-                is_dry=args.dry_run,
-                is_other_model=args.other_model,
-                with_sources=args.command_sources,
-            )
-        )
+        options = {"is_other_model": args.other_model, "with_sources": args.command_sources}
+        return runner.run(restore(live, wanted, progress, is_dry=args.dry_run, **options))
 
 
 async def restore(
@@ -131,17 +123,18 @@ async def restore(
     with_sources: bool = False,
 ) -> int:
     """Restore what differs; 0 when the starter then holds everything that can be written."""
-    watchdogs = known_watchdogs(live.state_dir, live.neighbours)
+    name, watchdogs = live.setup.name, known_watchdogs(live.state_dir, live.neighbours)
     async with live.bench(watchdogs) as bench:
-        _check_lock(live, is_dry=is_dry)
-        _check_identity(live, bench, is_dry=is_dry)
+        _refuse(lock_trouble(live.state_dir, name), f"{name}: ", is_dry=is_dry)
+        changed = identity_trouble(live.state_dir, live.setup, bench.identity)
+        _refuse(CommandError("identity_changed", changed) if changed else None, f"{name}: ", is_dry=is_dry)
         _check_model(bench, wanted, is_other_model=is_other_model)
         reads = bulk_reads(bench.profile, restore_codes(bench.profile, wanted))
         seen = (await read_with_progress(bench, reads, progress)).rows
         plan = plan_restore(bench.profile, bench.variant, wanted=wanted, seen=seen, with_sources=with_sources)
         _show_plan(plan, bench.profile.protected.command_sources, is_dry=is_dry)
-        watchdogs.note(live.setup.name, seen)
-        await _check_watchdog(live, watchdogs, plan, is_dry=is_dry)
+        watchdogs.note(name, seen)
+        _refuse(await _watchdog_trouble(watchdogs, name, plan), is_dry=is_dry)
         if is_dry or not plan.changes:
             return 0
         work = Restore(bench, plan, clock=live.clock)
@@ -150,7 +143,7 @@ async def restore(
         try:
             end = await work.run(_progress_shower(plan, progress))
         finally:
-            trouble = count_writes(live.state_dir, live.setup.name, work.writes)
+            trouble = count_writes(live.state_dir, name, work.writes)
             trouble = trouble or save_watchdogs(live.state_dir, watchdogs)
         code = _show_end(end, progress)
         if trouble:
@@ -158,35 +151,23 @@ async def restore(
         return code
 
 
-def _check_lock(live: LiveStarter, *, is_dry: bool) -> None:
-    """Raise CommandError while the starter is locked for maintenance, as the gateway would."""
-    trouble = lock_trouble(live.state_dir, live.setup.name)
+def _refuse(trouble: CommandError | None, whose: str = "", *, is_dry: bool) -> None:
+    """Raise CommandError for what the gateway would refuse; of a restore that writes nothing print it."""
     if trouble is not None and not is_dry:
-        raise CommandError(trouble.code, f"{live.setup.name}: {trouble.text}; nothing was written")
+        raise CommandError(trouble.code, f"{whose}{trouble.text}; nothing was written") from trouble
     if trouble is not None:
         print(f"would be refused: {trouble.text}")
 
 
-def _check_identity(live: LiveStarter, bench: OfflineStarter, *, is_dry: bool) -> None:
-    """Raise CommandError for a starter that the gateway itself would not command."""
-    trouble = identity_trouble(live.state_dir, live.setup, bench.identity)
-    if trouble and not is_dry:
-        raise CommandError("identity_changed", f"{live.setup.name}: {trouble}; nothing was written")
-    if trouble:
-        print(f"would be refused: {trouble}")
-
-
-async def _check_watchdog(
-    live: LiveStarter, watchdogs: KnownWatchdogs, plan: RestorePlan, *, is_dry: bool
-) -> None:
-    """Raise CommandError when the set contains a watchdog that the line cannot serve in time."""
-    rows = {change.code: tuple(change.after.raw or ()) for change in plan.changes}
+async def _watchdog_trouble(
+    watchdogs: KnownWatchdogs, starter: str, plan: RestorePlan
+) -> CommandError | None:
+    """Return why the line could not serve a watchdog that the set contains in time; None when it can."""
     try:
-        await watchdogs.check(live.setup.name, rows)
+        await watchdogs.check(starter, {each.code: tuple(each.after.raw or ()) for each in plan.changes})
     except CommandError as error:
-        if not is_dry:
-            raise CommandError(error.code, f"{error.text}; nothing was written") from error
-        print(f"would be refused: {error.text}")
+        return error
+    return None
 
 
 def _check_model(bench: OfflineStarter, wanted: ParameterSet, *, is_other_model: bool) -> None:

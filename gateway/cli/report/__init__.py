@@ -1,5 +1,1 @@
-"""`report`: how a motor and its starter do, for the terminal or as a page to print. Start at `report`."""
-
-from gateway.cli.report.report import add_parser, run
-
-__all__ = ["add_parser", "run"]
+"""`report` and `history`: what is stored of a motor and its starter, to read or exported. Start at either."""

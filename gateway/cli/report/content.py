@@ -21,16 +21,6 @@ _OWN_POINTS = ("hours_total", "energy_kwh", "starts_left", "pause_left_s", "stan
 
 
 @dataclass(frozen=True, slots=True)
-class ShownTrip:
-    """One trip, as far as the report shows it."""
-
-    time: str
-    code: str
-    text: str
-    state_before: str
-
-
-@dataclass(frozen=True, slots=True)
 class MonthMeans:
     """The starts of one month: how they ended, and the means of those that reached full voltage."""
 
@@ -64,7 +54,6 @@ class LineQuality:
     numbers: Mapping[str, Any]  # of this starter: asked, answered, silent, garbled, response_time_s ...
     rates: Mapping[str, float]
     texts: tuple[str, ...]
-    utilisation: float | None = None
 
 
 @dataclass
@@ -83,7 +72,7 @@ class HealthReport:
     baseline_curve: StartSamples | None = None
     drift: str = ""  # in words, while it is raised
     months: list[MonthMeans] = field(default_factory=list)
-    trips: list[ShownTrip] = field(default_factory=list)  # the newest first
+    trips: list[Mapping[str, Any]] = field(default_factory=list)  # as stored, the newest first
     settings: list[Setting] = field(default_factory=list)  # the newest first
     line: LineQuality | None = None
     notes: list[str] = field(default_factory=list)  # what could not be had, and why
@@ -135,8 +124,7 @@ def _add_row(report: HealthReport, row: HistoryRow) -> None:
             outcomes = {str(name): int(count) for name, count in data["outcomes"].items()}
             report.months.append(MonthMeans(str(data["month"]), outcomes, means))
         case "trip":
-            known = (str(data.get(name) or "") for name in ("time", "code", "text", "state_before"))
-            report.trips.append(ShownTrip(*known))
+            report.trips.append(data)
         case _:
             pass  # counters are summed up apart
 
@@ -221,7 +209,6 @@ def line_quality(line: str, starter: str, address: int, published: Mapping[str, 
         (published.get("units") or {}).get(str(address)) or {},
         (cable.get("starters") or {}).get(starter) or {},
         tuple(str(text) for text in cable.get("texts") or ()),
-        published.get("utilisation"),
     )
 
 

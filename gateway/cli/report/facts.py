@@ -8,7 +8,7 @@ from typing import NamedTuple
 from gateway.cli.report.content import TRENDS, HealthReport
 from gateway.cli.report.labels import Translate
 from gateway.history.baseline import LAST, LIMIT_PCT
-from gateway.history.start_record import StartSummary
+from gateway.history.start_record import StartSamples, StartSummary
 
 MOST_STARTS, MOST_TRIPS, MOST_SETTINGS, MOST_MONTHS = 10, 10, 12, 12
 UNKNOWN = "-"
@@ -142,10 +142,10 @@ def months(report: HealthReport, t: Translate) -> TextTable:
 
 def trips(report: HealthReport, t: Translate) -> TextTable:
     """Return the last trips, the newest first."""
-    rows = [
-        (moment(trip.time), f"{trip.code.upper()} {trip.text}", trip.state_before or UNKNOWN)
-        for trip in report.trips[:MOST_TRIPS]
-    ]
+    rows = []
+    for trip in report.trips[:MOST_TRIPS]:
+        time, code, text, before = (str(trip.get(n) or "") for n in ("time", "code", "text", "state_before"))
+        rows.append((moment(time), f"{code.upper()} {text}", before or UNKNOWN))
     return TextTable((t("time"), t("fault"), t("state before")), rows)
 
 
@@ -209,6 +209,12 @@ def _with_error(name: str, start: StartSummary) -> str:
     if name == "i2t_a2s" and start.i2t_a2s is not None and start.i2t_error_pct:
         return f"{text}\xa0±{start.i2t_error_pct:.0f}\xa0%"
     return text
+
+
+def current_of(curve: StartSamples) -> list[tuple[float, float]]:
+    """Return the current of a start by its time, where it was read."""
+    pairs = zip(curve.t_s, curve.columns.get("current", ()), strict=False)
+    return [(t_s, current) for t_s, current in pairs if current is not None]
 
 
 def value(name: str, amount: float | None) -> str:

@@ -14,7 +14,6 @@ from gateway.cli.report.facts import TextTable
 from gateway.cli.report.labels import Translate
 from gateway.cli.report.plots import DARK, EARLIER, LATEST, Plot, PlotLine
 from gateway.history.baseline import LIMIT_PCT
-from gateway.history.start_record import StartSamples
 
 _STYLE = """
 @page { size: A4; margin: 11mm 14mm; }
@@ -118,11 +117,11 @@ def _curves(report: HealthReport, t: Translate) -> str:
         return _block(t("Start curves"), f"<p>{_e(t('none recorded'))}</p>")
     usual = report.baseline_curve
     drawn = [
-        PlotLine(_current(curve), EARLIER, 0.8, opacity=0.25 + 0.5 * number / max(len(earlier), 1))
+        PlotLine(facts.current_of(curve), EARLIER, 0.8, opacity=0.25 + 0.5 * number / max(len(earlier), 1))
         for number, curve in enumerate(earlier)
     ]
-    drawn += [] if latest is None else [PlotLine(_current(latest), LATEST, 1.8)]
-    drawn += [] if usual is None else [PlotLine(_current(usual), DARK, 1.5, "5 3")]
+    drawn += [] if latest is None else [PlotLine(facts.current_of(latest), LATEST, 1.8)]
+    drawn += [] if usual is None else [PlotLine(facts.current_of(usual), DARK, 1.5, "5 3")]
     drawn = [each for each in drawn if len(each.points) > 1]
     plot = Plot(*_WIDE, f"{t('time')} s", f"{t('current')} A", drawn)
     keys = [(DARK, "dashed", t("baseline")), (LATEST, "solid", t("latest")), (EARLIER, "solid", t("earlier"))]
@@ -159,11 +158,8 @@ def _trends(report: HealthReport, t: Translate) -> str:
     plots.append(Plot(*_NARROW, "", t("Starts"), columns=[float(m.starts) for m in months], names=names))
     drawn = "".join(f"<div>{plot.svg()}</div>" for plot in plots)
     key = _e(t("dashed: baseline, shaded: within 15 % of it")) if report.baseline is not None else ""
-    return _block(
-        t("Trends by month"),
-        f'<div class="plots">{drawn}</div><div class="legend">{key}</div>',
-        is_whole=False,
-    )
+    inner = f'<div class="plots">{drawn}</div><div class="legend">{key}</div>'
+    return _block(t("Trends by month"), inner, is_whole=False)
 
 
 def _line(report: HealthReport, t: Translate) -> str:
@@ -171,11 +167,6 @@ def _line(report: HealthReport, t: Translate) -> str:
         return ""
     texts = f'<div class="state warn">{_list(report.line.texts)}</div>' if report.line.texts else ""
     return _block(f"{t('Line')} {report.line.line}", _pairs(facts.line(report, t)) + texts)
-
-
-def _current(curve: StartSamples) -> list[tuple[float, float]]:
-    pairs = zip(curve.t_s, curve.columns.get("current", ()), strict=False)
-    return [(t_s, current) for t_s, current in pairs if current is not None]
 
 
 def _block(title: str, inner: str, *, is_whole: bool = True) -> str:

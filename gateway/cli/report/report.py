@@ -15,8 +15,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from gateway.cli.command import Subparsers, place_of, write_text
-from gateway.cli.operator_login import add_broker_login, settings_of
+from gateway.cli.command import flag, place_of, write_text
+from gateway.cli.operator_login import add_login, settings_of
 from gateway.cli.report.content import (
     HealthReport,
     add_rows,
@@ -46,19 +46,18 @@ ASKED_WITHIN_S = 2.0  # retained messages come at once
 CONNECTED_WITHIN_S = 5.0
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "report",
-        description="Print how a motor and its starter do: identity, hours, starts against the baseline, "
-        "trends, trips, changed parameters, the line. With --html a page that prints well on A4.",
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = (
+        "Print how a motor and its starter do: identity, hours, starts against the baseline, "
+        "trends, trips, changed parameters, the line. With --html a page that prints well on A4."
     )
     parser.add_argument("config", metavar="CONFIG", help="the gateway's configuration")
     parser.add_argument("starter", metavar="STARTER", help="name of the starter")
     parser.add_argument("--html", metavar="FILE", help="write a page with plots instead of printing")
     parser.add_argument("--language", choices=LANGUAGES, help="of the report (default: the configuration's)")
-    parser.add_argument("--no-broker", action="store_true", help="leave out what only the broker knows")
-    add_broker_login(parser)
+    flag(parser, "--no-broker", about="leave out what only the broker knows")
+    add_login(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -108,7 +107,8 @@ def make_report(
         report.line = line_quality(line.name, name, starter.address, statistics)
     prefix = topics.value(name, "x")[:-1]
     add_values(report, {at.removeprefix(prefix): each for at, each in published.items() if prefix in at})
-    known = {**_known_identity(state_dir, name), **_known(published.get(topics.info(name), {}))}
+    said = {key: value for key, value in published.get(topics.info(name), {}).items() if value is not None}
+    known = {**_known_identity(state_dir, name), **said}
     report.identity = _identity(report, line, starter, known, language)
     return report
 
@@ -134,10 +134,6 @@ def _known_identity(state_dir: Path, name: str) -> Mapping[str, Any]:
     except (DamagedError, NewerError, KeyError, TypeError):
         return {}
     return known if isinstance(known, dict) else {}
-
-
-def _known(info: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in info.items() if value is not None}
 
 
 def _identity(
@@ -174,13 +170,7 @@ def _ask_broker(
 async def _published(
     config: Config, topics: Topics, starter: str, args: argparse.Namespace
 ) -> dict[str, dict[str, Any]]:
-    settings = settings_of(
-        config,
-        Path(args.config).parent,
-        tool="report",
-        username=args.username,
-        password_file=args.password_file,
-    )
+    settings = settings_of(config, Path(args.config).parent, tool="report", login=args)
     found: dict[str, dict[str, Any]] = {}
 
     def take(message: Incoming) -> None:
@@ -189,11 +179,8 @@ async def _published(
 
     async with asyncio.timeout(CONNECTED_WITHIN_S):
         session, _ = await connected(settings, on_incoming=take)
-        for topic in (
-            f"{config.base}/gateway/line/+",
-            topics.info(starter),
-            f"{topics.starter(starter)}/value/+",
-        ):
+        values = f"{topics.starter(starter)}/value/+"
+        for topic in (f"{config.base}/gateway/line/+", topics.info(starter), values):
             await session.subscribe(topic, with_retained=True)
     await asyncio.wait([session.lost], timeout=ASKED_WITHIN_S)
     await session.disconnect()

@@ -50,12 +50,7 @@ def _starts(report: HealthReport, t: Translate) -> Iterator[str]:
 def _curve(report: HealthReport, t: Translate) -> Iterator[str]:
     latest = report.curves[-1][1] if report.curves else None
     drawn = [(curve, mark) for curve, mark in ((report.baseline_curve, "."), (latest, "#")) if curve]
-    points = [
-        (t_s, current, mark)
-        for curve, mark in drawn
-        for t_s, current in zip(curve.t_s, curve.columns.get("current", ()), strict=False)
-        if current is not None
-    ]
+    points = [(*point, mark) for curve, mark in drawn for point in facts.current_of(curve)]
     if len(points) < 2:
         return
     last_s, most = max(t_s for t_s, _, _ in points), max(current for _, current, _ in points) or 1.0
@@ -64,7 +59,7 @@ def _curve(report: HealthReport, t: Translate) -> Iterator[str]:
     for t_s, current, mark in points:
         column = round((t_s - first_s) / max(last_s - first_s, 1e-9) * (_CURVE_COLUMNS - 1))
         grid[_CURVE_ROWS - 1 - round(max(current, 0.0) / most * (_CURVE_ROWS - 1))][column] = mark
-    yield _legend(t, has_baseline=len(drawn) > 1)
+    yield f"{'':>12}# {t('latest')}" + (f"   . {t('baseline')}" if len(drawn) > 1 else "")
     for number, row in enumerate(grid):
         label = facts.number(most, "A") if number == 0 else "0 A" if number == _CURVE_ROWS - 1 else ""
         yield f"{label:>10} |{''.join(row)}"
@@ -72,11 +67,6 @@ def _curve(report: HealthReport, t: Translate) -> Iterator[str]:
     yield f"{'':>10} +{'-' * _CURVE_COLUMNS}"
     yield f"{'':>12}{f'{first_s:.1f} s':<{_CURVE_COLUMNS - len(end)}}{end}"
     yield ""
-
-
-def _legend(t: Translate, *, has_baseline: bool) -> str:
-    other = f"   . {t('baseline')}" if has_baseline else ""
-    return f"{'':>12}# {t('latest')}{other}"
 
 
 def _months(report: HealthReport, t: Translate) -> list[str]:

@@ -14,10 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from gateway.cli.backup.backup import CONFIG, OUTSIDE, STATE, name_in_backup
-from gateway.cli.command import Subparsers
-from gateway.cli.restore.caution import HELD, give_to, give_to_owner_of, lock_all, note_past
-from gateway.cli.restore.rollback import roll_back
+from gateway.cli.command import flag
+from gateway.cli.restore.backup import CONFIG, OUTSIDE, STATE, name_in_backup
+from gateway.cli.restore.caution import HELD, LEDGER, give_to, give_to_owner_of, lock_all, note_past
 from gateway.cli.restore.switch import RESTORED, Switch
 from gateway.config.load import load, parse
 from gateway.config.schema import Config
@@ -26,28 +25,29 @@ from gateway.errors import ConfigError, DamagedError, NewerError, StartError, St
 from gateway.starters.policy.motor_history import PRECAUTIONS_FILE
 from gateway.storage.audit.segments import FOLDER as AUDIT
 from gateway.storage.audit.segments import LOCK as AUDIT_LOCK
-from gateway.storage.formats.catalogue import FORMATS, newer_text
+from gateway.storage.database import empty_log
+from gateway.storage.formats.catalogue import FORMATS, FileKind, Format, copy_path, newer_text
+from gateway.storage.formats.copies import put_in_place
 from gateway.storage.upkeep.archive import Archive, open_archive
 from gateway.storage.upkeep.state_copy import is_state_name, replaced_in
-from gateway.storage.upkeep.versions import refuse_newer
+from gateway.storage.upkeep.versions import found_in, refuse_newer
 from gateway.system.clock import read_clocks
 from gateway.system.instance_lock import FILE, instance_lock, is_locked
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "restore",
-        description="Put back what a backup holds; or, with --rollback, the copies that an upgrade left "
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = (
+        "Put back what a backup holds; or, with --rollback, the copies that an upgrade left "
         "beside files that an earlier version cannot read. The gateway must not run. Afterwards "
-        "every starter that can be locked is locked: what happened since the backup is not known.",
+        "every starter that can be locked is locked: what happened since the backup is not known."
     )
     parser.add_argument(
         "file", metavar="FILE", help="the backup; with --rollback the gateway's configuration"
     )
     parser.add_argument("--to", metavar="DIR", help="put everything below this folder, not where it was")
-    parser.add_argument("--replace", action="store_true", help="replace what is there; it is set aside")
-    parser.add_argument("--rollback", action="store_true", help="put back the copies of before an upgrade")
+    flag(parser, "--replace", about="replace what is there; it is set aside")
+    flag(parser, "--rollback", about="put back the copies of before an upgrade")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -172,7 +172,7 @@ def _write_configured(archive: Archive, place: _Place) -> None:
 
 def _refuse_foreign(config: Config, folder: Path, archive: Archive, name: str) -> None:
     """Raise DamagedError for a file of the configuration's folder that the configuration does not name."""
-    known = {f"{CONFIG}/{name}", *(name_in_backup(folder, each.path) for each in files_of(config))}
+    known = {f"{CONFIG}/{name}", *(name_in_backup(folder, path) for path in files_of(config))}
     for entry in archive.entries:
         if not entry.name.startswith(f"{STATE}/") and entry.name not in known:
             raise DamagedError(f"the backup holds {entry.name}, which its configuration does not name")
@@ -230,10 +230,10 @@ def _report(facts: Mapping[str, Any], place: _Place, locked: list[str]) -> None:
         )
     before = Path(facts["folder"])
     for each in files_of(config) if before != folder else ():
-        name = name_in_backup(before, each.path)
-        if each.path.is_absolute() and name in place.configured.values() and name.startswith(f"{CONFIG}/"):
+        name = name_in_backup(before, each)
+        if each.is_absolute() and name in place.configured.values() and name.startswith(f"{CONFIG}/"):
             now = folder / name.removeprefix(f"{CONFIG}/")
-            print(f"the configuration names {each.path}, which is {now} now: change it")
+            print(f"the configuration names {each}, which is {now} now: change it")
     if any(name.startswith(f"{OUTSIDE}/") for name in place.configured):
         print(f"files of other folders are below {folder / OUTSIDE}: put each where it belongs")
     missing = [*facts["left_out"], *(f"the password of login {each}" for each in facts["logins"])]
@@ -243,3 +243,56 @@ def _report(facts: Mapping[str, Any], place: _Place, locked: list[str]) -> None:
         print(f"locked until an operator unlocks them: {', '.join(locked)}")
     print(HELD)
     print(f"then: starter-gateway check {place.path}")
+
+
+NEWER = ".newer"  # ends the name of a file that a copy has replaced
+WHAT = "went back to the state of before an upgrade"
+_COMPANIONS = ("-wal", "-shm", "-journal")  # must never stand beside another database
+
+
+def roll_back(state_dir: Path, config: Config) -> None:
+    """Replace every file of a later version by its copy; StoreError when one has none: then none is replaced.
+
+    Cut short at any point, it can be repeated, and no motor is without its lock meanwhile.
+    """
+    with instance_lock(state_dir):
+        newer = [(each, version) for each, version in found_in(state_dir) if version > each.version]
+        copies = {each.name: _copy_of(state_dir, each) for each, _ in newer}
+        if not newer:
+            print(f"{state_dir}: this version can read every file; nothing to do")
+            return
+        reading, locked = read_clocks(), list[str]()
+        for each, version in newer:
+            path = state_dir / each.name
+            if each.kind is FileKind.SQLITE:
+                empty_log(path)  # or, killed before the copy is in place, this looks like an earlier version
+            _retain(path)
+            if each.name == PRECAUTIONS_FILE:
+                locked = lock_all(state_dir, config, reading, WHAT, copies[each.name].read_bytes())
+            else:
+                put_in_place(copies[each.name], path)
+            print(f"{each.name}: format {version} is now {path.name}{NEWER}, the copy of before is used")
+        note_past(state_dir, reading, WHAT)
+        give_to_owner_of(state_dir, [*replaced_in(state_dir), state_dir / FILE])
+    if locked:
+        print(f"locked until an operator unlocks them: {', '.join(locked)}")
+    if LEDGER in copies:
+        print(HELD)
+
+
+def _retain(path: Path) -> None:
+    """Give a file a second name, and move away what SQLite has beside it."""
+    for end in _COMPANIONS:
+        if os.path.lexists(f"{path}{end}"):
+            os.replace(f"{path}{end}", f"{path}{NEWER}{end}")
+    newer = path.with_name(path.name + NEWER)
+    newer.unlink(missing_ok=True)
+    newer.hardlink_to(path)
+
+
+def _copy_of(state_dir: Path, known: Format) -> Path:
+    path = state_dir / known.name
+    for version in range(known.version, 0, -1):
+        if copy_path(path, version).is_file():
+            return copy_path(path, version)
+    raise StoreError(f"{path} has no copy of before (restore a backup, or install the version that wrote it)")

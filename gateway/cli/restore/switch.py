@@ -42,7 +42,7 @@ class Switch:
         """Delete what was written so far."""
         shutil.rmtree(self.stage, ignore_errors=True)
         for path in self._configured:
-            _restored(path).unlink(missing_ok=True)
+            _named(path, RESTORED).unlink(missing_ok=True)
 
     def seal(self) -> None:
         """Have all that was written on the disk; OSError."""
@@ -65,8 +65,8 @@ class Switch:
 
     def _move(self) -> Path | None:
         for path in self._configured:
-            if os.path.lexists(path) and not (self.is_going_on and os.path.lexists(_before(path))):
-                path.replace(_before(path))
+            if os.path.lexists(path) and not (self.is_going_on and os.path.lexists(_named(path, BEFORE))):
+                path.replace(_named(path, BEFORE))
         own = replaced_in(self._state_dir)
         aside = set_aside(self._state_dir, own, is_going_on=self.is_going_on) if own else None
         if aside is not None:
@@ -80,15 +80,11 @@ class Switch:
                 give_to_owner_of(self._state_dir, [to])
         for path in reversed(self._configured):
             sync_folder(path.parent)
-            _restored(path).replace(path)
+            _named(path, RESTORED).replace(path)
         sync_folder(self._config.parent)
         shutil.rmtree(self._whole, ignore_errors=True)
         return aside
 
 
-def _before(path: Path) -> Path:
-    return path.with_name(path.name + BEFORE)
-
-
-def _restored(path: Path) -> Path:
-    return path.with_name(path.name + RESTORED)
+def _named(path: Path, ending: str) -> Path:
+    return path.with_name(path.name + ending)

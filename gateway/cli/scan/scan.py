@@ -1,4 +1,7 @@
-"""`starter-gateway scan`: which starters are on a port, at which rate, framing and address; by reads only."""
+"""`starter-gateway scan`: which starters are on a port, at which rate, framing and address; by reads only.
+
+Prints a configuration for them that `check` accepts.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,12 @@ import argparse
 import asyncio
 import os
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import get_args
 
-from gateway.cli.command import Progress, Subparsers, whole_number
-from gateway.cli.scan.config_text import config_text, described
+from gateway.app.capacity import check_watchdogs
+from gateway.cli.command import Progress, flag, whole_number
 from gateway.cli.scan.search import (
     ADDRESSES,
     BAUDS,
@@ -23,8 +26,9 @@ from gateway.cli.scan.search import (
     timings_in_order,
     why_not,
 )
+from gateway.config.load import parse
 from gateway.config.schema import Baud, FramingText
-from gateway.errors import UsageError
+from gateway.errors import ConfigError, UsageError
 from gateway.line.port.base import PortOpener
 from gateway.line.port.event_loop import new_precise_loop
 from gateway.line.port.opener import SerialOpener
@@ -35,13 +39,12 @@ BY_ID = Path("/dev/serial/by-id")
 _RANGE = re.compile(r"(\d+)(?:-(\d+))?")
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "scan",
-        description="Find and identify the starters on a port, and print a configuration for them. Only reads"
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = (
+        "Find and identify the starters on a port, and print a configuration for them. Only reads"
         " are sent, so it may be used while motors run; but a request, of whatever kind, starts the"
-        " communication watchdog of a starter that has one, and the end of the scan lets it act.",
+        " communication watchdog of a starter that has one, and the end of the scan lets it act."
     )
     parser.add_argument("port", metavar="PORT", help="/dev/... or socket://host:port; no gateway may hold it")
     parser.add_argument("--baud", metavar="N,..", help=f"rates to try, else {_list(BAUDS)}")
@@ -50,12 +53,8 @@ def add_parser(subparsers: Subparsers) -> None:
     parser.add_argument(
         "--reply-within", metavar="S", type=float, default=0.05, help="what a unit may take to answer (0.05)"
     )
-    parser.add_argument(
-        "--thorough", action="store_true", help="ask each address with four requests, not one"
-    )
-    parser.add_argument(
-        "--all", action="store_true", help="try every setting; else the first one with a find is the last"
-    )
+    flag(parser, "--thorough", about="ask each address with four requests, not one")
+    flag(parser, "--all", about="try every setting; else the first one with a find is the last")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -158,3 +157,84 @@ def _split(text: str | None) -> list[str]:
 
 def _list(values: Iterable[object]) -> str:
     return ", ".join(str(value) for value in values)
+
+
+_HEAD = """\
+# Found by `starter-gateway scan`. Give gateway, line and starters their names, and name the broker.
+# There is no [[operator]]: a gateway with this configuration only reads.
+
+[gateway]
+name = "gateway-1"
+
+[mqtt]
+url = "mqtt://127.0.0.1:1883"
+
+[[line]]
+name = "line-1"
+port = {port}
+baud = {baud}
+framing = "{framing}"
+"""
+
+
+def config_text(port: str, found: Sequence[Find]) -> str:
+    """Return the configuration; "" when none of the finds is a starter that a line can have."""
+    usable = [find for find in found if find.profile is not None and why_not(find.profile, find.timing) == ""]
+    if not usable:
+        return ""
+    timing = usable[0].timing
+    here = [find for find in usable if find.timing == timing]
+    rest = [find for find in found if find not in here]
+    text = _text(port, timing, here, rest, with_watchdogs=True)
+    try:
+        parse(text, "scan", check=check_watchdogs)
+    except ConfigError:  # a watchdog that this line cannot keep: say so, but do not demand it
+        text = _text(port, timing, here, rest, with_watchdogs=False)
+    return text
+
+
+def described(find: Find) -> str:
+    """Return in a line who answers, in characters that harm no terminal."""
+    if find.profile is None:
+        return clean(f"no known starter: {find.identity.reason}")
+    identity = find.identity
+    facts = [identity.model or find.profile.title]
+    facts += [f"firmware {identity.firmware}"] if identity.firmware else []
+    facts += [f"serial {identity.serial}"] if identity.serial else []
+    return clean(", ".join(facts))
+
+
+def clean(text: str) -> str:
+    """Return a foreign text with printable ASCII only."""
+    return "".join(char if " " <= char <= "~" else "?" for char in text)
+
+
+def _text(
+    port: str, timing: LineTiming, here: Sequence[Find], rest: Sequence[Find], *, with_watchdogs: bool
+) -> str:
+    quoted = '"' + port.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    parts = [_HEAD.format(port=quoted, baud=timing.baud, framing=timing.framing)]
+    parts += [_starter(find, with_watchdogs=with_watchdogs) for find in sorted(here, key=lambda f: f.address)]
+    parts += [_left_out(find) for find in rest]
+    return "\n".join(parts)
+
+
+def _starter(find: Find, *, with_watchdogs: bool) -> str:
+    family = "" if find.profile is None else find.profile.family
+    lines = [
+        f"[[line.starter]] # {described(find)}",
+        f'name = "{family}-{find.address}"',
+        f"address = {find.address}",
+        f'family = "{family}"',
+    ]
+    if find.watchdogs:
+        first = find.watchdogs[0]
+        key = f"watchdog_s = {first.after_s} # {first.code}: it {first.does}"
+        lines.append(key if with_watchdogs else f"# {key}; this line is too slow for it")
+    return "\n".join(lines) + "\n"
+
+
+def _left_out(find: Find) -> str:
+    where = f"# address {find.address} at {find.timing.baud} {find.timing.framing}"
+    why = why_not(find.profile, find.timing) if find.profile is not None else ""
+    return f"{where}: {described(find)}" + (f" ({why})" if why else "") + "\n"

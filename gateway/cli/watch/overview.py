@@ -130,8 +130,18 @@ class Overview:
                     self._take_status(gateway, message)
                 case ["gateway", "fresh"]:
                     self._take_token(gateway, message, now_s)
-                case ["starter", name, *what]:
-                    self._take_starter(gateway, name, what, message, is_cleared=not payload)
+                case ["starter", name, "info" | "state" | "availability"] if not payload:
+                    self._rows.pop((gateway, name), None)  # its gateway has it no longer
+                case ["starter", name, "availability"]:
+                    row = self._row(gateway, name)
+                    row.availability = _text(message.get("state")) or "unknown"
+                    row.reason = _text(message.get("reason"))
+                case ["starter", name, "state"]:
+                    _take_state(self._row(gateway, name), message)
+                case ["starter", name, "value", point] if point in (CURRENT, CURRENT_PCT):
+                    _take_value(self._row(gateway, name), point, message)
+                case ["starter", name, "alarm", code]:
+                    _take_alarm(self._row(gateway, name), code, message)
                 case ["result", name, client] if (gateway, name) in self._rows:
                     self._take_result(self._row(gateway, name), client, message)
         except (ValueError, TypeError):
@@ -167,24 +177,6 @@ class Overview:
             gateway.live_at_s = now_s
             gateway.ahead_s = _time_s(message.get("time"), now_s) - now_s
         gateway.token = token
-
-    def _take_starter(
-        self, gateway: str, name: str, what: list[str], message: Mapping[str, Any], *, is_cleared: bool
-    ) -> None:
-        if is_cleared and what in (["info"], ["state"], ["availability"]):
-            self._rows.pop((gateway, name), None)  # its gateway has it no longer
-            return
-        match what:
-            case ["availability"]:
-                row = self._row(gateway, name)
-                row.availability = _text(message.get("state")) or "unknown"
-                row.reason = _text(message.get("reason"))
-            case ["state"]:
-                _take_state(self._row(gateway, name), message)
-            case ["value", point] if point in (CURRENT, CURRENT_PCT):
-                _take_value(self._row(gateway, name), point, message)
-            case ["alarm", code]:
-                _take_alarm(self._row(gateway, name), code, message)
 
     def _take_result(self, row: StarterRow, client: str, message: Mapping[str, Any]) -> None:
         if message.get("duplicate"):

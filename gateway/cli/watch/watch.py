@@ -12,14 +12,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.cli.command import Subparsers
-from gateway.cli.operator_login import add_broker_login, password_of, settings_of
+from gateway.cli.command import flag
+from gateway.cli.operator_login import add_login, password_of, settings_of
 from gateway.cli.watch.overview import Overview
+from gateway.client import broker_at
 from gateway.config.load import load
-from gateway.config.values import is_loopback, split_url
+from gateway.config.values import is_loopback
 from gateway.errors import BrokerError, UsageError
 from gateway.mqtt.connection.command_client import connected
-from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
+from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.topics import is_level
 from gateway.system.backoff import Backoff
@@ -44,11 +45,9 @@ SETTLED_S = 2.5  # retained messages have come by then, and two tokens
 AGAIN_S, AGAIN_AT_MOST_S = 0.5, 10.0
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "watch", description="Show the starters as a live table, from MQTT alone. Ctrl-C ends it."
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = "Show the starters as a live table, from MQTT alone. Ctrl-C ends it."
     parser.add_argument(
         "target", metavar="CONFIG|URL", help="a gateway's configuration, or a broker: mqtt://host[:port]"
     )
@@ -57,9 +56,9 @@ def add_parser(subparsers: Subparsers) -> None:
         metavar="TOPIC",
         help=f"where gateways publish, + for any level (default: the configuration's, else {ALL_GATEWAYS})",
     )
-    parser.add_argument("--once", action="store_true", help="print the table once; so without a terminal")
+    flag(parser, "--once", about="print the table once; so without a terminal")
     parser.add_argument("--ca-file", metavar="FILE", help="the certificate authority, for mqtts://")
-    add_broker_login(parser)
+    add_login(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -154,27 +153,12 @@ def _target(args: argparse.Namespace) -> tuple[BrokerSettings, str]:
     """Return the way to the broker, and below which topics the gateways are."""
     if "://" not in args.target:
         config = load(args.target)
-        settings = settings_of(
-            config,
-            Path(args.target).parent,
-            tool="watch",
-            username=args.username,
-            password_file=args.password_file,
-        )
-        return settings, config.base
-    parts = split_url(args.target)
-    if parts is None:
-        raise UsageError(f"{args.target!r} is no broker (mqtt://host[:port] or mqtts://host[:port])")
-    split, port = parts
-    host = split.hostname or ""
-    is_tls = split.scheme == "mqtts"
-    if args.username and not is_tls and not is_loopback(host):
-        raise UsageError(f"{args.target}: a password would go unencrypted (use mqtts://)")
-    settings = BrokerSettings(
-        host, port, f"watch-{uuid.uuid4().hex[:8]}", tls=TlsSettings(args.ca_file) if is_tls else None
-    )
+        return settings_of(config, Path(args.target).parent, tool="watch", login=args), config.base
+    settings = broker_at(args.target, client_id=f"watch-{uuid.uuid4().hex[:8]}", ca_file=args.ca_file)
     if args.username:
-        password = password_of(args.username, host, password_file=args.password_file)
+        if settings.tls is None and not is_loopback(settings.host):
+            raise UsageError(f"{args.target}: a password would go unencrypted (use mqtts://)")
+        password = password_of(args.username, settings.host, password_file=args.password_file)
         settings = replace(settings, username=args.username, password=password)
     return settings, ALL_GATEWAYS
 

@@ -9,7 +9,7 @@ import pytest
 
 from gateway.cli.doctor import broker as doctor_broker
 from gateway.cli.doctor.broker import BrokerAccess
-from gateway.cli.doctor.finding import DoctorFinding
+from gateway.cli.doctor.machine import DoctorFinding
 from gateway.config.load import parse
 from gateway.errors import BrokerError
 from gateway.mqtt.connection import command_client as sender

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.cli.broker_kit.password_file import password_line
+from gateway.cli.broker_kit.folder import password_line
 from tests.end_to_end.deploy.kit_site import BROKER_PAGE, KitPlace, commands
 from tests.mosquitto import _find, missing_programs
 

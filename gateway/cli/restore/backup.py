@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from gateway import __version__
-from gateway.cli.command import Subparsers
+from gateway.cli.command import flag
 from gateway.config.load import load
 from gateway.config.schema import Config
 from gateway.config.secrets import files_of, without_logins
@@ -27,16 +27,15 @@ GZIP = b"\x1f\x8b"  # what a backup begins with [RFC 1952]
 PRIVATE = b"PRIVATE KEY-----"  # in a PEM file [RFC 7468], also one that is named as a certificate
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "backup",
-        description="Store a gateway's configuration, the files it refers to, and its state in one file, "
-        "also while the gateway runs. Without --secrets passwords, private keys and tokens are left out.",
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = (
+        "Store a gateway's configuration, the files it refers to, and its state in one file, "
+        "also while the gateway runs. Without --secrets passwords, private keys and tokens are left out."
     )
     parser.add_argument("config", metavar="CONFIG", help="the gateway's configuration")
     parser.add_argument("file", metavar="FILE", help="the backup to write, such as mcc1.tar.gz")
-    parser.add_argument("--secrets", action="store_true", help="with passwords, private keys and tokens")
+    flag(parser, "--secrets", about="with passwords, private keys and tokens")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -132,13 +131,13 @@ def _configured(path: Path, config: Config, *, with_secrets: bool) -> tuple[list
         text, logins = without_logins(text, config)
     own = f"{CONFIG}/{path.name}"
     members, left_out, files = {own: Member(own, text.encode(), path)}, [], files_of(config)
-    secrets = {(folder / each.path).resolve() for each in files if each.is_secret}
+    secrets = {(folder / path).resolve() for path, is_secret in files.items() if is_secret}
     for each in files:
-        where, name = folder / each.path, name_in_backup(folder, each.path)
+        where, name = folder / each, name_in_backup(folder, each)
         is_hidden = not with_secrets and where.resolve() in secrets
         content = b"" if is_hidden else where.read_bytes()
         if is_hidden or (not with_secrets and PRIVATE in content):
-            left_out.append(str(each.path))
+            left_out.append(str(each))
         else:
             members[name] = Member(name, content, where)  # one that two keys name is there once
     facts = {

@@ -1,30 +1,42 @@
-"""`starter-gateway simulate`: the starters of a configuration, simulated on pseudo-terminals in real time."""
+"""`starter-gateway simulate`: the starters of a configuration, simulated on pseudo-terminals in real time.
+
+Their knobs are topics apart from any gateway's, `simulator/{starter}/{knob}`: the gateway knows nothing of
+them. Only a broker on loopback may carry them.
+"""
 
 from __future__ import annotations
 
 import argparse
 import asyncio
+import json
+import logging
 import signal
 import sys
-from collections.abc import AsyncIterator, Mapping
-from contextlib import AsyncExitStack, asynccontextmanager
+import time
+import uuid
+from collections.abc import AsyncIterator, Mapping, Sequence
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from gateway.cli.command import Subparsers
-from gateway.cli.simulate.topics import simulator_topics
+from gateway.cli.command import flag
 from gateway.config.convert import timing_of
 from gateway.config.load import load
 from gateway.config.schema import Config, LineTable, SimulatedMotorTable, StarterTable
-from gateway.config.values import split_url
+from gateway.config.values import is_loopback, split_url
 from gateway.errors import UsageError
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.parameters import find
 from gateway.families.profile.rows import Table
+from gateway.mqtt.connection.broker import BrokerConnection
+from gateway.mqtt.connection.settings import BrokerSettings
+from gateway.mqtt.contract.commands import Incoming
+from gateway.mqtt.contract.payloads import Message
+from gateway.mqtt.outbox.outbox import Outbox
 from gateway.sim.bus.bus import Bus
 from gateway.sim.bus.pty import PtyLine
-from gateway.sim.controls import KNOBS
+from gateway.sim.controls import KNOBS, set_knob
 from gateway.sim.core.motor import PHASES
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
@@ -32,12 +44,11 @@ from gateway.sim.factory import make_unit
 TOLERANCE_S = 0.0002  # two programs never wake on the spot
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "simulate",
-        description="Simulate the starters of a configuration, with real byte times, on pseudo-terminals."
-        " A port that does not exist yet is made (a link), so that `run` works with the same configuration.",
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = (
+        "Simulate the starters of a configuration, with real byte times, on pseudo-terminals."
+        " A port that does not exist yet is made (a link), so that `run` works with the same configuration."
     )
     parser.add_argument("config", metavar="CONFIG", help="the site's TOML file")
     parser.add_argument(
@@ -46,7 +57,7 @@ def add_parser(subparsers: Subparsers) -> None:
         help="a broker on loopback (mqtt://127.0.0.1:1883) where simulator/STARTER/KNOB trips, clears and"
         f" switches the simulated starters; KNOB is one of {', '.join(KNOBS)}",
     )
-    parser.add_argument("--companion", action="store_true", help=argparse.SUPPRESS)  # ends with its stdin
+    flag(parser, "--companion", about=argparse.SUPPRESS)  # ends with its stdin
 
 
 def run(args: argparse.Namespace) -> int:
@@ -62,7 +73,9 @@ async def simulated_lines(config: Config) -> AsyncIterator[dict[str, PtyLine]]:
     async with AsyncExitStack() as stack:
         lines: dict[str, PtyLine] = {}
         for table in config.lines:
-            line = PtyLine(_bus(table), link=_link(table))
+            units = [simulated_unit(starter) for starter in table.starters if starter.enabled]
+            bus = Bus(timing_of(table), units, name=table.name, chunk_bytes=None, tolerance_s=TOLERANCE_S)
+            line = PtyLine(bus, link=_link(table))
             await line.start()
             stack.push_async_callback(line.stop)
             lines[table.name] = line
@@ -118,19 +131,13 @@ def simulated_unit(starter: StarterTable) -> SimulatedUnit:
     simulated = starter.simulated
     profile = load_profile(starter.family)
     rows = profile.parameters
-    options: dict[str, Any] = {
-        "settings": {rows[code].address: value for code, value in simulated.parameters.items()}
-    }
-    if simulated.firmware is not None:
-        options["firmware"] = simulated.firmware
+    options: dict[str, Any] = {"firmware": simulated.firmware, "slot": starter.slot}
+    options = {key: value for key, value in options.items() if value is not None}
+    options["settings"] = {rows[code].address: value for code, value in simulated.parameters.items()}
     if simulated.markers:
         markers = [(find(profile, code), is_on) for code, is_on in simulated.markers.items()]
-        options["coils"] = {row.address: is_on for row, is_on in markers if row.table is Table.COIL}
-        options["discrete_inputs"] = {
-            row.address: is_on for row, is_on in markers if row.table is Table.DISCRETE
-        }
-    if starter.slot is not None:
-        options["slot"] = starter.slot
+        for name, table in (("coils", Table.COIL), ("discrete_inputs", Table.DISCRETE)):
+            options[name] = {row.address: is_on for row, is_on in markers if row.table is table}
     try:
         unit = make_unit(
             starter.family, starter.address, seed=starter.address, model=starter.model, **options
@@ -150,11 +157,6 @@ def _fit_motor(unit: SimulatedUnit, table: SimulatedMotorTable) -> None:
     unit.motor.lost_phase = None if table.lost_phase is None else PHASES.index(table.lost_phase)
 
 
-def _bus(table: LineTable) -> Bus:
-    units = [simulated_unit(starter) for starter in table.starters if starter.enabled]
-    return Bus(timing_of(table), units, name=table.name, chunk_bytes=None, tolerance_s=TOLERANCE_S)
-
-
 def _beside_a_real_port(table: LineTable, path: str) -> str:
     """Return the warning that `run` with the same configuration does not talk to the simulated starters."""
     return (
@@ -170,3 +172,80 @@ def _link(table: LineTable) -> Path | None:
     if path.is_symlink() and not str(path.readlink()).startswith("/dev/pts/"):
         return None  # a stable name of a real adapter
     return path
+
+
+log = logging.getLogger(__name__)
+
+TREE = "simulator"
+FILTER = f"{TREE}/+/+"
+DONE = "done"  # simulator/{starter}/done says what a knob did
+MOST_WAITING = 100  # answers, while the broker is away
+
+_PAYLOAD_SHOWN = 40
+
+
+@asynccontextmanager
+async def simulator_topics(
+    units: Mapping[str, SimulatedUnit], *, host: str, port: int
+) -> AsyncIterator[None]:
+    """Serve the knobs of these starters at a broker on loopback; UsageError for another broker."""
+    if not is_loopback(host):
+        raise UsageError(
+            f"broker {host}: the knobs of simulated starters stay on loopback (mqtt://127.0.0.1)"
+        )
+    answers = Outbox(last_topic="", pack=_not_packed, max_rows=MOST_WAITING)
+    settings = BrokerSettings(host=host, port=port, client_id=f"simulator-{uuid.uuid4().hex[:8]}")
+
+    def take(incoming: Incoming) -> None:
+        answer = answer_to(units, incoming)
+        if answer is not None:
+            answers.put(answer, time.monotonic())
+            connection.wake()
+
+    connection = BrokerConnection(
+        settings, answers, command_filter=FILTER, will=lambda: None, on_incoming=take, on_link=_log_link
+    )
+    running = asyncio.create_task(connection.run())
+    try:
+        yield
+    finally:
+        running.cancel()
+        with suppress(asyncio.CancelledError):
+            await running
+
+
+def answer_to(units: Mapping[str, SimulatedUnit], incoming: Incoming) -> Message | None:
+    """Apply the knob that a message names and return the answer; None for a message of our own."""
+    _, starter, knob = incoming.topic.split("/")
+    if knob == DONE:
+        return None
+    setting = incoming.payload.decode("utf-8", "replace")
+    answer = {"knob": knob, "setting": setting[:_PAYLOAD_SHOWN]}
+    try:
+        answer["text"] = _apply(units, starter, knob, setting, is_retained=incoming.is_retained)
+        log.info("simulated starter=%s %s", starter, answer["text"])
+    except UsageError as error:
+        answer["error"] = str(error)
+        log.warning("simulated starter=%s %s: %s", starter, knob, error)
+    payload = json.dumps(answer).encode()
+    return Message(f"{TREE}/{starter}/{DONE}", payload, qos=1, retain=False, is_queued=True)
+
+
+def _apply(
+    units: Mapping[str, SimulatedUnit], starter: str, knob: str, setting: str, *, is_retained: bool
+) -> str:
+    unit = units.get(starter)
+    if unit is None:
+        raise UsageError(f"no simulated starter {starter[:_PAYLOAD_SHOWN]!r} (one of {', '.join(units)})")
+    if is_retained:
+        raise UsageError("retained: it would be done again at every start")
+    return set_knob(unit, knob, setting)
+
+
+def _not_packed(topic: str, _items: Sequence[str], _boot: str) -> Message:
+    """Take what no answer has: replaced values."""
+    raise AssertionError(topic)
+
+
+def _log_link(is_connected: bool, trouble: str) -> None:  # noqa: FBT001 - the connection's signature
+    log.debug("knobs: connected=%s %s", is_connected, trouble)

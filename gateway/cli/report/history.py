@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from gateway.cli.command import Subparsers, place_of, write_text
+from gateway.cli.command import flag, place_of, write_text
 from gateway.config.load import load
 from gateway.config.schema import StarterTable
 from gateway.errors import StoreError, UsageError
@@ -25,12 +25,11 @@ TRIP, START, CURVE = "trip", "start", "curve"  # kinds of rows
 STDOUT = "-"
 
 
-def add_parser(subparsers: Subparsers) -> None:
-    """Add the command's parser."""
-    parser = subparsers.add_parser(
-        "history",
-        description="List the starts and trips that a gateway has recorded of a starter, or export one of "
-        "them: the newest trip, or the one of --id.",
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's description and arguments."""
+    parser.description = (
+        "List the starts and trips that a gateway has recorded of a starter, or export one of "
+        "them: the newest trip, or the one of --id."
     )
     parser.add_argument("config", metavar="CONFIG", help="the gateway's configuration")
     parser.add_argument("starter", metavar="STARTER", help="name of the starter")
@@ -39,9 +38,7 @@ def add_parser(subparsers: Subparsers) -> None:
     parser.add_argument(
         "--comtrade", metavar="BASENAME", help="write BASENAME.cfg and BASENAME.dat (IEC 60255-24, ASCII)"
     )
-    parser.add_argument(
-        "--json", action="store_true", help="print the records as they are stored, one a line"
-    )
+    flag(parser, "--json", about="print the records as they are stored, one a line")
 
 
 def run(args: argparse.Namespace) -> int:
