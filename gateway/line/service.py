@@ -156,14 +156,15 @@ class LineService:
 
     def _form_of(self, slot: Slot, encoded: EncodedRequest) -> EncodedRequest | None:
         """Return the form in which a slot's request is sent; None while an earlier reply may pass."""
-        poll = slot.poll
-        any_poll = poll or self._scheduler.polls.unit(slot.unit).probe
+        poll, unit = slot.poll, self._scheduler.polls.unit(slot.unit)
+        any_poll = poll or unit.probe
+        is_for_watchdog = self._scheduler.is_for_watchdog or (unit.is_silent and unit.limit_s > 0.0)
         return self.master.forms.choose(
             encoded,
             self._alternates_of if any_poll is None else any_poll.alternates_of,
             self._time(),
             is_decisive=poll is None or poll.is_urgent,
-            is_patient=poll is not None,
+            is_patient=poll is not None and not is_for_watchdog,
             is_literal=bool(slot.jobs) and slot.jobs[0].is_literal,
         )
 

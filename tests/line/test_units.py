@@ -3,8 +3,10 @@ from __future__ import annotations
 import pytest
 
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.scheduler.units import Unit, UnitState
+from gateway.line.scheduler.requests import Poll
+from gateway.line.scheduler.units import ScheduledPoll, Unit, UnitState
 from gateway.modbus.adu import encode
+from gateway.modbus.reads import ReadHoldingRegisters
 
 ANSWERED = Answered((1,), at_s=0.0, response_time_s=0.005)
 GARBLED = Garbled("bad CRC", b"\x01")
@@ -91,3 +93,13 @@ def test_a_right_frame_that_answers_something_else_shows_that_the_unit_is_there(
     assert unit.news() is None  # for 5 s after it there are three misses at most
     unit.note(Garbled("another unit", encode(2, b"\x83\x01")), sent_s=10.0, now_s=10.0)
     assert unit.news() is False
+
+
+def test_a_silent_unit_whose_watchdog_is_shorter_than_its_period_is_asked_before_that_acts() -> None:
+    unit = Unit(number=1, limit_s=2.6, received_s=0.0)
+    poll = Poll("a", 1, ReadHoldingRegisters(0, 1), 5.0, 0.01)
+    unit.polls.append(ScheduledPoll(poll=poll, unit=unit, every_s=5.0, period_s=5.0))
+
+    assert [unit.pause_s(now_s) for now_s in (0.1, 2.0, 60.0)] == [1.0, 1.0, 1.0]
+    unit.limit_s = 0.0
+    assert unit.pause_s(0.1) == 5.0

@@ -47,7 +47,7 @@ class Scheduler:
         self.polls = PollTable(chance or random.Random(0))
         self.jobs = JobQueue()
         self._retry: Slot | None = None  # a poll whose reply was corrupted, or is open: asked again at once
-        self._is_for_watchdog = False  # the slot under way
+        self.is_for_watchdog = False  # the slot picked last
         self._follow_ups_in_row = self._watchdogs_in_row = 0
         self._gives_way = False  # to another request, after a follow-up that was not answered
         self._picked_s = self._freed_s = -inf
@@ -81,7 +81,7 @@ class Scheduler:
            fourth the oldest.
         6. A poll by due time. After a miss those of units that answer, otherwise those of units that do not.
         """
-        self._picked_s, self._is_for_watchdog = now_s, False
+        self._picked_s, self.is_for_watchdog = now_s, False
         if self._follow_ups_in_row < IN_ROW and not self._gives_way:
             slot = self.jobs.pop(now_s, Priority.STOP, Priority.FOLLOW_UP)
             self._follow_ups_in_row = 0 if slot is None else self._follow_ups_in_row
@@ -100,7 +100,7 @@ class Scheduler:
         elif unit.deadline_s == inf and self.jobs.may_pass_polls(now_s):
             slot = self.jobs.pop(now_s, Priority.COMMAND)
         if slot is None and unit is not None:
-            self._is_for_watchdog = True
+            self.is_for_watchdog = True
             slot = self.polls.take(unit.polls[0], now_s)
         return slot or self.jobs.pop(now_s, Priority.FOLLOW_UP)
 
@@ -142,7 +142,7 @@ class Scheduler:
             self._follow_ups_in_row += 1
             is_lost = isinstance(outcome, Silent | Garbled) and outcome.is_sent
             self._gives_way = is_lost and not slot.is_stop
-        elif self._is_for_watchdog:
+        elif self.is_for_watchdog:
             self._watchdogs_in_row += 1
         elif lane is not Priority.STOP:
             self._follow_ups_in_row = self._watchdogs_in_row = 0

@@ -148,9 +148,11 @@ class Unit(Queued):
     def pause_s(self, now_s: float) -> float:
         """Return how long a silent unit is left: as long as it has been silent, within bounds.
 
-        It may receive what is sent, and only its replies be lost: then its watchdog is not to act.
+        It may receive what is sent, and only its replies be lost: then its watchdog is not to act, even where
+        that is shorter than its period.
         """
-        least_s = max(self.polls[0].every_s if self.polls else 0.0, PROBE_MIN_S)
+        every_s = self.polls[0].every_s if self.polls else 0.0
+        least_s = max(min(every_s, self.limit_s / 4 or inf), PROBE_MIN_S)
         most_s = min(PROBE_MAX_S, self.limit_s / 8 or inf)
         if now_s < self.forgiven_until_s:
             return least_s
