@@ -58,7 +58,7 @@ class PollTable:
         entry = ScheduledPoll(poll=poll, unit=unit, every_s=poll.every_s, period_s=period_of(poll.every_s))
         self._polls[poll.key] = entry
         unit.polls.append(entry)
-        if poll.deadline_s is not None or not unit.place:
+        if poll.deadline_s is not None or unit.queue is None:
             self.watchdogs.set(unit, unit.limit_s if poll.deadline_s is None else poll.deadline_s)
         if not unit.is_silent or entry is unit.polls[0]:
             self._put(entry, now_s)
@@ -83,7 +83,7 @@ class PollTable:
         self._load.set_cost(entry, 0.0)
         entry.every_s, entry.period_s = every_s, period_of(every_s)
         self._load.set_cost(entry, cost_s)
-        if entry.place and not entry.unit.is_silent:
+        if entry.queue is not None and not entry.unit.is_silent:
             entry.release_s = min(entry.release_s, now_s + every_s)
             entry.deadline_s = min(entry.deadline_s, now_s + entry.period_s * self.stretch)
             self._queue(entry)
@@ -93,7 +93,7 @@ class PollTable:
         entry = self._polls[key]
         if entry.unit.is_silent:
             entry = entry.unit.polls[0]
-        if not entry.place:
+        if entry.queue is None:
             entry.deadline_s = now_s  # once more after the one under way
         elif entry.deadline_s > now_s:
             self._put(entry, now_s)
@@ -234,7 +234,7 @@ class PollTable:
                     self.expedite(other.polls[0].poll.key, now_s)
         elif not unit.is_silent:
             for each in unit.polls:
-                if each.place:
+                if each.queue is not None:
                     self._queue(each)
 
     def _plan_next(
@@ -245,7 +245,7 @@ class PollTable:
             if entry is entry.unit.polls[0]:
                 self._put_probe(entry.unit, now_s)
             return
-        is_expedited = entry.deadline_s < inf and not entry.place
+        is_expedited = entry.deadline_s < inf and entry.queue is None
         factor = self._load.factor
         period_s = entry.period_s * factor
         if cost_s:

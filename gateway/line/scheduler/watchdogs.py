@@ -34,7 +34,7 @@ class Watchdogs:
     def set(self, unit: Unit, limit_s: float | None) -> None:
         """Record a unit's watchdog, None or 0 for none; it runs since the unit was reached last."""
         unit.limit_s = limit_s or 0.0
-        if unit.reached_s == -inf and unit.place:
+        if unit.reached_s == -inf and unit.queue is not None:
             self.begin(unit, unit.release_s)
         else:
             self._put(unit, unit.reached_s)
@@ -54,7 +54,7 @@ class Watchdogs:
 
     def hold(self, unit: Unit, until_s: float) -> None:
         """Record that a unit may not be asked before then."""
-        if unit.place:
+        if unit.queue is not None:
             unit.release_s = max(unit.release_s, until_s)
             self._queue.put(unit)
 
