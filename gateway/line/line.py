@@ -199,7 +199,7 @@ class Line:
             port, self.timing, allowance_s=self._allowance_s, trace=self._trace, forms=self._forms
         )
         service = self._service = self._service_on(master)
-        self._scheduler.begin(self._time())
+        self._scheduler.polls.begin(self._time())
         self._statistics.begin(self._time())
         self._recovery.begin()
         try:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from math import inf
 
-from gateway.line.scheduler.edf_queue import EdfQueue, T
+from gateway.line.scheduler.line_time import EdfQueue, T
 
 
 class ListQueue(EdfQueue[T]):
     """Does what `EdfQueue` does."""
 
-    def put(self, thing: T) -> None:
+    def put(self, thing: T, release_s: float, deadline_s: float) -> None:
         thing.leave()
-        thing.queue = self
+        thing.queue, thing.release_s, thing.deadline_s = self, release_s, deadline_s
         self.things.append(thing)
 
     def first(self, now_s: float) -> T | None:

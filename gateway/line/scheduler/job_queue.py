@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from bisect import insort, insort_left
 from dataclasses import replace
 from math import inf
+from operator import attrgetter
 
 from gateway.line.scheduler.line_time import JOBS_BURST_S, JOBS_SHARE, LineTimeBudget
 from gateway.line.scheduler.requests import Job, Priority, Slot
@@ -19,8 +21,8 @@ class JobQueue:
 
     def __init__(self) -> None:
         self._budget = LineTimeBudget(JOBS_SHARE, JOBS_BURST_S)
-        self._waiting: dict[Priority, list[Slot]] = {lane: [] for lane in Priority}
-        self._popped = 0
+        self._waiting: list[Slot] = []
+        self._commands = 0  # taken out
 
     def submit(self, job: Job, now_s: float) -> None:
         """Queue a job behind the others of its priority.
@@ -28,73 +30,55 @@ class JobQueue:
         A stop joins a frame of its unit that has waited for long and leaves later than the stop came: a group
         that is stopped again and again costs the line one frame each, not many.
         """
-        waiting = self._waiting[job.lane]
-        for place, slot in enumerate(waiting) if job.lane is Priority.STOP else ():
-            is_same = (slot.unit, slot.request) == (job.unit, job.request)
+        for place, slot in enumerate(self._waiting) if job.lane is Priority.STOP else ():
+            is_same = (slot.lane, slot.unit, slot.request) == (job.lane, job.unit, job.request)
             if is_same and now_s - slot.since_s > SHARED_AFTER_S:
-                waiting[place] = replace(slot, jobs=(*slot.jobs, job))
+                self._waiting[place] = replace(slot, jobs=(*slot.jobs, job))
                 return
-        waiting.append(Slot(job.unit, job.request, job.response_time_s, now_s, lane=job.lane, jobs=(job,)))
+        slot = Slot(job.unit, job.request, job.response_time_s, now_s, lane=job.lane, jobs=(job,))
+        insort(self._waiting, slot, key=attrgetter("lane"))
 
     def withdraw(self, job: Job) -> bool:
         """Take a job back; False when it is not waiting (any more)."""
-        waiting = self._waiting[job.lane]
-        for place, slot in enumerate(waiting):
-            if any(each is job for each in slot.jobs):
+        for place, slot in enumerate(self._waiting):
+            if job in slot.jobs:
                 left = slot.without(job)
-                waiting[place : place + 1] = [] if left is None else [left]
+                self._waiting[place : place + 1] = [] if left is None else [left]
                 return True
         return False
 
     def clear(self) -> tuple[Job, ...]:
         """Return all waiting jobs and forget them."""
-        jobs = tuple(job for waiting in self._waiting.values() for slot in waiting for job in slot.jobs)
-        for waiting in self._waiting.values():
-            waiting.clear()
-        return jobs
+        slots, self._waiting = self._waiting, []
+        return tuple(job for slot in slots for job in slot.jobs)
 
-    def put_back(self, slot: Slot, until_s: float = -inf) -> None:
+    def put_back(self, slot: Slot, until_s: float) -> None:
         """Return a slot to the head of its priority, from `until_s` on; others pass it meanwhile."""
-        self._waiting[slot.jobs[0].lane].insert(0, replace(slot, not_before_s=until_s))
+        insort_left(self._waiting, replace(slot, not_before_s=until_s), key=attrgetter("lane"))
 
     def next_s(self) -> float:
         """Return from when on there is a job to send."""
-        slots = (slot for waiting in self._waiting.values() for slot in waiting)
-        return min((slot.not_before_s for slot in slots), default=inf)
+        return min([slot.not_before_s for slot in self._waiting], default=inf)
 
     def pop(self, now_s: float, *lanes: Priority) -> Slot | None:
-        """Take out the next job of these priorities, the first of them first."""
-        for lane in lanes:
-            for place, slot in enumerate(self._waiting[lane]):
-                if slot.not_before_s <= now_s:
-                    return self._waiting[lane].pop(place)
-        return None
-
-    def pop_command(self, now_s: float, *, is_poll_due: bool) -> Slot | None:
-        """Take out the next job that is not of a stop: by priority, now and then the oldest instead.
-
-        None when a poll is due and the jobs' share of the line's time is used up.
-        """
-        ready = []  # the first of each priority
-        for lane in COMMANDS:
-            for slot in self._waiting[lane]:
-                if slot.not_before_s <= now_s:
-                    ready.append(slot)
-                    break
-        if not ready or (is_poll_due and not self.may_pass_polls(now_s)):
+        """Take out the next job of these priorities: by priority, of `COMMANDS` now and then the oldest."""
+        ready = self._waiting and [
+            slot for slot in self._waiting if slot.lane in lanes and slot.not_before_s <= now_s
+        ]
+        if not ready:
             return None
-        self._popped += 1
-        is_oldest = self._popped % OLDEST_EVERY == 0
-        chosen = min(ready, key=lambda slot: slot.since_s) if is_oldest else ready[0]
-        self._waiting[chosen.jobs[0].lane].remove(chosen)
-        return chosen
+        self._commands += lanes == COMMANDS
+        is_oldest = lanes == COMMANDS and self._commands % OLDEST_EVERY == 0
+        slot = min(ready, key=attrgetter("since_s")) if is_oldest else ready[0]
+        self._waiting.remove(slot)
+        return slot
 
     def may_pass_polls(self, now_s: float) -> bool:
         """Return whether jobs may take time from polls that are due."""
-        return self._budget.has_room(now_s)
+        return now_s >= self._budget.room_at_s()
 
     def charge(self, slot: Slot, took_s: float, now_s: float) -> None:
         """Charge what a slot has used of the line to the jobs' share; stops are free."""
-        if slot.lane is not None and slot.lane > Priority.FOLLOW_UP:
+        if slot.lane in COMMANDS:
             weight = BACKGROUND_WEIGHT if slot.lane is Priority.PARAMETERS else 1
             self._budget.spend(weight * took_s, now_s)
