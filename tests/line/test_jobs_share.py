@@ -7,10 +7,9 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.line.scheduler.job_queue import BACKGROUND_WEIGHT
 from gateway.line.scheduler.line_time import JOBS_SHARE, LineTimeBudget
 from gateway.line.scheduler.requests import Job, Poll, Priority, Slot
-from gateway.line.scheduler.scheduler import Scheduler
+from gateway.line.scheduler.scheduler import BACKGROUND_WEIGHT, Scheduler
 from gateway.modbus.reads import ReadHoldingRegisters
 from tests.line.fakes import poll
 from tests.line.ideal_line import IdealLine

@@ -5,9 +5,9 @@ from __future__ import annotations
 from math import inf
 
 from gateway.line.rtu.outcome import Garbled, Silent
-from gateway.line.scheduler.job_queue import OLDEST_EVERY
 from gateway.line.scheduler.line_time import JOBS_BURST_S, JOBS_SHARE
 from gateway.line.scheduler.requests import Priority, Verdict
+from gateway.line.scheduler.scheduler import OLDEST_EVERY
 from gateway.line.scheduler.units import UnitState
 from tests.line.fakes import poll
 from tests.line.scheduled import ANSWERED, GARBLED, READ, WRITE, begun, job, job_of, key_of, take

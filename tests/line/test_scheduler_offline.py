@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Silent
-from gateway.line.scheduler.line_time import OFFLINE_BURST_S, OFFLINE_SHARE
+from gateway.line.scheduler.polls import OFFLINE_BURST_S, OFFLINE_SHARE
 from gateway.line.scheduler.requests import Poll, Slot
 from gateway.line.scheduler.scheduler import Scheduler
 from tests.line.fakes import poll

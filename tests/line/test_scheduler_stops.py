@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from math import inf
 
-from gateway.line.scheduler.job_queue import SHARED_AFTER_S
 from gateway.line.scheduler.requests import Priority
-from gateway.line.scheduler.scheduler import IN_ROW
+from gateway.line.scheduler.scheduler import IN_ROW, SHARED_AFTER_S
 from tests.line.fakes import poll
 from tests.line.scheduled import ANSWERED, READ, begun, job, job_of, key_of, take
 

@@ -18,13 +18,8 @@ from math import ceil, inf
 
 from gateway.line.capacity.demand import Demand
 from gateway.line.rtu.timeouts import ALLOWANCE_S, longest_s, reply_within_s, request_wire_s
-from gateway.line.scheduler.line_time import (
-    ASKED_AFTER,
-    FREE_PERIOD_S,
-    JOBS_BURST_S,
-    JOBS_SHARE,
-    overload_factor,
-)
+from gateway.line.scheduler.line_time import FREE_PERIOD_S, JOBS_BURST_S, JOBS_SHARE, overload_factor
+from gateway.line.scheduler.polls import ASKED_AFTER
 from gateway.line.scheduler.requests import Poll
 from gateway.line.scheduler.scheduler import IN_ROW
 from gateway.modbus.timing import LineTiming

@@ -10,11 +10,6 @@ from typing import Any, Generic, TypeVar
 
 JOBS_SHARE = 0.5  # of the line's time while polls are due, for all jobs but stops
 JOBS_BURST_S = 0.25  # of line time may be saved up: about what a start with its read-backs needs
-# Of the line's time, for all silent units together: with the listening for a late reply that follows each
-# silence, and is not counted here, that makes a twentieth at most.
-OFFLINE_SHARE = 0.035
-OFFLINE_BURST_S = 0.7  # of line time may be saved up: some six probes
-ASKED_AFTER = 0.5  # of the time that is left to a watchdog: the rest is for the queue and one lost reply
 FREE_PERIOD_S = 5.0  # the period of a poll with `every_s` 0; it comes earlier whenever the line is free
 
 
@@ -30,7 +25,6 @@ class Queued:
         """Leave the queue; nothing when it waits in none."""
         if self.queue is not None:
             self.queue.things.remove(self)
-            self.queue.released_s = -inf
             self.queue = None
 
 
@@ -42,18 +36,18 @@ class EdfQueue(Generic[T]):
 
     def __init__(self) -> None:
         self.things: list[T] = []  # by deadline, equal ones as they were put
-        self.released_s = inf  # when the first of them is released; -inf: to be looked up
+        self._released_s = inf  # none of them before
 
     def put(self, thing: T, release_s: float, deadline_s: float) -> None:
         """Queue a thing; it leaves the queue it was in."""
         thing.leave()
         thing.queue, thing.release_s, thing.deadline_s = self, release_s, deadline_s
         insort(self.things, thing, key=attrgetter("deadline_s"))
-        self.released_s = min(self.released_s, release_s)
+        self._released_s = min(self._released_s, release_s)
 
     def first(self, now_s: float) -> T | None:
         """Return the released thing with the earliest deadline; it stays."""
-        if now_s >= self.released_s:
+        if now_s >= self._released_s:
             for thing in self.things:
                 if thing.release_s <= now_s:
                     return thing
@@ -62,9 +56,8 @@ class EdfQueue(Generic[T]):
 
     def next_s(self) -> float:
         """Return when the first of the things is released."""
-        if self.released_s == -inf:
-            self.released_s = min([thing.release_s for thing in self.things], default=inf)
-        return self.released_s
+        self._released_s = min([thing.release_s for thing in self.things], default=inf)
+        return self._released_s
 
 
 class LineTimeBudget:

@@ -6,18 +6,16 @@ import random
 from math import inf
 
 from gateway.line.rtu.outcome import Outcome, Silent
-from gateway.line.scheduler.line_time import (
-    ASKED_AFTER,
-    FREE_PERIOD_S,
-    OFFLINE_BURST_S,
-    OFFLINE_SHARE,
-    EdfQueue,
-    LineTimeBudget,
-    overload_factor,
-)
+from gateway.line.scheduler.line_time import FREE_PERIOD_S, EdfQueue, LineTimeBudget, overload_factor
 from gateway.line.scheduler.requests import Poll, Slot
 from gateway.line.scheduler.units import ScheduledPoll, Unit
 from gateway.modbus.adu import BROADCAST
+
+# Of the line's time, for all silent units together: with the listening for a late reply that follows each
+# silence, and is not counted here, that makes a twentieth at most.
+OFFLINE_SHARE = 0.035
+OFFLINE_BURST_S = 0.7  # of line time may be saved up: some six probes
+ASKED_AFTER = 0.5  # of the time that is left to a watchdog: the rest is for the queue and one lost reply
 
 _LONGEST_SLOT_S = 5.0  # what takes longer is a machine that was suspended, not a line that was busy
 _AVERAGED_OVER_S = 10.0  # so far back goes the share of jobs and offline units
@@ -40,7 +38,7 @@ class PollTable:
         self._offline = LineTimeBudget(OFFLINE_SHARE, OFFLINE_BURST_S)
         self._chance = chance
         self._is_after_miss = False
-        self._left: list[tuple[float, int, float]] = []  # shares of their watchdogs' time, units, when
+        self._left: list[tuple[float, int, float]] = []  # of a watchdog's time, of which unit, when; falling
 
     def begin(self, now_s: float) -> None:
         """Begin on an opened port: overdue polls are due now, and each unit's state is news again."""
@@ -126,7 +124,8 @@ class PollTable:
             periods_s = [(each.every_s or FREE_PERIOD_S) * self.stretch for each in unit.polls]
             if asked_s and unit.reached_s > -inf and min(periods_s, default=0.0) > asked_s:
                 load += unit.polls[0].cost_s / asked_s
-        share, worst, _ = next((each for each in self._left if each[2] > now_s - _WORST_OVER_S), (0.0, 0, 0))
+        self._left = [each for each in self._left if each[2] > now_s - _WORST_OVER_S]
+        share, worst, _ = self._left[0] if self._left else (0.0, 0, now_s)
         return {"load": round(load, 4), "longest_share": round(share, 4), "unit": worst}
 
     def unit(self, number: int) -> Unit:
@@ -196,8 +195,7 @@ class PollTable:
         if was_silent and slot.poll is not None and not is_answer and not unit.is_fading(now_s):
             self._offline.spend(took_s, now_s)
         if entry is not None and is_done and not unit.is_silent:
-            cost_s = min(took_s, 2 * entry.cost_s or inf)  # not what a process that stood still makes of it
-            self._plan_next(entry, slot, sent_s, now_s, cost_s=0.0 if isinstance(outcome, Silent) else cost_s)
+            self._plan(entry, slot.since_s, sent_s, now_s, 0.0 if isinstance(outcome, Silent) else took_s)
         return unit.news()
 
     def _regroup(self, unit: Unit, now_s: float, *, was_silent: bool) -> None:
@@ -214,28 +212,27 @@ class PollTable:
         if unit.is_silent:
             unit.reached_s = -inf
         elif was_silent:
-            unit.leave()
             for other in self._silent.things[:]:
                 self._silent.put(other, min(other.release_s, now_s), now_s)
 
-    def _plan_next(
-        self, entry: ScheduledPoll, slot: Slot, sent_s: float, now_s: float, *, cost_s: float
-    ) -> None:
+    def _plan(self, entry: ScheduledPoll, due_s: float, sent_s: float, now_s: float, took_s: float) -> None:
         """Keep a poll's rhythm; its phase is left to chance at its first answer, also after a silence."""
         is_expedited = entry.deadline_s < inf and entry.queue is None
         period_s = (entry.every_s or FREE_PERIOD_S) * self.stretch
-        since_s = slot.since_s if self.stretch == 1.0 else sent_s
-        if cost_s:
+        since_s = due_s if self.stretch == 1.0 else sent_s
+        if took_s:
             if not entry.cost_s and entry.every_s and self.stretch == 1.0:
                 period_s *= self._chance.random()
-            self._set_load(entry, cost_s, entry.every_s)
+            # Twice as much as the last time at most: not what a process that stood still makes of it.
+            self._set_load(entry, min(took_s, 2 * entry.cost_s or inf), entry.every_s)
         deadline_s = now_s if is_expedited else max(since_s + period_s, now_s)
         self._put(entry, min(max(since_s + entry.every_s, now_s), deadline_s), deadline_s)
 
     def _note_reached(self, unit: Unit, sent_s: float) -> None:
         if unit.limit_s and unit.reached_s > -inf:
             left = ((sent_s - unit.reached_s) / unit.limit_s, unit.number, sent_s)
-            self._left = [each for each in self._left if each > left and each[2] > sent_s - _WORST_OVER_S]
+            while self._left and self._left[-1] < left:
+                self._left.pop()
             self._left.append(left)
         unit.reached_s = sent_s
         self._watch(unit, sent_s)

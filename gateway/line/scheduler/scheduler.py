@@ -1,10 +1,4 @@
-"""Which request has the line next.
-
-The idea. Polls are asked by due time, jobs by priority; a bucket of line time settles which of the two goes
-first. A unit whose watchdog needs a request goes before both, a stop before everything. Nothing here has a
-clock: the caller says what time it is.
-
-Invariants.
+"""Which request has the line next. Nothing here has a clock: the caller says what time it is.
 
 - A poll is due a period after it was due before, so that it keeps its rhythm. When polls ask for more than
   jobs and offline units leave, all periods are stretched by one factor, and count from when a poll was sent:
@@ -20,18 +14,25 @@ Invariants.
 from __future__ import annotations
 
 import random
+from bisect import insort, insort_left
 from collections.abc import Iterable
 from dataclasses import replace
 from math import inf
+from operator import attrgetter
 
 from gateway.line.rtu.bus_faults import whole_frame
 from gateway.line.rtu.outcome import Garbled, Outcome
-from gateway.line.scheduler.job_queue import COMMANDS, JobQueue
+from gateway.line.scheduler.line_time import JOBS_BURST_S, JOBS_SHARE, LineTimeBudget
 from gateway.line.scheduler.polls import PollTable
-from gateway.line.scheduler.requests import Poll, Priority, Slot, Verdict
+from gateway.line.scheduler.requests import Job, Poll, Priority, Slot, Verdict
 from gateway.modbus.codes import EXCEPTION_BIT
 
 IN_ROW = 8  # requests for stops, and for watchdogs, before something else that is due goes
+BACKGROUND_WEIGHT = 2  # background jobs are charged so many times their line time: they get a quarter
+OLDEST_EVERY = 4  # of so many jobs one is the oldest, whatever its priority
+SHARED_AFTER_S = 0.1  # a stop's frame that has waited so long is sent for later stops of its unit too
+
+_COMMANDS = (Priority.COMMAND, Priority.READ_BACK, Priority.PARAMETERS)
 
 
 class Scheduler:
@@ -76,7 +77,7 @@ class Scheduler:
         if unit is None or self._watchdogs_in_row >= IN_ROW:
             entry = self.polls.first(now_s)
             if entry is None or self.jobs.may_pass_polls(now_s):
-                slot = self.jobs.pop(now_s, *COMMANDS)
+                slot = self.jobs.pop(now_s, *_COMMANDS)
             if slot is None and entry is not None:
                 slot = self.polls.take(entry, now_s)
         elif unit.deadline_s == inf and self.jobs.may_pass_polls(now_s):
@@ -135,3 +136,71 @@ def _is_retried(slot: Slot, outcome: Outcome) -> bool:
         return False
     frame = whole_frame(outcome.received) if slot.jobs and slot.jobs[0].is_literal else None
     return frame is None or not frame.pdu[0] & EXCEPTION_BIT  # a refusal in doubt is one, too
+
+
+class JobQueue:
+    """The slots that wait: by priority, those of one priority as they were submitted."""
+
+    def __init__(self) -> None:
+        self._budget = LineTimeBudget(JOBS_SHARE, JOBS_BURST_S)
+        self._waiting: list[Slot] = []
+        self._commands = 0  # taken out
+
+    def submit(self, job: Job, now_s: float) -> None:
+        """Queue a job behind the others of its priority.
+
+        A stop joins a frame of its unit that has waited for long and leaves later than the stop came: a group
+        that is stopped again and again costs the line one frame each, not many.
+        """
+        for place, slot in enumerate(self._waiting) if job.lane is Priority.STOP else ():
+            is_same = (slot.lane, slot.unit, slot.request) == (job.lane, job.unit, job.request)
+            if is_same and now_s - slot.since_s > SHARED_AFTER_S:
+                self._waiting[place] = replace(slot, jobs=(*slot.jobs, job))
+                return
+        slot = Slot(job.unit, job.request, job.response_time_s, now_s, lane=job.lane, jobs=(job,))
+        insort(self._waiting, slot, key=attrgetter("lane"))
+
+    def withdraw(self, job: Job) -> bool:
+        """Take a job back; False when it is not waiting (any more)."""
+        for place, slot in enumerate(self._waiting):
+            if job in slot.jobs:
+                left = slot.without(job)
+                self._waiting[place : place + 1] = [] if left is None else [left]
+                return True
+        return False
+
+    def clear(self) -> tuple[Job, ...]:
+        """Return all waiting jobs and forget them."""
+        slots, self._waiting = self._waiting, []
+        return tuple(job for slot in slots for job in slot.jobs)
+
+    def put_back(self, slot: Slot, until_s: float) -> None:
+        """Return a slot to the head of its priority, from `until_s` on; others pass it meanwhile."""
+        insort_left(self._waiting, replace(slot, not_before_s=until_s), key=attrgetter("lane"))
+
+    def next_s(self) -> float:
+        """Return from when on there is a job to send."""
+        return min([slot.not_before_s for slot in self._waiting], default=inf)
+
+    def pop(self, now_s: float, *lanes: Priority) -> Slot | None:
+        """Take out the next job of these priorities; of all but stops now and then the oldest."""
+        ready = self._waiting and [
+            slot for slot in self._waiting if slot.lane in lanes and slot.not_before_s <= now_s
+        ]
+        if not ready:
+            return None
+        self._commands += lanes == _COMMANDS
+        is_oldest = lanes == _COMMANDS and self._commands % OLDEST_EVERY == 0
+        slot = min(ready, key=attrgetter("since_s")) if is_oldest else ready[0]
+        self._waiting.remove(slot)
+        return slot
+
+    def may_pass_polls(self, now_s: float) -> bool:
+        """Return whether jobs may take time from polls that are due."""
+        return now_s >= self._budget.room_at_s()
+
+    def charge(self, slot: Slot, took_s: float, now_s: float) -> None:
+        """Charge what a slot has used of the line to the jobs' share; stops are free."""
+        if slot.lane in _COMMANDS:
+            weight = BACKGROUND_WEIGHT if slot.lane is Priority.PARAMETERS else 1
+            self._budget.spend(weight * took_s, now_s)
