@@ -219,7 +219,7 @@ def test_time_in_which_a_job_may_not_be_sent_is_not_charged() -> None:
     assert slot is not None
     scheduler.record(slot, ANSWERED, 2.1)
 
-    assert scheduler.jobs.may_pass_polls(2.1)
+    assert scheduler.jobs.budget.room_at_s <= 2.1
 
 
 def test_a_garbled_read_job_is_repeated_before_the_others_of_its_lane() -> None:

@@ -40,7 +40,8 @@ class EdfQueue(Generic[T]):
 
     def put(self, thing: T, release_s: float, deadline_s: float) -> None:
         """Queue a thing; it leaves the queue it was in."""
-        thing.leave()
+        if thing.queue is not None:
+            thing.leave()
         thing.queue, thing.release_s, thing.deadline_s = self, release_s, deadline_s
         insort(self.things, thing, key=attrgetter("deadline_s"))
         self._released_s = min(self._released_s, release_s)
@@ -64,22 +65,14 @@ class LineTimeBudget:
     """A token bucket that a share of the time fills up to `burst_s`; begins full, owes `burst_s` at most."""
 
     def __init__(self, share: float, burst_s: float) -> None:
+        self.room_at_s = -inf  # from then on something may be sent, which may overdraw it once; -inf: full
         self._share = share
         self._fills_in_s = burst_s / share
-        self._full_at_s = -inf
-
-    def room_at_s(self) -> float:
-        """Return from when on something may be sent, which may overdraw the bucket once."""
-        return self._full_at_s - self._fills_in_s
 
     def spend(self, took_s: float, now_s: float) -> None:
         """Take out what was used of the line until now."""
-        full_at_s = max(self._full_at_s, now_s) + took_s / self._share
-        self._full_at_s = min(full_at_s, now_s + 2 * self._fills_in_s)
-
-    def fill(self) -> None:
-        """Forget what was spent."""
-        self._full_at_s = -inf
+        room_at_s = max(self.room_at_s, now_s - self._fills_in_s) + took_s / self._share
+        self.room_at_s = min(room_at_s, now_s + self._fills_in_s)
 
 
 def overload_factor(load: float, *, others: float = 0.0) -> float:

@@ -93,7 +93,7 @@ class PollTable:
 
     def expedite_all(self, now_s: float) -> None:
         """Make all polls due now, and the probes of silent units: nothing could be received till now."""
-        self._offline.fill()
+        self._offline.room_at_s = -inf
         for key in self._polls:
             self.expedite(key, now_s)
 
@@ -144,10 +144,10 @@ class PollTable:
             return answering
         suspect = self._suspect.first(now_s)
         while suspect is None and (unit := self._silent.first(now_s)) is not None:
-            room_s = self._offline.room_at_s()
-            if now_s >= room_s or unit.is_fading(now_s):
+            room_at_s = self._offline.room_at_s
+            if now_s >= room_at_s or unit.is_fading(now_s):
                 return unit.polls[0]
-            self._silent.put(unit, room_s, room_s)
+            self._silent.put(unit, room_at_s, room_at_s)
         return suspect or answering
 
     def next_s(self) -> float:
@@ -175,10 +175,21 @@ class PollTable:
                 self._put(entry, max(slot.since_s, until_s), -inf)
 
     def record(
-        self, slot: Slot, outcome: Outcome, *, sent_s: float, now_s: float, is_repeated: bool, is_sure: bool
+        self,
+        slot: Slot,
+        entry: ScheduledPoll | None,
+        outcome: Outcome,
+        *,
+        sent_s: float,
+        now_s: float,
+        is_repeated: bool,
+        is_sure: bool,
     ) -> bool | None:
-        """Learn what became of a slot, and plan on; return whether its unit is online when that is new."""
-        unit, entry = self.unit(slot.unit), self.entry_of(slot.poll)
+        """Learn what became of a slot, and plan on; return whether its unit is online when that is new.
+
+        `entry` is that of the slot's poll; None for jobs, and for a poll that was removed.
+        """
+        unit = self.unit(slot.unit) if entry is None else entry.unit
         before, was_silent, took_s = unit.misses, unit.is_silent, min(now_s - sent_s, _LONGEST_SLOT_S)
         self._note_time(0.0 if entry is not None and not was_silent else took_s, now_s)
         if slot.unit == BROADCAST:
@@ -189,7 +200,13 @@ class PollTable:
             self._regroup(unit, now_s, was_silent=was_silent)
         is_done = entry is not None and not is_repeated
         if is_answer:
-            self._note_reached(unit, sent_s)
+            if unit.limit_s and unit.reached_s > -inf:
+                left = ((sent_s - unit.reached_s) / unit.limit_s, unit.number, sent_s)
+                while self._left and self._left[-1] < left:
+                    self._left.pop()
+                self._left.append(left)
+            unit.reached_s = sent_s
+            self._watch(unit, sent_s)
         elif is_done or (is_answer is False and not was_silent):
             self._watch(unit, now_s)
         if was_silent and slot.poll is not None and not is_answer and not unit.is_fading(now_s):
@@ -227,15 +244,6 @@ class PollTable:
             self._set_load(entry, min(took_s, 2 * entry.cost_s or inf), entry.every_s)
         deadline_s = now_s if is_expedited else max(since_s + period_s, now_s)
         self._put(entry, min(max(since_s + entry.every_s, now_s), deadline_s), deadline_s)
-
-    def _note_reached(self, unit: Unit, sent_s: float) -> None:
-        if unit.limit_s and unit.reached_s > -inf:
-            left = ((sent_s - unit.reached_s) / unit.limit_s, unit.number, sent_s)
-            while self._left and self._left[-1] < left:
-                self._left.pop()
-            self._left.append(left)
-        unit.reached_s = sent_s
-        self._watch(unit, sent_s)
 
     def _watch(self, unit: Unit, asked_s: float) -> None:
         """Plan when a unit is asked for its watchdog, or as a silent one, after a request then.

@@ -67,20 +67,21 @@ class Scheduler:
            those of units that do not.
         """
         self._picked_s, self._is_for_watchdog = now_s, False
-        slot = self.jobs.pop(now_s, Priority.STOP)
-        if slot is None and self._follow_ups_in_row < IN_ROW:
-            slot = self.jobs.pop(now_s, Priority.FOLLOW_UP)
+        if self._follow_ups_in_row < IN_ROW:
+            slot = self.jobs.pop(now_s, Priority.STOP, Priority.FOLLOW_UP)
             self._follow_ups_in_row = 0 if slot is None else self._follow_ups_in_row
+        else:
+            slot = self.jobs.pop(now_s, Priority.STOP)
         if slot is not None:
             return slot
         unit = self.polls.watchdogs.first(now_s)
         if unit is None or self._watchdogs_in_row >= IN_ROW:
             entry = self.polls.first(now_s)
-            if entry is None or self.jobs.may_pass_polls(now_s):
+            if entry is None or now_s >= self.jobs.budget.room_at_s:
                 slot = self.jobs.pop(now_s, *_COMMANDS)
             if slot is None and entry is not None:
                 slot = self.polls.take(entry, now_s)
-        elif unit.deadline_s == inf and self.jobs.may_pass_polls(now_s):
+        elif unit.deadline_s == inf and now_s >= self.jobs.budget.room_at_s:
             slot = self.jobs.pop(now_s, Priority.COMMAND)
         if slot is None and unit is not None:
             self._is_for_watchdog = True
@@ -112,15 +113,19 @@ class Scheduler:
             self._watchdogs_in_row += 1
         elif slot.lane is not Priority.STOP:
             self._follow_ups_in_row = self._watchdogs_in_row = 0
-        is_known = bool(slot.jobs) or self.polls.entry_of(slot.poll) is not None
         if is_unsure:
             self.polls.unit(slot.unit).note_late(now_s)
-        is_repeated = is_known and not is_given_up and (is_open or _is_retried(slot, outcome))
+        entry = self.polls.entry_of(slot.poll)
+        is_known = entry is not None or slot.poll is None
+        is_retried = isinstance(outcome, Garbled) and _is_retried(slot, outcome)
+        is_repeated = is_known and not is_given_up and (is_open or is_retried)
         if is_repeated:
             self.put_back(replace(slot, is_repetition=slot.is_repetition or not is_open))
-        self.jobs.charge(slot, now_s - self._picked_s, now_s)
+        if slot.jobs:
+            self.jobs.charge(slot, now_s - self._picked_s, now_s)
         is_online = self.polls.record(
             slot,
+            entry,
             outcome,
             sent_s=self._picked_s,
             now_s=now_s,
@@ -130,9 +135,9 @@ class Scheduler:
         return Verdict(is_known and not is_repeated, is_online)
 
 
-def _is_retried(slot: Slot, outcome: Outcome) -> bool:
+def _is_retried(slot: Slot, outcome: Garbled) -> bool:
     """Return whether a read is sent once more, as its reply was corrupted; the line repeats no write."""
-    if not isinstance(outcome, Garbled) or not outcome.is_sent or slot.is_repetition or slot.request.is_write:
+    if not outcome.is_sent or slot.is_repetition or slot.request.is_write:
         return False
     frame = whole_frame(outcome.received) if slot.jobs and slot.jobs[0].is_literal else None
     return frame is None or not frame.pdu[0] & EXCEPTION_BIT  # a refusal in doubt is one, too
@@ -142,7 +147,7 @@ class JobQueue:
     """The slots that wait: by priority, those of one priority as they were submitted."""
 
     def __init__(self) -> None:
-        self._budget = LineTimeBudget(JOBS_SHARE, JOBS_BURST_S)
+        self.budget = LineTimeBudget(JOBS_SHARE, JOBS_BURST_S)  # what they may take from polls that are due
         self._waiting: list[Slot] = []
         self._commands = 0  # taken out
 
@@ -195,12 +200,8 @@ class JobQueue:
         self._waiting.remove(slot)
         return slot
 
-    def may_pass_polls(self, now_s: float) -> bool:
-        """Return whether jobs may take time from polls that are due."""
-        return now_s >= self._budget.room_at_s()
-
     def charge(self, slot: Slot, took_s: float, now_s: float) -> None:
         """Charge what a slot has used of the line to the jobs' share; stops are free."""
         if slot.lane in _COMMANDS:
             weight = BACKGROUND_WEIGHT if slot.lane is Priority.PARAMETERS else 1
-            self._budget.spend(weight * took_s, now_s)
+            self.budget.spend(weight * took_s, now_s)
