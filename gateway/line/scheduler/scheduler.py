@@ -1,14 +1,16 @@
-"""Which request has the line next. Nothing here has a clock: the caller says what time it is.
+"""Which request has the line next: `Scheduler.pick` has the precedence; the caller says what time it is.
 
 - A poll is due a period after it was due before, so that it keeps its rhythm. When polls ask for more than
   jobs and offline units leave, all periods are stretched by one factor, and count from when a poll was sent:
-  the order of a round stays, however the factor changes. On an idle line a poll may go after its own period,
-  however stretched; one without a period has one of 5 s in this, and may always go.
+  the order of a round stays, however the factor changes. While others are due it goes by due time, so each
+  of them goes first once at most; on an idle line it may go after its own period, however stretched. A poll
+  without a period has one of 5 s in this, and may always go.
 - While polls are due, jobs get half of the line's time, background jobs a quarter, and what was saved up.
 - A watchdog's unit is asked when half of its time has passed; what can go before it is the request on the
   wire, units with an earlier deadline, and one other request for each eight of those. Stops come on top:
   their first frames go at once, their repeats and read-backs take as many requests as watchdogs, at most.
 - Silent units get 3.5 % of the line's time, and never two requests in a row while another unit is due.
+- A slot that was picked is a reservation: `put_back` undoes it, `record` makes it count.
 """
 
 from __future__ import annotations
