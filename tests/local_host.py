@@ -17,6 +17,8 @@ from gateway.modbus.timing import LineTiming
 class LocalHost:
     """As `LineHost`, without the thread; lines begin as they are added."""
 
+    seed = 0  # not by chance: what differs between two runs must come from what is tested
+
     def __init__(self, handle: Callable[[LineEvent], None], polls_wait_s: float = POLLS_WAIT_S) -> None:
         loop = asyncio.get_running_loop()
         self._events = EventQueue(
@@ -43,7 +45,7 @@ class LocalHost:
             polls=polls,
             events=self._events,
             allowance_s=allowance_s,
-            seed=0,  # not by chance: what differs between two runs must come from what is tested
+            seed=self.seed,
             deaf_after_s=deaf_after_s,
         )
         task = asyncio.create_task(self._run(line, tuple(self._ending)))

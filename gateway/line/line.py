@@ -201,7 +201,7 @@ class Line:
             forms=self._forms,
         )
         service = self._service = self._service_on(master)
-        self._scheduler.begin(self._time())
+        self._scheduler.polls.begin(self._time())
         self._statistics.begin(self._time())
         self._recovery.begin()
         try:

@@ -80,10 +80,10 @@ class LineService:
 
     def withdraw(self, job: Job) -> bool:
         """Take a job back that has not been sent; False when it is too late: then it is not repeated."""
-        if self._slot is not None and any(each is job for each in self._slot.jobs):
+        if self._slot is not None and job in self._slot.jobs:
             self._slot = self._slot.without(job)
             return True
-        if self._sent is not None and any(each is job for each in self._sent.jobs):
+        if self._sent is not None and job in self._sent.jobs:
             self._sent = self._sent.without(job)
             return False
         return self._scheduler.jobs.withdraw(job)
@@ -104,7 +104,7 @@ class LineService:
         if self._recovery.is_time_to_ask(free_s):
             self.ask_all_anew()
         quiet_s = master.quiet_from_s()
-        self._choose(max(quiet_s, free_s))
+        self._choose()
         noise = None if await master.hush(quiet_s) else await self._settle()
         slot = self._chosen()
         if slot is None:
@@ -131,10 +131,10 @@ class LineService:
         if was_deaf and not self._recovery.is_deaf:
             self._events.port_changed("open", is_open=True)
 
-    def _choose(self, when_s: float) -> None:
-        """Choose what is to be sent then."""
+    def _choose(self) -> None:
+        """Choose what is to be sent next."""
         self._is_overtaken = self._has_stop = False
-        self._slot = self._scheduler.pick(when_s)
+        self._slot = self._scheduler.pick(self._time())
 
     def _chosen(self) -> Slot | None:
         """Return what is to be sent now: what was chosen, unless a stop came since or there was nothing."""
@@ -142,7 +142,7 @@ class LineService:
             self._scheduler.put_back(self._slot)
             self._slot = None
         if self._slot is None:
-            self._choose(self._time())
+            self._choose()
         slot, self._slot = self._slot, None
         return slot
 
@@ -157,7 +157,7 @@ class LineService:
     def _form_of(self, slot: Slot, encoded: EncodedRequest) -> EncodedRequest | None:
         """Return the form in which a slot's request is sent; None while an earlier reply may pass."""
         poll, unit = slot.poll, self._scheduler.polls.unit(slot.unit)
-        any_poll = poll or unit.probe
+        any_poll = poll or next((each.poll for each in unit.polls), None)
         is_for_watchdog = self._scheduler.is_for_watchdog or (unit.is_silent and unit.limit_s > 0.0)
         return self.master.forms.choose(
             encoded,
@@ -298,7 +298,7 @@ class LineService:
 def _may_act_late(slot: Slot, outcome: Outcome) -> bool:
     """Return whether a write that must not act late was sent, and it is not known that it arrived."""
     is_unsure = isinstance(outcome, Silent | Garbled) and outcome.is_sent
-    return is_unsure and slot.job is not None and slot.job.must_not_act_late
+    return is_unsure and any(job.must_not_act_late for job in slot.jobs)
 
 
 LONGEST_S = 600.0  # between two attempts

@@ -39,7 +39,7 @@ class IdealLine:
     ) -> None:
         self.polls = tuple(polls)
         self.scheduler = Scheduler(self.polls, chance=random.Random(seed))
-        self.scheduler.begin(0.0)
+        self.scheduler.polls.begin(0.0)
         self.now_s = 0.0
         self.slots: list[tuple[float, Slot]] = []  # when each began
         self.answered_s: dict[str, float] = {}

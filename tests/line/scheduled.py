@@ -22,6 +22,10 @@ def job(lane: Priority = Priority.COMMAND, unit: int = 1, request: Request = WRI
     return Job(unit, request, 0.01, lane, lambda outcome: None)
 
 
+def job_of(slot: Slot | None) -> Job | None:
+    return slot.jobs[0] if slot is not None and slot.jobs else None
+
+
 def key_of(slot: Slot | None) -> str | None:
     return None if slot is None or slot.poll is None else slot.poll.key
 
@@ -59,5 +63,5 @@ class NoChance(random.Random):
 
 def begun(*polls: Poll, chance: random.Random | None = None) -> Scheduler:
     scheduler = Scheduler(polls, chance=chance or NoChance())
-    scheduler.begin(0.0)
+    scheduler.polls.begin(0.0)
     return scheduler

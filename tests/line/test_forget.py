@@ -26,7 +26,7 @@ def silenced(scheduler: Scheduler) -> None:
 
 def test_who_takes_a_silent_units_place_is_asked_at_once_and_is_news() -> None:
     scheduler = Scheduler([poll("a")])
-    scheduler.begin(0.0)
+    scheduler.polls.begin(0.0)
     silenced(scheduler)
 
     scheduler.polls.remove("a")
@@ -43,7 +43,7 @@ def test_who_takes_a_silent_units_place_is_asked_at_once_and_is_news() -> None:
 
 def test_a_unit_that_still_has_polls_is_not_forgotten() -> None:
     scheduler = Scheduler([poll("a")])
-    scheduler.begin(0.0)
+    scheduler.polls.begin(0.0)
     silenced(scheduler)
 
     scheduler.polls.forget(1)
@@ -54,7 +54,7 @@ def test_a_unit_that_still_has_polls_is_not_forgotten() -> None:
 
 def test_the_watchdog_of_a_forgotten_unit_asks_for_no_request() -> None:
     scheduler = Scheduler([poll("a")])
-    scheduler.begin(0.0)
+    scheduler.polls.begin(0.0)
     scheduler.polls.set_deadline(1, 4.0)
     first = scheduler.pick(0.0)
     assert first is not None

@@ -17,7 +17,7 @@ COST_S = 0.05
 def asked_s(outcome: Outcome, *, until_s: float) -> list[float]:
     """Return when a unit is asked whose every request ends so."""
     scheduler = Scheduler([poll("a", every_s=1.0)], chance=NoChance())
-    scheduler.begin(0.0)
+    scheduler.polls.begin(0.0)
     now_s, times_s = 0.0, []
     while now_s < until_s:
         slot = scheduler.pick(now_s)

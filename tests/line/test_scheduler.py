@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.line.rtu.outcome import Answered, Outcome, Silent
-from gateway.line.scheduler.line_time import FREE_PERIOD_S, period_of
+from gateway.line.scheduler.line_time import FREE_PERIOD_S
 from gateway.line.scheduler.requests import Priority, Slot, Verdict
 from tests.line.fakes import poll
 from tests.line.ideal_line import IdealLine
@@ -180,7 +180,7 @@ def test_a_port_that_is_opened_again_stretches_nothing_by_itself() -> None:
     line = IdealLine([poll(str(unit), unit, 0.3) for unit in range(1, 9)], lambda slot: 0.03)
     line.run(5.0)
     line.now_s += 1.0  # without a port
-    line.scheduler.begin(line.now_s)
+    line.scheduler.polls.begin(line.now_s)
 
     stretched = []
     while line.now_s < 8.0:
@@ -282,7 +282,7 @@ def test_no_poll_starves(periods_s: list[float], jobs: list[tuple[int, Priority]
             last_s[key] = now_s
 
     for key, gap_s in longest_s.items():
-        bound_s = 2 * period_of(periods_s[int(key)]) * most_stretched + 0.03 * (
+        bound_s = 2 * (periods_s[int(key)] or FREE_PERIOD_S) * most_stretched + 0.03 * (
             len(jobs) + len(periods_s) + 1
         )
         assert gap_s <= bound_s

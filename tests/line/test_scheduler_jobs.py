@@ -5,12 +5,12 @@ from __future__ import annotations
 from math import inf
 
 from gateway.line.rtu.outcome import Garbled, Silent
-from gateway.line.scheduler.job_queue import OLDEST_EVERY
 from gateway.line.scheduler.line_time import JOBS_BURST_S, JOBS_SHARE
 from gateway.line.scheduler.requests import Priority, Verdict
+from gateway.line.scheduler.scheduler import OLDEST_EVERY
 from gateway.line.scheduler.units import UnitState
 from tests.line.fakes import poll
-from tests.line.scheduled import ANSWERED, GARBLED, READ, WRITE, begun, job, key_of, take
+from tests.line.scheduled import ANSWERED, GARBLED, READ, WRITE, begun, job, job_of, key_of, take
 
 
 def test_jobs_come_before_polls_and_lanes_in_their_order() -> None:
@@ -23,7 +23,7 @@ def test_jobs_come_before_polls_and_lanes_in_their_order() -> None:
     assert scheduler.next_due_s() == -inf
     slots = [take(scheduler, 0.0) for _ in range(6)]
 
-    assert [slot.job for slot in slots if slot] == [jobs[lane] for lane in sorted(Priority)] + [None]
+    assert [job_of(slot) for slot in slots if slot] == [jobs[lane] for lane in sorted(Priority)] + [None]
 
 
 def test_every_units_first_poll_waits_for_stops_and_commands_only() -> None:
@@ -34,7 +34,7 @@ def test_every_units_first_poll_waits_for_stops_and_commands_only() -> None:
 
     slots = [take(scheduler, 0.0) for _ in range(8)]
 
-    assert [key_of(slot) or (slot and slot.job) for slot in slots] == [
+    assert [key_of(slot) or job_of(slot) for slot in slots] == [
         *(jobs[Priority.STOP], jobs[Priority.FOLLOW_UP], jobs[Priority.COMMAND], "a", "b"),
         *(jobs[Priority.READ_BACK], jobs[Priority.PARAMETERS]),
         "c",
@@ -51,7 +51,7 @@ def test_jobs_use_what_they_have_saved_up_and_then_every_other_slot() -> None:
     for _ in range(60):
         slot = scheduler.pick(now_s)
         assert slot is not None
-        kinds += "p" if slot.job is None else "j"
+        kinds += "p" if not slot.jobs else "j"
         now_s += 0.05
         scheduler.record(slot, ANSWERED, now_s)
 
@@ -69,7 +69,7 @@ def test_every_fourth_job_is_the_oldest_that_waits() -> None:
 
     slots = [take(scheduler, 1.0) for _ in range(11)]
 
-    assert [slot.job for slot in slots if slot].index(old) == OLDEST_EVERY - 1
+    assert [job_of(slot) for slot in slots if slot].index(old) == OLDEST_EVERY - 1
 
 
 def test_jobs_go_on_while_no_poll_is_due() -> None:
@@ -88,7 +88,7 @@ def test_a_stop_overtakes_an_overdue_poll_however_many_jobs_there_were() -> None
 
     slots = [take(scheduler, 0.0) for _ in range(11)]
 
-    assert [slot is not None and slot.job is not None for slot in slots] == [True] * 10 + [False]
+    assert [job_of(slot) is not None for slot in slots] == [True] * 10 + [False]
 
 
 def test_a_waiting_job_can_be_withdrawn_and_one_under_way_cannot() -> None:
@@ -199,12 +199,12 @@ def test_a_job_whose_outcome_is_open_is_sent_again_before_the_others_of_its_prio
     for is_open in (True, True, False):
         slot = scheduler.pick(0.0)
         assert slot is not None
-        assert slot.job is read
+        assert job_of(slot) is read
         assert scheduler.record(slot, ANSWERED, 0.0, is_open=is_open).is_final is not is_open
 
     slot = take(scheduler, 0.0)
     assert slot is not None
-    assert slot.job is other
+    assert job_of(slot) is other
 
 
 def test_time_in_which_a_job_may_not_be_sent_is_not_charged() -> None:
@@ -219,17 +219,7 @@ def test_time_in_which_a_job_may_not_be_sent_is_not_charged() -> None:
     assert slot is not None
     scheduler.record(slot, ANSWERED, 2.1)
 
-    assert scheduler.jobs.may_pass_polls(2.1)
-
-
-def test_a_units_first_poll_is_its_probe() -> None:
-    scheduler = begun(poll("a"), poll("b"))
-
-    probe = scheduler.polls.unit(1).probe
-
-    assert probe is not None
-    assert probe.key == "a"
-    assert scheduler.polls.unit(2).probe is None
+    assert scheduler.jobs.budget.room_at_s <= 2.1
 
 
 def test_a_garbled_read_job_is_repeated_before_the_others_of_its_lane() -> None:
@@ -244,7 +234,7 @@ def test_a_garbled_read_job_is_repeated_before_the_others_of_its_lane() -> None:
     again = scheduler.pick(0.0)
 
     assert again is not None
-    assert again.job is read
+    assert job_of(again) is read
     assert scheduler.record(again, GARBLED, 0.0).is_final
 
 
@@ -281,11 +271,11 @@ def test_what_is_put_back_until_its_unit_may_be_asked_lets_others_pass() -> None
     assert key_of(take(scheduler, 0.0)) == "b"
     taken_back = scheduler.pick(0.0)
     assert taken_back is not None
-    assert taken_back.job is first
+    assert job_of(taken_back) is first
     scheduler.put_back(taken_back, 0.5)
 
     slots = [take(scheduler, at_s) for at_s in (0.0, 0.1, 0.5, 0.5)]
-    assert [slot and (slot.job or key_of(slot)) for slot in slots] == [second, None, "a", first]
+    assert [job_of(slot) or key_of(slot) for slot in slots] == [second, None, "a", first]
 
 
 def test_a_removed_poll_that_is_put_back_stays_removed() -> None:

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Silent
-from gateway.line.scheduler.line_time import OFFLINE_BURST_S, OFFLINE_SHARE
+from gateway.line.scheduler.polls import OFFLINE_BURST_S, OFFLINE_SHARE
 from gateway.line.scheduler.requests import Poll, Slot
 from gateway.line.scheduler.scheduler import Scheduler
 from tests.line.fakes import poll
@@ -118,7 +118,7 @@ def test_a_silence_is_not_followed_by_another_while_a_living_unit_is_due() -> No
 
 def test_a_unit_that_missed_once_is_not_asked_again_before_one_that_answers() -> None:
     scheduler = Scheduler([poll("a", 1), poll("b", 1), poll("c", 2)])
-    scheduler.begin(0.0)
+    scheduler.polls.begin(0.0)
     first = scheduler.pick(0.0)
     assert first is not None
 
@@ -207,7 +207,7 @@ def test_noise_does_not_let_the_watchdogs_act_where_requests_arrive_now_and_then
 
 def test_a_halted_machine_is_not_taken_for_a_long_silence() -> None:
     scheduler = Scheduler([poll("a", 1)])
-    scheduler.begin(0.0)
+    scheduler.polls.begin(0.0)
     now_s = 0.0
     for _ in range(3):
         slot = scheduler.pick(now_s)
@@ -221,7 +221,7 @@ def test_a_halted_machine_is_not_taken_for_a_long_silence() -> None:
 
 def test_a_unit_is_late_as_long_as_its_latest_reply_was_and_for_30_s_at_most() -> None:
     scheduler = Scheduler([poll("a", 1)])
-    scheduler.begin(0.0)
+    scheduler.polls.begin(0.0)
     assert not scheduler.polls.unit(1).is_late(0.0)
 
     scheduler.polls.unit(1).note_late(10.0)
@@ -239,7 +239,7 @@ def test_a_unit_is_late_as_long_as_its_latest_reply_was_and_for_30_s_at_most() -
 def test_an_answer_that_may_be_a_late_one_is_no_return() -> None:
     """A serial server may deliver what a unit said before it died: a series of equal answers decides."""
     scheduler = Scheduler([poll("1/0", 1, 1.0)])
-    scheduler.begin(0.0)
+    scheduler.polls.begin(0.0)
     now_s, news = 0.0, None
 
     def slot_at(at_s: float) -> Slot:

@@ -20,7 +20,7 @@ def test_after_an_outage_every_poll_is_asked_once() -> None:
     take(scheduler, 0.0)
     take(scheduler, 0.0)
 
-    scheduler.begin(100.0)
+    scheduler.polls.begin(100.0)
 
     assert [key_of(take(scheduler, 100.0)) for _ in range(3)] == ["a", "b", None]
 
@@ -29,7 +29,7 @@ def test_after_an_outage_each_units_state_is_reported_anew() -> None:
     scheduler = begun(poll("a"))
     take(scheduler, 0.0)
 
-    scheduler.begin(100.0)
+    scheduler.polls.begin(100.0)
 
     slot = scheduler.pick(100.0)
     assert slot is not None
@@ -207,7 +207,7 @@ def test_after_an_outage_a_silent_unit_is_still_asked_by_its_probe_only() -> Non
     take(scheduler, 0.0, Silent())
     take(scheduler, 0.0, Silent())
 
-    scheduler.begin(100.0)
+    scheduler.polls.begin(100.0)
 
     assert key_of(take(scheduler, 100.0, Silent())) == "a"
     assert scheduler.pick(100.0) is None

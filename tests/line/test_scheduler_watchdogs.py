@@ -13,7 +13,7 @@ from gateway.line.scheduler.scheduler import IN_ROW
 from gateway.line.scheduler.units import UnitState
 from tests.line.fakes import poll
 from tests.line.ideal_line import IdealLine
-from tests.line.scheduled import ANSWERED, begun, job, key_of, take
+from tests.line.scheduled import ANSWERED, GARBLED, begun, job, job_of, key_of, take
 
 
 def test_a_unit_is_asked_ahead_of_its_poll_when_half_of_its_watchdogs_time_has_passed() -> None:
@@ -53,7 +53,7 @@ def test_a_watchdog_goes_before_commands_and_after_stops() -> None:
 
     slots = [take(scheduler, 5.0) for _ in range(3)]
 
-    assert [slot.job for slot in slots if slot] == [jobs[1], None, jobs[0]]
+    assert [job_of(slot) for slot in slots if slot] == [jobs[1], None, jobs[0]]
 
 
 def test_the_earliest_deadline_comes_first() -> None:
@@ -65,6 +65,27 @@ def test_the_earliest_deadline_comes_first() -> None:
     take(scheduler, 0.0)
 
     assert [key_of(take(scheduler, 11.0)) for _ in range(3)] == ["b", "a", None]
+
+
+def test_starters_that_are_added_later_go_before_no_watchdog_that_is_running() -> None:
+    scheduler = begun(replace(poll("a", every_s=60.0), deadline_s=10.0))
+    take(scheduler, 0.0)
+    for unit in (2, 3):
+        scheduler.polls.add(replace(poll(f"{unit}", unit=unit, every_s=60.0), deadline_s=1.0), 5.0)
+
+    assert [key_of(take(scheduler, 5.0)) for _ in range(3)] == ["a", "2", "3"]
+
+
+def test_the_repetition_of_a_corrupted_read_waits_for_a_watchdog_that_is_due() -> None:
+    scheduler = begun(poll("a"), replace(poll("b", unit=2, every_s=60.0), deadline_s=10.0))
+    take(scheduler, 0.0)
+    take(scheduler, 0.0)
+    take(scheduler, 4.99, GARBLED)
+
+    slots = [take(scheduler, 5.0) for _ in range(2)]
+
+    assert [key_of(slot) for slot in slots] == ["b", "a"]
+    assert [slot and slot.is_repetition for slot in slots] == [False, True]
 
 
 def test_a_deadline_can_be_set_changed_and_taken_away_later() -> None:
@@ -179,7 +200,7 @@ def test_a_flood_of_jobs_keeps_neither_a_stop_nor_a_poll_waiting(lane: Priority)
     waits_s = []
 
     def took_s(slot: Slot) -> float:
-        if slot.job is not None and slot.job.lane is Priority.STOP:
+        if slot.jobs and slot.jobs[0].lane is Priority.STOP:
             waits_s.append(line.now_s - slot.since_s)
         elif len(line.slots) % 7 == 0:
             line.scheduler.jobs.submit(job(Priority.STOP), line.now_s)

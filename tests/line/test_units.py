@@ -15,7 +15,7 @@ GARBLED = Garbled("bad CRC", b"\x01")
 def state_after(*outcomes: Outcome) -> UnitState:
     unit = Unit(number=1)
     for outcome in outcomes:
-        unit.note(outcome, sent_s=0.0, now_s=0.0)
+        unit.note(outcome, 0.0)
     return unit.state
 
 
@@ -46,11 +46,11 @@ def test_a_unit_is_offline_after_four_misses_unless_its_silence_is_expected() ->
     unit = Unit(number=1, forgiven_until_s=5.0)
     news = []
     for at_s in (1.0, 2.0, 3.0, 4.0, 4.9, 5.0, 6.0):
-        assert unit.note(Silent(), sent_s=at_s, now_s=at_s) is False
+        assert unit.note(Silent(), at_s) is False
         news.append(unit.news())
 
     assert news == [None, None, None, None, None, None, False]
-    assert unit.note(ANSWERED, sent_s=7.0, now_s=7.0)
+    assert unit.note(ANSWERED, 7.0)
     assert unit.news() is True
 
 
@@ -60,14 +60,14 @@ def misses(unit: Unit, first_s: float, count: int, *, late: bool) -> list[bool |
     for at_s in range(int(first_s), int(first_s) + count):
         if late:
             unit.note_late(at_s)
-        unit.note(Silent(), sent_s=at_s, now_s=at_s)
+        unit.note(Silent(), at_s)
         news.append(unit.news())
     return news
 
 
 def test_a_unit_whose_replies_only_come_late_is_not_offline_for_half_a_minute() -> None:
     unit = Unit(number=1)
-    unit.note(ANSWERED, sent_s=0.0, now_s=0.0)
+    unit.note(ANSWERED, 0.0)
     unit.news()
 
     assert misses(unit, 1.0, 29, late=True) == [None] * 29
@@ -81,17 +81,17 @@ def test_a_unit_that_never_answered_in_time_is_offline_whatever_comes_late() -> 
 
 def test_a_right_frame_that_answers_something_else_shows_that_the_unit_is_there() -> None:
     unit, other = Unit(number=1), encode(1, b"\x83\x01")
-    unit.note(ANSWERED, sent_s=0.0, now_s=0.0)
+    unit.note(ANSWERED, 0.0)
     unit.news()
 
     for at_s in (1.0, 2.0, 3.0, 4.0, 5.0):
-        unit.note(Garbled("it may be the refusal of an earlier request", other), sent_s=at_s, now_s=at_s)
+        unit.note(Garbled("it may be the refusal of an earlier request", other), at_s)
         assert unit.news() is None
 
-    unit.note(Garbled("another unit", encode(2, b"\x83\x01")), sent_s=6.0, now_s=6.0)
-    unit.note(Garbled("another unit", encode(2, b"\x83\x01")), sent_s=9.0, now_s=9.0)
+    unit.note(Garbled("another unit", encode(2, b"\x83\x01")), 6.0)
+    unit.note(Garbled("another unit", encode(2, b"\x83\x01")), 9.0)
     assert unit.news() is None  # for 5 s after it there are three misses at most
-    unit.note(Garbled("another unit", encode(2, b"\x83\x01")), sent_s=10.0, now_s=10.0)
+    unit.note(Garbled("another unit", encode(2, b"\x83\x01")), 10.0)
     assert unit.news() is False
 
 

@@ -23,11 +23,10 @@ from gateway.line.scheduler.line_time import (
     JOBS_BURST_S,
     JOBS_SHARE,
     overload_factor,
-    period_of,
 )
+from gateway.line.scheduler.polls import ASKED_AFTER
 from gateway.line.scheduler.requests import Poll
 from gateway.line.scheduler.scheduler import IN_ROW
-from gateway.line.scheduler.watchdogs import ASKED_AFTER
 from gateway.modbus.timing import LineTiming
 
 _ENDLESS_S = 3600.0  # a wait that is longer has no end
@@ -158,7 +157,7 @@ def _in_flood_s(
     wait_s = _lasts_s(once_s, urgent, share=JOBS_SHARE)
     gaps_s: dict[int, float] = {}
     for poll in polls:
-        gap_s = period_of(poll.every_s) * factor + wait_s
+        gap_s = (poll.every_s or FREE_PERIOD_S) * factor + wait_s
         gaps_s[poll.unit] = min(gap_s, gaps_s.get(poll.unit, inf))
     return gaps_s
 
@@ -196,7 +195,7 @@ def _lasts_s(once_s: float, asked: Sequence[tuple[float, float]], *, share: floa
 
 
 def _load(polls: Sequence[Poll], costs_s: Sequence[float]) -> float:
-    return sum(cost_s / period_of(poll.every_s) for poll, cost_s in zip(polls, costs_s, strict=True))
+    return sum(cost_s / (poll.every_s or FREE_PERIOD_S) for poll, cost_s in zip(polls, costs_s, strict=True))
 
 
 def _cost_s(poll: Poll, timing: LineTiming, *, allowance_s: float) -> float:

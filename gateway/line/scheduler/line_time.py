@@ -1,84 +1,85 @@
-"""The line's time: who may take how much of it, and the factor by which all periods grow when it is short.
-
-A budget is a token bucket of line time. The overload factor stretches all periods of a line together when it
-is asked for more than it can do.
-"""
+"""What a line's time is given out by: deadlines, shares, and the factor by which all periods grow."""
 
 from __future__ import annotations
 
+from bisect import insort
+from dataclasses import dataclass
 from math import inf
-
-from gateway.line.scheduler.units import ScheduledPoll
+from operator import attrgetter
+from typing import Any, Generic, TypeVar
 
 JOBS_SHARE = 0.5  # of the line's time while polls are due, for all jobs but stops
 JOBS_BURST_S = 0.25  # of line time may be saved up: about what a start with its read-backs needs
-# Of the line's time, for all silent units together: with the listening for a late reply that follows each
-# silence, and is not counted here, that makes a twentieth at most.
-OFFLINE_SHARE = 0.035
-OFFLINE_BURST_S = 0.7  # of line time may be saved up: some six probes
 FREE_PERIOD_S = 5.0  # the period of a poll with `every_s` 0; it comes earlier whenever the line is free
 
-_AVERAGED_OVER_S = 10.0  # so far back goes the share of jobs and offline units
+
+@dataclass(slots=True, eq=False, kw_only=True)
+class Queued:
+    """A thing that can wait in one queue at a time."""
+
+    release_s: float = inf  # not before
+    deadline_s: float = inf
+    queue: EdfQueue[Any] | None = None  # where it waits
+
+    def leave(self) -> None:
+        """Leave the queue; nothing when it waits in none."""
+        if self.queue is not None:
+            self.queue.things.remove(self)
+            self.queue = None
+
+
+T = TypeVar("T", bound=Queued)
+
+
+class EdfQueue(Generic[T]):
+    """Earliest deadline first among the things that are released; a thing may move to another queue."""
+
+    def __init__(self) -> None:
+        self.things: list[T] = []  # by deadline, equal ones as they were put
+        self._released_s = inf  # none of them before
+
+    def put(self, thing: T, release_s: float, deadline_s: float) -> None:
+        """Queue a thing; it leaves the queue it was in."""
+        if thing.queue is not None:
+            thing.leave()
+        thing.queue, thing.release_s, thing.deadline_s = self, release_s, deadline_s
+        insort(self.things, thing, key=attrgetter("deadline_s"))
+        self._released_s = min(self._released_s, release_s)
+
+    def first(self, now_s: float) -> T | None:
+        """Return the released thing with the earliest deadline; it stays."""
+        if now_s >= self._released_s:
+            for thing in self.things:
+                if thing.release_s <= now_s:
+                    return thing
+            self.next_s()
+        return None
+
+    def next_s(self) -> float:
+        """Return when the first of the things is released."""
+        self._released_s = min([thing.release_s for thing in self.things], default=inf)
+        return self._released_s
 
 
 class LineTimeBudget:
-    """Fills by a share of the time up to `burst_s`; begins full, and owes `burst_s` at most."""
+    """A token bucket that a share of the time fills up to `burst_s`; begins full, owes `burst_s` at most."""
 
     def __init__(self, share: float, burst_s: float) -> None:
+        self.room_at_s = -inf  # from then on something may be sent, which may overdraw it once; -inf: full
         self._share = share
-        self._burst_s = burst_s
-        self._level_s = burst_s
-        self._at_s = -inf
-
-    def room_at_s(self) -> float:
-        """Return from when on there is something in the bucket."""
-        return self._at_s + max(0.0, -self._level_s / self._share)
-
-    def has_room(self, now_s: float) -> bool:
-        """Return whether there is something in the bucket; what is sent then may overdraw it once."""
-        return now_s >= self.room_at_s()
+        self._fills_in_s = burst_s / share
 
     def spend(self, took_s: float, now_s: float) -> None:
         """Take out what was used of the line until now."""
-        if now_s > self._at_s:
-            self._level_s = min(self._level_s + (now_s - self._at_s) * self._share, self._burst_s)
-            self._at_s = now_s
-        self._level_s = max(self._level_s - took_s, -self._burst_s)
-
-    def fill(self) -> None:
-        """Forget what was spent."""
-        self._level_s = self._burst_s
+        room_at_s = max(self.room_at_s, now_s - self._fills_in_s) + took_s / self._share
+        self.room_at_s = min(room_at_s, now_s + self._fills_in_s)
 
 
 def period_of(every_s: float) -> float:
-    """Return the period of a poll that asks for `every_s`."""
+    """Return the period of a poll; one without a period has its own."""
     return every_s or FREE_PERIOD_S
 
 
 def overload_factor(load: float, *, others: float = 0.0) -> float:
     """Return the factor for a load, when others take their share first, half of the line's time at most."""
     return max(1.0, load / (1.0 - min(others, JOBS_SHARE)))
-
-
-class LoadControl:
-    """The present factor, from what the polls have cost and what others have taken."""
-
-    def __init__(self) -> None:
-        self.factor = 1.0
-        self._load = 0.0
-        self._others = 0.0
-        self._at_s: float | None = None
-
-    def set_cost(self, entry: ScheduledPoll, cost_s: float) -> None:
-        """Note what a poll costs of the line's time whenever it is asked; 0 while it is not."""
-        self._load += (cost_s - entry.cost_s) / entry.period_s
-        entry.cost_s = cost_s
-
-    def update(self, *, others_s: float, now_s: float) -> None:
-        """Note that time has passed, of which jobs and offline units took `others_s`."""
-        if self._at_s is not None and now_s > self._at_s:
-            passed_s = now_s - self._at_s
-            weight = min(passed_s / _AVERAGED_OVER_S, 1.0)
-            self._others += weight * (min(others_s / passed_s, 1.0) - self._others)
-        self._at_s = now_s
-        self.factor = overload_factor(self._load, others=self._others)

@@ -5,138 +5,132 @@ from __future__ import annotations
 import random
 from math import inf
 
-from gateway.line.rtu.outcome import Garbled, Outcome, Silent
-from gateway.line.scheduler.edf_queue import EdfQueue
-from gateway.line.scheduler.line_time import (
-    OFFLINE_BURST_S,
-    OFFLINE_SHARE,
-    LineTimeBudget,
-    LoadControl,
-    period_of,
-)
+from gateway.line.rtu.outcome import Outcome, Silent
+from gateway.line.scheduler.line_time import EdfQueue, LineTimeBudget, overload_factor, period_of
 from gateway.line.scheduler.requests import Poll, Slot
 from gateway.line.scheduler.units import ScheduledPoll, Unit
-from gateway.line.scheduler.watchdogs import ASKED_AFTER, Watchdogs
 from gateway.modbus.adu import BROADCAST
+
+# Of the line's time, for all silent units together: with the listening for a late reply that follows each
+# silence, and is not counted here, that makes a twentieth at most.
+OFFLINE_SHARE = 0.035
+OFFLINE_BURST_S = 0.7  # of line time may be saved up: some six probes
+ASKED_AFTER = 0.5  # of the time that is left to a watchdog: the rest is for the queue and one lost reply
+
+_LONGEST_SLOT_S = 5.0  # what takes longer is a machine that was suspended, not a line that was busy
+_AVERAGED_OVER_S = 10.0  # so far back goes the share of jobs and offline units
+_WORST_OVER_S = 60.0  # the longest time that a watchdog was left is that of the last so many seconds
 
 
 class PollTable:
-    """Keeps each poll's due time; of a silent unit only the first poll, its probe, is queued."""
+    """Queues the polls of units that answer, at most once missed; of silent ones the units."""
 
     def __init__(self, chance: random.Random) -> None:
-        self.watchdogs = Watchdogs()
-        self._load = LoadControl()
-        self._offline = LineTimeBudget(OFFLINE_SHARE, OFFLINE_BURST_S)
+        self.stretch = 1.0  # the factor by which all periods are stretched; 1 while the line keeps them
+        self.watchdogs: EdfQueue[Unit] = EdfQueue()  # those that have to be asked, by when they act
         self._answering: EdfQueue[ScheduledPoll] = EdfQueue()
-        self._doubtful: EdfQueue[ScheduledPoll] = EdfQueue()  # of suspect and silent units
+        self._suspect: EdfQueue[ScheduledPoll] = EdfQueue()
+        self._silent: EdfQueue[Unit] = EdfQueue()
         self._polls: dict[str, ScheduledPoll] = {}
         self._units: dict[int, Unit] = {}
+        self._load = self._others = 0.0  # shares of the line's time: of the queued polls, of all else
+        self._noted_s = -inf
+        self._offline = LineTimeBudget(OFFLINE_SHARE, OFFLINE_BURST_S)
         self._chance = chance
         self._is_after_miss = False
-
-    @property
-    def stretch(self) -> float:
-        """Return the factor by which all periods are stretched at present; 1 while the line keeps them."""
-        return self._load.factor
+        self._left: list[tuple[float, int, float]] = []  # of a watchdog's time, of which unit, when; falling
 
     def begin(self, now_s: float) -> None:
         """Begin on an opened port: overdue polls are due now, and each unit's state is news again."""
         for unit in self._units.values():
             unit.is_online = None
             if unit.polls and not unit.is_silent:
-                self.watchdogs.begin(unit, now_s)
-            for each in unit.asked:
-                if not now_s < each.deadline_s < inf:
-                    self._load.set_cost(each, 0.0)
-                    self._put(each, now_s)
+                self.watchdogs.put(unit, now_s, now_s + (unit.limit_s or inf))
+                for each in unit.polls:
+                    if not now_s < each.deadline_s < inf:
+                        self._set_load(each, 0.0, each.every_s)
+                        self._put(each, now_s, now_s)
 
     def add(self, poll: Poll, now_s: float) -> None:
         """Repeat a request from now on; ValueError when its key is taken."""
         if poll.key in self._polls:
             raise ValueError(f"there is a poll {poll.key!r} already")
         unit = self.unit(poll.unit)
-        entry = ScheduledPoll(poll=poll, unit=unit, every_s=poll.every_s, period_s=period_of(poll.every_s))
-        self._polls[poll.key] = entry
+        entry = self._polls[poll.key] = ScheduledPoll(poll=poll, unit=unit, every_s=poll.every_s)
         unit.polls.append(entry)
-        if poll.deadline_s is not None or not unit.place:
-            self.watchdogs.set(unit, unit.limit_s if poll.deadline_s is None else poll.deadline_s)
-        if not unit.is_silent or entry is unit.polls[0]:
-            self._put(entry, now_s)
+        self.set_deadline(poll.unit, unit.limit_s if poll.deadline_s is None else poll.deadline_s)
+        if not unit.is_silent:
+            self._put(entry, now_s, now_s)
+        elif unit.queue is None:
+            self._silent.put(unit, now_s, now_s)
 
     def remove(self, key: str) -> None:
         """Ask no more; KeyError when there is no such poll."""
         entry = self._polls.pop(key)
-        unit = entry.unit
-        was_probe = unit.is_silent and unit.polls[0] is entry
-        unit.polls.remove(entry)
         entry.leave()
-        self._load.set_cost(entry, 0.0)
-        if not unit.polls:
-            unit.leave()
-        elif was_probe:
-            self._put(unit.polls[0], entry.deadline_s if entry.deadline_s < inf else -inf)  # inf: under way
+        self._set_load(entry, 0.0, entry.every_s)
+        entry.unit.polls.remove(entry)
+        if not entry.unit.polls:
+            entry.unit.leave()
 
     def set_every(self, key: str, every_s: float, now_s: float) -> None:
         """Change a poll's period; a shorter one takes effect at once. KeyError when there is no such poll."""
         entry = self._polls[key]
-        cost_s = entry.cost_s
-        self._load.set_cost(entry, 0.0)
-        entry.every_s, entry.period_s = every_s, period_of(every_s)
-        self._load.set_cost(entry, cost_s)
-        if entry.place and not entry.unit.is_silent:
-            entry.release_s = min(entry.release_s, now_s + every_s)
-            entry.deadline_s = min(entry.deadline_s, now_s + entry.period_s * self.stretch)
-            self._queue(entry)
+        self._set_load(entry, entry.cost_s, every_s)
+        if entry.queue is not None:
+            deadline_s = min(entry.deadline_s, now_s + period_of(every_s) * self.stretch)
+            self._put(entry, min(entry.release_s, now_s + every_s), deadline_s)
 
     def expedite(self, key: str, now_s: float) -> None:
         """Make a poll due now, or the probe of a unit that does not answer; KeyError when there is none."""
         entry = self._polls[key]
         if entry.unit.is_silent:
-            entry = entry.unit.polls[0]
-        if not entry.place:
+            self._silent.put(entry.unit, min(entry.unit.release_s, now_s), now_s)
+        elif entry.queue is None:
             entry.deadline_s = now_s  # once more after the one under way
         elif entry.deadline_s > now_s:
-            self._put(entry, now_s)
+            self._put(entry, now_s, now_s)
 
     def expedite_all(self, now_s: float) -> None:
         """Make all polls due now, and the probes of silent units: nothing could be received till now."""
-        self._offline.fill()
-        for poll in self.asked():
-            self.expedite(poll.key, now_s)
+        self._offline.room_at_s = -inf
+        for key in self._polls:
+            self.expedite(key, now_s)
 
-    def set_deadline(self, unit: int, limit_s: float | None) -> None:
+    def set_deadline(self, number: int, limit_s: float | None) -> None:
         """Reach a unit within its watchdog's time from now on; None or 0 when it has none."""
-        self.watchdogs.set(self.unit(unit), limit_s)
+        unit = self.unit(number)
+        unit.limit_s = limit_s or 0.0
+        if unit.reached_s > -inf:
+            self._watch(unit, unit.reached_s)
+        elif unit.queue is self.watchdogs:
+            self.watchdogs.put(unit, unit.release_s, unit.release_s + (unit.limit_s or inf))
 
-    def forget(self, unit: int) -> None:
+    def forget(self, number: int) -> None:
         """Know nothing of a unit any more, whose polls are removed; one that has polls stays."""
-        known = self._units.get(unit)
-        if known is not None and not known.polls:
-            known.leave()
-            del self._units[unit]
+        if not self.unit(number).polls:
+            del self._units[number]
 
     def asked(self) -> tuple[Poll, ...]:
-        """Return the polls that are asked at present: of a silent unit only the probe."""
-        return tuple([each.poll for unit in self._units.values() for each in unit.asked])
+        """Return the polls that are asked at present: of a silent unit only the first, its probe."""
+        polls = self._polls.values()
+        return tuple([each.poll for each in polls if not each.unit.is_silent or each is each.unit.polls[0]])
 
     def watchdog_statistics(self, now_s: float) -> dict[str, float | int]:
         """Return what the units' watchdogs need of the line, and the worst lately: 1 and more is missed."""
         load = 0.0
         for unit in self._units.values():
             asked_s = ASKED_AFTER * unit.limit_s
-            if not asked_s or unit.reached_s == -inf or not unit.polls:
-                continue
-            if min([each.period_s for each in unit.polls]) * self.stretch > asked_s:
+            periods_s = [period_of(each.every_s) * self.stretch for each in unit.polls]
+            if asked_s and unit.reached_s > -inf and min(periods_s, default=0.0) > asked_s:
                 load += unit.polls[0].cost_s / asked_s
-        share, worst = self.watchdogs.worst(now_s)
+        self._left = [each for each in self._left if each[2] > now_s - _WORST_OVER_S]
+        share, worst, _ = self._left[0] if self._left else (0.0, 0, now_s)
         return {"load": round(load, 4), "longest_share": round(share, 4), "unit": worst}
 
     def unit(self, number: int) -> Unit:
         """Return a unit, a new one when nothing was known of it."""
-        unit = self._units.get(number)
-        if unit is None:
-            unit = self._units[number] = Unit(number=number)
-        return unit
+        return self._units.get(number) or self._units.setdefault(number, Unit(number=number))
 
     def entry_of(self, poll: Poll | None) -> ScheduledPoll | None:
         """Return the entry of a poll; None when it was removed, or another has its key."""
@@ -148,31 +142,37 @@ class PollTable:
         answering = self._answering.first(now_s)
         if answering is not None and self._is_after_miss:
             return answering
-        while (entry := self._doubtful.first(now_s)) is not None:
-            unit = entry.unit
-            if not unit.is_silent or unit.is_fading(now_s) or self._offline.has_room(now_s):
-                return entry
-            entry.release_s = self._offline.room_at_s()
-            self._queue(entry)
-        return answering
+        suspect = self._suspect.first(now_s)
+        while suspect is None and (unit := self._silent.first(now_s)) is not None:
+            room_at_s = self._offline.room_at_s
+            if now_s >= room_at_s or unit.is_fading(now_s):
+                return unit.polls[0]
+            self._silent.put(unit, room_at_s, room_at_s)
+        return suspect or answering
 
     def next_s(self) -> float:
         """Return when `first` or a watchdog has a poll; a little early at times, never late."""
-        return min(self._answering.next_s(), self._doubtful.next_s(), self.watchdogs.next_s())
+        return min(
+            self._answering.next_s(), self._suspect.next_s(), self._silent.next_s(), self.watchdogs.next_s()
+        )
 
     def take(self, entry: ScheduledPoll, now_s: float) -> Slot:
         """Reserve the line for a poll; `put_back` or `record` must follow."""
         poll, since_s = entry.poll, min(max(entry.release_s, entry.deadline_s), now_s)
         entry.leave()
         entry.deadline_s = inf
-        return Slot(poll.unit, poll.request, poll.response_time_s, since_s, poll=poll)
+        again, entry.is_repetition = entry.is_repetition, False
+        return Slot(poll.unit, poll.request, poll.response_time_s, since_s, poll, is_repetition=again)
 
     def put_back(self, slot: Slot, until_s: float) -> None:
-        """Give a reservation up; the unit may not be asked before `until_s`."""
+        """Have a poll wait again, before all others; its unit may not be asked before `until_s`."""
         entry = self.entry_of(slot.poll)
         if entry is not None:
-            self.watchdogs.hold(entry.unit, until_s)
-            self._put(entry, max(min(slot.since_s, entry.deadline_s), until_s))
+            unit, entry.is_repetition = entry.unit, slot.is_repetition
+            if unit.queue is not None:
+                unit.queue.put(unit, max(unit.release_s, until_s), unit.deadline_s)
+            if not unit.is_silent:
+                self._put(entry, max(slot.since_s, until_s), -inf)
 
     def record(
         self,
@@ -181,88 +181,99 @@ class PollTable:
         outcome: Outcome,
         *,
         sent_s: float,
-        took_s: float,
         now_s: float,
         is_repeated: bool,
-        is_unsure: bool = False,
+        is_sure: bool,
     ) -> bool | None:
         """Learn what became of a slot, and plan on; return whether its unit is online when that is new.
 
-        `entry` is that of the slot's poll; None for jobs, and for a poll that was removed. What is unsure may
-        be a late reply, and is no answer yet.
+        `entry` is that of the slot's poll; None for jobs, and for a poll that was removed.
         """
         unit = self.unit(slot.unit) if entry is None else entry.unit
-        before, was_silent = unit.misses, unit.is_silent
-        is_in_rhythm = entry is not None and not was_silent
-        self._load.update(others_s=0.0 if is_in_rhythm else took_s, now_s=now_s)
+        before, was_silent, took_s = unit.misses, unit.is_silent, min(now_s - sent_s, _LONGEST_SLOT_S)
+        self._note_time(0.0 if entry is not None and not was_silent else took_s, now_s)
         if slot.unit == BROADCAST:
             return None
-        is_retried = is_repeated and isinstance(outcome, Garbled)
-        is_answer = None
-        if is_unsure:
-            unit.note_late(now_s)
-        elif not is_retried:
-            is_answer = unit.note(outcome, sent_s=sent_s, now_s=now_s)
+        is_answer = unit.note(outcome, now_s) if is_sure else None
         self._is_after_miss = is_answer is False
-        if is_answer:
-            self.watchdogs.reached(unit, sent_s)
-        elif is_answer is False or (entry is not None and not is_repeated):
-            self.watchdogs.missed(unit, now_s)
-        if was_silent and slot.poll is not None and not is_answer and not unit.is_fading(now_s):
-            self._offline.spend(took_s, now_s)
         if unit.misses != before:
             self._regroup(unit, now_s, was_silent=was_silent)
-        if entry is not None and not is_repeated:
-            cost_s = min(took_s, 2 * entry.cost_s or inf)  # not what a process that stood still makes of it
-            self._plan_next(entry, slot, sent_s, now_s, cost_s=0.0 if isinstance(outcome, Silent) else cost_s)
+        is_done = entry is not None and not is_repeated
+        if is_answer:
+            if unit.limit_s and unit.reached_s > -inf:
+                left = ((sent_s - unit.reached_s) / unit.limit_s, unit.number, sent_s)
+                while self._left and self._left[-1] < left:
+                    self._left.pop()
+                self._left.append(left)
+            unit.reached_s = sent_s
+            self._watch(unit, sent_s)
+        elif is_done or (is_answer is False and not was_silent):
+            self._watch(unit, now_s)
+        if was_silent and slot.poll is not None and not is_answer and not unit.is_fading(now_s):
+            self._offline.spend(took_s, now_s)
+        if entry is not None and is_done and not unit.is_silent:
+            self._plan(entry, slot.since_s, sent_s, now_s, 0.0 if isinstance(outcome, Silent) else took_s)
         return unit.news()
 
     def _regroup(self, unit: Unit, now_s: float, *, was_silent: bool) -> None:
         """Queue a unit's polls as its state demands; when it is back, the other silent ones may be, too."""
-        if unit.is_silent and not was_silent:
-            for each in unit.polls:
+        for each in unit.polls:
+            if unit.is_silent:
                 each.leave()
-                each.deadline_s = inf
-                self._load.set_cost(each, 0.0)
-            if unit.polls:
-                self._put_probe(unit, now_s)
-        elif was_silent and not unit.is_silent:
-            for each in unit.polls:
-                self._put(each, now_s)
-            for other in self._units.values():
-                if other.is_silent and other.polls:
-                    self.expedite(other.polls[0].poll.key, now_s)
-        elif not unit.is_silent:
-            for each in unit.polls:
-                if each.place:
-                    self._queue(each)
+                each.release_s = each.deadline_s = inf
+                self._set_load(each, 0.0, each.every_s)
+            elif was_silent:
+                self._put(each, now_s, now_s)
+            elif each.queue is not None:
+                self._put(each, each.release_s, each.deadline_s)
+        if unit.is_silent:
+            unit.reached_s = -inf
+        elif was_silent:
+            for other in self._silent.things[:]:
+                self._silent.put(other, min(other.release_s, now_s), now_s)
 
-    def _plan_next(
-        self, entry: ScheduledPoll, slot: Slot, sent_s: float, now_s: float, *, cost_s: float
-    ) -> None:
+    def _plan(self, entry: ScheduledPoll, due_s: float, sent_s: float, now_s: float, took_s: float) -> None:
         """Keep a poll's rhythm; its phase is left to chance at its first answer, also after a silence."""
-        if entry.unit.is_silent:
-            if entry is entry.unit.polls[0]:
-                self._put_probe(entry.unit, now_s)
-            return
-        is_expedited = entry.deadline_s < inf and not entry.place
-        factor = self._load.factor
-        period_s = entry.period_s * factor
-        if cost_s:
-            if not entry.cost_s and entry.every_s and factor == 1.0:
+        is_expedited = entry.deadline_s < inf and entry.queue is None
+        period_s = period_of(entry.every_s) * self.stretch
+        since_s = due_s if self.stretch == 1.0 else sent_s
+        if took_s:
+            if not entry.cost_s and entry.every_s and self.stretch == 1.0:
                 period_s *= self._chance.random()
-            self._load.set_cost(entry, cost_s)
-        since_s = slot.since_s if factor == 1.0 else sent_s
-        entry.deadline_s = now_s if is_expedited else max(since_s + period_s, now_s)
-        entry.release_s = min(max(since_s + entry.every_s, now_s), entry.deadline_s)
-        self._queue(entry)
+            # Twice as much as the last time at most: not what a process that stood still makes of it.
+            self._set_load(entry, min(took_s, 2 * entry.cost_s or inf), entry.every_s)
+        deadline_s = now_s if is_expedited else max(since_s + period_s, now_s)
+        self._put(entry, min(max(since_s + entry.every_s, now_s), deadline_s), deadline_s)
 
-    def _put_probe(self, unit: Unit, now_s: float) -> None:
-        self._put(unit.polls[0], now_s + unit.pause_s(now_s) * self._chance.uniform(0.9, 1.1))
+    def _watch(self, unit: Unit, asked_s: float) -> None:
+        """Plan when a unit is asked for its watchdog, or as a silent one, after a request then.
 
-    def _put(self, entry: ScheduledPoll, due_s: float) -> None:
-        entry.release_s = entry.deadline_s = due_s
-        self._queue(entry)
+        Any answered request has reached its unit. Half of its watchdog's time may pass then; after a lost
+        reply half of what is left, and others go first: many that lose their supply would hold them up.
+        """
+        if unit.is_silent and unit.polls:
+            release_s = asked_s + unit.pause_s(asked_s) * self._chance.uniform(0.9, 1.1)
+            self._silent.put(unit, release_s, release_s)
+        elif unit.limit_s and unit.polls and unit.reached_s > -inf:
+            acts_s = unit.reached_s + unit.limit_s
+            release_s = asked_s + ASKED_AFTER * (acts_s - asked_s)
+            self.watchdogs.put(unit, release_s, acts_s + unit.misses * unit.limit_s)
+        else:
+            unit.leave()
 
-    def _queue(self, entry: ScheduledPoll) -> None:
-        (self._doubtful if entry.unit.misses else self._answering).put(entry)
+    def _note_time(self, others_s: float, now_s: float) -> None:
+        """Note that time has passed, of which jobs and silent units took `others_s`."""
+        passed_s = now_s - self._noted_s
+        if passed_s > 0.0:
+            weight = min(passed_s / _AVERAGED_OVER_S, 1.0)
+            self._others += weight * (min(others_s / passed_s, 1.0) - self._others)
+        self._noted_s = now_s
+        self.stretch = overload_factor(self._load, others=self._others)
+
+    def _set_load(self, entry: ScheduledPoll, cost_s: float, every_s: float) -> None:
+        """Note what a poll costs of the line's time, 0 while it is not asked, and how often it is asked."""
+        self._load += cost_s / period_of(every_s) - entry.cost_s / period_of(entry.every_s)
+        entry.cost_s, entry.every_s = cost_s, every_s
+
+    def _put(self, entry: ScheduledPoll, release_s: float, deadline_s: float) -> None:
+        (self._suspect if entry.unit.misses else self._answering).put(entry, release_s, deadline_s)

@@ -32,12 +32,8 @@ class Poll:
     request: Request
     every_s: float  # 0 = as often as the line allows
     response_time_s: float  # the starter's longest time from the request's end to the reply's first byte
-    shortest_response_s: float | None = (
-        None  # what was learnt may shorten that down to this; None = not at all
-    )
-    deadline_s: float | None = (
-        None  # its unit's watchdog: the longest time without a request; None or 0: none
-    )
+    shortest_response_s: float | None = None  # what was learnt may shorten that to this; None: not at all
+    deadline_s: float | None = None  # its unit's watchdog: the longest time without a request; 0: it has none
     group: str = ""  # whose values it reads, for the statistics
     is_urgent: bool = False  # an answer that differs from the one before is published at once
     # Other reads that say the same as one of this unit; called on the line's loop.
@@ -48,7 +44,7 @@ class Poll:
         object.__setattr__(self, "encoded", EncodedRequest.of(self.unit, self.request))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Job:
     """A request that is sent once; `finish` is called exactly once, on the line's loop."""
 
@@ -79,11 +75,6 @@ class Slot:
     jobs: tuple[Job, ...] = ()  # a stop's frame may be sent for several
     is_repetition: bool = False  # the reply to the first attempt was corrupted
     not_before_s: float = -inf  # the jobs' unit may not be asked before then
-
-    @property
-    def job(self) -> Job | None:
-        """Return the first of the jobs."""
-        return self.jobs[0] if self.jobs else None
 
     @property
     def until_s(self) -> float:

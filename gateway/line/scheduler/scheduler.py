@@ -1,10 +1,4 @@
-"""Which request has the line next.
-
-The idea. Polls wait in a queue by due time, jobs in queues by priority; a bucket of line time settles which
-of the two goes first. A unit whose watchdog needs a request goes before both, a stop before everything.
-Nothing here has a clock: the caller says what time it is.
-
-Invariants.
+"""Which request has the line next: `Scheduler.pick` has the precedence; the caller says what time it is.
 
 - A poll is due a period after it was due before, so that it keeps its rhythm. When polls ask for more than
   jobs and offline units leave, all periods are stretched by one factor, and count from when a poll was sent:
@@ -17,27 +11,30 @@ Invariants.
   their first frames go at once, their repeats and read-backs take as many requests as watchdogs, at most.
 - Silent units get 3.5 % of the line's time, and never two requests in a row while another unit is due.
 - A slot that was picked is a reservation: `put_back` undoes it, `record` makes it count.
-
-`Scheduler.pick` has the precedence.
 """
 
 from __future__ import annotations
 
 import random
+from bisect import insort, insort_left
 from collections.abc import Iterable
 from dataclasses import replace
 from math import inf
+from operator import attrgetter
 
 from gateway.line.rtu.bus_faults import whole_frame
 from gateway.line.rtu.outcome import Garbled, Outcome, Silent
-from gateway.line.scheduler.job_queue import JobQueue
+from gateway.line.scheduler.line_time import JOBS_BURST_S, JOBS_SHARE, LineTimeBudget
 from gateway.line.scheduler.polls import PollTable
-from gateway.line.scheduler.requests import Poll, Priority, Slot, Verdict
+from gateway.line.scheduler.requests import Job, Poll, Priority, Slot, Verdict
 from gateway.modbus.codes import EXCEPTION_BIT
 
 IN_ROW = 8  # requests for stops, and for watchdogs, before something else that is due goes
+BACKGROUND_WEIGHT = 2  # background jobs are charged so many times their line time: they get a quarter
+OLDEST_EVERY = 4  # of so many jobs one is the oldest, whatever its priority
+SHARED_AFTER_S = 0.1  # a stop's frame that has waited so long is sent for later stops of its unit too
 
-_LONGEST_SLOT_S = 5.0  # what takes longer is a machine that was suspended, not a line that was busy
+_COMMANDS = (Priority.COMMAND, Priority.READ_BACK, Priority.PARAMETERS)
 
 
 class Scheduler:
@@ -46,40 +43,32 @@ class Scheduler:
     def __init__(self, polls: Iterable[Poll] = (), *, chance: random.Random | None = None) -> None:
         self.polls = PollTable(chance or random.Random(0))
         self.jobs = JobQueue()
-        self._retry: Slot | None = None  # a poll whose reply was corrupted, or is open: asked again at once
         self.is_for_watchdog = False  # the slot picked last
         self._follow_ups_in_row = self._watchdogs_in_row = 0
         self._gives_way = False  # to another request, after a follow-up that was not answered
-        self._picked_s = self._freed_s = -inf
+        self._picked_s = -inf
         for poll in polls:
             self.polls.add(poll, -inf)
 
-    def begin(self, now_s: float) -> None:
-        """Begin on an opened port: overdue polls are due now, each unit's first before the others."""
-        self._retry = None
-        self._freed_s = now_s
-        self.polls.begin(now_s)
-
     def next_due_s(self) -> float:
         """Return when there is something to do, at times a little early; infinity when nothing is planned."""
-        retry_s = inf if self._retry is None else self._freed_s
-        return min(retry_s, self.jobs.next_s(), self.polls.next_s())
+        return min(self.jobs.next_s(), self.polls.next_s())
 
     def pick(self, now_s: float) -> Slot | None:
-        """Return what has the line next, None when nothing is due; `record` or `put_back` must follow.
+        """Return what has the line from now on, None when nothing is due; `record` or `put_back` must follow.
 
         The first that there is:
 
         1. A stop's frame.
-        2. A repeat or read-back of a stop; after eight in a row one of 3, 5 or 6, with eight of 4 before;
-           after a read-back without an answer one of 3 to 6.
-        3. A poll whose reply was corrupted, once more; one whose outcome is open.
-        4. The unit with the earliest watchdog deadline of those that are due, or were not asked since the
-           port was opened; one without a known watchdog after commands in their share; after eight in a
-           row 5 or 6 once.
-        5. A job, when no poll is due or the jobs' share of line time is not used up: by priority, every
+        2. A repeat or read-back of a stop; after eight in a row one of 4 or 5, with eight of 3 before;
+           after a read-back without an answer one of 3 to 5.
+        3. The unit with the earliest watchdog deadline of those that are due, or were not asked since the
+           port was opened, those that have just missed after all others; one without a known watchdog
+           after commands in their share; after eight in a row 4 or 5 once.
+        4. A job, when no poll is due or the jobs' share of line time is not used up: by priority, every
            fourth the oldest.
-        6. A poll by due time. After a miss those of units that answer, otherwise those of units that do not.
+        5. A poll by due time, one that is repeated first. After a miss those of units that answer, otherwise
+           those of units that do not.
         """
         self._picked_s, self.is_for_watchdog = now_s, False
         if self._follow_ups_in_row < IN_ROW and not self._gives_way:
@@ -87,35 +76,25 @@ class Scheduler:
             self._follow_ups_in_row = 0 if slot is None else self._follow_ups_in_row
         else:
             slot = self.jobs.pop(now_s, Priority.STOP)
-        if slot is None and self._retry is not None:
-            slot = self._take_retry()
         if slot is not None:
             return slot
         unit = self.polls.watchdogs.first(now_s)
         if unit is None or self._watchdogs_in_row >= IN_ROW:
             entry = self.polls.first(now_s)
-            slot = self.jobs.pop_command(now_s, is_poll_due=entry is not None)
+            if entry is None or now_s >= self.jobs.budget.room_at_s:
+                slot = self.jobs.pop(now_s, *_COMMANDS)
             if slot is None and entry is not None:
                 slot = self.polls.take(entry, now_s)
-        elif unit.deadline_s == inf and self.jobs.may_pass_polls(now_s):
+        elif unit.deadline_s == inf and now_s >= self.jobs.budget.room_at_s:
             slot = self.jobs.pop(now_s, Priority.COMMAND)
         if slot is None and unit is not None:
             self.is_for_watchdog = True
             slot = self.polls.take(unit.polls[0], now_s)
         return slot or self.jobs.pop(now_s, Priority.FOLLOW_UP)
 
-    def _take_retry(self) -> Slot | None:
-        retry, self._retry = self._retry, None
-        return retry if retry is not None and self.polls.entry_of(retry.poll) is not None else None
-
     def put_back(self, slot: Slot, until_s: float = -inf) -> None:
         """Take back a slot that was not sent; its unit may not be asked before `until_s`."""
-        if slot.jobs:
-            self.jobs.put_back(slot, until_s)
-        elif slot.is_repetition and until_s <= self._picked_s:
-            self._retry = slot
-        else:
-            self.polls.put_back(slot, until_s)
+        (self.jobs if slot.jobs else self.polls).put_back(slot, until_s)
 
     def record(
         self,
@@ -130,51 +109,106 @@ class Scheduler:
         """Learn what became of a slot that was picked, and plan on.
 
         An answer or a refusal is open when the request has to be sent again before it counts, and unsure when
-        it may be a late one: that says nothing of the unit as it is now. What its jobs have given up is not
-        sent again.
+        it may be a late one: that says nothing of the unit. What its jobs have given up is not sent again.
         """
-        since_s = min(max(slot.since_s, slot.not_before_s), self._picked_s)
-        took_s = min(now_s - max(self._freed_s, since_s), _LONGEST_SLOT_S)
-        self._freed_s = now_s
-        lane, entry = slot.lane, self.polls.entry_of(slot.poll)
-        self._gives_way = self._gives_way and lane is Priority.STOP
-        if lane is Priority.FOLLOW_UP:
+        self._gives_way = self._gives_way and slot.lane is Priority.STOP
+        if slot.lane is Priority.FOLLOW_UP:
             self._follow_ups_in_row += 1
             is_lost = isinstance(outcome, Silent | Garbled) and outcome.is_sent
             self._gives_way = is_lost and not slot.is_stop
         elif self.is_for_watchdog:
             self._watchdogs_in_row += 1
-        elif lane is not Priority.STOP:
+        elif slot.lane is not Priority.STOP:
             self._follow_ups_in_row = self._watchdogs_in_row = 0
-        is_known = slot.poll is None or entry is not None
-        is_repeated = is_known and not is_given_up and (is_open or isinstance(outcome, Garbled))
-        is_repeated = is_repeated and self._repeat(slot, outcome, is_open=is_open)
+        if is_unsure:
+            self.polls.unit(slot.unit).note_late(now_s)
+        entry = self.polls.entry_of(slot.poll)
+        is_known = entry is not None or slot.poll is None
+        is_retried = isinstance(outcome, Garbled) and _is_retried(slot, outcome)
+        is_repeated = is_known and not is_given_up and (is_open or is_retried)
+        if is_repeated:
+            self.put_back(replace(slot, is_repetition=slot.is_repetition or not is_open))
         if slot.jobs:
-            self.jobs.charge(slot, took_s, now_s)
+            self.jobs.charge(slot, now_s - self._picked_s, now_s)
         is_online = self.polls.record(
             slot,
             entry,
             outcome,
             sent_s=self._picked_s,
-            took_s=took_s,
             now_s=now_s,
             is_repeated=is_repeated,
-            is_unsure=is_unsure,
+            is_sure=not is_unsure and (is_open or not is_repeated),
         )
         return Verdict(is_known and not is_repeated, is_online)
 
-    def _repeat(self, slot: Slot, outcome: Outcome, *, is_open: bool) -> bool:
-        """Keep a read due that is open, or whose reply was corrupted, once; the line repeats no write."""
-        is_corrupted = isinstance(outcome, Garbled) and outcome.is_sent
-        is_retried = is_corrupted and not slot.is_repetition and not slot.request.is_write
-        if is_retried and slot.jobs and slot.jobs[0].is_literal and isinstance(outcome, Garbled):
-            frame = whole_frame(outcome.received)
-            is_retried = frame is None or not frame.pdu[0] & EXCEPTION_BIT  # a refusal in doubt is one, too
-        if not is_open and not is_retried:
-            return False
-        again = replace(slot, is_repetition=slot.is_repetition or is_retried)
-        if again.jobs:
-            self.jobs.put_back(again)
-        else:
-            self._retry = again
-        return True
+
+def _is_retried(slot: Slot, outcome: Garbled) -> bool:
+    """Return whether a read is sent once more, as its reply was corrupted; the line repeats no write."""
+    if not outcome.is_sent or slot.is_repetition or slot.request.is_write:
+        return False
+    frame = whole_frame(outcome.received) if slot.jobs and slot.jobs[0].is_literal else None
+    return frame is None or not frame.pdu[0] & EXCEPTION_BIT  # a refusal in doubt is one, too
+
+
+class JobQueue:
+    """The slots that wait: by priority, those of one priority as they were submitted."""
+
+    def __init__(self) -> None:
+        self.budget = LineTimeBudget(JOBS_SHARE, JOBS_BURST_S)  # what they may take from polls that are due
+        self._waiting: list[Slot] = []
+        self._commands = 0  # taken out
+
+    def submit(self, job: Job, now_s: float) -> None:
+        """Queue a job behind the others of its priority.
+
+        A stop joins a frame of its unit that has waited for long and leaves later than the stop came: a group
+        that is stopped again and again costs the line one frame each, not many.
+        """
+        for place, slot in enumerate(self._waiting) if job.lane is Priority.STOP else ():
+            is_same = (slot.lane, slot.unit, slot.request) == (job.lane, job.unit, job.request)
+            if is_same and now_s - slot.since_s > SHARED_AFTER_S:
+                self._waiting[place] = replace(slot, jobs=(*slot.jobs, job))
+                return
+        slot = Slot(job.unit, job.request, job.response_time_s, now_s, lane=job.lane, jobs=(job,))
+        insort(self._waiting, slot, key=attrgetter("lane"))
+
+    def withdraw(self, job: Job) -> bool:
+        """Take a job back; False when it is not waiting (any more)."""
+        for place, slot in enumerate(self._waiting):
+            if job in slot.jobs:
+                left = slot.without(job)
+                self._waiting[place : place + 1] = [] if left is None else [left]
+                return True
+        return False
+
+    def clear(self) -> tuple[Job, ...]:
+        """Return all waiting jobs and forget them."""
+        slots, self._waiting = self._waiting, []
+        return tuple(job for slot in slots for job in slot.jobs)
+
+    def put_back(self, slot: Slot, until_s: float) -> None:
+        """Return a slot to the head of its priority, from `until_s` on; others pass it meanwhile."""
+        insort_left(self._waiting, replace(slot, not_before_s=until_s), key=attrgetter("lane"))
+
+    def next_s(self) -> float:
+        """Return from when on there is a job to send."""
+        return min([slot.not_before_s for slot in self._waiting], default=inf)
+
+    def pop(self, now_s: float, *lanes: Priority) -> Slot | None:
+        """Take out the next job of these priorities; of all but stops now and then the oldest."""
+        ready = self._waiting and [
+            slot for slot in self._waiting if slot.lane in lanes and slot.not_before_s <= now_s
+        ]
+        if not ready:
+            return None
+        self._commands += lanes == _COMMANDS
+        is_oldest = lanes == _COMMANDS and self._commands % OLDEST_EVERY == 0
+        slot = min(ready, key=attrgetter("since_s")) if is_oldest else ready[0]
+        self._waiting.remove(slot)
+        return slot
+
+    def charge(self, slot: Slot, took_s: float, now_s: float) -> None:
+        """Charge what a slot has used of the line to the jobs' share; stops are free."""
+        if slot.lane in _COMMANDS:
+            weight = BACKGROUND_WEIGHT if slot.lane is Priority.PARAMETERS else 1
+            self.budget.spend(weight * took_s, now_s)

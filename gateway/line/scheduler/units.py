@@ -19,7 +19,7 @@ from math import inf
 
 from gateway.line.rtu.bus_faults import whole_frame
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.scheduler.edf_queue import Queued
+from gateway.line.scheduler.line_time import Queued
 from gateway.line.scheduler.requests import Poll
 
 SILENT_AFTER = 2  # misses: where 5 % of the replies are lost this happens every few minutes,
@@ -46,13 +46,13 @@ class ScheduledPoll(Queued):
     poll: Poll
     unit: Unit
     every_s: float
-    period_s: float  # the same, or that of a poll that is asked as often as possible
     cost_s: float = 0.0  # of the line's time, the last time; 0 until it is answered
+    is_repetition: bool = False  # its reply was corrupted: it is due once more
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
 class Unit(Queued):
-    """One unit; `release_s` and `deadline_s` are those of the next request that its watchdog needs."""
+    """One unit; due when its first poll is asked for its watchdog, or as the probe of a silent one."""
 
     number: int
     polls: list[ScheduledPoll] = field(default_factory=list)
@@ -72,30 +72,19 @@ class Unit(Queued):
         return self.misses >= SILENT_AFTER
 
     @property
-    def asked(self) -> list[ScheduledPoll]:
-        """Return its polls that are asked at present."""
-        return self.polls[:1] if self.is_silent else self.polls
-
-    @property
-    def probe(self) -> Poll | None:
-        """Return its first poll; None when it has none."""
-        return self.polls[0].poll if self.polls else None
-
-    @property
     def state(self) -> UnitState:
         """Return the state that follows from the misses."""
         if self.misses:
             return UnitState.SILENT if self.is_silent else UnitState.SUSPECT
         return UnitState.ANSWERING if self.was_received else UnitState.NEW
 
-    def note(self, outcome: Outcome, *, sent_s: float, now_s: float) -> bool | None:
+    def note(self, outcome: Outcome, now_s: float) -> bool | None:
         """Return True for an answer, False for a miss, None when an outcome says nothing of the unit."""
         if isinstance(outcome, Silent) and not outcome.is_sent:
             return None
-        if not isinstance(outcome, Silent):
-            self.was_received, self.received_s = True, now_s
-        elif self.received_s == -inf:
-            self.received_s = sent_s
+        self.was_received |= not isinstance(outcome, Silent)
+        if not isinstance(outcome, Silent) or self.received_s == -inf:
+            self.received_s = now_s
         if isinstance(outcome, Answered | Refused):
             self.misses = 0
             self.answered_s = now_s
@@ -105,7 +94,8 @@ class Unit(Queued):
             self.misses = min(self.misses, SILENT_AFTER)
         elif self.is_online and now_s < min(self.answered_s + LATE_FOR_S, self.late_s + FADING_S):
             self.misses = min(self.misses, OFFLINE_AFTER - 1)
-        if isinstance(outcome, Garbled) and self._has_sent(outcome.received):
+        frame = whole_frame(outcome.received) if isinstance(outcome, Garbled) else None
+        if frame is not None and frame.unit == self.number:  # a right one, which answers something else
             self.note_late(now_s)
         return False
 
@@ -124,22 +114,14 @@ class Unit(Queued):
         """Take it for one that restarts, not for an offline one, when it does not answer until then."""
         self.forgiven_until_s = max(self.forgiven_until_s, until_s)
 
-    def _has_sent(self, received: bytes) -> bool:
-        """Return whether this is a right frame of the unit, which answers something else."""
-        frame = whole_frame(received)
-        return frame is not None and frame.unit == self.number
-
     def news(self) -> bool | None:
         """Return whether the unit is online when that differs from the last report; None for nothing new."""
-        is_online = self.is_online
-        if self.was_received and not self.misses:
-            is_online = True
-        elif self.misses >= OFFLINE_AFTER:
-            is_online = False
-        if is_online is self.is_online:
-            return None
-        self.is_online = is_online
-        return is_online
+        before = self.is_online
+        if self.misses >= OFFLINE_AFTER:
+            self.is_online = False
+        elif not self.misses and self.was_received:
+            self.is_online = True
+        return None if self.is_online is before else self.is_online
 
     def is_fading(self, now_s: float) -> bool:
         """Return whether something was received from a unit only just now, corrupted or not."""
@@ -154,6 +136,5 @@ class Unit(Queued):
         every_s = self.polls[0].every_s if self.polls else 0.0
         least_s = max(min(every_s, self.limit_s / 4 or inf), PROBE_MIN_S)
         most_s = min(PROBE_MAX_S, self.limit_s / 8 or inf)
-        if now_s < self.forgiven_until_s:
-            return least_s
-        return min(max(now_s - self.received_s, least_s), max(most_s, least_s))
+        silent_s = now_s - max(self.received_s, self.forgiven_until_s)
+        return min(max(silent_s, least_s), max(most_s, least_s))
