@@ -99,9 +99,9 @@ def test_after_a_read_back_without_an_answer_something_else_goes_first(outcome: 
     while len(seen) < len(kinds):
         slot = scheduler.pick(now_s)
         assert slot is not None
-        seen += "p" if slot.job is None else "f"
+        seen += "f" if slot.jobs else "p"
         now_s += 0.05
-        scheduler.record(slot, ANSWERED if slot.job is None else outcome, now_s)
+        scheduler.record(slot, outcome if slot.jobs else ANSWERED, now_s)
 
     assert seen == kinds
 
