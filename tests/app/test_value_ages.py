@@ -9,16 +9,16 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
-from gateway.app.record_bus import RecordBus
 
 from gateway.app.capacity import STANDING, VALUES, LineCapacity, prospects_of
 from gateway.app.plant import Plant
+from gateway.app.record_log import log_failure
 from gateway.config.convert import policy_of, rights_of, timing_of
 from gateway.config.load import parse
 from gateway.config.schema import Config
 from gateway.history.readings import Readings
 from gateway.modbus.reads import ReadHoldingRegisters
-from gateway.records import Quality, RecordWriter, StateRecord, ValueRecord
+from gateway.records import Quality, RecordBus, RecordWriter, StateRecord, ValueRecord
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
@@ -101,7 +101,7 @@ async def test_no_value_gets_older_than_check_says_and_none_on_a_sound_line_is_s
         for each in setups(config)
     ]
     here.buses[table.port] = SimulatedLine(timing_of(table), units, chunk_bytes=None)
-    bus = RecordBus()
+    bus = RecordBus(log_failure)
     records = RecordWriter(bus, VirtualClock(asyncio.get_running_loop()))
     names = [each.table.name for each in prospect.starters]
     policy = Policy(policy_of(config), names, rights=rights_of(config), records=records)

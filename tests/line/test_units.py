@@ -98,7 +98,7 @@ def test_a_right_frame_that_answers_something_else_shows_that_the_unit_is_there(
 def test_a_silent_unit_whose_watchdog_is_shorter_than_its_period_is_asked_before_that_acts() -> None:
     unit = Unit(number=1, limit_s=2.6, received_s=0.0)
     poll = Poll("a", 1, ReadHoldingRegisters(0, 1), 5.0, 0.01)
-    unit.polls.append(ScheduledPoll(poll=poll, unit=unit, every_s=5.0, period_s=5.0))
+    unit.polls.append(ScheduledPoll(poll=poll, unit=unit, every_s=5.0))
 
     assert [unit.pause_s(now_s) for now_s in (0.1, 2.0, 60.0)] == [1.0, 1.0, 1.0]
     unit.limit_s = 0.0
