@@ -108,7 +108,8 @@ async def test_no_value_gets_older_than_check_says_and_none_on_a_sound_line_is_s
     services = StarterServices(policy, may_write=False, monitor_every_s=3600.0, records=records)
     bus.connect(policy, services, here.sink)
     ages.plant = Plant(
-        here,
+        publish_event=here.publish_event,
+        forget=here.forget,
         policy=policy,
         services=services,
         make_opener=here.opener,
@@ -116,7 +117,7 @@ async def test_no_value_gets_older_than_check_says_and_none_on_a_sound_line_is_s
         records=records,
     )
     host = LocalHost(ages.plant.handle)
-    ages.plant.build(host, config.lines)
+    ages.plant.build(host, config.lines, here)  # type: ignore[arg-type] # all that is asked of it
     await ages.plant.start()
     await asyncio.sleep(IDENTIFIED_S + 10 * prospect.forecast.sweep_s)
     here.sink.clear()
