@@ -158,7 +158,7 @@ class LineService:
         """Return the form in which a slot's request is sent; None while an earlier reply may pass."""
         poll, unit = slot.poll, self._scheduler.polls.unit(slot.unit)
         any_poll = poll or next((each.poll for each in unit.polls), None)
-        is_for_watchdog = self._scheduler.is_for_watchdog or (unit.is_silent and unit.limit_s > 0.0)
+        is_for_watchdog = self._scheduler.is_for_watchdog or (unit.limit_s > 0.0 and unit.is_silent)
         return self.master.forms.choose(
             encoded,
             self._alternates_of if any_poll is None else any_poll.alternates_of,

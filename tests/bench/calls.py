@@ -259,10 +259,14 @@ class _Deaf:
 
 
 def publication_calls() -> Counts:
-    """Return the calls from a reply with one changed value to its message, in the usual case (median)."""
+    """Return the calls from a reply with one changed value to its message, in the usual case (median).
+
+    Where another request was due, the line has sent that first: those calls are not on this way.
+    """
 
     def is_usual(messages: int, counts: Counts) -> bool:
-        return messages == 1 and counts.entered("StarterTelemetry.on_poll") == 1
+        is_last = counts.entered("RtuMaster.exchange") == 0
+        return is_last and messages == 1 and counts.entered("StarterTelemetry.on_poll") == 1
 
     found = sorted(
         (counts for messages, counts in run_virtually(_way()).found if is_usual(messages, counts)), key=_calls

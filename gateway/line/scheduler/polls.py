@@ -6,7 +6,13 @@ import random
 from math import inf
 
 from gateway.line.rtu.outcome import Outcome, Silent
-from gateway.line.scheduler.line_time import EdfQueue, LineTimeBudget, overload_factor, period_of
+from gateway.line.scheduler.line_time import (
+    FREE_PERIOD_S,
+    EdfQueue,
+    LineTimeBudget,
+    overload_factor,
+    period_of,
+)
 from gateway.line.scheduler.requests import Poll, Slot
 from gateway.line.scheduler.units import ScheduledPoll, Unit
 from gateway.modbus.adu import BROADCAST
@@ -235,7 +241,7 @@ class PollTable:
     def _plan(self, entry: ScheduledPoll, due_s: float, sent_s: float, now_s: float, took_s: float) -> None:
         """Keep a poll's rhythm; its phase is left to chance at its first answer, also after a silence."""
         is_expedited = entry.deadline_s < inf and entry.queue is None
-        period_s = period_of(entry.every_s) * self.stretch
+        period_s = (entry.every_s or FREE_PERIOD_S) * self.stretch
         since_s = due_s if self.stretch == 1.0 else sent_s
         if took_s:
             if not entry.cost_s and entry.every_s and self.stretch == 1.0:
@@ -272,7 +278,7 @@ class PollTable:
 
     def _set_load(self, entry: ScheduledPoll, cost_s: float, every_s: float) -> None:
         """Note what a poll costs of the line's time, 0 while it is not asked, and how often it is asked."""
-        self._load += cost_s / period_of(every_s) - entry.cost_s / period_of(entry.every_s)
+        self._load += cost_s / (every_s or FREE_PERIOD_S) - entry.cost_s / (entry.every_s or FREE_PERIOD_S)
         entry.cost_s, entry.every_s = cost_s, every_s
 
     def _put(self, entry: ScheduledPoll, release_s: float, deadline_s: float) -> None:
