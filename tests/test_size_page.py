@@ -24,6 +24,10 @@ def test_a_scheduled_poll_has_at_most_8_fields() -> None:
     assert len(fields) <= 8
 
 
+def test_the_scheduler_names_at_most_20_numbers() -> None:
+    assert len(size_page.scheduler_constants()) <= 20
+
+
 def test_the_page_has_every_row_that_is_counted_in_the_tree() -> None:
     text = size_page.PAGE.read_text("utf-8")
 

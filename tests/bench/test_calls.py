@@ -5,8 +5,8 @@ from __future__ import annotations
 from tests.bench.calls import line_calls, publication_calls
 
 SLACK = 1.03
-LINE_CALLS = 131  # to reach: 130
-WAY_CALLS, WAY_FILES = 310, 47  # to reach: 350, 30; without the history, which is fed after that
+LINE_CALLS = 130
+WAY_CALLS, WAY_FILES = 246, 30  # reached: 450, 30; without the history, which is fed after that
 
 
 def test_a_transaction_costs_the_lines_thread_no_more_calls_than_before() -> None:
