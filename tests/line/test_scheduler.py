@@ -297,3 +297,24 @@ def test_a_unit_is_asked_for_ever_whatever_it_answers(outcomes: list[Outcome]) -
 
     assert all(gap_s <= 17.6 for gap_s in gaps(times_s))
     assert len(scheduler.polls.asked()) == 2
+
+
+def test_a_process_that_stands_still_while_its_first_poll_is_answered_leaves_none_unasked_for_long() -> None:
+    polls = [
+        poll(f"{unit}/{every_s}", unit=unit, every_s=every_s)
+        for unit in range(1, 21)
+        for every_s in (0.25, 10.0)
+    ]
+    scheduler, now_s = begun(*polls), 0.0
+    asked_s: dict[str | None, list[float]] = {}
+    for at in range(6_000):
+        slot = scheduler.pick(now_s)
+        if slot is None:
+            now_s = scheduler.next_due_s()
+            continue
+        asked_s.setdefault(key_of(slot), []).append(now_s)
+        now_s += 5.0 if at == 2 else 0.06
+        scheduler.record(slot, ANSWERED, now_s)
+
+    assert len(asked_s) == len(polls)
+    assert max(max(gaps(times_s)) for times_s in asked_s.values()) < 70.0  # 50 s where none stands still

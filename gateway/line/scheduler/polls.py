@@ -24,6 +24,7 @@ OFFLINE_BURST_S = 0.7  # of line time may be saved up: some six probes
 ASKED_AFTER = 0.5  # of the time that is left to a watchdog: the rest is for the queue and one lost reply
 
 _LONGEST_SLOT_S = 5.0  # what takes longer is a machine that was suspended, not a line that was busy
+_FIRST_COST_S = 0.1  # of a poll that has none yet, for that bound; what is longer is learnt in a few rounds
 _AVERAGED_OVER_S = 10.0  # so far back goes the share of jobs and offline units
 _WORST_OVER_S = 60.0  # the longest time that a watchdog was left is that of the last so many seconds
 
@@ -247,7 +248,7 @@ class PollTable:
             if not entry.cost_s and entry.every_s and self.stretch == 1.0:
                 period_s *= self._chance.random()
             # Twice as much as the last time at most: not what a process that stood still makes of it.
-            self._set_load(entry, min(took_s, 2 * entry.cost_s or inf), entry.every_s)
+            self._set_load(entry, min(took_s, 2 * (entry.cost_s or _FIRST_COST_S)), entry.every_s)
         deadline_s = now_s if is_expedited else max(since_s + period_s, now_s)
         self._put(entry, min(max(since_s + entry.every_s, now_s), deadline_s), deadline_s)
 
