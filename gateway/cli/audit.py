@@ -34,11 +34,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print, and return 0; 1 when a check found something."""
+    if args.last is not None and args.last < 1:
+        raise UsageError(f"--last {args.last} shows nothing (1 or more)")
     folder = _folder(Path(args.path))
     if args.action == "verify":
         return _verify(folder, args.contains)
     shown = lines(folder)
-    for _, line in shown if args.last is None else deque(shown, maxlen=max(args.last, 0)):
+    for _, line in shown if args.last is None else deque(shown, maxlen=args.last):
         print(line if args.json else _readable(line))
     return 0
 

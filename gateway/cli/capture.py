@@ -21,12 +21,13 @@ from typing import Any
 
 from gateway.app.capture_socket import FORMAT, socket_path
 from gateway.config.load import load
-from gateway.errors import CaptureError
+from gateway.errors import CaptureError, UsageError
 
 LINKTYPE_RTAC_SERIAL = 250
 READ_WITH = "-d rtacser.data,mbrtu -o mbrtu.crc_verification:TRUE"  # what Wireshark and tshark need
 
 _DATA_TX_START, _DATA_RX_END = 0x01, 0x04
+MOST_SECONDS = 1e7  # four months
 _HEADER = ">IIBBH"  # seconds, microseconds, event, control lines, footer
 _MICROSECONDS = 1_000_000
 
@@ -90,6 +91,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Record until interrupted or the time is up; CaptureError when the gateway does not run, or ends."""
+    if args.seconds is not None and not 0 < args.seconds <= MOST_SECONDS:
+        raise UsageError(
+            f"--seconds {args.seconds:g} is out of range (more than 0, at most {MOST_SECONDS:g})"
+        )
     config_path = Path(args.config)
     path = socket_path(load(config_path), config_path.parent)
     end_s = None if args.seconds is None else time.monotonic() + args.seconds

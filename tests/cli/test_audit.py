@@ -73,6 +73,11 @@ def test_the_newest_can_be_shown_alone_and_as_they_are_stored(
     assert capsys.readouterr().out.splitlines() == stored[-1:]
 
 
+def test_fewer_than_one_cannot_be_shown(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["audit", "show", str(state), "--last", "0"]) == 2
+    assert "--last 0 shows nothing" in capsys.readouterr().err
+
+
 def test_the_audit_is_found_by_the_configuration_too(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
     config = state.parent / "site.toml"
     config.write_text(CONFIG)

@@ -189,3 +189,14 @@ def test_without_python_pcapng_the_extra_is_named(tmp_path: Path, monkeypatch: p
 
     with pytest.raises(CaptureError, match=r"pip install 'starter-gateway\[capture\]'"):
         CaptureFile(tmp_path / "x", ["pumps"])
+
+
+@pytest.mark.parametrize("seconds", ["nan", "inf", "0", "-1"])
+def test_a_time_that_is_none_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], seconds: str
+) -> None:
+    (tmp_path / "site.toml").write_text(SITE)
+    arguments = [str(tmp_path / "site.toml"), str(tmp_path / "x.pcapng"), f"--seconds={seconds}"]
+
+    assert main(["capture", *arguments]) == 2
+    assert "--seconds" in capsys.readouterr().err

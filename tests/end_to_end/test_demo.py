@@ -13,11 +13,12 @@ from typing import Any
 
 import pytest
 
+from gateway.cli.main import main
 from gateway.sim.core.start_curve import start_curve
 from gateway.sim.factory import make_unit
 from tests.end_to_end.demo_site import demo
 from tests.end_to_end.site import Scada
-from tests.mosquitto import missing_programs
+from tests.mosquitto import StartMosquitto, missing_programs
 
 pytestmark = pytest.mark.skipif(bool(missing_programs()), reason="mosquitto is not installed")
 
@@ -152,3 +153,11 @@ async def pasted(commands: str, environ: Mapping[str, str], folder: Path) -> asy
         stdout=asyncio.subprocess.PIPE,
         stderr=asyncio.subprocess.STDOUT,
     )
+
+
+@pytest.mark.parametrize("option", ["--watch=a#b", "--watch=", "--publish=a/#=x"])
+def test_a_topic_that_mqtt_does_not_allow_is_wrong_usage(
+    start_mosquitto: StartMosquitto, capsys: pytest.CaptureFixture[str], option: str
+) -> None:
+    assert main(["demo", "--broker", str(start_mosquitto().port), option]) == 2
+    assert option.partition("=")[0] in capsys.readouterr().err

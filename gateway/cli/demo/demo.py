@@ -13,6 +13,7 @@ import uuid
 from collections.abc import Coroutine
 from contextlib import AsyncExitStack, suppress
 from pathlib import Path
+from typing import Any
 
 from gateway.cli.command import flag
 from gateway.cli.demo.plant_day import BASE, run_plant
@@ -144,13 +145,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the demo until Ctrl-C; BrokerError when no broker is to be had."""
     if args.watch is not None:
-        asyncio.run(watch(args.broker, args.watch))
+        _as_client(watch(args.broker, args.watch), f"--watch {args.watch!r}")
         return 0
     if args.publish is not None:
         topic, sign, payload = args.publish.partition("=")
         if not sign or not topic:
             raise UsageError(f"--publish {args.publish!r} is not TOPIC=PAYLOAD")
-        asyncio.run(publish(args.broker, topic, payload))
+        _as_client(publish(args.broker, topic, payload), f"--publish {args.publish!r}")
         return 0
     has_table = not args.verbose and sys.stdout.isatty() and importlib.util.find_spec("rich") is not None
     with tempfile.TemporaryDirectory(prefix="starter-gateway-demo-") as name:
@@ -159,6 +160,13 @@ def run(args: argparse.Namespace) -> int:
             log_to_stderr(is_verbose=args.verbose, instead=log.fileno() if has_table else None)
             asyncio.run(_demo(folder, has_table=has_table, has_plant=args.plant))
     return 0
+
+
+def _as_client(work: Coroutine[Any, Any, None], option: str) -> None:
+    try:
+        asyncio.run(work)
+    except ValueError as error:  # paho's, of a topic that MQTT does not allow
+        raise UsageError(f"{option}: {error}") from None
 
 
 def guide(config: Path, pty: str, broker: str, port: int, *, page: str, has_clients: bool) -> str:

@@ -394,7 +394,7 @@ class CommandExecution:
 
     async def _taken_back(self, end: Final, verb: str, take_back: TakeBack) -> Final:
         """Take back a start that is seen not to have acted: nothing is to let it act later."""
-        text = ""
+        text = f"; {MAY_STAND}"
         for _ in range(MOST_TAKE_BACKS):
             if await self._starter_io.see(take_back.at_rest) is None:
                 break

@@ -13,7 +13,7 @@ from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegister
 from gateway.records import Phase
-from gateway.starters.commands.execution import MOST_TAKE_BACKS
+from gateway.starters.commands.execution import MAY_STAND, MOST_TAKE_BACKS
 from tests.starters.fakes import AT_SPEED, READY, REMOTE, VB01, VB03
 from tests.starters.rig import CommandRig, virtually
 from tests.starters.rules import ready
@@ -182,6 +182,15 @@ async def test_nothing_is_written_on_a_reading_that_has_grown_old() -> None:
     rig.telemetry.prove = slow  # type: ignore[method-assign]
 
     assert NOT_TAKEN in await end_of(rig)
+    assert rig.line.writes == [START]
+
+
+@virtually
+async def test_a_start_that_cannot_be_taken_back_since_nothing_is_read_is_said_to_stand_perhaps() -> None:
+    rig = await hindered()
+    after_the_start(rig, lambda _: Silent("no reply"))
+
+    assert MAY_STAND in await end_of(rig)
     assert rig.line.writes == [START]
 
 
