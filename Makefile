@@ -88,7 +88,7 @@ asyncapi: $(STAMP)
 home-assistant: $(STAMP)
 	@tests/home_assistant/get-home-assistant.sh
 
-test: $(STAMP) mosquitto prometheus asyncapi home-assistant lint ## lint, and every test in virtual time; two minutes
+test: $(STAMP) mosquitto prometheus asyncapi home-assistant lint ## lint, and every test in virtual time; four minutes
 	$(FAST)
 
 e2e: $(STAMP) $(STAMP)-deb mosquitto chromium prometheus web site postgresql node-red sparkplug-judges debian ## every test in real time: processes, ptys, a real broker; some minutes
