@@ -20,7 +20,7 @@ from gateway.line.client import LineClient
 from gateway.line.events import LineEvent, LineFault, PollResult, PortChanged, UnitChanged
 from gateway.line.port.base import PortOpener
 from gateway.line.port.opener import SerialOpener
-from gateway.line.service import DEAF
+from gateway.line.port_recovery import DEAF
 from gateway.line.thread import LineHost
 from gateway.records import PublishEvent, RecordWriter, Severity
 from gateway.starters.policy.policy import Policy

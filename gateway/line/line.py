@@ -14,6 +14,7 @@ from gateway.line.capacity.forecast import worst_stop_latency_s
 from gateway.line.events import EventQueue, LineEvents, Trace
 from gateway.line.port.base import Port, PortOpener
 from gateway.line.port.tty import CountsErrors
+from gateway.line.port_recovery import PortRecovery
 from gateway.line.rtu.late_replies import LateReplies
 from gateway.line.rtu.outcome import Silent
 from gateway.line.rtu.reply_times import ALLOWANCE_S
@@ -21,7 +22,7 @@ from gateway.line.rtu.request import Alternates, Forms
 from gateway.line.rtu.transaction import RtuMaster
 from gateway.line.scheduler.requests import Job, Poll
 from gateway.line.scheduler.scheduler import Scheduler
-from gateway.line.service import IDLE_WAKE_S, LineService, PortRecovery
+from gateway.line.service import IDLE_WAKE_S, LineService
 from gateway.line.statistics import Statistics
 from gateway.modbus.timing import LineTiming
 from gateway.system.backoff import Backoff

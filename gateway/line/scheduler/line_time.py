@@ -75,11 +75,6 @@ class LineTimeBudget:
         self.room_at_s = min(room_at_s, now_s + self._fills_in_s)
 
 
-def period_of(every_s: float) -> float:
-    """Return the period of a poll; one without a period has its own."""
-    return every_s or FREE_PERIOD_S
-
-
 def overload_factor(load: float, *, others: float = 0.0) -> float:
     """Return the factor for a load, when others take their share first, half of the line's time at most."""
     return max(1.0, load / (1.0 - min(others, JOBS_SHARE)))

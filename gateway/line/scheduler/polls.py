@@ -11,7 +11,6 @@ from gateway.line.scheduler.line_time import (
     EdfQueue,
     LineTimeBudget,
     overload_factor,
-    period_of,
 )
 from gateway.line.scheduler.requests import Poll, Slot
 from gateway.line.scheduler.units import ScheduledPoll, Unit
@@ -85,7 +84,7 @@ class PollTable:
         entry = self._polls[key]
         self._set_load(entry, entry.cost_s, every_s)
         if entry.queue is not None:
-            deadline_s = min(entry.deadline_s, now_s + period_of(every_s) * self.stretch)
+            deadline_s = min(entry.deadline_s, now_s + (every_s or FREE_PERIOD_S) * self.stretch)
             self._put(entry, min(entry.release_s, now_s + every_s), deadline_s)
 
     def expedite(self, key: str, now_s: float) -> None:
@@ -128,7 +127,7 @@ class PollTable:
         load = 0.0
         for unit in self._units.values():
             asked_s = ASKED_AFTER * unit.limit_s
-            periods_s = [period_of(each.every_s) * self.stretch for each in unit.polls]
+            periods_s = [(each.every_s or FREE_PERIOD_S) * self.stretch for each in unit.polls]
             if asked_s and unit.reached_s > -inf and min(periods_s, default=0.0) > asked_s:
                 load += unit.polls[0].cost_s / asked_s
         self._left = [each for each in self._left if each[2] > now_s - _WORST_OVER_S]

@@ -20,7 +20,7 @@ from gateway.families.mapped_registers import MappedBlock, plan_with
 from gateway.families.profile.schema import Profile, Variant, once_per_profile
 from gateway.families.reading import Block, rows_of_points, split
 from gateway.line.client import LineClient
-from gateway.line.scheduler.line_time import period_of
+from gateway.line.scheduler.line_time import FREE_PERIOD_S
 from gateway.starters.setup import StarterSetup, blocks_of
 from gateway.system.backoff import backoff_s
 
@@ -108,7 +108,7 @@ class _Polled:
         The gap before the last answer may have been a short one: what has changed is read again at once.
         """
         factor = max(stretch, self.stretch)
-        every_s = self.every_s if factor == 1.0 else period_of(self.every_s)
+        every_s = self.every_s if factor == 1.0 else (self.every_s or FREE_PERIOD_S)
         return max(every_s * factor, self.gap_s or 0.0)
 
     def overdue_s(self, stretch: float) -> float:
@@ -151,7 +151,8 @@ class Polling:
         polled = self._polled[key]
         stretch = polled.stretch = self._line.stretch
         if polled.last_s is not None:
-            polled.gap_s = min(at_s - polled.last_s, GAP_PERIODS * period_of(polled.every_s) * stretch)
+            slowest_s = GAP_PERIODS * (polled.every_s or FREE_PERIOD_S) * stretch
+            polled.gap_s = min(at_s - polled.last_s, slowest_s)
         polled.last_s, polled.is_overdue = at_s, False
         self._soonest_overdue_s = min(self._soonest_overdue_s, polled.overdue_s(stretch))
         if polled.refusals.in_row:
