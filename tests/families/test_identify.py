@@ -10,7 +10,7 @@ from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.modbus.device_id import DeviceIdentification
 from gateway.starters.setup import StarterSetup, merged
-from gateway.starters.telemetry.reporting import info_of
+from gateway.starters.telemetry.description import info_of
 
 SST_NAME = b"SST130i-140-M-ES"
 

@@ -19,7 +19,7 @@ from gateway.home_assistant.discovery import gateway_message, starter_message
 from gateway.home_assistant.site_facts import SiteFacts
 from gateway.mqtt.contract.payloads import Message, Payloads
 from gateway.mqtt.contract.topics import Topics
-from gateway.starters.telemetry.reporting import info_of
+from gateway.starters.telemetry.description import info_of
 
 STARTERS = {"pump-1": "ssw07", "fan": "ssw06", "mill": "ssw900", "belt": "sst"}
 TABLE = '[homeassistant]\noperator = "home-assistant"\ncommands = true\n'

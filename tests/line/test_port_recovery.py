@@ -9,7 +9,7 @@ from collections.abc import Iterable
 import pytest
 
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
-from gateway.line.service import ASK_EVERY_S, DEAF, LONGEST_S, PortRecovery
+from gateway.line.port_recovery import ASK_EVERY_S, DEAF, LONGEST_S, PortRecovery
 from tests.line.fakes import LineRig, Said, Units, poll
 from tests.virtual_time import run_virtually
 

@@ -31,7 +31,7 @@ from gateway.records import (
 )
 from gateway.starters.policy.rights import Operator
 from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.reporting import info_of
+from gateway.starters.telemetry.description import info_of
 
 T = 1_795_222_923.456
 AT = '"2026-11-21T01:02:03.456Z"'

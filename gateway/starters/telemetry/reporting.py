@@ -13,17 +13,10 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from gateway.families.command.build import verbs
-from gateway.families.devices.device import Identity
-from gateway.families.profile.names import meaning_of, printed_name
-from gateway.families.profile.schema import Profile, Variant, once_per_profile
-from gateway.history.own_points import own_points
 from gateway.records import (
-    OWN_VERBS,
     AlarmRecord,
     AvailabilityRecord,
     EventRecord,
-    InfoRecord,
     LockRecord,
     Quality,
     Record,
@@ -32,8 +25,6 @@ from gateway.records import (
     StateRecord,
     ValueRecord,
 )
-from gateway.starters.setup import StarterSetup
-from gateway.starters.telemetry.decoding import type_of, unit_of
 from gateway.starters.telemetry.snapshot import Reading, Value
 from gateway.starters.telemetry.transitions import AlarmStatus, Change
 from gateway.system.clock import Clock
@@ -248,45 +239,3 @@ class Emitter:
             seq=self._sequence.take(),
             data={**change.data, **(more or {})},
         )
-
-
-def info_of(setup: StarterSetup, variant: Variant, identity: Identity) -> InfoRecord:
-    """Return the description of a starter as far as it is known."""
-    profile = setup.profile
-    return InfoRecord(
-        starter=setup.name,
-        family=profile.family,
-        model=variant.model,
-        firmware=variant.firmware,
-        serial=identity.serial,
-        line=setup.line,
-        address=setup.address,
-        points=_descriptions(profile),
-        commands=(*verbs(profile), *OWN_VERBS),
-        hardware=identity.hardware,
-        rated_current_a=variant.rated_current_a,
-        rating=identity.rating,
-        slot=variant.slot,
-        accessories=identity.accessories,
-    )
-
-
-def _describe(profile: Profile, name: str) -> dict[str, Any]:
-    point = profile.points[name]
-    kind = type_of(profile, name)
-    labels = profile.enums.get(profile.parameters[point.code].enum, {}) if kind == "enum" else {}
-    return {
-        "code": point.code or None,
-        "name": printed_name(profile, name),
-        "meaning": meaning_of(profile, name),
-        "unit": unit_of(profile, name),
-        "type": kind,
-        "enum": {str(value): label for value, label in labels.items()} or None,
-        "deadband": point.deadband,
-    }
-
-
-@once_per_profile
-def _descriptions(profile: Profile) -> Mapping[str, Mapping[str, Any]]:
-    own = {point.name: point.to_dict() for point in own_points(profile)}
-    return {name: _describe(profile, name) for name in profile.points} | own

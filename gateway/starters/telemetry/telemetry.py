@@ -25,6 +25,7 @@ from gateway.starters.identity.registry import IdentityRegistry
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
 from gateway.starters.telemetry.availability import Availability
 from gateway.starters.telemetry.decoding import AnswerCache, DecodedPoints, deadbands_of, sources_of, units_of
+from gateway.starters.telemetry.description import info_of
 from gateway.starters.telemetry.identity_check import Contact, IdentityCheck
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs, setting_codes
 from gateway.starters.telemetry.polling import LONGEST_PAUSE_S, Polling, PollLoss
@@ -35,7 +36,6 @@ from gateway.starters.telemetry.reporting import (
     LockOf,
     Report,
     TickTimer,
-    info_of,
 )
 from gateway.starters.telemetry.snapshot import Snapshot
 from gateway.starters.telemetry.status import Status, status_codes
