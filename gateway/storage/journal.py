@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 from gateway.records import ResultRecord
 
@@ -18,13 +19,12 @@ class Remembered:
     may_be_written: bool  # something may have reached the starter
 
 
-class Journal:
+class Journal(Protocol):
     """Stores commands by (client, id), stops without an id until they end. All calls on the app's loop."""
 
     @property
     def trouble(self) -> str:
         """Why nothing can be stored now; empty when it can."""
-        return ""
 
     def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:
         """Store a command's latest phase; `then` is called once, when it is stored or cannot be."""
@@ -36,10 +36,18 @@ class Journal:
         """Delete these commands, each given by client and id, as the ledger decided."""
 
 
-class NoJournal(Journal):
+class NoJournal:
     """Stores nothing: the next run knows none of this run's commands."""
+
+    trouble = ""
 
     def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:  # noqa: ARG002 - Journal's shape
         """Store nothing."""
         if then is not None:
             then()
+
+    async def intend(self, result: ResultRecord) -> None:
+        """Return at once."""
+
+    def forget(self, keys: Sequence[tuple[str, str]]) -> None:
+        """Do nothing."""

@@ -9,7 +9,7 @@ import logging
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from gateway.errors import DamagedError, StoreError
 from gateway.storage.formats.catalogue import FIRST, KEY, FileKind, format_of, require_known
@@ -27,12 +27,11 @@ MOST_BYTES = 16 * 2**20
 RETRY_S = 5.0
 
 
-class JsonStore:
-    """Where the document is stored; what a kind of store does not define does nothing."""
+class JsonStore(Protocol):
+    """Where the document is stored."""
 
     def load(self) -> Mapping[str, Any] | None:
         """Return the document; None when there is none, DamagedError when it cannot be read any more."""
-        return None
 
     def set_aside(self) -> None:
         """Store a damaged document apart from the next one."""
@@ -41,8 +40,18 @@ class JsonStore:
         """Replace the stored document; StoreError."""
 
 
-class NoStore(JsonStore):
+class NoStore:
     """Stores nothing."""
+
+    def load(self) -> Mapping[str, Any] | None:
+        """Return None: nothing was stored."""
+        return None
+
+    def set_aside(self) -> None:
+        """Do nothing."""
+
+    async def save(self, document: Mapping[str, Any]) -> None:
+        """Do nothing."""
 
 
 class JsonFile(JsonStore):
@@ -146,7 +155,7 @@ class JsonFile(JsonStore):
             raise StoreError(f"{self._path} cannot be written: {error.strerror}") from error
 
 
-class ReadOnlyStore(JsonStore):
+class ReadOnlyStore(NoStore):
     """What another process stores: it is read, and nothing of it changed or set aside."""
 
     def __init__(self, memory: JsonStore) -> None:

@@ -8,8 +8,8 @@ from collections.abc import Iterable
 
 import pytest
 
-from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.port_recovery import ASK_EVERY_S, DEAF, LONGEST_S, PortRecovery
+from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from tests.line.fakes import LineRig, Said, Units, poll
 from tests.virtual_time import run_virtually
 
