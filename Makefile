@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test e2e torture bench lint lint-types lint-style coverage lock clean mosquitto chromium postgresql prometheus node-red sparkplug-judges web asyncapi home-assistant docs site wheel deb debian test-deb late-replies
+.PHONY: help venv demo test e2e torture bench lint lint-types lint-style coverage lock clean mosquitto chromium postgresql prometheus node-red sparkplug-judges web asyncapi home-assistant docs site wheel deb debian programs test-deb test-root late-replies
 
 # Each test of processes starts some, and compiles the program anew where no compiled module may be stored.
 unexport PYTHONDONTWRITEBYTECODE
@@ -91,11 +91,16 @@ home-assistant: $(STAMP)
 test: $(STAMP) mosquitto prometheus asyncapi home-assistant lint ## lint, and every test in virtual time; four minutes
 	$(FAST)
 
-e2e: $(STAMP) $(STAMP)-deb mosquitto chromium prometheus web site postgresql node-red sparkplug-judges debian ## every test in real time: processes, ptys, a real broker; some minutes
+e2e: $(STAMP) programs web site node-red sparkplug-judges ## every test in real time: processes, ptys, a real broker; ten minutes
 	$(call tried,$(TOGETHER))
 	$(call tried,$(PAIRED))
 	$(call tried,$(ALONE))
-	$(call tried,$(PACKAGED))
+
+test-root: $(STAMP) mosquitto ## as root: what an ordinary user may not do, and packages in fresh systems of Debian
+	$(FAST) -m root
+	@$(MAKE) --no-print-directory test-deb
+
+programs: mosquitto chromium prometheus postgresql debian # of the distribution, which only root may install
 
 coverage: $(STAMP) mosquitto ## the lines and branches that all tests together run through
 	$(FAST) --cov --cov-report=

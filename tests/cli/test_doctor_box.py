@@ -83,7 +83,7 @@ def test_a_file_in_the_state_directory_that_may_not_be_written_is_a_problem(
     assert state_dir_remark(tmp_path).weight is None
 
 
-@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give files away")
+@pytest.mark.root
 def test_root_finds_files_that_are_not_those_of_the_folders_owner(tmp_path: Path) -> None:
     unpack_golden(tmp_path)
     (tmp_path / "gateway.sqlite").rename(tmp_path / "gateway.sqlite.aside-1")
