@@ -1,12 +1,17 @@
 """Measures the size of the code, and writes docs/size.md: run it with `python -m tests.size_page`.
 
-Sizes are counted in the tree, the ways by counting calls (`tests.bench.calls`, `tests.bench.command_way`).
-Speed is not measured here: docs/performance.md has it.
+Sizes are counted in the tree, the ways by counting calls (`tests.bench.calls`, `tests.bench.command_way`). The time of
+the tests by folder is written by `python -m tests.size_page build/times.xml`, from what `make times` has measured.
+A code line is a line that is neither blank, docstring, comment nor import.
 """
 
 from __future__ import annotations
 
 import ast
+import io
+import sys
+import tokenize
+import xml.etree.ElementTree as ElementTree
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,10 +23,38 @@ from tests.virtual_time import run_virtually
 
 ROOT = Path(__file__).parents[1]
 CODE = ROOT / "gateway"
+TESTS = ROOT / "tests"
 PAGE = ROOT / "docs" / "size.md"
-BEGIN, END = "<!-- sizes: made by python -m tests.size_page -->\n", "<!-- end of sizes -->\n"
+SIZES = "<!-- sizes: made by python -m tests.size_page -->\n", "<!-- end of sizes -->\n"
+TIMES = "<!-- times: made by make times -->\n", "<!-- end of times -->\n"
 SMALL = 60  # lines
-SCHEDULER = CODE / "line" / "scheduler"
+MOST_ATTRIBUTES = 15
+TOP = "(top)"
+BUDGETS = {  # code lines; a room that is not named is to go
+    "contract": 700,
+    "modbus": 450,
+    "families": 2650,
+    "line": 2800,
+    "starters": 3800,
+    "store": 1000,
+    "mqtt": 1800,
+    "config": 1010,
+    "app": 1300,
+    "system": 600,
+    TOP: 120,
+    "plugins": 4850,
+    "cli": 3500,
+    "sim": 2500,
+}
+DOORS = (
+    "contract",
+    "starters",
+    "store",
+    "line",
+    "mqtt",
+    "families",
+)  # to be imported by their `__init__` alone
+_DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 Row = tuple[str, str, str]  # what, measured, to reach
 
@@ -31,9 +64,43 @@ def modules(folder: Path = CODE) -> list[Path]:
     return sorted(path for path in folder.rglob("*.py") if path.stem != "__init__")
 
 
-def lines_of(path: Path) -> int:
-    """Return how many lines a file has."""
-    return len(path.read_text("utf-8").splitlines())
+def room_of(path: Path) -> str:
+    """Return the room that a module of the product lies in."""
+    parts = path.relative_to(CODE).parts
+    return parts[0] if len(parts) > 1 else TOP
+
+
+def code_lines(path: Path) -> int:
+    """Return how many code lines a module has."""
+    text, lines = path.read_text("utf-8"), set()
+    empty = (
+        tokenize.NL,
+        tokenize.NEWLINE,
+        tokenize.INDENT,
+        tokenize.DEDENT,
+        tokenize.ENDMARKER,
+        tokenize.COMMENT,
+    )
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type not in empty:
+            lines.update(range(token.start[0], token.end[0] + 1))
+    for node in ast.walk(ast.parse(text)):
+        first: ast.AST | None = None
+        if isinstance(node, _DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
+            first = node.body[0]
+        elif isinstance(node, ast.Import | ast.ImportFrom):
+            first = node
+        if first is not None:
+            lines -= set(range(first.lineno, (first.end_lineno or first.lineno) + 1))  # type: ignore[attr-defined]
+    return len(lines)
+
+
+def room_sizes() -> Counter[str]:
+    """Return the code lines of each room."""
+    sizes: Counter[str] = Counter()
+    for path in CODE.rglob("*.py"):
+        sizes[room_of(path)] += code_lines(path)
+    return sizes
 
 
 def largest_folder() -> tuple[int, list[str]]:
@@ -45,12 +112,12 @@ def largest_folder() -> tuple[int, list[str]]:
 
 def small_files() -> list[str]:
     """Return the modules below SMALL lines."""
-    return [str(path.relative_to(CODE)) for path in modules() if lines_of(path) < SMALL]
+    return [str(path.relative_to(CODE)) for path in modules() if _lines(path) < SMALL]
 
 
-def classes(folder: Path = CODE) -> Iterator[ast.ClassDef]:
-    """Give every class that is defined below a folder."""
-    for path in modules(folder):
+def classes() -> Iterator[ast.ClassDef]:
+    """Give every class of the product."""
+    for path in modules():
         yield from (each for each in ast.walk(_tree(path)) if isinstance(each, ast.ClassDef))
 
 
@@ -60,46 +127,92 @@ def double_names() -> list[str]:
     return sorted(name for name, number in names.items() if number > 1)
 
 
-def lines_without_simulator() -> int:
-    """Return the lines of everything in gateway/ but sim/."""
-    return sum(lines_of(path) for path in CODE.rglob("*.py") if CODE / "sim" not in path.parents)
+def attributes(node: ast.ClassDef) -> int:
+    """Return how many attributes a class sets on itself."""
+    names = {
+        target.attr
+        for each in ast.walk(node)
+        if isinstance(each, ast.Assign | ast.AnnAssign)
+        for target in (each.targets if isinstance(each, ast.Assign) else [each.target])
+        if isinstance(target, ast.Attribute) and ast.unparse(target.value) == "self"
+    }
+    decorators = [ast.unparse(each) for each in node.decorator_list]
+    if any("dataclass" in each and "frozen" not in each for each in decorators):
+        names |= {ast.unparse(each.target) for each in node.body if isinstance(each, ast.AnnAssign)}
+    return len(names)
 
 
-def scheduler_constants() -> list[str]:
-    """Return the numbers that the scheduler's modules name at their top."""
-    found = []
-    for path in modules(SCHEDULER):
-        for node in _tree(path).body:
-            targets = node.targets if isinstance(node, ast.Assign) else []
-            found += [each.id for each in targets if isinstance(each, ast.Name) and _is_number(node)]
+def fat_classes() -> list[tuple[int, str]]:
+    """Return the classes with too many attributes, the largest first."""
+    found = [(attributes(each), each.name) for each in classes()]
+    return sorted((each for each in found if each[0] > MOST_ATTRIBUTES), reverse=True)
+
+
+def imports_across_rooms() -> dict[str, tuple[int, int]]:
+    """Return for each room with a front door how often others import it by that, and how often past it."""
+    found = {door: (0, 0) for door in DOORS}
+    for path in CODE.rglob("*.py"):
+        for node in ast.walk(_tree(path)):
+            parts = (node.module or "").split(".") if isinstance(node, ast.ImportFrom) else []
+            if (
+                parts[:1] == ["gateway"]
+                and len(parts) > 1
+                and parts[1] in found
+                and parts[1] != room_of(path)
+            ):
+                front, past = found[parts[1]]
+                found[parts[1]] = (front + (len(parts) == 2), past + (len(parts) > 2))
     return found
 
 
-def poll_fields() -> list[str]:
-    """Return the fields of a scheduled poll, those of its base class included."""
-    by_name = {each.name: each for each in classes(SCHEDULER)}
-    found, name = [], "ScheduledPoll"
-    while name in by_name:
-        each = by_name[name]
-        found += [
-            n.target.id for n in each.body if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name)
-        ]
-        name = each.bases[0].id if each.bases and isinstance(each.bases[0], ast.Name) else ""
+def internal_constructions() -> Counter[str]:
+    """Return how often the tests construct each class of the product that a module of theirs imports."""
+    own = {each.name for each in classes()}
+    found: Counter[str] = Counter()
+    for path in TESTS.rglob("*.py"):
+        tree = _tree(path)
+        names = {
+            alias.asname or alias.name: f"{node.module}.{alias.name}"
+            for node in ast.walk(tree)
+            if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "gateway"
+            for alias in node.names
+            if alias.name in own
+        }
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in names:
+                found[names[node.func.id]] += 1
     return found
+
+
+def room_rows() -> list[Row]:
+    """Return the code lines of each room beside their budget."""
+    sizes = room_sizes()
+    rooms = [*BUDGETS, *sorted(set(sizes) - set(BUDGETS))]
+    rows = [(f"`{room}`", f"{sizes[room]:,}", f"{BUDGETS.get(room, 0):,}") for room in rooms]
+    return [*rows, ("all", f"{sum(sizes.values()):,}", f"{sum(BUDGETS.values()):,}")]
 
 
 def size_rows() -> list[Row]:
-    """Return what is counted in the tree."""
+    """Return what else is counted in the tree."""
     most, folders = largest_folder()
-    scheduler = sum(lines_of(path) for path in modules(SCHEDULER))
-    parts = f"{scheduler}; {len(scheduler_constants())}; {len(poll_fields())}"
+    fat = fat_classes()
+    doors = imports_across_rooms()
+    built = internal_constructions()
+    past = ", ".join(f"{door} {past}" for door, (_, past) in doors.items() if past)
     return [
+        ("classes", str(sum(1 for _ in classes())), "450"),
+        (
+            f"classes with more than {MOST_ATTRIBUTES} attributes",
+            _first([f"{n} {name}" for n, name in fat]),
+            "0",
+        ),
+        ("imports past a front door", f"{sum(past for _, past in doors.values())} ({past})", "0"),
         ("modules of the largest folder", f"{most} ({', '.join(folders)})", "13"),
         (f"files below {SMALL} lines", str(len(small_files())), "under 30"),
         ("class names that exist twice", str(len(double_names())), "0"),
-        ("lines of `gateway/` without `sim/`", f"{lines_without_simulator():,}", "23,000"),
-        ("`line/scheduler`: lines; constants; fields of a scheduled poll", parts, "750; 20; 8"),
         ("places with a word that `tests/words.py` lists", str(sum(words.counts().values())), "0"),
+        ("lines of tests", f"{sum(_lines(path) for path in TESTS.rglob('*.py')):,}", "48,000"),
+        ("constructions of internal classes in tests", f"{built.total():,} of {len(built)}", "under 1,500"),
     ]
 
 
@@ -110,36 +223,59 @@ def way_rows() -> list[Row]:
     line, _ = line_calls()
     up = f"{len(publication.files)}; {publication.calls}"
     return [
-        ("files and calls from the reply to the publication", up, "30; 450"),
-        ("files of a start command, from its message to its result", str(len(command.calls)), "55"),
+        ("files and calls from the reply to the publication", up, "22; 450"),
+        ("files of a start command, from its message to its result", str(len(command.calls)), "35"),
         ("calls on the lines' thread for each transaction, 8 starters", f"{line:.0f}", "130"),
     ]
 
 
-def table(rows: list[Row]) -> str:
+def time_rows(report: Path) -> list[Row]:
+    """Return the seconds of the tests by folder, and of each test above 1 % of all, from a JUnit report."""
+    folders: Counter[str] = Counter()
+    tests: Counter[str] = Counter()
+    for case in ElementTree.parse(report).iter("testcase"):
+        seconds, parts = float(case.get("time", 0.0)), case.get("classname", "").split(".")
+        folders["/".join(part for part in parts[:2] if not part.startswith("test_"))] += seconds  # type: ignore[assignment]
+        tests[f"{'/'.join(parts[1:])} {case.get('name')}"] += seconds  # type: ignore[assignment]
+    whole = sum(folders.values())
+    rows = [(f"`{name}`", f"{s:.0f} s", f"{s / whole:.0%}") for name, s in folders.most_common()]
+    slow = [
+        (f"{name}", f"{s:.1f} s", f"{s / whole:.1%}") for name, s in tests.most_common() if s > whole / 100
+    ]
+    return [*rows, ("all", f"{whole:.0f} s", ""), *slow]
+
+
+def table(rows: list[Row], *, last: str = "to reach") -> str:
     """Return rows as Markdown."""
     lines = [f"| {' | '.join(row)} |" for row in rows]
-    return "\n".join(["| what | measured | to reach |", "|---|---|---|", *lines, ""])
+    return "\n".join([f"| what | measured | {last} |", "|---|---|---|", *lines, ""])
+
+
+def write(marks: tuple[str, str], text: str) -> None:
+    """Replace what stands between two marks of the page."""
+    before, _, rest = PAGE.read_text("utf-8").partition(marks[0])
+    after = rest.partition(marks[1])[2]
+    PAGE.write_text(f"{before}{marks[0]}\n{text}\n{marks[1]}{after}", "utf-8")
 
 
 def main() -> None:
-    """Write the page."""
-    before, _, rest = PAGE.read_text("utf-8").partition(BEGIN)
-    after = rest.partition(END)[2]
-    PAGE.write_text(f"{before}{BEGIN}\n{table(size_rows() + way_rows())}\n{END}{after}", "utf-8")
+    """Write the page: its sizes, or with a JUnit report the times."""
+    if reports := sys.argv[1:]:
+        write(TIMES, table(time_rows(Path(reports[0])), last="share"))
+    else:
+        write(SIZES, f"{table(room_rows(), last='budget')}\n{table(size_rows() + way_rows())}")
 
 
 def _tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text("utf-8"))
 
 
-def _is_number(node: ast.Assign) -> bool:
-    """Return whether a value is computed from numbers alone."""
-    parts = (ast.BinOp, ast.UnaryOp, ast.operator, ast.unaryop, ast.Constant)
-    return all(
-        isinstance(each, parts) and isinstance(getattr(each, "value", 0), int | float)
-        for each in ast.walk(node.value)
-    )
+def _lines(path: Path) -> int:
+    return len(path.read_text("utf-8").splitlines())
+
+
+def _first(found: list[str]) -> str:
+    return f"{len(found)}: {', '.join(found[:6])}" if found else "0"
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What the CI runs: everything once, as an ordinary user whom root makes for it; as root only what needs root."""
+"""What the CI runs: everything once, as an ordinary user; as root only what needs root."""
 
 from __future__ import annotations
 
