@@ -1,7 +1,7 @@
 """Measures the size of the code, and writes docs/size.md: run it with `python -m tests.size_page`.
 
-Sizes are counted in the tree, the ways by counting calls (`tests.bench.calls`, `tests.bench.command_way`). The time of
-the tests by folder is written by `python -m tests.size_page build/times.xml`, from what `make times` has measured.
+Sizes are counted in the tree, the ways by counting calls (`tests.bench.calls`, `tests.bench.command_way`).
+`python -m tests.size_page build/times.xml` writes the time of the tests by folder, as `make times` has measured it.
 A code line is a line that is neither blank, docstring, comment nor import.
 """
 
@@ -14,6 +14,7 @@ import tokenize
 import xml.etree.ElementTree as ElementTree
 from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 from tests import words
@@ -150,7 +151,7 @@ def fat_classes() -> list[tuple[int, str]]:
 
 def imports_across_rooms() -> dict[str, tuple[int, int]]:
     """Return for each room with a front door how often others import it by that, and how often past it."""
-    found = {door: (0, 0) for door in DOORS}
+    found = dict.fromkeys(DOORS, (0, 0))
     for path in CODE.rglob("*.py"):
         for node in ast.walk(_tree(path)):
             parts = (node.module or "").split(".") if isinstance(node, ast.ImportFrom) else []
@@ -266,6 +267,7 @@ def main() -> None:
         write(SIZES, f"{table(room_rows(), last='budget')}\n{table(size_rows() + way_rows())}")
 
 
+@cache
 def _tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text("utf-8"))
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
 from tests import size_page
 
 LARGEST = {  # code lines of a room that is still above its budget: lower them with the room
@@ -15,14 +13,25 @@ LARGEST = {  # code lines of a room that is still above its budget: lower them w
     "app": 3070,
     "cli": 5470,
     "sim": 2890,
+    "modbus": 520,
+    "system": 740,
+    size_page.TOP: 410,
+    "history": 1390,
+    "home_assistant": 300,
+    "metrics": 530,
+    "sparkplug": 1140,
+    "storage": 1980,
+    "web": 1490,
 }
 
 
-@pytest.mark.parametrize(("room", "budget"), size_page.BUDGETS.items())
-def test_a_room_stays_within_its_budget_or_within_what_it_has_been_brought_down_to(
-    room: str, budget: int
-) -> None:
-    assert size_page.room_sizes()[room] <= max(budget, LARGEST.get(room, 0))
+def test_rooms_stay_within_their_budgets_or_within_what_they_have_been_brought_down_to() -> None:
+    sizes = size_page.room_sizes()
+
+    over = {
+        room: n for room, n in sizes.items() if n > max(size_page.BUDGETS.get(room, 0), LARGEST.get(room, 0))
+    }
+    assert over == {}
 
 
 def test_no_folder_has_more_than_13_modules() -> None:
