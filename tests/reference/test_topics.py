@@ -69,7 +69,7 @@ TRIP = TripSnapshot("1", rfc3339(T), "run-1", 1, "e05", "x", "running", thinned=
 
 RECORDS: tuple[tuple[str, Record], ...] = (
     ("starterValue", ValueRecord("p", "x", 1.5, "A", Quality.GOOD, T, 1, label="on", reason="why")),
-    ("starterState", StateRecord("p", "ready", Quality.GOOD, T, 1, {"running": False}, LOCK, "why")),
+    ("starterState", StateRecord("p", "ready", Quality.GOOD, T, 1, {"running": False}, LOCK, "why", 5)),
     ("starterAvailability", AvailabilityRecord("p", "online", T, None)),
     (
         "starterAlarm",

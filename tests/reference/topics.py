@@ -315,6 +315,7 @@ STARTER = (
             "seq": SEQ,
             "boot": RUN,
             "reason": text("why it is unknown although the starter answers", absent=True),
+            "fault_code": whole("number of the present fault, where the starter gives one", absent=True),
             "locked": group(
                 "the maintenance lock; null: not locked",
                 {
