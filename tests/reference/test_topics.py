@@ -108,14 +108,15 @@ RECORDS: tuple[tuple[str, Record], ...] = (
     ),
     ("starterStart", StartRecord("p", "1", start_to_dict(START, SAMPLES))),
     ("starterTrip", TripRecord("p", "1", TRIP.to_dict())),
-    ("audit", AuditRecord("p", "alice", None, "stop", {}, "confirmed", "ok", T, 1)),
+    ("audit", AuditRecord("p", "alice", None, "stop", {}, "confirmed", "ok", T, 1, source="web")),
 )
 LISTED = {code: event for events in EVENTS.values() for code, event in events.items()}
 LOOSE = {"result", "lineStatistics"}  # whose further fields depend on the verb, or on the line
 
 
 def problems(name: str, payload: bytes) -> list[str]:
-    errors = Draft7Validator(payload_schema(BY_NAME[name])).iter_errors(json.loads(payload))
+    schema = payload_schema(BY_NAME[name], is_closed=True)
+    errors = Draft7Validator(schema).iter_errors(json.loads(payload))
     return [f"{name} {'.'.join(map(str, error.path))}: {error.message}" for error in errors]
 
 
