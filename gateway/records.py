@@ -110,6 +110,7 @@ class StateRecord:
     flags: Mapping[str, bool | None] = field(default_factory=dict)
     lock: LockRecord | None = None
     reason: str = ""  # why it is unknown although the starter answers
+    fault_code: int | None = None  # number of the present fault, where the starter gives one
 
 
 @dataclass(frozen=True, slots=True)

@@ -52,6 +52,7 @@ class Parts:
     def __init__(self, site: Site, *, notifier: Notifier, watchdog_every_s: float | None = None) -> None:
         self.site = site
         self.clock = SystemClock()
+        self._started_s = self.clock.utc_s()
         self.clock_watch = ClockWatch(site.config.gateway.clock)
         self._suspend_watch = SuspendWatch(self.clock.now_s)
         self._boot = RunToken(secrets.token_hex(8))
@@ -254,6 +255,7 @@ class Parts:
                 take=self._inbox.put,
                 reject=lambda each: self.dispatcher.reject(each.request, each.code, each.text),
                 facts=uplink.facts,
+                since_s=self._started_s,
             ),
         )
 
@@ -263,7 +265,7 @@ class Parts:
             plant=self.plant,
             outbox=self.uplink.outbox,
             clock=self.clock,
-            started_s=self.clock.utc_s(),
+            started_s=self._started_s,
             clock_doubt=self.clock_watch.doubt,
             lock_of=self.policy.motor_history.lock_of,
             loops={"gateway": self.health.lag, "lines": self.host.lag},

@@ -15,6 +15,7 @@ from gateway.records import Phase
 
 Component = dict[str, Any]
 
+FAULT_CODE = "fault_code"
 STATES = ("ready", "starting", "running", "stopping", "fault", "not_ready", "unknown")
 GATEWAY_STATES = ("starting", "online", "degraded", "offline")
 GOOD_VALUE = "{{ value_json.value if value_json.quality == 'good' else None }}"
@@ -26,7 +27,9 @@ STATE_ATTRIBUTES = (
     " | tojson }}"
 )
 GATEWAY_IS_ON = "{{ 'online' if value_json.state in ('online', 'degraded') else 'offline' }}"
-STARTER_IS_ON = "{{ 'online' if value_json.state == 'online' else 'offline' }}"
+STARTER_IS_ON = "{{ 'offline' if value_json.state in ('offline', 'disabled') else 'online' }}"
+# Of the state, since the point keeps the number of the last fault (SSW-07, P014).
+FAULT_NUMBER = "{{ value_json.get('fault_code') if value_json.quality == 'good' else None }}"
 # A range above 100000 is refused by Home Assistant's sandbox, and it has no function for a UUID.
 COMMAND = (
     '{"id":"ha-{{ utcnow().timestamp() }}-{{ range(10000, 99999) | random }}",'
@@ -73,7 +76,7 @@ QUANTITIES = (
     Quantity("energy_kwh", "Energy", "energy", ("kWh",), 1, "total_increasing", is_on=True),
     Quantity("hours_total", "Operating hours", "duration", ("h",), 1, "total_increasing"),
     Quantity("starts_total", "Starts", None, ("",), 0, "total_increasing"),
-    Quantity("fault_code", "Fault code", None, ("",), None, None, is_on=True, is_diagnostic=True),
+    Quantity(FAULT_CODE, "Fault code", None, ("",), None, None, is_on=True, is_diagnostic=True),
 )
 THERMAL = Quantity("", "Thermal load", None, ("%",), 0, is_diagnostic=True)  # its point is the family's
 
@@ -139,6 +142,8 @@ def starter_entities(
     ):
         if point in points:
             found[key] = _quantity(quantity, topics.value(starter, point), str(points[point].get("unit", "")))
+    if FAULT_CODE in found:
+        found[FAULT_CODE] |= {"state_topic": state_topic, "value_template": FAULT_NUMBER}
     found["trouble"] = _event("Faults and alarms", topics.event(starter), TROUBLE, TROUBLE_CODES) | {
         "icon": "mdi:alert"
     }

@@ -120,7 +120,9 @@ METRICS: Mapping[str, Mapping[str, MetricSpec]] = {
             "Any other point that is a number or a boolean, in the point's own unit; with all_points only.",
         ),
         "starts_total": MetricSpec("counter", STARTER, "Starts of the motor, however given."),
-        "trips_total": MetricSpec("counter", (*STARTER, "code"), "Trips by fault."),
+        "trips_total": MetricSpec(
+            "counter", (*STARTER, "code"), "Trips by fault; from 0 on for each that the family names."
+        ),
         "start_drifts_total": MetricSpec(
             "counter", STARTER, "How often the motor began to start otherwise than at its baseline."
         ),

@@ -174,13 +174,18 @@ class ScrapeCollector(Collector):
             ("commands_unconfirmed_total", counted.unconfirmed),
         ):  # from 0 on: Prometheus sees no increase in a series that begins with 1
             yield _family(name, [(labels, counts.get(each.name, 0)) for each, labels in self._starters])
-        by_name = {each.name: labels for each, labels in self._starters}
-        trips = [
-            ({**by_name[name], "code": code}, n)
-            for (name, code), n in counted.trips.items()
-            if name in by_name
-        ]
-        yield _family("trips_total", trips)
+        trips = {each.name: dict.fromkeys(each.fault_codes, 0) for each, _ in self._starters}
+        for (name, code), count in counted.trips.items():
+            if name in trips:
+                trips[name][code] = count
+        yield _family(
+            "trips_total",
+            (
+                ({**labels, "code": code}, count)
+                for each, labels in self._starters
+                for code, count in trips[each.name].items()
+            ),
+        )
 
     def _commands(self) -> Iterator[Metric]:
         counted = self._counted

@@ -39,6 +39,7 @@ class ScrapedStarter:
     is_locked: bool
     state: str
     readings: Mapping[str, Reading]
+    fault_codes: tuple[str, ...] = ()  # that its family names
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,8 @@
 2. Beyond `DECODED` a second only what is short and may hold a stop is decoded, and only a stop of it acts.
 3. Of a payload that cannot be read as a whole a stop that is whole acts, and nothing else: its sender asked
    for it, and the worst that it can do is to stop.
-4. What is refused so is counted: for each starter and reason one event and one result a second.
+4. What is refused so is counted: for each starter and reason one event and one result a second. A DCMD to
+   a device that is no starter has an event alone, one a second for all of them.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 from gateway.mqtt.contract.commands import MAX_PAYLOAD_BYTES, Incoming, Rejection
+from gateway.mqtt.contract.topics import shortened
 from gateway.records import PublishEvent, Severity
 from gateway.sparkplug.commands import CommandMapper, DeviceCommand
 from gateway.sparkplug.metrics import COMMANDS, STOP_METRIC
@@ -24,6 +26,7 @@ MOST_BYTES = MAX_PAYLOAD_BYTES  # as on the gateway's own topics
 DECODED = Rate(20.0, 100)  # as the gateway's own topics take of one client
 SHORT_BYTES = 512  # a stop alone has some 50; what is longer takes too long for as many as may come
 REFUSED_EVERY_S = 1.0
+UNKNOWN = "unknown_starter"
 
 _STOP = STOP_METRIC.encode("ascii")
 _NAMES = {name: name.encode("ascii") for name in COMMANDS}
@@ -83,6 +86,11 @@ class HostCommands:
             self._take_stop(asked)
         self._show_done(starter, [name for name, encoded in _NAMES.items() if encoded in payload])
 
+    def refuse_unknown(self, device: str) -> None:
+        """Refuse a DCMD to a device that is no starter; hosts choose its name, so it is no key."""
+        text = "this gateway has no such starter"
+        self._unread.put(UNKNOWN, _Unread(shortened(device), UNKNOWN, text))
+
     def _take_stop(self, asked: DeviceCommand) -> None:
         """Take the stop of a DCMD of which nothing else may act."""
         stop = self._mapper.stop(asked)
@@ -109,5 +117,7 @@ class HostCommands:
         text = f"{f'{count} more DCMDs' if count else 'a DCMD'} refused: {unread.text}"
         data = {"starter": unread.starter, "code": unread.code, "count": max(count, 1)}
         self._publish_event("dcmd_refused", Severity.WARNING, f"{unread.starter}: {text}", data)
+        if unread.code == UNKNOWN:
+            return  # no metric and no topic of such a starter could show a result
         self._reject(self._mapper.unread(unread.starter, self._clock.utc_s(), unread.code, text))
         self._show_done(unread.starter, COMMANDS)

@@ -24,6 +24,7 @@ from gateway.records import (
     ValueRecord,
 )
 from gateway.sparkplug.payload import BAD, FALSE, GOOD, STALE, DataType, Metric, Value
+from gateway.starters.policy.rights import Rights
 
 STOP_METRIC = "Command/Stop"
 COMMANDS = {STOP_METRIC: "stop", "Command/Start": "start", "Command/Reset": "reset"}
@@ -41,9 +42,13 @@ _QUALITY = {Quality.GOOD: None, Quality.STALE: STALE, Quality.BAD: BAD}
 
 
 class MetricTable:
-    """Metrics by name with their newest values; a change is what differs in value or quality."""
+    """Metrics by name with their newest values; a change is what differs in value or quality.
 
-    def __init__(self) -> None:
+    What is not known yet is dated `since_s`: hosts that order by time then prefer whatever is read later.
+    """
+
+    def __init__(self, since_s: float = 0.0) -> None:
+        self.since_s = since_s
         self._metrics: dict[str, Metric] = {}
         self.edition = 0  # grows when a name comes or goes: a new birth is needed
 
@@ -55,7 +60,7 @@ class MetricTable:
             self._metrics[name] = replace(present, properties=properties)
             return
         quality = BAD if value is None else None
-        self._metrics[name] = Metric(name, datatype, value, 0.0, quality, properties)
+        self._metrics[name] = Metric(name, datatype, value, self.since_s, quality, properties)
         self.edition += 1
 
     def remove_all_but(self, names: frozenset[str]) -> None:
@@ -95,16 +100,17 @@ class MetricTable:
 class StarterMetrics:
     """The metrics of one starter, fed with its records."""
 
-    def __init__(self, *, operator: str | None) -> None:
+    def __init__(self, *, since_s: float, operator: str | None, rights: Rights) -> None:
         self._operator = operator
+        self._rights = rights
         self._alarms: dict[str, AlarmRecord] = {}
         self._machine: tuple[str, str, int] | None = None
-        self.table = MetricTable()
+        self.table = MetricTable(since_s)
         self.is_known = False  # what its metrics are
         self.is_answering = False
 
-    def take(self, record: Record) -> list[Metric]:
-        """Take a record of this starter; return the metrics that it changes."""
+    def take(self, record: Record, utc_s: float) -> list[Metric]:
+        """Take a record of this starter, at that time; return the metrics that it changes."""
         match record:
             case ValueRecord():
                 quality = _QUALITY[record.quality]
@@ -118,7 +124,7 @@ class StarterMetrics:
             case AlarmRecord():
                 return [*self._alarm(record)]
             case InfoRecord():
-                return [*self._info(record)]
+                return [*self._info(record, utc_s)]
             case ResultRecord():
                 return [*self._result(record)]
             case _:
@@ -154,9 +160,11 @@ class StarterMetrics:
             texts = {"alarm/code": shown.code, "alarm/text": shown.text, "alarm/severity": shown.severity}
             yield from self._texts(time_s, **texts)
 
-    def _info(self, record: InfoRecord) -> Iterator[Metric]:
+    def _info(self, record: InfoRecord, utc_s: float) -> Iterator[Metric]:
         machine = (record.family, record.line, record.address)
-        if machine != self._machine:  # what another one has said is not this one's
+        if machine != self._machine:  # what another one has said is not this one's, and older
+            if self._machine is not None:
+                self.table.since_s = utc_s
             self._machine = machine
             self.table.remove_all_but(frozenset())
             self._alarms.clear()
@@ -190,10 +198,15 @@ class StarterMetrics:
         yield from self.table.set("Properties/Address", record.address, time_s=None)
 
     def _define_commands(self, record: InfoRecord) -> set[str]:
-        """Name what may be written, of what the starter's family knows; nothing without an operator."""
-        if self._operator is None:
+        """Name what the operator may write, of what the starter's family knows; nothing without one."""
+        client, starter = self._operator, record.starter
+        if client is None:
             return set()
-        writable = [name for name, verb in COMMANDS.items() if verb in record.commands]
+        writable = [
+            name
+            for name, verb in COMMANDS.items()
+            if verb in record.commands and self._rights.is_allowed(client, verb=verb, starter=starter)
+        ]
         for name in writable:
             self.table.define(name, DataType.BOOLEAN, FALSE)
         last = [f"Command/Last/{each}" for each in ("Verb", "Id", "Phase", "Code", "Text")]

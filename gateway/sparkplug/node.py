@@ -17,6 +17,7 @@ from gateway.records import LineRecord, Record
 from gateway.sparkplug.metrics import NodeMetrics, StarterMetrics
 from gateway.sparkplug.payload import FALSE, DataType, Metric, Value, encoded
 from gateway.sparkplug.topics import BD_SEQ, REBIRTH, EdgeTopics
+from gateway.starters.policy.rights import Rights
 
 GATHER_S = 0.25
 REBIRTH_EVERY_S = 5.0
@@ -50,7 +51,10 @@ class _Device(_Unsaid):
 
 
 class EdgeNode:
-    """One edge node with its devices. `now_s` is the steady clock, `utc_s` the wall's."""
+    """One edge node with its devices. `now_s` is the steady clock, `utc_s` the wall's.
+
+    `since_s`, UTC: when the gateway began, before anything was read.
+    """
 
     def __init__(
         self,
@@ -58,12 +62,16 @@ class EdgeNode:
         node: NodeMetrics,
         starters: Collection[str],
         *,
+        since_s: float,
         operator: str | None,
+        rights: Rights,
         has_datatypes: bool = False,
     ) -> None:
         self.topics = topics
         self._own = node
+        self._since_s = since_s
         self._operator = operator
+        self._rights = rights
         self._has_datatypes = has_datatypes
         self._devices: dict[str, _Device] = {}
         self._gone: dict[str, _Device] = {}  # configured no more, death not yet published
@@ -101,7 +109,9 @@ class EdgeNode:
                 self.due_s = -inf
         for name in starters:
             if name not in self._devices:
-                self._devices[name] = _Device(StarterMetrics(operator=self._operator))
+                self._devices[name] = _Device(
+                    StarterMetrics(since_s=self._since_s, operator=self._operator, rights=self._rights)
+                )
 
     def move_lines(self, lines: tuple[str, ...]) -> None:
         """Have the metrics of these lines; another set needs a birth of the node."""
@@ -145,7 +155,7 @@ class EdgeNode:
         name = record.starter
         device = self._devices.get(name)
         if device is not None:
-            self._note(name, device, device.metrics.take(record), now_s)
+            self._note(name, device, device.metrics.take(record, utc_s), now_s)
 
     def note(self, facts: Mapping[str, Value], *, now_s: float, utc_s: float) -> None:
         """Take what the gateway says of itself."""

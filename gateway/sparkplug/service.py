@@ -28,6 +28,7 @@ from gateway.sparkplug.payload import Value, decoded_command
 from gateway.sparkplug.primary_host import PrimaryHost
 from gateway.sparkplug.settings import SparkplugSettings
 from gateway.sparkplug.topics import REBIRTH, EdgeTopics
+from gateway.starters.policy.rights import Rights
 from gateway.storage.json_file import JsonStore
 from gateway.system.backoff import Backoff
 from gateway.system.clock import Clock
@@ -90,6 +91,7 @@ class SparkplugParts:
     reject: Callable[[Rejection], None]
     facts: Callable[[], Mapping[str, Value]]  # what the gateway says of itself
     publish_event: PublishEvent
+    since_s: float  # UTC: when this run of the gateway began
 
 
 class SparkplugLink:
@@ -294,8 +296,11 @@ class SparkplugLink:
     def _on_message(self, incoming: Incoming) -> None:
         topics, payload = self._node.topics, incoming.payload
         starter = topics.commanded_device(incoming.topic)
-        if self._host_commands is not None and starter is not None and self._node.has(starter):
-            self._host_commands.take(starter, incoming, self._node.born_utc_s)
+        if self._host_commands is not None and starter is not None:
+            if self._node.has(starter):
+                self._host_commands.take(starter, incoming, self._node.born_utc_s)
+            else:
+                self._host_commands.refuse_unknown(starter)
         elif len(payload) > MOST_BYTES:
             return  # neither a STATE nor a request for a rebirth
         elif incoming.topic == self._host.topic:
@@ -373,7 +378,9 @@ def sparkplug_link(
         EdgeTopics(settings.group, settings.node),
         NodeMetrics(properties, lines, parts.facts()),
         starters,
+        since_s=parts.since_s,
         operator=settings.operator,
+        rights=Rights(settings.rights),
         has_datatypes=settings.has_datatypes,
     )
     now_s, utc_s = parts.clock.now_s(), parts.clock.utc_s()

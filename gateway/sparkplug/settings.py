@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gateway.mqtt.connection.settings import BrokerSettings
+from gateway.starters.policy.rights import Operator
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,5 +17,6 @@ class SparkplugSettings:
     servers: tuple[BrokerSettings, ...]
     primary_host: str | None = None
     operator: str | None = None  # whose rights commands have; None: none are taken
+    rights: tuple[Operator, ...] = ()  # of that operator
     ttl_s: float = 5.0  # how old a command may be
     has_datatypes: bool = False  # in data messages too

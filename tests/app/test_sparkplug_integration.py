@@ -84,6 +84,7 @@ async def test_a_fault_on_order_ends_the_node_alone_and_it_begins_anew(
         take=lambda _: None,
         reject=lambda _: None,
         facts=dict,
+        since_s=0.0,
     )
     serving = asyncio.create_task(integration.run())
     async with asyncio.timeout(20.0):

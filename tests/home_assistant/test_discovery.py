@@ -68,6 +68,12 @@ def test_of_many_entities_only_the_useful_ones_are_on_at_first() -> None:
     }
 
 
+def test_the_fault_code_is_that_of_the_state_since_the_point_keeps_the_last_one() -> None:
+    found = ALL["pump-1"]["components"]["fault_code"]
+
+    assert found["state_topic"] == "starters/mcc1/starter/pump-1/state"
+
+
 def test_the_gateway_is_a_device_of_its_own_to_which_the_starters_belong() -> None:
     assert set(ALL[""]["components"]) == {"status", "boot", "line_hall"}
     assert {ALL[name]["device"]["via_device"] for name in STARTERS} == set(ALL[""]["device"]["identifiers"])

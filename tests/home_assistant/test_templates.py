@@ -9,6 +9,7 @@ import pytest
 
 from gateway.home_assistant.entities import (
     BUSY,
+    FAULT_NUMBER,
     GATEWAY_IS_ON,
     GOOD_FLAG,
     GOOD_STATE,
@@ -78,6 +79,14 @@ def test_a_flag_is_on_off_or_unknown(quality: Quality, running: bool | None, sho
     assert RENDERING.value(template, payload(state(quality, running=running))) == shown
 
 
+def test_the_code_of_a_fault_is_shown_only_while_the_state_carries_it() -> None:
+    def shown(fault_code: int | None, quality: Quality = Quality.GOOD) -> str:
+        record = StateRecord("p", "fault", quality, T, 1, {"fault": True}, fault_code=fault_code)
+        return RENDERING.value(FAULT_NUMBER, payload(record))
+
+    assert (shown(5), shown(None), shown(5, Quality.STALE)) == ("5", "None", "None")
+
+
 def test_a_flag_that_the_state_does_not_have_is_unknown() -> None:
     assert RENDERING.value(GOOD_FLAG.format(name="alarm"), payload(state(Quality.GOOD))) == "None"
 
@@ -104,7 +113,8 @@ def test_the_gateway_is_available_while_it_is_online_or_degraded(gateway: str, s
 
 
 @pytest.mark.parametrize(
-    ("starter", "shown"), [("online", "online"), ("offline", "offline"), ("disabled", "offline")]
+    ("starter", "shown"),
+    [("online", "online"), ("degraded", "online"), ("offline", "offline"), ("disabled", "offline")],
 )
 def test_a_starter_is_available_while_it_answers(starter: str, shown: str) -> None:
     assert RENDERING.value(STARTER_IS_ON, {"state": starter}) == shown

@@ -152,6 +152,15 @@ def test_counters_of_starters_begin_with_0_so_that_the_first_increase_is_seen() 
     assert [found.one(name, starter="pump-1", line="pumps") for name in names] == [0.0, 0.0, 0.0]
 
 
+def test_each_fault_that_the_family_names_has_its_trips_from_0_on_and_another_from_its_first() -> None:
+    counted = Counted({}, {}, {}, {}, {}, {("pump-1", "e05"): 2, ("pump-1", "e99"): 1}, {}, {})
+
+    found = scrape(scraped_gateway(scraped_starter(fault_codes=("e05", "e19", "fault"))), counted)
+
+    trips = {labels["code"]: count for labels, count in found.samples["trips_total"]}
+    assert trips == {"e05": 2.0, "e19": 0.0, "fault": 0.0, "e99": 1.0}
+
+
 def test_what_was_counted_of_a_starter_that_has_gone_is_left_out() -> None:
     counted = Counted({}, {}, {}, {"gone": 1}, {"gone": 2, "pump-1": 3}, {("gone", "e05"): 1}, {}, {})
 

@@ -17,7 +17,7 @@ import pytest
 
 from gateway.app.integrations.integration import Integration
 from gateway.line.scheduler.requests import Priority
-from gateway.metrics.catalogue import PREFIX, SPECS
+from gateway.metrics.catalogue import PREFIX, SPECS, STARTER
 from gateway.metrics.scrape import MetricsSource, ScrapedGateway
 from gateway.modbus.writes import WriteCoil
 from gateway.records import (
@@ -121,6 +121,21 @@ def test_every_metric_of_the_alerts_and_the_dashboard_is_in_a_scrape(whole: Scra
 
 def test_promtool_finds_nothing_in_it(whole: Scrape) -> None:
     assert promtool("check", "metrics", standard_input=whole.text) == ""
+
+
+def test_every_counter_of_every_starter_is_there_from_the_beginning() -> None:
+    async def scenario(here: ScrapedPlant) -> None:
+        found = await here.scrape()
+        of_starters = [name for name, spec in SPECS.items() if set(STARTER) <= set(spec.labels)]
+        counters = [name for name in of_starters if SPECS[name].kind == "counter"]
+
+        assert len(counters) == 5
+        for each in ("pump", "fan", "mill", "belt"):
+            assert [name for name in counters if not found.all(name, starter=each)] == []
+        assert found.one("trips_total", starter="pump", code="e05") == 0.0
+        assert found.one("trips_total", starter="fan", code="fault") == 0.0
+
+    run_plant(scenario, settled_s=1.0)
 
 
 def test_a_starter_that_goes_silent_loses_its_values_and_keeps_its_times() -> None:

@@ -19,6 +19,14 @@ Starter Gateway connects motor soft-starters on RS-485 lines (Modbus RTU) to MQT
 Times are UTC, RFC 3339 with milliseconds. Floats always have a decimal part. No topic that carries a payload
 is a prefix of another."""
 
+DELETED = "deleted"
+_DELETED = {
+    "title": "Deleted",
+    "description": "Empty and retained: the topic is deleted, since what it told of is gone.",
+    "contentType": "application/octet-stream",
+    "payload": {"type": "string", "maxLength": 0},
+}
+
 
 def document() -> dict[str, Any]:
     """Return the file as data."""
@@ -41,13 +49,13 @@ def document() -> dict[str, Any]:
         },
         "channels": {topic.name: _channel(topic) for topic in TOPICS},
         "operations": {_verb(topic) + _title(topic): _operation(topic) for topic in TOPICS},
-        "components": {"messages": {topic.name: _message(topic) for topic in TOPICS}},
+        "components": {"messages": {**{topic.name: _message(topic) for topic in TOPICS}, DELETED: _DELETED}},
     }
 
 
-def payload_schema(topic: Topic) -> dict[str, Any]:
-    """Return the JSON Schema of a topic's payload."""
-    return {"type": "object", **object_schema(topic.fields, extra=topic.extra)}
+def payload_schema(topic: Topic, *, is_closed: bool) -> dict[str, Any]:
+    """Return the JSON Schema of a topic's payload; a closed one permits no field that it does not name."""
+    return {"type": "object", **object_schema(topic.fields, extra=topic.extra, is_closed=is_closed)}
 
 
 def page() -> str:
@@ -69,7 +77,7 @@ def _channel(topic: Topic) -> Mapping[str, Any]:
         "address": f"{{base}}/{topic.address}",
         "description": topic.meaning,
         "parameters": {name: {"description": about[name]} for name in names},
-        "messages": {topic.name: {"$ref": f"#/components/messages/{topic.name}"}},
+        "messages": {name: {"$ref": f"#/components/messages/{name}"} for name in _messages_of(topic)},
     }
 
 
@@ -78,12 +86,17 @@ def _operation(topic: Topic) -> Mapping[str, Any]:
         "action": _verb(topic),
         "channel": {"$ref": f"#/channels/{topic.name}"},
         "bindings": {"mqtt": {"qos": topic.qos, "retain": topic.is_retained, "bindingVersion": "0.2.0"}},
-        "messages": [{"$ref": f"#/channels/{topic.name}/messages/{topic.name}"}],
+        "messages": [{"$ref": f"#/channels/{topic.name}/messages/{name}"} for name in _messages_of(topic)],
     }
 
 
 def _message(topic: Topic) -> Mapping[str, Any]:
-    return {"title": _title(topic), "contentType": "application/json", "payload": payload_schema(topic)}
+    schema = payload_schema(topic, is_closed=topic.is_received)  # fields may be added to all that is sent
+    return {"title": _title(topic), "contentType": "application/json", "payload": schema}
+
+
+def _messages_of(topic: Topic) -> tuple[str, ...]:
+    return (topic.name, DELETED) if topic.is_deletable else (topic.name,)
 
 
 def _verb(topic: Topic) -> str:

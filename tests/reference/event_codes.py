@@ -331,11 +331,11 @@ EVENTS: Mapping[str, Mapping[str, Event]] = {
         ),
         "dcmd_refused": Event(
             (WARNING,),
-            "DCMDs of a Sparkplug host were not read, or not to their end.",
+            "DCMDs of a Sparkplug host were not read, or not to their end, or name no starter.",
             "Correct the host that sends them.",
             {
-                "starter": "the starter",
-                "code": "why: too_big, too_many, bad_payload",
+                "starter": "the starter, as the host names it",
+                "code": "why: too_big, too_many, bad_payload, unknown_starter",
                 "count": "DCMDs since the last such event",
             },
         ),

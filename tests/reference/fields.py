@@ -38,15 +38,15 @@ class Field:
     extra: str = ""
     of: Kind | None = None  # what plain items of a list, or plain values of a map are
 
-    def to_schema(self) -> dict[str, Any]:
+    def to_schema(self, *, is_closed: bool) -> dict[str, Any]:
         """Return the field as JSON Schema (draft 07, as in AsyncAPI)."""
         schema = dict(TYPES[self.kind])
         if self.kind == "object":
-            schema |= object_schema(self.inside, extra=self.extra)
+            schema |= object_schema(self.inside, extra=self.extra, is_closed=is_closed)
         elif self.kind == "map":
-            schema["additionalProperties"] = self._inner()
+            schema["additionalProperties"] = self._inner(is_closed=is_closed)
         elif self.kind == "list":
-            schema["items"] = self._inner()
+            schema["items"] = self._inner(is_closed=is_closed)
         if self.values:
             schema["enum"] = [*map(str, self.values), *([None] if self.may_be_null else [])]
         if self.may_be_null and "type" in schema:
@@ -54,18 +54,23 @@ class Field:
         schema["description"] = f"{self.meaning}{f' [{self.unit}]' if self.unit else ''}"
         return schema
 
-    def _inner(self) -> dict[str, Any]:
+    def _inner(self, *, is_closed: bool) -> dict[str, Any]:
         if self.inside:
-            return {"type": "object", **object_schema(self.inside, extra=self.extra)}
+            inside = object_schema(self.inside, extra=self.extra, is_closed=is_closed)
+            return {"type": "object", **inside}
         return dict(TYPES[self.of or "any"])
 
 
-def object_schema(fields: Mapping[str, Field], *, extra: str = "") -> dict[str, Any]:
-    """Return an object of these fields; nothing else may be in it, unless `extra` says what."""
-    schema: dict[str, Any] = {"properties": {name: each.to_schema() for name, each in fields.items()}}
+def object_schema(fields: Mapping[str, Field], *, extra: str = "", is_closed: bool) -> dict[str, Any]:
+    """Return an object of these fields. A closed one has no others, unless `extra` says what."""
+    properties = {name: each.to_schema(is_closed=is_closed) for name, each in fields.items()}
+    schema: dict[str, Any] = {"properties": properties}
     if required := [name for name, each in fields.items() if not each.may_be_absent]:
         schema["required"] = required
-    schema["additionalProperties"] = {"description": extra} if extra else False
+    if extra:
+        schema["additionalProperties"] = {"description": extra}
+    elif is_closed:
+        schema["additionalProperties"] = False
     return schema
 
 

@@ -30,6 +30,28 @@ def test_every_payload_is_a_right_json_schema() -> None:
         Draft7Validator.check_schema(message["payload"])
 
 
+def closed_objects(node: object, path: str = "") -> list[str]:
+    """Return where a schema permits no other fields."""
+    if not isinstance(node, dict):
+        return []
+    here = [path] if node.get("additionalProperties") is False else []
+    return here + [each for key, value in node.items() for each in closed_objects(value, f"{path}/{key}")]
+
+
+def test_fields_may_be_added_to_everything_but_a_command() -> None:
+    assert closed_objects(document()["components"]["messages"]) == ["/command/payload"]
+
+
+def test_what_is_retained_of_a_starter_or_a_line_can_be_deleted_by_an_empty_payload() -> None:
+    whole = document()
+    deletable = {name for name, each in whole["channels"].items() if "deleted" in each["messages"]}
+
+    starters = {"starterInfo", "starterAvailability", "starterState", "starterValue", "starterAlarm"}
+    assert deletable == starters | {"lineStatistics"}
+    deleted = Draft7Validator(whole["components"]["messages"]["deleted"]["payload"])
+    assert (deleted.is_valid(""), deleted.is_valid("{}")) == (True, False)
+
+
 def test_every_reference_in_the_file_leads_somewhere() -> None:
     whole = document()
 

@@ -65,6 +65,11 @@ class Topic:
     extra: str = ""  # what other keys there may be
     is_received: bool = False  # by the gateway
 
+    @property
+    def is_deletable(self) -> bool:
+        """Return whether the broker is told to delete it: it is retained, and what it tells of can go."""
+        return self.is_retained and "{" in self.address
+
 
 PARAMETERS = {
     "starter": "name of the starter",
@@ -315,6 +320,7 @@ STARTER = (
             "seq": SEQ,
             "boot": RUN,
             "reason": text("why it is unknown although the starter answers", absent=True),
+            "fault_code": whole("number of the present fault, where the starter gives one", absent=True),
             "locked": group(
                 "the maintenance lock; null: not locked",
                 {
@@ -545,6 +551,7 @@ COMMANDS = (
             "id": text("of the command", null=True),
             "operator": text("who decided, a claim", null=True),
             "reason": text("why, a claim", null=True),
+            "source": text("which way it came, where not by MQTT: web, sparkplug", absent=True),
             "boot": RUN,
         },
         is_retained=False,

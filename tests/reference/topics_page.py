@@ -20,7 +20,9 @@ The same for programs: [asyncapi.yaml](asyncapi.yaml) (AsyncAPI 3).
 - Times are UTC, RFC 3339 with milliseconds.
 - Numbers that may have decimals always have some; there is no NaN.
 - A field may be absent only where this page says so.
-- New fields may be added; a program must ignore what it does not know.
+- New fields may be added; a program must ignore what it does not know. Only a command
+  may have no other fields.
+- An empty retained payload deletes a topic at the broker: of a starter or a line that was removed.
 - What is published again is the same, byte for byte: a program removes duplicates by topic, `boot` and `seq`.
   An item of `history` is the message of `value/{point}` with the same two. A result has neither:
   its topic, `id`, `phase`, `duplicate` and `time` name it.
@@ -47,13 +49,14 @@ def page() -> str:
 
 def _section(topic: Topic) -> str:
     retained = "retained" if topic.is_retained else "never retained" if topic.is_received else "not retained"
+    deleted = " An empty payload deletes it." if topic.is_deletable else ""
     extra = [f"| *others* | | | {topic.extra} |"] if topic.extra else []
     return "\n".join(
         [
             f"## `{_address(topic)}` {{#{_anchor(topic)}}}",
             "",
             topic.meaning,
-            f"QoS {topic.qos}, {retained}.",
+            f"QoS {topic.qos}, {retained}.{deleted}",
             "",
             "| field | type | unit | meaning |",
             "|---|---|---|---|",

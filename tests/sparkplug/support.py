@@ -22,8 +22,10 @@ from gateway.sparkplug import payload as sparkplug_payload
 from gateway.sparkplug.metrics import NodeMetrics
 from gateway.sparkplug.node import EdgeNode
 from gateway.sparkplug.topics import EdgeTopics
+from gateway.starters.policy.rights import Operator, Rights
 
 EPOCH_S = 1_760_000_000.0
+SINCE_S = EPOCH_S + 40.0  # when the gateway began
 TYPES = {3: "Int32", 4: "Int64", 10: "Double", 11: "Boolean", 12: "String"}
 POINTS = {
     "current": {"type": "float", "unit": "A", "name": "Motor current"},
@@ -105,14 +107,21 @@ class NodeRig:
     """One node with two starters; `say` returns what a host would see."""
 
     def __init__(
-        self, *, operator: str | None = None, has_datatypes: bool = False, is_begun: bool = True
+        self,
+        *,
+        operator: str | None = None,
+        may: tuple[str, ...] = ("*",),
+        has_datatypes: bool = False,
+        is_begun: bool = True,
     ) -> None:
         self.now_s = 100.0
         self.node = EdgeNode(
             EdgeTopics("plant", "mcc1"),
             NodeMetrics(PROPERTIES, ("hall",), FACTS),
             ("pump", "fan"),
+            since_s=SINCE_S,
             operator=operator,
+            rights=Rights([Operator(operator or "", may, ("pump",))]),
             has_datatypes=has_datatypes,
         )
         if is_begun:

@@ -8,6 +8,7 @@ from tests.sparkplug.support import (
     FACTS,
     POINTS,
     PROPERTIES,
+    SINCE_S,
     NodeRig,
     alarm,
     availability,
@@ -111,6 +112,28 @@ def test_what_was_never_read_is_null_and_bad_with_its_type() -> None:
     assert (metric["null"], metric["type"], metric["properties"]["Quality"]) == (True, "Double", 0)
 
 
+def test_what_is_not_known_at_the_birth_is_dated_before_what_is_read_around_it() -> None:
+    rig = NodeRig(operator="scada")
+    birth = rig.born()[1]
+    assert {each["time_ms"] for each in birth.metrics if each["null"]} == {round(SINCE_S * 1000)}
+
+    rig.put(value("pump", "current", 1.5, time_s=rig.utc_s - 0.1), state("pump", running=True))
+
+    (data,) = rig.say(after_s=1.0)
+    assert set(data.names) >= {"current", "running", "state"}
+    assert all(birth[each["name"]]["time_ms"] < each["time_ms"] for each in data.metrics)
+
+
+def test_a_birth_offers_the_commands_that_the_operator_has_the_right_to_and_the_family_knows() -> None:
+    def offered(*may: str) -> list[set[str]]:
+        births = [set(each.names) for each in NodeRig(operator="scada", may=may).born()[1:]]
+        return [{each.removeprefix("Command/") for each in names if "mand/" in each} for names in births]
+
+    last = {f"Last/{each}" for each in ("Verb", "Id", "Phase", "Code", "Text")}
+    assert offered("*") == [{"Stop", "Start", "Reset"} | last, last]
+    assert offered("stop", "reset", "lock") == [{"Stop", "Reset"} | last, last]
+
+
 def test_a_birth_says_units_and_names() -> None:
     properties = NodeRig().born()[1]["current"]["properties"]
 
@@ -163,6 +186,7 @@ def test_another_machine_of_the_same_name_inherits_no_value() -> None:
 
     death, birth = rig.say()
     assert (death.kind, birth.kind, birth["current"]["null"]) == ("DDEATH", "DBIRTH", True)
+    assert birth["current"]["time_ms"] == round(rig.utc_s * 1000)  # after what the other one has said
     assert birth.values["alarm/active"] is False
 
 

@@ -22,6 +22,7 @@ from gateway.sparkplug import service
 from gateway.sparkplug.payload import HostCommand, decoded_command
 from gateway.sparkplug.service import SparkplugLink, SparkplugParts, sparkplug_link
 from gateway.sparkplug.settings import SparkplugSettings
+from gateway.starters.policy.rights import Operator
 from tests.sparkplug.support import (
     FACTS,
     PROPERTIES,
@@ -145,7 +146,8 @@ class World:
         self.events: list[tuple[str, str]] = []
         self.facts: dict[str, Any] = dict(FACTS)
         brokers = tuple(BrokerSettings("localhost", 1883 + each, "mcc1-spb") for each in range(servers))
-        self.settings = replace(SparkplugSettings("plant", "mcc1", brokers), **settings)
+        rights = (Operator("ops", ("*",), ("*",)),)
+        self.settings = replace(SparkplugSettings("plant", "mcc1", brokers, rights=rights), **settings)
         self.past = past
         self.service = self._made()
         self.serving = asyncio.create_task(self.service.run())
@@ -159,6 +161,7 @@ class World:
                 take=self.taken.append,
                 reject=self.rejected.append,
                 facts=lambda: self.facts,
+                since_s=self.clock.utc_s(),
                 publish_event=lambda code, _severity, text, *_: self.events.append((code, text)),
             ),
             topics=Topics("starters/mcc1"),
@@ -551,13 +554,20 @@ async def test_a_start_that_arrives_before_the_birth_is_refused_and_a_stop_is_no
 
 
 @virtually
-async def test_a_write_to_what_is_no_starter_is_ignored() -> None:
+async def test_writes_to_what_is_no_starter_are_an_event_once_a_second_and_nothing_else() -> None:
     world = World(operator="ops")
     await asyncio.sleep(1.0)
+    begun = len(world.events)
 
-    world.link.get("spBv1.0/plant/DCMD/mcc1/nothing", dcmd(write("Command/Stop")))
+    for count in range(50):
+        world.link.get(f"spBv1.0/plant/DCMD/mcc1/nothing{count}\x1b", dcmd(write("Command/Stop")))
+    await asyncio.sleep(2.0)
 
     assert (world.taken, world.rejected) == ([], [])
+    assert world.events[begun:] == [
+        ("dcmd_refused", "nothing0?: a DCMD refused: this gateway has no such starter"),
+        ("dcmd_refused", "nothing49?: 49 more DCMDs refused: this gateway has no such starter"),
+    ]
     await world.end()
 
 

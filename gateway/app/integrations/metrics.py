@@ -13,6 +13,8 @@ from gateway.app.integrations.integration import Integration, IntegrationHost, I
 from gateway.app.plant import Plant
 from gateway.app.site import Site
 from gateway.config.schema import Verb
+from gateway.families.devices.device import unnumbered
+from gateway.families.profile.schema import Profile, once_per_profile
 from gateway.metrics.scrape import (
     MetricsSettings,
     MetricsSource,
@@ -28,6 +30,13 @@ from gateway.system.stalls import LagMeter
 
 NOT_INSTALLED = "metrics need a package that is not here: pip install 'starter-gateway[metrics]'"
 VERBS = frozenset(get_args(Verb)) - {"*"}
+
+
+@once_per_profile
+def fault_codes(profile: Profile) -> tuple[str, ...]:
+    """Return the codes that trips of a family have: those that it names, and that without a number."""
+    codes = [each.code for each in profile.alarms if each.severity == "fault"]
+    return (*codes, unnumbered(profile, "fault").code)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,6 +85,7 @@ class GatewaySource:
             is_locked=self.lock_of(name) is not None,
             state=starter.state,
             readings=starter.snapshot.readings,
+            fault_codes=fault_codes(starter.profile),
         )
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from gateway import __version__
 from gateway.app.integrations.integration import Integration, IntegrationHost
 from gateway.app.site import Site
-from gateway.config.convert import tls_of
+from gateway.config.convert import rights_of, tls_of
 from gateway.config.integration_tables import SparkplugTable
 from gateway.config.schema import Config
 from gateway.config.values import SCHEMES, split_url
@@ -90,6 +90,7 @@ def sparkplug_integration(
     take: Callable[[Incoming], None],
     reject: Callable[[Rejection], None],
     facts: Callable[[], Mapping[str, Any]],
+    since_s: float,
 ) -> Integration:
     """Return Sparkplug as an integration; its package is imported once it is wanted, in a thread."""
     seed = secrets.randbits(32)
@@ -103,6 +104,7 @@ def sparkplug_integration(
             reject=reject,
             facts=facts,
             publish_event=host.publish_event,
+            since_s=since_s,
         )
         return lambda present: SparkplugService(present, module, parts, seed=seed)
 
@@ -125,6 +127,7 @@ def settings_of(site: Site, *, seed: int) -> SparkplugSettings:
         servers=tuple(_servers(site, table, seed)),
         primary_host=table.primary_host,
         operator=table.operator if table.commands else None,
+        rights=tuple(each for each in rights_of(site.config).operators if each.client == table.operator),
         ttl_s=table.ttl_s,
         has_datatypes=table.datatypes_in_data,
     )

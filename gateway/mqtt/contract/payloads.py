@@ -256,6 +256,8 @@ class Payloads:
         }
         if record.reason:
             fields["reason"] = record.reason
+        if record.fault_code is not None:
+            fields["fault_code"] = record.fault_code
         fields["locked"] = _lock(record.lock)
         return _latest(self.topics.state(record.starter), _extended(fields, record.flags))
 

@@ -206,11 +206,13 @@ class Emitter:
         time_s: float | None,
         flags: Mapping[str, Value],
         reason: str = "",
+        fault_code: Value = None,
     ) -> StateRecord:
         """Return the state with its boolean points, and the starter's lock."""
         known = {name: value if isinstance(value, bool) else None for name, value in flags.items()}
         seq, lock = self._sequence.take(), self._lock_of(self.starter)
-        return StateRecord(self.starter, state, quality, time_s, seq, known, lock, reason)
+        number = fault_code if isinstance(fault_code, int) else None
+        return StateRecord(self.starter, state, quality, time_s, seq, known, lock, reason, number)
 
     def alarm(self, standing: AlarmStatus) -> AlarmRecord:
         """Return one fault or alarm as it stands."""

@@ -66,7 +66,7 @@ class Status:
         self._points = tuple(profile.points)  # in the order of every snapshot's readings
         self._before: tuple[tuple[float, tuple[Value, ...]], ...] = ()  # moments; None: it was not good
         self._fault_since_s: float | None = None  # steady clock, when the present fault was seen first
-        self._sent: tuple[str, Quality, dict[str, Value], str] | None = None
+        self._sent: tuple[str, Quality, dict[str, Value], Value, str] | None = None
         self.next_due_s = -math.inf  # when the state is published again although nothing changed
         self._standing = -1  # of the snapshot that was looked at last
         self.state = UNKNOWN  # as of the latest look
@@ -97,8 +97,9 @@ class Status:
         values = snapshot.good_values()
         self._records = []
         state = self.state = state_of(self._profile, values)
-        self._add_state(state, values, snapshot, now_s=now_s, reason=reason)
         shown = self._shown(snapshot, values)
+        number = (shown.get(FAULT_CODE) or None) if values.get(FAULT) else None
+        self._add_state(state, values, snapshot, number, now_s=now_s, reason=reason)
         is_awaited = self._is_number_awaited(snapshot, now_s)
         self._add_alarms(values, shown, is_awaited=is_awaited, utc_s=utc_s)
         self._add_events(snapshot, values, shown, now_s=now_s, utc_s=utc_s)
@@ -267,18 +268,27 @@ class Status:
             self._published.note(self._emitter.starter, codes)
 
     def _add_state(
-        self, state: str, values: Mapping[str, Value], snapshot: Snapshot, *, now_s: float, reason: str
+        self,
+        state: str,
+        values: Mapping[str, Value],
+        snapshot: Snapshot,
+        number: Value,
+        *,
+        now_s: float,
+        reason: str,
     ) -> None:
         flags = {name: values.get(name) for name in self._flags}
         quality = self._quality(state, snapshot)
-        said = (state, quality, flags, reason)
+        said = (state, quality, flags, number, reason)
         if said == self._sent and now_s < self.next_due_s:
             return
         readings = snapshot.readings
         times = [readings[name].time_s for name in self._status_flags]
         time_s = min([each for each in times if each is not None], default=None)  # as old as its oldest part
         self._records.append(
-            self._emitter.state(state, quality=quality, time_s=time_s, flags=flags, reason=reason)
+            self._emitter.state(
+                state, quality=quality, time_s=time_s, flags=flags, reason=reason, fault_code=number
+            )
         )
         self._sent, self.next_due_s = said, now_s + STATE_EVERY_S
 

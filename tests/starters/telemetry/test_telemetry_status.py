@@ -118,6 +118,22 @@ async def test_a_fault_gets_its_number_only_from_a_reading_after_it() -> None:
     alarms = [(alarm.code, alarm.is_active) for alarm in rig.sink.of(AlarmRecord)]
     assert alarms == [("e05", True)]
     assert "cleared" not in rig.sink.events()
+    assert [each.fault_code for each in rig.sink.of(StateRecord)] == [None, 5]
+
+
+@virtually
+async def test_a_state_carries_the_number_of_its_fault_no_longer_than_the_fault_lasts() -> None:
+    rig = await Rig().online()
+    rig.unit.holding |= {VB01: READY | FAULT, P014: 5}
+    await rig.poll_for(5.0)
+    rig.unit.holding[VB01] = READY
+    await rig.poll_for(5.0)
+
+    assert rig.sink.values("fault_code")[-1].value == 5  # which the starter keeps
+    assert [(each.state, each.fault_code) for each in rig.sink.of(StateRecord)][-2:] == [
+        ("fault", 5),
+        ("ready", None),
+    ]
 
 
 @virtually
