@@ -61,6 +61,7 @@ async def test_a_command_without_the_sessions_csrf_token_does_nothing() -> None:
     [
         {"origin": "http://evil.example"},
         {"origin": "null"},
+        {"origin": ""},  # none
         {"sec_fetch_site": "cross-site"},
         {"sec_fetch_site": "same-site"},
     ],
@@ -188,13 +189,16 @@ async def test_unknown_starters_and_paths_are_not_found_and_other_methods_not_al
         (await rig.get("/static/../../../etc/passwd")).status,
         (await rig.post("/api/v1/command/nothing/stop")).status,
         (await rig.post("/api/v1/command/pump-1/%23")).status,
+        (await rig.post("/api/v1/command/pump-1%2Fstop")).status,
+        (await rig.post("/api/v1/command%2fpump-1/stop")).status,
+        (await rig.post("/api/v1/command/pump-1%252Fstop")).status,
         (await rig.post("/api/v1/state")).status,
         (await rig.get("/api/v1/command/pump-1/stop")).status,
         (await rig.ask("DELETE", "/api/v1/state")).status,
         (await rig.ask("OPTIONS", "/api/v1/state")).status,
     ]
 
-    assert statuses == [404] * 6 + [405] * 4
+    assert statuses == [404] * 9 + [405] * 4
     assert rig.access.commands == []
 
 
