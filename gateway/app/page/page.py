@@ -151,6 +151,7 @@ def web_settings_of(web: WebTable, folder: Path) -> WebSettings:
         cert_file=cert,
         key_file=key,
         trusted_proxies=web.trusted_proxies,
+        pages_per_address=web.pages_per_address,
         users={user.name: WebUser(user.name, user.operator, user.password) for user in web.users},
     )
 
