@@ -13,6 +13,7 @@ import os
 import shutil
 from collections.abc import Iterator
 from dataclasses import asdict
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ from gateway.app.restart.gaps import planned_gaps
 from gateway.app.site import Site
 from gateway.cli.command import counted, flag
 from gateway.cli.doctor.speed import BoxSpeed, capacity, demands_of, excess
+from gateway.cli.scan.scan import stable_name
 from gateway.config.schema import Config, LineTable
 from gateway.errors import ConfigError, Problem, StartError
 from gateway.families.profile.load import ENGLISH, LANGUAGES, languages_of, load_profile
@@ -300,15 +302,15 @@ def _segment_warnings(table: LineTable) -> Iterator[str]:
 
 
 def _site_warnings(config: Config, folder: Path) -> Iterator[str]:
-    named = [("mqtt", each, getattr(config.mqtt, each)) for each in ("ca_file", "cert_file", "key_file")]
-    if config.web is not None:
-        named += [("web", each, getattr(config.web, each)) for each in ("cert_file", "key_file")]
-    for where, name, file in named:
+    for where, name in product(("mqtt", "web", "sparkplug"), ("ca_file", "cert_file", "key_file")):
+        file = getattr(getattr(config, where), name, None)
         if file is not None and not (folder / file).exists():
             yield f"{where}.{name}: {folder / file} is not there (put it there before `run`)"
     for line in config.lines:
         if line.port.startswith(("/dev/ttyUSB", "/dev/ttyACM")):
-            yield f"line {line.name}: {line.port} may be another adapter tomorrow (use /dev/serial/by-id/...)"
+            stable = stable_name(line.port)
+            name = "a name below /dev/serial/by-id" if stable == line.port else stable
+            yield f"line {line.name}: {line.port} may be another adapter tomorrow (use {name})"
     table = config.sparkplug
     if table is not None and table.commands:
         who = f"every Sparkplug host is the same person, operator {table.operator}"

@@ -7,6 +7,7 @@ others. A value of the wrong type is the models' business and passes here.
 from __future__ import annotations
 
 import fnmatch
+import os
 import posixpath
 import re
 from collections.abc import Iterator, Mapping
@@ -69,14 +70,24 @@ def _duplicates(document: Document) -> Iterator[Mistake]:
     for key, line in lines_in(document):
         addresses: dict[object, Key] = {}
         yield from again(lines, (*key, "name"), text_in(line, "name"), "each line needs its own name")
-        port = text_in(line, "port")
-        port = posixpath.normpath(port) if posixpath.isabs(port) else port
-        yield from again(ports, (*key, "port"), port, "put all starters of a port under one [[line]]")
+        port, hint = text_in(line, "port"), "put all starters of a port under one [[line]]"
+        yield from again(ports, (*key, "port"), port, hint, by=_adapter(port))
         for starter_key, starter in starters_of(key, line):
             hint = "each starter needs its own name, whatever its line"
             yield from again(starters, (*starter_key, "name"), text_in(starter, "name"), hint)
             hint = "each starter on a line needs its own address"
             yield from again(addresses, (*starter_key, "address"), starter.get("address"), hint)
+
+
+def _adapter(port: str) -> object:
+    """Return what all names of an adapter have in common: its device number, while it is plugged in."""
+    if not posixpath.isabs(port):
+        return port
+    try:
+        number = os.stat(port).st_rdev
+    except (OSError, ValueError):
+        number = 0
+    return number or posixpath.normpath(port)
 
 
 def _orders(document: Document) -> Iterator[Mistake]:

@@ -56,6 +56,9 @@ class WebTable(ConfigTable):
     trusted_proxies: tuple[Text, ...] = Field(
         default=(), strict=False, description='Addresses or networks of proxies, e.g. "::1".'
     )
+    pages_per_address: int = Field(
+        default=32, ge=1, le=48, description="How many pages may be open at one address, or by one login."
+    )
     users: tuple[WebUserTable, ...] = Field(
         default=(), alias="user", strict=False, description="Who may log in; none: the page is read-only."
     )

@@ -179,10 +179,13 @@ def text_in(table: Document, name: str) -> str:
     return text if isinstance(text, str) else ""
 
 
-def again(seen: dict[object, Key], key: Key, value: object, hint: str) -> Iterator[Mistake]:
-    """Yield a value that another key has too; `seen` is what came before."""
+def again(
+    seen: dict[object, Key], key: Key, value: object, hint: str, *, by: object = None
+) -> Iterator[Mistake]:
+    """Yield a value that another key has too; `seen` is what came before, `by` what is compared instead."""
     if not value or not isinstance(value, str | int):
         return
-    if value in seen:
-        yield Mistake(key, f"{short(value)} is also {spell(seen[value])}", hint)
-    seen.setdefault(value, key)
+    by = by or value
+    if by in seen:
+        yield Mistake(key, f"{short(value)} is also {spell(seen[by])}", hint)
+    seen.setdefault(by, key)

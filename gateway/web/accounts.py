@@ -69,22 +69,22 @@ class Accounts:
     async def log_in(self, user: object, password: object, caller: Caller) -> LoginOutcome:
         """Check a password; each attempt takes the same time, whatever is wrong with it."""
         name = user if isinstance(user, str) else ""
-        keys = f"address {caller.address}", f"user {name[:64]}"
+        tried = name[:64], caller.address
         now_s = self._clock.now_s()
-        wait_s = self._limiter.wait_s(*keys, now_s=now_s)
+        wait_s = self._limiter.wait_s(*tried, now_s=now_s)
         if wait_s > 0 or self._waiting >= MOST_WAITING:
             return LoginOutcome(wait_s=math.ceil(wait_s) or BUSY_S)
         known = self._settings.users.get(name)
         line = unmatched_line() if known is None else known.password_line
         is_text = isinstance(password, str) and len(password) <= MAX_PASSWORD_BYTES
-        self._limiter.failed(*keys, now_s=now_s)  # before the check: attempts at the same time count, too
+        self._limiter.failed(*tried, now_s=now_s)  # before the check: attempts at the same time count, too
         is_right = await self._checked(str(password) if is_text else "-", line)
         is_same = self._settings.users.get(name) == known  # else a reload has changed the user meanwhile
         if not is_right or not is_text or known is None or not is_same:
             who = ("", "") if known is None else (name, known.client)
             self._note("login", "wrong_login", *who, caller)
             return LoginOutcome()
-        self._limiter.succeeded(*keys)
+        self._limiter.succeeded(*tried)
         secret, session = self._sessions.open(
             known, is_idle_limited=self._access.may_start(known.client), now_s=self._clock.now_s()
         )

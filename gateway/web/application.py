@@ -76,6 +76,8 @@ class WebApp:
             if scope["path"] == base:
                 return Response(status_code=308, headers={"location": f"{base}/"})
         scope["path"], scope["root_path"] = path, ""
+        if b"%2f" in scope["raw_path"].lower():
+            raise WebError(404, "not_found", "no path of this page has an encoded slash")
         if scope["method"] == "POST":
             reason = cross_site(headers, caller)
             if reason:

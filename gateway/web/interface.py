@@ -28,6 +28,7 @@ class WebSettings:
     cert_file: str | None = None
     key_file: str | None = None
     trusted_proxies: tuple[str, ...] = ()
+    pages_per_address: int = 32  # that are open at a time; as many per login
     users: Mapping[str, WebUser] = field(default_factory=dict)
 
     @property

@@ -142,9 +142,9 @@ class Routes:
 
     async def _events(self, request: Request) -> EventStream:
         stream = self._new_stream(request)
-        if not self.streams.join(stream):
-            text = "too many pages are open here; close one"
-            raise WebError(503, "busy", text, retry_s=BUSY_RETRY_S)
+        why_not = self.streams.join(stream, most_of_owner=request.app.settings.pages_per_address)
+        if why_not:
+            raise WebError(503, "busy", why_not, retry_s=BUSY_RETRY_S)
         return EventStream(self.streams, stream)
 
     def _new_stream(self, request: Request) -> Stream:

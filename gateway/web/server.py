@@ -19,6 +19,7 @@ from uvicorn.config import Config
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.server import ServerState
 
+from gateway.system.key_pair import load_key_pair
 from gateway.web.interface import WebSettings
 from gateway.web.requests import MAX_HEADER_BYTES
 
@@ -221,7 +222,7 @@ def _context_of(settings: WebSettings) -> ssl.SSLContext | None:
         return None
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.minimum_version = ssl.TLSVersion.TLSv1_2
-    context.load_cert_chain(settings.cert_file, settings.key_file)
+    load_key_pair(context, settings.cert_file, settings.key_file)
     return context
 
 

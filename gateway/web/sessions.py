@@ -17,9 +17,11 @@ IDLE_S = 1800.0  # of those who may start a motor
 LONGEST_S = 12 * 3600.0
 MOST_SESSIONS = 64  # the one that was used longest ago ends for a new one
 
-FREE_FAILURES = 5  # wrong passwords without a wait
+FREE_FAILURES = 5  # wrong passwords for a login from one address without a wait; then it doubles
 LONGEST_WAIT_S = 300.0
-MOST_KEYS = 1024  # addresses and users of whom failures are remembered
+FREE_OF_ONE = 20  # the same for a login from any address, and for any login from an address
+LONGEST_OF_ONE_S = 2.0
+MOST_KEYS = 1024  # addresses and logins of which failures are remembered
 
 
 @dataclass(slots=True)
@@ -97,25 +99,40 @@ def key_of(secret: str) -> str:
 
 
 class LoginLimiter:
-    """After five wrong passwords each further one doubles the wait, for its address and its user alike."""
+    """How long a login waits at an address after wrong passwords for it from there.
+
+    A login from anywhere, and an address with any login, wait a moment at most: others are not shut out.
+    """
 
     def __init__(self) -> None:
-        self._failures: OrderedDict[str, tuple[int, float]] = OrderedDict()  # by key: count, until when
+        self._failures: OrderedDict[_Key, tuple[int, float]] = OrderedDict()  # count, until when
 
-    def wait_s(self, *keys: str, now_s: float) -> float:
-        """Return how long none of these may try; 0 when each may."""
-        return max(0.0, *(self._failures.get(key, (0, now_s))[1] - now_s for key in keys))
+    def wait_s(self, user: str, address: str, *, now_s: float) -> float:
+        """Return how long this login may not be tried from this address; 0 when it may."""
+        return max(0.0, *(self._failures.get(key, (0, now_s))[1] - now_s for key in _limits(user, address)))
 
-    def failed(self, *keys: str, now_s: float) -> None:
+    def failed(self, user: str, address: str, *, now_s: float) -> None:
         """Count a wrong password."""
-        for key in keys:
+        for key, (free, longest_s) in _limits(user, address).items():
             count = self._failures.pop(key, (0, 0.0))[0] + 1
-            wait_s = min(2.0 ** (count - FREE_FAILURES), LONGEST_WAIT_S) if count >= FREE_FAILURES else 0.0
+            wait_s = min(2.0 ** (count - free), longest_s) if count >= free else 0.0
             self._failures[key] = min(count, 64), now_s + wait_s
             while len(self._failures) > MOST_KEYS:
                 self._failures.popitem(last=False)
 
-    def succeeded(self, *keys: str) -> None:
+    def succeeded(self, user: str, address: str) -> None:
         """Forget what was wrong before the right password came."""
-        for key in keys:
+        for key in _limits(user, address):
             self._failures.pop(key, None)
+
+
+_Key = tuple[str | None, str | None]  # login, address; None: any
+
+
+def _limits(user: str, address: str) -> dict[_Key, tuple[int, float]]:
+    """Return what counts for this login from this address: passwords without a wait, and the longest wait."""
+    return {
+        (user, address): (FREE_FAILURES, LONGEST_WAIT_S),
+        (user, None): (FREE_OF_ONE, LONGEST_OF_ONE_S),
+        (None, address): (FREE_OF_ONE, LONGEST_OF_ONE_S),
+    }

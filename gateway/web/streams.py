@@ -23,8 +23,7 @@ AT_ONCE_S = 0.02  # after a quiet time: what changes together goes together
 BEAT_S = 5.0
 ACTIONS_S = 1.0  # between two looks at what is permitted
 RETRY_MS = 2000
-MOST_STREAMS = 16
-MOST_OF_OWNER = 4
+MOST_STREAMS = 48  # of the server's connections; the others are for requests
 PIECE_BYTES = 32_768  # of a snapshot; the next is made when the client has taken most of the last
 PAUSE_BYTES = 2048  # after so many, whatever else waits on the loop comes first: a stop above all
 
@@ -70,13 +69,16 @@ class Streams:
     def __len__(self) -> int:
         return len(self._streams)
 
-    def join(self, stream: Stream) -> bool:
-        """Add a stream; return False when there are too many, of all or of this owner."""
+    def join(self, stream: Stream, *, most_of_owner: int) -> str:
+        """Add a stream; return why not when too many are open, of all or of this owner."""
         of_owner = sum(each.owner == stream.owner for each in self._streams)
-        if len(self._streams) >= MOST_STREAMS or of_owner >= MOST_OF_OWNER:
-            return False
+        if of_owner >= most_of_owner:
+            number = f"{of_owner} of {most_of_owner}"
+            return f"too many pages are open here ({number}): close one, or raise pages_per_address in [web]"
+        if len(self._streams) >= MOST_STREAMS:
+            return f"too many pages are open ({MOST_STREAMS} of {MOST_STREAMS}): close one"
         self._streams.add(stream)
-        return True
+        return ""
 
     def leave(self, stream: Stream) -> None:
         """Remove a stream."""

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -96,11 +97,18 @@ def test_json_has_the_problems_of_a_wrong_configuration(
             [("every_s = 2.0", "watchdog_s = 2.5")],
             "starter pump-2: its watchdog of 2.5 s has ",
         ),
-        ([("/dev/rs485-pumps", "/dev/ttyUSB0")], "line pumps: /dev/ttyUSB0 may be another adapter tomorrow"),
+        (
+            [("/dev/rs485-pumps", "/dev/ttyUSB9")],
+            "/dev/ttyUSB9 may be another adapter tomorrow (use a name below /dev/serial/by-id)",
+        ),
         ([("[mqtt]", '[mqtt]\nca_file = "plant-ca.pem"')], "plant-ca.pem is not there"),
         (
             [("[mqtt]", '[web]\ncert_file = "web.pem"\nkey_file = "site.toml"\n[mqtt]')],
             "web.pem is not there",
+        ),
+        (
+            [("[mqtt]", '[web]\ncert_file = "site.toml"\nkey_file = "web.key"\n[mqtt]')],
+            "web.key_file: ",
         ),
         (
             [("mqtts://broker.plant:8883", "mqtt://broker"), ("[mqtt]", "[mqtt]\nallow_plaintext = true")],
@@ -117,6 +125,32 @@ def test_what_is_right_but_unwise_is_a_warning(
 
     (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("warning: ")]
     assert warning in line
+
+
+def test_a_name_that_is_not_stable_gets_the_advice_of_the_stable_one(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("gateway.cli.check.stable_name", lambda port: f"/dev/serial/by-id/usb-{port[-1]}")
+    (folder / "site.toml").write_text(changed(("/dev/rs485-pumps", "/dev/ttyUSB0")), "utf-8")
+
+    assert main(["check", str(folder / "site.toml")]) == 0
+
+    assert "adapter tomorrow (use /dev/serial/by-id/usb-0)" in capsys.readouterr().out
+
+
+def test_one_adapter_under_two_names_is_a_mistake(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    here, there = os.openpty()
+    device, link = os.ttyname(there), folder / "usb-FTDI"
+    link.symlink_to(device)
+    other = f'[[line]]\nname = "fans"\nport = "{device}"\nbaud = 9600\nframing = "8n1"\n'
+    (folder / "site.toml").write_text(changed(("/dev/rs485-pumps", str(link))) + other, "utf-8")
+
+    assert main(["check", str(folder / "site.toml")]) == 78
+    os.close(here)
+    os.close(there)
+
+    error = capsys.readouterr().err
+    assert f"line[1].port: '{device}' is also line[0].port (put all starters of a port under" in error
 
 
 def test_a_watchdog_that_is_off_and_a_disabled_line_are_shown(

@@ -98,3 +98,5 @@ def test_files_that_are_no_certificates_are_reported_by_name(tmp_path: Path) -> 
         TlsSettings(ca_file=str(tmp_path / "none.pem")).context()
     with pytest.raises(BrokerError, match=r"cert_file .*bad\.pem: it and key_file are no pair \(name PEM"):
         TlsSettings(cert_file=str(bad), key_file=str(bad)).context()
+    with pytest.raises(BrokerError, match=r"^key_file .*none\.pem: No such file or directory \(name PEM"):
+        TlsSettings(cert_file=str(bad), key_file=str(tmp_path / "none.pem")).context()

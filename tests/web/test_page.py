@@ -11,7 +11,7 @@ import pytest
 from gateway.records import EventRecord, Severity
 from gateway.web.interface import WebSettings, WebUser
 from gateway.web.static_files import read_files
-from tests.web.support import HOST, ORIGIN, SETTINGS, PageRig, shown_site
+from tests.web.support import HOST, ORIGIN, SETTINGS, USER, PageRig, shown_site
 
 STRICT = ("content-security-policy", "x-content-type-options", "referrer-policy", "x-frame-options")
 
@@ -61,6 +61,7 @@ async def test_a_command_without_the_sessions_csrf_token_does_nothing() -> None:
     [
         {"origin": "http://evil.example"},
         {"origin": "null"},
+        {"origin": ""},  # none
         {"sec_fetch_site": "cross-site"},
         {"sec_fetch_site": "same-site"},
     ],
@@ -121,6 +122,25 @@ async def test_after_five_wrong_passwords_even_the_right_one_waits_and_costs_no_
     assert (refused.status, refused.headers["retry-after"]) == (429, "1")
     assert len(rig.checked) == checks + 1
     assert accepted.status == 200
+
+
+async def test_wrong_passwords_from_one_address_keep_nobody_else_out() -> None:
+    rig = PageRig(WebSettings(users={"anna": USER}, trusted_proxies=("127.0.0.1",)))
+    await rig.log_in(x_forwarded_for="192.0.2.1")
+    inside, rig.cookie = rig.cookie, ""
+    statuses = []
+    for _ in range(30):
+        rig.clock.s += 1.0
+        statuses.append((await rig.log_in("wrong", x_forwarded_for="192.0.2.66")).status)
+
+    elsewhere = await rig.log_in(x_forwarded_for="192.0.2.2")
+    there = await rig.log_in(x_forwarded_for="192.0.2.66")
+    session = await rig.get("/api/v1/session", cookie=inside)
+
+    assert statuses[0] == 401
+    assert statuses[-1] == 429
+    assert (elsewhere.status, there.status) == (200, 429)
+    assert session.json["user"] == "anna"
 
 
 async def test_many_logins_at_once_are_checked_one_by_one_and_most_are_sent_away() -> None:
@@ -188,13 +208,16 @@ async def test_unknown_starters_and_paths_are_not_found_and_other_methods_not_al
         (await rig.get("/static/../../../etc/passwd")).status,
         (await rig.post("/api/v1/command/nothing/stop")).status,
         (await rig.post("/api/v1/command/pump-1/%23")).status,
+        (await rig.post("/api/v1/command/pump-1%2Fstop")).status,
+        (await rig.post("/api/v1/command%2fpump-1/stop")).status,
+        (await rig.post("/api/v1/command/pump-1%252Fstop")).status,
         (await rig.post("/api/v1/state")).status,
         (await rig.get("/api/v1/command/pump-1/stop")).status,
         (await rig.ask("DELETE", "/api/v1/state")).status,
         (await rig.ask("OPTIONS", "/api/v1/state")).status,
     ]
 
-    assert statuses == [404] * 6 + [405] * 4
+    assert statuses == [404] * 9 + [405] * 4
     assert rig.access.commands == []
 
 

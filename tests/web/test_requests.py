@@ -58,7 +58,8 @@ def test_an_address_of_version_6_is_compared_in_its_usual_form() -> None:
     [
         ({"origin": "http://mcc1.plant:8480", "sec-fetch-site": "same-origin"}, True),
         ({"origin": "http://mcc1.plant:8480"}, True),
-        ({}, True),  # no browser: it has no cookie that another page could use
+        ({}, False),
+        ({"sec-fetch-site": "same-origin"}, False),
         ({"origin": "http://evil.example"}, False),
         ({"origin": "https://mcc1.plant:8480"}, False),
         ({"origin": "http://mcc1.plant"}, False),

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 
 from gateway.web.interface import WebUser
 from gateway.web.sessions import (
     FREE_FAILURES,
+    FREE_OF_ONE,
     IDLE_S,
+    LONGEST_OF_ONE_S,
     LONGEST_S,
     LONGEST_WAIT_S,
     MOST_KEYS,
@@ -78,31 +81,51 @@ def test_of_too_many_sessions_the_one_used_longest_ago_ends() -> None:
     assert sessions.find(secrets[1], now_s=3.0) is None
 
 
+def failed(limiter: LoginLimiter, times: int, *of: tuple[str, str]) -> list[float]:
+    """Fail so often at the same moment; return the wait after each failure."""
+    waits_s = []
+    for user, address in itertools.islice(itertools.cycle(of), times):
+        limiter.failed(user, address, now_s=0.0)
+        waits_s.append(limiter.wait_s(user, address, now_s=0.0))
+    return waits_s
+
+
 def test_wrong_passwords_wait_twice_as_long_each_time_after_the_fifth() -> None:
-    limiter, waits_s = LoginLimiter(), []
-    for _ in range(FREE_FAILURES + 12):
-        limiter.failed("user anna", now_s=0.0)
-        waits_s.append(limiter.wait_s("user anna", "address x", now_s=0.0))
+    limiter = LoginLimiter()
+
+    waits_s = failed(limiter, FREE_FAILURES + 12, ("anna", "x"))
 
     assert waits_s[: FREE_FAILURES - 1] == [0.0] * (FREE_FAILURES - 1)
     assert waits_s[FREE_FAILURES - 1 :][:4] == [1.0, 2.0, 4.0, 8.0]
     assert waits_s[-1] == LONGEST_WAIT_S
-    assert limiter.wait_s("user bert", now_s=0.0) == 0.0
+    assert limiter.wait_s("bert", "x", now_s=0.0) == 0.0
+    assert limiter.wait_s("anna", "y", now_s=0.0) == 0.0
+
+
+def test_a_login_tried_from_everywhere_and_an_address_that_tries_everything_wait_a_moment() -> None:
+    from_everywhere, of_everybody = LoginLimiter(), LoginLimiter()
+
+    failed(from_everywhere, 200, *(("anna", f"x{n}") for n in range(200)))
+    failed(of_everybody, 200, *((f"u{n}", "x") for n in range(200)))
+
+    for limiter in (from_everywhere, of_everybody):
+        assert limiter.wait_s("anna", "x", now_s=0.0) == LONGEST_OF_ONE_S
+        assert limiter.wait_s("bert", "y", now_s=0.0) == 0.0
+    assert failed(LoginLimiter(), FREE_OF_ONE - 1, *(("anna", f"x{n}") for n in range(20)))[-1] == 0.0
 
 
 def test_the_right_password_forgets_the_wrong_ones() -> None:
     limiter = LoginLimiter()
-    for _ in range(9):
-        limiter.failed("user anna", now_s=0.0)
+    failed(limiter, 9, ("anna", "x"))
 
-    limiter.succeeded("user anna")
+    limiter.succeeded("anna", "x")
 
-    assert limiter.wait_s("user anna", now_s=0.0) == 0.0
+    assert limiter.wait_s("anna", "x", now_s=0.0) == 0.0
 
 
 def test_failures_of_a_bounded_number_of_addresses_are_remembered() -> None:
     limiter = LoginLimiter()
     for n in range(3 * MOST_KEYS):
-        limiter.failed(f"address {n}", now_s=0.0)
+        limiter.failed(f"u{n}", f"x{n}", now_s=0.0)
 
     assert len(limiter._failures) == MOST_KEYS

@@ -7,14 +7,19 @@ import json
 from itertools import pairwise
 from typing import Any
 
+import pytest
+
 from gateway.records import EventRecord, Severity
 from gateway.web.accounts import LoginOutcome
+from gateway.web.interface import WebSettings
 from gateway.web.requests import Caller
 from gateway.web.site_model import MOST_MESSAGES
-from gateway.web.streams import BEAT_S, EVERY_S, MOST_OF_OWNER, MOST_STREAMS, EventStream, Stream
+from gateway.web.streams import BEAT_S, EVERY_S, MOST_STREAMS, EventStream, Stream
 from tests.starters.rig import virtually
 from tests.virtual_time import VirtualClock
 from tests.web.support import PageRig
+
+MOST_OF_OWNER = 4
 
 
 class Client:
@@ -23,7 +28,7 @@ class Client:
     def __init__(self, rig: PageRig, scope: str | None = None, **options: Any) -> None:
         self.stream = Stream(scope, options.pop("owner", "10.0.0.1"), b'{"user":null}', **options)
         self.events: list[tuple[float, str, Any]] = []
-        self.is_joined = rig.streams.join(self.stream)
+        self.why_not = rig.streams.join(self.stream, most_of_owner=MOST_OF_OWNER)
         self.reading = asyncio.Event()
         self.reading.set()
         self.has_ended = False
@@ -193,12 +198,14 @@ async def test_actions_come_with_the_snapshot_and_again_when_they_change_though_
 
 
 @virtually
-async def test_there_are_at_most_sixteen_streams_and_four_of_one_owner() -> None:
+async def test_streams_are_bounded_in_number_altogether_and_of_one_owner() -> None:
     rig = rig_now()
     same = [Client(rig, owner="a") for _ in range(MOST_OF_OWNER + 1)]
     others = [Client(rig, owner=f"o{n}") for n in range(MOST_STREAMS)]
-    assert [each.is_joined for each in same] == [True] * MOST_OF_OWNER + [False]
-    assert sum(each.is_joined for each in (*same, *others)) == MOST_STREAMS == len(rig.streams)
+    assert [each.why_not for each in same[:-1]] == [""] * MOST_OF_OWNER
+    assert same[-1].why_not.startswith("too many pages are open here (4 of 4)")
+    assert [each.why_not for each in (*same, *others)].count("") == MOST_STREAMS == len(rig.streams)
+    assert others[-1].why_not == "too many pages are open (48 of 48): close one"
 
     for each in (*same, *others):
         await each.leave()
@@ -208,14 +215,18 @@ async def test_there_are_at_most_sixteen_streams_and_four_of_one_owner() -> None
     assert answer.status == 200
 
 
-async def test_the_seventeenth_stream_is_answered_503_with_when_to_try_again() -> None:
-    rig = PageRig()
-    for n in range(MOST_STREAMS):
-        rig.streams.join(Stream(None, f"o{n}", b"{}"))
+@pytest.mark.parametrize(("settings", "limit"), [(WebSettings(), 32), (WebSettings(pages_per_address=4), 4)])
+async def test_a_page_too_many_at_an_address_is_answered_503_with_the_number_and_when_to_try_again(
+    settings: WebSettings, limit: int
+) -> None:
+    rig = PageRig(settings)
+    for _ in range(limit):
+        assert rig.streams.join(Stream(None, "127.0.0.1", b"{}"), most_of_owner=limit) == ""
 
     answer = await rig.get("/api/v1/events")
 
     assert (answer.status, answer.json["error"], answer.headers["retry-after"]) == (503, "busy", "5")
+    assert f"too many pages are open here ({limit} of {limit}): close one, or" in answer.json["text"]
 
 
 @virtually
@@ -240,7 +251,7 @@ async def test_another_configuration_and_the_end_of_the_login_reach_the_open_pag
 async def test_the_headers_keep_proxies_from_holding_the_stream_back() -> None:
     rig = PageRig()
     stream = Stream(None, "o", b"{}")
-    rig.streams.join(stream)
+    rig.streams.join(stream, most_of_owner=1)
     rig.streams.end()
 
     sent: list[Any] = []

@@ -109,7 +109,7 @@ class PageService:
             self._publish_event("web_open", Severity.INFO, text, {"url": url})
 
     def _note_old_certificate(self, trouble: str) -> None:
-        text = f"the status page goes on with its certificate of before, cert_file or key_file: {trouble}"
+        text = f"the status page keeps using the previous certificate: {trouble}"
         self._publish_event("web_certificate", Severity.ERROR, text, {})
 
 
@@ -151,6 +151,7 @@ def web_settings_of(web: WebTable, folder: Path) -> WebSettings:
         cert_file=cert,
         key_file=key,
         trusted_proxies=web.trusted_proxies,
+        pages_per_address=web.pages_per_address,
         users={user.name: WebUser(user.name, user.operator, user.password) for user in web.users},
     )
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from gateway.errors import BrokerError
 from gateway.mqtt.connection.reconnect import Version
+from gateway.system.key_pair import load_key_pair
 
 
 class _TlsSocket(ssl.SSLSocket):
@@ -33,19 +34,16 @@ class TlsSettings:
         try:
             context = ssl.create_default_context(cafile=self.ca_file)
         except OSError as error:
-            raise BrokerError(
-                f"ca_file {self.ca_file}: {_why(error, 'no certificate in it')}",
-                "name a PEM file with the authority",
-            ) from error
+            is_readable = isinstance(error, ssl.SSLError)
+            why = "no certificate in it" if is_readable else error.strerror
+            what = f"ca_file {self.ca_file}: {why}"
+            raise BrokerError(what, "name a PEM file with the authority") from error
         context.sslsocket_class = _TlsSocket
         if self.cert_file is not None:
             try:
-                context.load_cert_chain(self.cert_file, self.key_file)
+                load_key_pair(context, self.cert_file, self.key_file)
             except OSError as error:
-                raise BrokerError(
-                    f"cert_file {self.cert_file}: {_why(error, 'it and key_file are no pair')}",
-                    "name PEM files of a matching pair",
-                ) from error
+                raise BrokerError(str(error.strerror), "name PEM files of a matching pair") from error
         return context
 
 
@@ -75,8 +73,3 @@ class BrokerSettings:
         """Return `host:port` for texts."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"{host}:{self.port}"
-
-
-def _why(error: OSError, otherwise: str) -> str:
-    """Return why a file is of no use; OpenSSL's words are for its developers."""
-    return otherwise if isinstance(error, ssl.SSLError) else error.strerror or str(error)

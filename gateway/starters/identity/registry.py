@@ -25,13 +25,13 @@ CHANGED_EVENT = "identity_changed"
 
 @dataclass(frozen=True, slots=True)
 class Fingerprint:
-    """What a starter said about itself; None is not known."""
+    """What a starter said about itself, the surest first; None is not known."""
 
+    serial: str | None = None
+    firmware: str | None = None
     family: str | None = None
     model: str | None = None
     rated_current: str | None = None  # "85 A", or the range of an SSW900's size
-    firmware: str | None = None
-    serial: str | None = None
 
     def as_data(self) -> dict[str, str | None]:
         """Return it by field, for events, results and the file."""
@@ -81,12 +81,23 @@ def fingerprint_of(identity: Identity) -> Fingerprint:
 def differences(known: Fingerprint, seen: Fingerprint) -> tuple[str, ...]:
     """Return the fields that say something else now; what either does not know makes no difference."""
     pairs = {name: (getattr(known, name), getattr(seen, name)) for name in FIELDS}
-    return tuple(name for name, pair in pairs.items() if None not in pair and pair[0] != pair[1])
+    return tuple(
+        name
+        for name, (before, now) in pairs.items()
+        if None not in (before, now) and not _is_part(before, now) and not _is_part(now, before)
+    )
 
 
 def completed(seen: Fingerprint, known: Fingerprint) -> Fingerprint:
-    """Return what is known now, where it says nothing from what was known before."""
-    return replace(known, **{name: value for name, value in seen.as_data().items() if value is not None})
+    """Return what is known now, where it says nothing or less from what was known before."""
+    said = {name: value for name, value in seen.as_data().items() if value is not None}
+    return replace(known, **{n: value for n, value in said.items() if not _is_part(value, getattr(known, n))})
+
+
+def _is_part(text: str, whole: str | None) -> bool:
+    """Return whether this is the same, or the type of an SST whose name (registers 22-29) was not read."""
+    is_type = text.startswith("SST") and "-" not in text
+    return text == whole or (is_type and whole is not None and whole.startswith(f"{text}-"))
 
 
 def contradicts(model: str | None, seen: Fingerprint) -> bool:

@@ -60,7 +60,8 @@ function head(isLive) {
   veil.hidden = isLive || isYoung;
   if (!veil.hidden) {
     const silence = store.silentS();
-    setText(veil, `NOT LIVE: ${silence === Infinity ? "nothing has come from the gateway yet" : `nothing from the gateway for ${age(silence)}`}. Values are old. STOP still tries.`);
+    const why = store.refusal || (silence === Infinity ? "nothing has come from the gateway yet" : `nothing from the gateway for ${age(silence)}`);
+    setText(veil, `NOT LIVE: ${why}. Values are old. STOP still tries.`);
   }
   refreshAccount();
 }

@@ -21,6 +21,7 @@ export const store = {
   receivedAt: null, // by this browser's clocks: the one that people set, and the one that only runs
   aheadMs: 0, // how far the gateway's clock is ahead of it
   isBroken: true,
+  refusal: "", // why the gateway opens no stream
   isLeaving: false, // a logout of this tab's own is under way
   topic(name) {
     return this.topics.get(name) ?? null;
@@ -87,6 +88,7 @@ function notify(topics, messages = []) {
 function received(data) {
   store.receivedAt = moment();
   store.isBroken = false;
+  store.refusal = "";
   if (data.gen !== undefined) store.gen = data.gen;
   if (data.token) store.token = data.token;
   if (data.time) store.aheadMs = Date.parse(data.time) - Date.now();
@@ -169,8 +171,21 @@ export function connect(scope = store.scope) {
   source.onerror = () => {
     store.isBroken = true;
     notify([]);
-    if (source?.readyState === EventSource.CLOSED) setTimeout(() => source?.readyState === EventSource.CLOSED && connect(), 3000);
+    if (source?.readyState === EventSource.CLOSED) refused(source);
   };
+}
+
+/** Asks why a stream was refused, which EventSource does not say, and tries again. */
+async function refused(stream) {
+  try {
+    const response = await fetch(stream.url, { cache: "no-store", signal: AbortSignal.timeout(3000) });
+    if (response.ok) response.body.cancel();
+    else store.refusal = (await response.json()).text ?? "";
+  } catch {
+    store.refusal = ""; // no gateway answers
+  }
+  notify([]);
+  setTimeout(() => source === stream && connect(), 3000);
 }
 
 function disconnect() {

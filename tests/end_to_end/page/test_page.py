@@ -55,6 +55,24 @@ async def test_all_starters_are_shown_to_everyone_and_follow_within_a_second(
         await expect(page.locator("li[data-starter]")).to_have_count(1)
 
 
+async def test_a_page_too_many_says_so_shows_no_numbers_and_goes_on_when_another_is_closed(
+    start_mosquitto: StartMosquitto, tmp_path: Path
+) -> None:
+    web = "pages_per_address = 1\n"
+    async with page_plant(start_mosquitto(), tmp_path, web=web) as plant, browser() as chromium:
+        first = await chromium.open(plant.url)
+        await expect(first.locator(".counter.all .count")).to_have_text("4")
+        second = await chromium.open(plant.url)
+
+        await expect(second.locator("#veil")).to_contain_text("too many pages are open here (1 of 1)")
+        assert await second.locator(".counter .count").all_text_contents() == ["–"] * 8
+        await expect(second.locator(".empty")).to_be_hidden()
+        await first.context.close()
+
+        await expect(second.locator("#veil")).to_be_hidden()
+        await expect(second.locator(".counter.fault .count")).to_have_text("0")
+
+
 async def test_without_a_login_nothing_can_be_done_and_a_wrong_password_is_refused(
     start_mosquitto: StartMosquitto, tmp_path: Path
 ) -> None:

@@ -65,7 +65,8 @@ def request(
     """Return a request as a browser would write it."""
     fields = {"Host": f"127.0.0.1:{port}", **(headers or {})}
     if method == "POST":
-        fields = {"Content-Type": "application/json", "Content-Length": str(len(body)), **fields}
+        usual = {"Origin": f"http://127.0.0.1:{port}", "Content-Type": "application/json"}
+        fields = {**usual, "Content-Length": str(len(body)), **fields}
     lines = [f"{method} {path} HTTP/1.1", *(f"{name}: {value}" for name, value in fields.items())]
     return "\r\n".join(lines).encode("latin-1") + b"\r\n\r\n" + body
 
@@ -76,7 +77,7 @@ class WebClient:
     def __init__(self, port: int) -> None:
         self.port = port
         self.patience_s = 15.0
-        self.headers: dict[str, str] = {"Origin": f"http://127.0.0.1:{port}", "Sec-Fetch-Site": "same-origin"}
+        self.headers: dict[str, str] = {"Sec-Fetch-Site": "same-origin"}
 
     async def get(self, path: str) -> RawAnswer:
         return await exchange(self.port, request("GET", path, port=self.port, headers=self.headers))

@@ -107,7 +107,8 @@ async def test_with_tls_the_cookie_is_for_tls_alone_and_the_browser_is_to_rememb
     async with tls_page(tmp_path) as page:
         body = json.dumps({"user": "anna", "password": PASSWORD}).encode()
         index = await page.ask(request("GET", "/", port=page.port))
-        login = await page.ask(request("POST", "/api/v1/login", body, port=page.port))
+        origin = {"Origin": f"https://127.0.0.1:{page.port}"}
+        login = await page.ask(request("POST", "/api/v1/login", body, port=page.port, headers=origin))
 
         assert (index.status, login.status) == (200, 200)
         assert index.headers["strict-transport-security"] == "max-age=31536000"

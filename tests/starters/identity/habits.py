@@ -62,6 +62,23 @@ def named_unknown(unit: SimulatedUnit, answer: Answer) -> Answer:
     return handle
 
 
+def at_first(times: int, is_meant: Callable[[bytes], bool], *, code: int | None) -> Habit:
+    """Answer so many of these requests with an exception, or not at all where there is no code."""
+
+    def habit(_: object, answer: Answer) -> Answer:
+        left = [times]
+
+        def handle(pdu: bytes, now_s: float) -> bytes | None:
+            if not is_meant(pdu) or not left[0]:
+                return answer(pdu, now_s)
+            left[0] -= 1
+            return None if code is None else encode_exception(pdu[0], code)
+
+        return handle
+
+    return habit
+
+
 def _deaf_after(makes_deaf: Callable[[int], bool], answer: Answer) -> Answer:
     until_s = 0.0
 

@@ -14,7 +14,7 @@ from gateway.starters.identity.registry import (
     known_from,
 )
 
-PUMP = Fingerprint("ssw07", "SSW-07 85.0A", "85 A", "1.60", None)
+PUMP = Fingerprint(None, "1.60", "ssw07", "SSW-07 85.0A", "85 A")
 
 
 def test_the_fingerprint_of_a_starter_is_what_it_says_of_itself() -> None:
@@ -26,7 +26,7 @@ def test_the_fingerprint_of_a_starter_is_what_it_says_of_itself() -> None:
 def test_an_ssw900_says_its_size_instead_of_its_current() -> None:
     identity = Identity("ssw900", "SSW900", "1.20", "77", rating="45 to 105 A")
 
-    assert fingerprint_of(identity) == Fingerprint("ssw900", "SSW900", "45 to 105 A", "1.20", "77")
+    assert fingerprint_of(identity) == Fingerprint("77", "1.20", "ssw900", "SSW900", "45 to 105 A")
 
 
 @pytest.mark.parametrize("field", FIELDS)
@@ -39,14 +39,38 @@ def test_each_field_that_says_something_else_is_a_difference(field: str) -> None
 
 
 def test_what_one_of_them_does_not_know_makes_no_difference() -> None:
-    assert differences(PUMP, Fingerprint("ssw07", serial="4711")) == ()
+    assert differences(PUMP, Fingerprint("4711", family="ssw07")) == ()
     assert differences(Fingerprint(), PUMP) == ()
 
 
-def test_what_is_not_said_now_is_taken_from_before() -> None:
-    seen = Fingerprint("ssw07", "SSW-07 85.0A", serial="4711")
+@pytest.mark.parametrize(
+    ("one", "other", "is_different"),
+    [
+        ("SST330i", "SST330i-M-ES", False),  # the first is all that register 0 says
+        ("SST130i", "SST130i-75-M", False),
+        ("SST360i", "SST330i-M-ES", True),
+        ("SST330i-M", "SST330i-M-ES", True),
+        ("SSW", "SSW-07 85.0A", True),
+    ],
+)
+def test_an_sst_that_says_its_type_alone_may_have_any_name_of_that_type(
+    one: str, other: str, is_different: bool
+) -> None:
+    found = differences(Fingerprint(model=one), Fingerprint(model=other))
 
-    assert completed(seen, PUMP) == Fingerprint("ssw07", "SSW-07 85.0A", "85 A", "1.60", "4711")
+    assert found == differences(Fingerprint(model=other), Fingerprint(model=one))
+    assert found == (("model",) if is_different else ())
+
+
+def test_a_name_that_was_known_is_not_forgotten_for_the_type() -> None:
+    assert completed(Fingerprint(model="SST330i"), Fingerprint(model="SST330i-M")).model == "SST330i-M"
+    assert completed(Fingerprint(model="SST330i-M"), Fingerprint(model="SST330i")).model == "SST330i-M"
+
+
+def test_what_is_not_said_now_is_taken_from_before() -> None:
+    seen = Fingerprint("4711", family="ssw07", model="SSW-07 85.0A")
+
+    assert completed(seen, PUMP) == Fingerprint("4711", "1.60", "ssw07", "SSW-07 85.0A", "85 A")
 
 
 def test_what_is_stored_comes_back_as_it_was() -> None:
@@ -80,7 +104,7 @@ def test_what_is_no_fingerprint_is_not_taken_for_one(stored: object) -> None:
 def test_a_configured_model_may_be_spelt_otherwise(
     configured: str | None, model: str | None, current: str | None
 ) -> None:
-    assert not contradicts(configured, Fingerprint("x", model, current))
+    assert not contradicts(configured, Fingerprint(model=model, rated_current=current))
 
 
 @pytest.mark.parametrize(
@@ -97,4 +121,4 @@ def test_a_configured_model_may_be_spelt_otherwise(
 def test_another_series_or_current_contradicts_the_configuration(
     configured: str, model: str, current: str | None
 ) -> None:
-    assert contradicts(configured, Fingerprint("x", model, current))
+    assert contradicts(configured, Fingerprint(model=model, rated_current=current))

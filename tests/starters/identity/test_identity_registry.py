@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from gateway.modbus.adu import decode
+from gateway.modbus.reads import ReadInputRegisters
 from gateway.records import (
     AuditRecord,
     AvailabilityRecord,
@@ -22,6 +23,7 @@ from gateway.sim.bus.faults import Reply
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
 from gateway.starters.identity.first_contact import IdentityStatus
+from tests.starters.identity.habits import at_first, device
 from tests.starters.one_starter import OneStarter, TestMemory, one_starter
 from tests.starters.rig import virtually
 
@@ -40,6 +42,10 @@ OTHERS: list[tuple[str, dict[str, Any], str]] = [
     ("ssw900", {"firmware": "1.30"}, "firmware"),
     ("sst", {"serial_number": 2}, "serial"),
 ]
+
+
+def is_name(pdu: bytes) -> bool:
+    return pdu == ReadInputRegisters(22, 8).encode()
 
 
 def ours(family: str, **changes: Any) -> SimulatedUnit:
@@ -86,6 +92,33 @@ async def test_another_starter_than_last_time_gets_no_command_and_says_what_diff
         assert f"{field} was" in event.text
         assert await ask(here, "start", "1") == (Phase.REJECTED, "identity_changed")
         assert list(here.unit.writes) == []
+
+
+@pytest.mark.parametrize("code", [2, 4, 6, None])  # None: such long frames are lost
+@virtually
+async def test_an_sst_whose_name_can_be_read_only_later_is_the_same_and_stays_it(code: int | None) -> None:
+    memory = TestMemory()
+    for code_of_name in (code, 0, code):  # 0: the name is answered
+        times = 0 if code_of_name == 0 else 10_000
+        unit = device("sst", 0, at_first(times, is_name, code=code_of_name))
+        async with one_starter(unit, memory=memory) as here:
+            await asyncio.sleep(60.0)
+
+            assert here.events("identity_changed") == []
+            assert await ask(here, "start", "1") != (Phase.REJECTED, "identity_changed")
+
+    assert memory.document is not None
+    assert memory.document["starters"]["pump"]["model"] == "SST330i-M"
+
+
+@virtually
+async def test_what_another_starter_is_accused_of_begins_with_serial_number_and_firmware() -> None:
+    memory = TestMemory({"starters": {"pump": {"serial": "7", "firmware": "1.0", "model": "SST360i-M"}}})
+    async with one_starter(ours("sst"), memory=memory) as here:
+        await asyncio.sleep(10.0)
+
+        (event,) = here.events("identity_changed")
+        assert event.text.startswith("another starter than before? serial was 7, is 1; firmware was 1.0, is")
 
 
 @virtually

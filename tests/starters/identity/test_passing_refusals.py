@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import pytest
@@ -11,9 +10,8 @@ import pytest
 from gateway.families.diagnosis.identify import identify_requests
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.modbus.codes import ExceptionCode
-from gateway.modbus.pdu import encode_exception
 from gateway.records import Phase, Quality, StateRecord
-from tests.starters.identity.habits import Answer, Habit, as_printed, device, good_values, is_fc43
+from tests.starters.identity.habits import Answer, as_printed, at_first, device, good_values, is_fc43
 from tests.starters.one_starter import one_starter
 from tests.starters.rig import virtually
 
@@ -24,23 +22,6 @@ CODES = (
     ExceptionCode.SERVER_DEVICE_FAILURE,
     ExceptionCode.SERVER_DEVICE_BUSY,
 )
-
-
-def at_first(times: int, is_meant: Callable[[bytes], bool], *, code: int | None) -> Habit:
-    """Answer so many of these requests with an exception, or not at all where there is no code."""
-
-    def habit(_: object, answer: Answer) -> Answer:
-        left = [times]
-
-        def handle(pdu: bytes, now_s: float) -> bytes | None:
-            if not is_meant(pdu) or not left[0]:
-                return answer(pdu, now_s)
-            left[0] -= 1
-            return None if code is None else encode_exception(pdu[0], code)
-
-        return handle
-
-    return habit
 
 
 @dataclass

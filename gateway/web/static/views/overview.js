@@ -165,7 +165,7 @@ export class Overview {
   }
 
   counter(name) {
-    const count = h("span", { class: "count" }, "0");
+    const count = h("span", { class: "count" }, "–");
     const button = h("button", { type: "button", class: `counter ${name}`, "aria-pressed": "false", onclick: () => {
       this.filter = this.filter === name ? "all" : name;
       this.refresh(true);
@@ -181,9 +181,10 @@ export class Overview {
   refresh(isNow = false) {
     const starters = Object.keys(store.starters).map(summary);
     for (const [name, { button, count }] of this.buttons) {
-      setText(count, String(starters.filter(COUNTERS[name]).length));
+      const found = starters.filter(COUNTERS[name]).length;
+      setText(count, store.gen ? String(found) : "–");
       button.setAttribute("aria-pressed", String(this.filter === name));
-      button.classList.toggle("some", count.textContent !== "0");
+      button.classList.toggle("some", found > 0);
     }
     const words = this.search.value.trim().toLowerCase();
     const shown = starters.filter((starter) => COUNTERS[this.filter](starter) && fits(starter, words));
@@ -195,7 +196,7 @@ export class Overview {
       rows.update(members.map((starter) => starter.name));
       for (const starter of members) rows.items.get(starter.name).update(starter);
     }
-    this.empty.hidden = shown.length > 0;
+    this.empty.hidden = shown.length > 0 || !store.gen;
   }
 
   /** Abnormal first; but while someone points at the list, rows stay where they are. */
