@@ -22,7 +22,7 @@ is a prefix of another."""
 DELETED = "deleted"
 _DELETED = {
     "title": "Deleted",
-    "description": "Empty and retained: the topic is deleted, since what it told of is gone.",
+    "description": "Empty and retained: the topic is deleted, because its starter, line or alarm is gone.",
     "contentType": "application/octet-stream",
     "payload": {"type": "string", "maxLength": 0},
 }

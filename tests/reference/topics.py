@@ -67,7 +67,7 @@ class Topic:
 
     @property
     def is_deletable(self) -> bool:
-        """Return whether the broker is told to delete it: it is retained, and what it tells of can go."""
+        """Return whether it may be deleted at the broker: it is retained, and of a starter or a line."""
         return self.is_retained and "{" in self.address
 
 

@@ -20,9 +20,9 @@ The same for programs: [asyncapi.yaml](asyncapi.yaml) (AsyncAPI 3).
 - Times are UTC, RFC 3339 with milliseconds.
 - Numbers that may have decimals always have some; there is no NaN.
 - A field may be absent only where this page says so.
-- New fields may be added; a program must ignore what it does not know. Only a command
+- New fields may be added; a program must ignore what it does not know. A command alone
   may have no other fields.
-- An empty retained payload deletes a topic at the broker: of a starter or a line that was removed.
+- An empty retained payload deletes a topic at the broker, because its starter, line or alarm is gone.
 - What is published again is the same, byte for byte: a program removes duplicates by topic, `boot` and `seq`.
   An item of `history` is the message of `value/{point}` with the same two. A result has neither:
   its topic, `id`, `phase`, `duplicate` and `time` name it.
