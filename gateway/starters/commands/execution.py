@@ -265,6 +265,10 @@ class CommandExecution:
             return Final(Phase.UNCONFIRMED, "no_answer", f"{text}; {_NOTHING_ELSE}")
         if step.then is None or await self._starter_io.see(step.then) is not None:
             return None
+        if isinstance(outcome, Answered) and await self._starter_io.is_refused(step.then.reads, _NOT_SET_UP):
+            rows = await self._starter_io.read(self._preparation.reads, lane=self._lane)
+            demand(self._starter.profile, self._preparation.requires, self._points(rows))
+            return None
         seen = f"{step.then.name} was not seen to take it within {step.then.within_s:g} s"
         text = f"run = 0 was written, but {seen}"
         return Final(Phase.FAILED, "run_not_cleared", f"{text}; {_NOTHING_ELSE}")
