@@ -117,7 +117,9 @@ def test_an_ssw900_never_gets_a_word_with_reserved_bits(situation: Any) -> None:
 
     if procedure is not None and situation[0].family == "ssw900":
         to_words = [each for each in writes(procedure) if each[1] in (685, 686)]
-        assert all(word & ~0x9F == 0 if function == 6 else word | 5 == 0xFFFF for function, _, word in to_words)
+        assert all(
+            word & ~0x9F == 0 if function == 6 else word | 5 == 0xFFFF for function, _, word in to_words
+        )
 
 
 @given(situations())

@@ -57,7 +57,7 @@ def with_standstill(profile: Profile, preparation: Preparation, codes: Iterable[
 
 
 def words_needed(profile: Profile, variant: Variant, *, is_source: bool) -> tuple[str, ...]:
-    """Return the rows of the command words in which run = 0 is written; none where it has a write of its own."""
+    """Return the rows of the command words in which run = 0 is written; none where run has its own."""
     if not has_plain_word(profile.commands["stop"].writes):
         return ()
     return word_codes(profile, _scope(variant, is_source=is_source))

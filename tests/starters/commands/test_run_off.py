@@ -131,7 +131,9 @@ async def test_where_run_cannot_be_read_its_acknowledgement_and_a_motor_at_rest_
 
 @pytest.mark.parametrize("outcome", [Silent(), Garbled("it may be older", b""), Refused(5, 0.0)])
 @virtually
-async def test_where_run_cannot_be_read_nothing_follows_a_run_0_that_is_not_acknowledged(outcome: Any) -> None:
+async def test_where_run_cannot_be_read_nothing_follows_a_run_0_that_is_not_acknowledged(
+    outcome: Any,
+) -> None:
     rig = await in_fault()
     rig.line.rules += [hide_the_run_command, lambda r: outcome if r == RUN_OFF else None]
 

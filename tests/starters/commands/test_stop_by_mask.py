@@ -24,9 +24,7 @@ def writes(here: OneStarter) -> list[bytes]:
 
 
 def written_s(here: OneStarter) -> list[float]:
-    return [
-        frame.start_s for frame in here.bus.transcript if frame.sender == 0 and frame.data[1:-2] in MASKS
-    ]
+    return [frame.start_s for frame in here.bus.transcript if frame.sender == 0 and frame.data[1:-2] in MASKS]
 
 
 def leave_reads_unanswered(unit: SimulatedUnit) -> None:
@@ -121,9 +119,7 @@ async def test_a_starter_without_function_22_gets_the_word_read_last_at_once_how
 
 
 @virtually
-async def test_a_starter_without_function_22_that_was_never_read_is_asked_on_and_the_stop_is_unconfirmed() -> (
-    None
-):
+async def test_the_stop_of_a_starter_without_function_22_that_was_never_read_is_unconfirmed() -> None:
     unit = make_unit("ssw900", 1)
     refuse_masks(unit)
     leave_reads_unanswered(unit)
