@@ -231,7 +231,8 @@ class Stopping:
         """Return what stops the starter."""
         starter, seen = self._starter, self._starter.snapshot.rows
         if Function.MASK_WRITE_REGISTER in starter.profile.limits.functions and not self._is_mask_refused:
-            seen = starter.snapshot.rows_since(self._time() - DECIDES_FOR_S)
+            fresh = starter.snapshot.rows_since(self._time() - DECIDES_FOR_S)
+            seen = fresh if fresh.keys() >= set(starter.profile.command_word) else {}
         return build(starter.profile, starter.variant, STOP, {}, seen=seen)
 
     # The readings

@@ -145,7 +145,7 @@ async def test_where_run_cannot_be_read_nothing_follows_a_run_0_that_is_not_ackn
 
 
 @virtually
-async def test_where_run_cannot_be_read_nothing_is_written_once_the_motor_turns() -> None:
+async def test_where_run_cannot_be_read_nothing_else_is_written_once_the_motor_runs() -> None:
     rig = await in_fault()
     rig.line.rules.append(hide_the_run_command)
     rig.unit.on_write = lambda request: rig.unit.holding.update({VB01: READY | FAULT | 1})

@@ -82,6 +82,27 @@ async def test_a_stop_soon_after_a_reading_writes_the_word_that_was_read() -> No
 
 
 @virtually
+async def test_a_status_without_the_word_is_not_enough_to_write_the_word() -> None:
+    unit = make_unit("ssw900", 1)
+    answer, lost = unit.handle, [True]
+
+    def handle(pdu: bytes, now_s: float) -> bytes | None:
+        if pdu[0] in WRITES:
+            return None if lost and lost.pop() else answer(pdu, now_s)
+        return answer(pdu, now_s) if pdu == b"\x03\x02\xa8\x00\x01" else None
+
+    unit.handle = handle  # type: ignore[method-assign]
+    async with one_starter(unit, slot=1) as here:
+        await asyncio.sleep(OPENED_S)
+        here.submit("stop", "s")
+        await asyncio.sleep(15.0)
+
+        assert len(writes(here)) > 1
+        assert set(writes(here)) == {MASKS[0]}
+        assert here.sink.final("s").code == "ok"
+
+
+@virtually
 async def test_a_stop_of_a_starter_that_cannot_be_read_any_more_stops_it_by_mask() -> None:
     async with one_starter(make_unit("ssw900", 1)) as here:
         await asyncio.sleep(5.0)
