@@ -135,10 +135,13 @@ def ask(
 
 
 def merged(configured: Variant, identity: Identity) -> Variant:
-    """Return what is known of a starter, where the configuration is silent from its own identification."""
+    """Return what is known of a starter, where the configuration is silent from its own identification.
+
+    Where its accessory sits is the starter's to say: a stop in the other slot's word would stop nothing.
+    """
     return Variant(
         model=configured.model or identity.model,
         firmware=configured.firmware or identity.firmware,
         rated_current_a=configured.rated_current_a or identity.rated_current_a,
-        slot=configured.slot or identity.slot,
+        slot=identity.slot or configured.slot,
     )

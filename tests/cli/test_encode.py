@@ -38,7 +38,9 @@ def encode(capsys: pytest.CaptureFixture[str], *words: str) -> list[str]:
         ),
         ("ssw900 5 start --slot 1 --last-word 0x12", ["05 06 02 AD 00 13 59 DA"]),
         ("ssw900 5 start --slot 2 --last-word 18", ["05 06 02 AE 00 13 A9 DA"]),
-        ("ssw900 5 stop", ["05 06 02 AD 00 12 98 1A", "05 06 02 AE 00 12 68 1A"]),  # the slot is not known
+        ("ssw900 1 stop --slot 1", ["01 16 02 AD FF FA 00 00 4A 19"]),  # the word is not known
+        ("ssw900 4 stop", ["04 16 02 AD FF FA 00 00 8A 26", "04 16 02 AE FF FA 00 00 CE 26"]),  # nor the slot
+        ("ssw900 1 stop --slot 2 --last-word 0x13", ["01 06 02 AE 00 12 69 9E"]),
         ("ssw07 1 set parameter=P314 value=30", ["01 06 01 3A 00 1E 28 33"]),
         ("ssw06 1 set parameter=VB09 value=50", ["01 06 13 91 1F FF 94 D3"]),  # per cent (ssw06-es 4.2.8)
         ("ssw06 1 set parameter=VB10 value=50", ["01 06 13 92 1F FF 64 D3"]),

@@ -36,7 +36,7 @@ def test_the_motor_must_rest_and_the_mode_be_read() -> None:
     preparation = prepare(load_profile("ssw06"), SLOT_1, "configure", {"leave": "P202"})
 
     assert preparation.requires == ("is_stopped",)
-    assert {code for read in preparation.reads for code in read.codes} == {"VB01", "VB03", "VB06"}
+    assert {code for read in preparation.reads for code in read.codes} == {"VB01", "VB06"}
 
 
 @pytest.mark.parametrize("args", [{}, {"leave": "both"}, {"leave": 1}, {"leave": "P202", "R41": 1}])

@@ -100,7 +100,7 @@ def test_the_motor_must_rest_and_the_serial_line_be_in_control(verb: str, args: 
 
     assert preparation.requires == ("serial_controls", "is_stopped")
     assert [(frame(read.request), read.codes) for read in preparation.reads] == [
-        ("01 01 00 00 00 08 3D CC", ("COIL1", "COIL5", "COIL7", "COIL8")),
+        ("01 01 00 04 00 04 7C 08", ("COIL5", "COIL7", "COIL8")),
         ("01 04 00 13 00 01 C0 0F", ("R19",)),
         ("01 04 00 21 00 01 61 C0", ("R33",)),
     ]

@@ -7,6 +7,7 @@ import pytest
 from gateway.errors import CommandError
 from gateway.families.command.build import prepare
 from gateway.families.profile.load import load_profile
+from gateway.modbus.writes import MaskWriteRegister, WriteRegister
 from tests.families.starters import (
     ENABLED,
     FAULT,
@@ -18,6 +19,7 @@ from tests.families.starters import (
     SLOT_2,
     built,
     frames,
+    own,
     words,
 )
 
@@ -101,12 +103,26 @@ def test_a_start_with_neither_word_nor_status_is_refused() -> None:
         built("ssw900", "start")
 
 
-def test_a_stop_of_which_nothing_is_known_leaves_the_starter_enabled_and_remote() -> None:
-    assert words(built("ssw900", "stop")) == [(685, 0x0012)]
+def test_a_stop_of_which_nothing_is_known_clears_run_and_jog_and_nothing_else() -> None:
+    assert frames("ssw900", "stop") == ["01 16 02 AD FF FA 00 00 4A 19"]
+
+
+@pytest.mark.parametrize("word", [0x0000, 0x0010, 0x0002, 0x001A, 0xFFFA])
+def test_what_is_cleared_by_mask_is_run_and_jog(word: int) -> None:
+    (mask,) = own(built("ssw900", "stop"))
+
+    assert isinstance(mask, MaskWriteRegister)
+    assert {mask.apply(word | motion) for motion in (0, 1, 4, 5)} == {word}
+
+
+def test_the_end_of_a_jog_of_which_nothing_is_known_clears_jog_and_nothing_else() -> None:
+    assert own(built("ssw900", "jog", OFF)) == [MaskWriteRegister(685, 0xFFFB, 0)]
 
 
 def test_a_stop_writes_the_words_of_both_slots_while_the_slot_is_unknown() -> None:
-    assert words(built("ssw900", "stop", variant=NO_SLOT, S5_2_6=0x1B)) == [(685, 0x0012), (686, 0x001A)]
+    stop = own(built("ssw900", "stop", variant=NO_SLOT, S5_2_6=0x1B))
+
+    assert stop == [MaskWriteRegister(685, 0xFFFA, 0), WriteRegister(686, 0x001A)]
 
 
 @pytest.mark.parametrize(("verb", "args"), [("start", {}), ("reset", {}), ("general_enable", ON)])

@@ -103,7 +103,6 @@ def test_the_end_of_a_jog_of_an_ssw900_keeps_what_is_in_force_and_knows_it_only_
 
     assert codes == [("S5.1.1", "S5.2.5", "S5.2.6")]
     assert words(built("ssw900", "jog", OFF, S5_1_1=REST_900 | RUNNING, S5_2_5=0x17)) == [(685, 0x13)]
-    assert words(built("ssw900", "jog", OFF, variant=NO_SLOT)) == [(685, 0x12), (686, 0x12)]
 
 
 @pytest.mark.parametrize(("family", "count"), [("ssw06", 2), ("ssw07", 2), ("ssw900", 1)])

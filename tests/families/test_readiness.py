@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import pytest
 
+from gateway.families.devices.device import Identity
 from gateway.families.devices.findings import Finding, Topic, Weight
+from gateway.families.diagnosis.identify import slot_trouble
 from gateway.families.diagnosis.readiness import readiness, readiness_codes, refuses_start, watchdogs
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Variant
@@ -212,18 +216,20 @@ def test_a_watchdog_that_the_motor_does_not_feel_is_never_an_error() -> None:
 
 
 def test_a_configured_slot_that_the_accessory_does_not_sit_in_is_an_error() -> None:
-    found = problems(look("ssw900", {"S3.5.1": 2, "S3.5.2": 0, "C3.1": 12, "C3.3": 5}, slot=2))
+    rows = {code: (number,) for code, number in GOOD["ssw900"].items()}
+    trouble = slot_trouble(Variant(slot=2), Identity(slot=1))
+    found = readiness(load_profile("ssw900"), Variant(slot=1), rows, slot_trouble=trouble)
 
-    (text,) = [each for each in found if "slot = 2" in each]
-    assert text.startswith(
-        "slot = 2 is configured, but the RS-485 accessory sits in slot 1: S3.5.1 = 2 (RS-485)"
-    )
-    assert refuses_start(look("ssw900", {"S3.5.1": 2, "S3.5.2": 0, "C3.1": 12, "C3.3": 5}, slot=2))
+    assert problems(found) == [trouble]
+    assert trouble.startswith("slot = 2 is configured, but the RS-485 accessory sits in slot 1")
+    assert refuses_start(found)
 
 
-@pytest.mark.parametrize("contents", [(2, 0), (2, 2), (None, None), (0, 0)])
-def test_a_slot_that_is_not_contradicted_is_left_alone(contents: tuple[int | None, int | None]) -> None:
-    assert problems(look("ssw900", {"S3.5.1": contents[0], "S3.5.2": contents[1]})) == []
+@pytest.mark.parametrize(("configured", "seen"), [(1, 1), (None, 2), (2, None), (None, None)])
+def test_a_slot_that_is_not_contradicted_is_left_alone(
+    configured: Literal[1, 2] | None, seen: Literal[1, 2] | None
+) -> None:
+    assert slot_trouble(Variant(slot=configured), Identity(slot=seen)) == ""
 
 
 @pytest.mark.parametrize(

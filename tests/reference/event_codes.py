@@ -167,6 +167,13 @@ EVENTS: Mapping[str, Mapping[str, Event]] = {
             "Look at the device, then send `accept`, or correct the configuration.",
             _IDENTITY,
         ),
+        "slot_mismatch": Event(
+            (ERROR,),
+            "The RS-485 accessory of an SSW900 sits in another slot than configured; "
+            "commands but stop and read are held.",
+            "Correct `slot`, or leave it out.",
+            {"configured": "the configured slot", "seen": "where the accessory sits"},
+        ),
         "identity_accepted": Event((INFO,), "The device that answers was accepted.", _NOTHING, _IDENTITY),
     },
     "Settings of a starter": {

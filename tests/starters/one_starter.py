@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 from gateway.app.record_log import log_failure
 from gateway.errors import DamagedError, StoreError
@@ -105,6 +105,7 @@ async def one_starter(
     unit: SimulatedUnit,
     *,
     model: str | None = None,
+    slot: Literal[1, 2] | None = None,
     has_fast_words: bool = False,
     may_write: bool = True,
     memory: TestMemory | None = None,
@@ -115,7 +116,7 @@ async def one_starter(
     """Run it; nothing has been asked yet."""
     clock, sink = VirtualClock(asyncio.get_running_loop()), RecordingSink()
     bus = SimulatedLine(TIMING, [unit])
-    variant = Variant(model=model)
+    variant = Variant(model=model, slot=slot)
     profile = load_profile(family or unit.family)  # as configured
     setup = StarterSetup("pump", "pumps", 1, profile, variant, every_s=every_s, has_fast_words=has_fast_words)
     router = Router()

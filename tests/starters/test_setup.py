@@ -35,18 +35,18 @@ def test_a_request_is_given_the_time_of_the_manual_or_of_the_configuration(
 
 
 def test_the_identification_fills_what_the_configuration_leaves_open() -> None:
-    identity = Identity(model="SSW-06 85.0A", firmware="1.60", rated_current_a=85.0, slot=1)
+    identity = Identity(model="SSW-06 85.0A", firmware="1.60", rated_current_a=85.0)
 
     assert merged(Variant(slot=2), identity) == Variant(
         model="SSW-06 85.0A", firmware="1.60", rated_current_a=85.0, slot=2
     )
 
 
-def test_the_configuration_wins() -> None:
+def test_the_configuration_wins_but_of_the_slot() -> None:
     configured = Variant(model="SSW-06 820A", firmware="1.50", rated_current_a=820.0, slot=2)
     identity = Identity(model="SSW-06 85.0A", firmware="1.60", rated_current_a=85.0, slot=1)
 
-    assert merged(configured, identity) == configured
+    assert merged(configured, identity) == configured.model_copy(update={"slot": 1})
 
 
 def test_a_sequence_counts_up_from_one() -> None:

@@ -13,10 +13,10 @@ from gateway.cli.parameters.restore import identity_trouble
 from gateway.config.convert import setups_of, timing_of
 from gateway.errors import BrokerError, CommandError, PortError, PortLostError
 from gateway.families.devices import device_of
+from gateway.families.devices.device import Identity
 from gateway.families.devices.findings import Weight
-from gateway.families.diagnosis.identify import identify
+from gateway.families.diagnosis.identify import identify, slot_trouble
 from gateway.families.diagnosis.readiness import as_delivered, readiness, readiness_codes, watchdogs
-from gateway.families.profile.schema import Variant
 from gateway.families.reading import bulk_reads
 from gateway.line.client import LineClient
 from gateway.line.direct import exclusive_line
@@ -80,7 +80,7 @@ class LineCheckup:
         trouble = identity_trouble(self.state_dir, setup, bench.identity)
         if trouble:
             self._say(where, f"commands would be held: {trouble}", Weight.ERROR)
-        self._judge(setup, bench.variant, rows)
+        self._judge(setup, bench.identity, rows)
         for watchdog in watchdogs(setup.profile, bench.variant, rows)[:1]:
             within = f"the gateway must poll within {watchdog.after_s:g} s"
             self._say(where, f"{watchdog.code} runs since this look: {within}", Weight.NOTE)
@@ -103,16 +103,23 @@ class LineCheckup:
             self._say(where, what, Weight.ERROR)
             return
         self._say(where, "answers the gateway")
-        variant = setup.variant
+        identity = Identity()
         if all(code in rows for code in slots) and slots:
-            contents = tuple(rows[code][0] for code in slots)
-            variant = merged(variant, identify(setup.profile, {"slots": contents}))
-        self._judge(setup, variant, rows)
+            identity = identify(setup.profile, {"slots": tuple(rows[code][0] for code in slots)})
+        self._judge(setup, identity, rows)
 
-    def _judge(self, setup: StarterSetup, variant: Variant, rows: Rows) -> None:
+    def _judge(self, setup: StarterSetup, identity: Identity, rows: Rows) -> None:
+        variant = merged(setup.variant, identity)
         gaps_s = {starter.table.name: starter.gap_s for starter in self.prospect.starters}
         gap_s = gaps_s.get(setup.name)
-        findings = readiness(setup.profile, variant, rows, gap_s=gap_s, watchdog_s=setup.watchdog_s)
+        findings = readiness(
+            setup.profile,
+            variant,
+            rows,
+            gap_s=gap_s,
+            watchdog_s=setup.watchdog_s,
+            slot_trouble=slot_trouble(setup.variant, identity),
+        )
         for finding in findings:
             self._say(f"starter {setup.name}", finding.text, finding.weight)
         delivered = as_delivered(setup.profile, variant, rows)

@@ -82,7 +82,7 @@ def prepare(profile: Profile, variant: Variant, verb: str, args: Mapping[str, An
     wakes, is_source = _effects(profile, variant, verb, args)
     if not wakes:
         return preparation
-    rows = run_command.run_rows(profile, variant, is_source=is_source)
+    rows = run_command.words_needed(profile, variant, is_source=is_source)
     return run_command.with_standstill(profile, preparation, rows)
 
 

@@ -1,19 +1,22 @@
 """What a command writes: single coils, masked command words, or a new word out of the one in force.
 
 A command word without mask sets all its bits at once (SSW900 S5.2, ssw07 4.2.2), so every word must be built
-from what is in force: a word built from zero would also command general disable and local.
+from what is in force: a word built from zero would also command general disable and local. A stop for which
+that is not known clears its bits in the starter itself.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import reduce
+from operator import or_
 
 from gateway.families.profile.decode import decode_points
 from gateway.families.profile.procedure import Seen, refused
 from gateway.families.profile.rows import Table
 from gateway.families.profile.schema import Profile, Variant, Write
 from gateway.modbus.pdu import Request
-from gateway.modbus.writes import WriteCoil, WriteRegister
+from gateway.modbus.writes import MaskWriteRegister, WriteCoil, WriteRegister
 
 
 def has_plain_word(writes: Sequence[Write]) -> bool:
@@ -70,17 +73,21 @@ def stop_requests(
 ) -> tuple[Request, ...]:
     """Return what a stop writes, whatever is unknown.
 
-    While the slot is unknown each slot's word is written: the device clears the commands of the source that
-    is not active (SSW900 S5.2).
+    Of a word that was not seen only the bits of motion are cleared, by mask (SSW900 7.1, function 22): any
+    other bit written would enable the starter, or change who commands it. While the slot is unknown each
+    slot's word is written: the device clears the commands of the source that is not active (SSW900 S5.2).
     """
     if not has_plain_word(writes):
         return _requests(profile, writes)
     found: list[Request] = []
-    bits = profile.command_bits
+    jog = profile.command_bits.jog
     for code in word_codes(profile, variant):
         word = word_in_force(profile, code, seen)
-        word = bits.safe_stop if word is None else word & ~bits.jog
-        found += _requests(profile, writes, code=code, word=word)
+        if word is None:
+            off = reduce(or_, (write.clear_bits for write in writes), jog)
+            found.append(MaskWriteRegister(profile.parameters[code].address, 0xFFFF & ~off, 0))
+        else:
+            found += _requests(profile, writes, code=code, word=word & ~jog)
     return tuple(found)
 
 

@@ -6,7 +6,8 @@ manuals do not say that they end the run command. It may still stand, also where
 command of every family, in this order:
 
 1. it is read that the motor stands (run = 0 would stop one that runs);
-2. run = 0 is written, always, and must be acknowledged; where the bit can be read it must read 0;
+2. run = 0 is written, always, and must be acknowledged; where the bit can be read it must read 0, where the
+   starter refuses to let it be read the motor must be seen to stand once more;
 3. jog = 0 is written where there is a jog; a starter whose jog is not set up may refuse it;
 4. what was commanded is written; where it changes the command source, run = 0 once more: a starter ignores
    the commands of a source that is not active (ssw06-es 4.2.3, ssw07 4.2.2), the first run = 0 included;
@@ -55,9 +56,11 @@ def with_standstill(profile: Profile, preparation: Preparation, codes: Iterable[
     return replace(preparation, reads=reads_for(profile, (*read, *codes, *needed)), requires=requires)
 
 
-def run_rows(profile: Profile, variant: Variant, *, is_source: bool) -> tuple[str, ...]:
-    """Return the rows whose bit 0 is the run command that is cleared, as far as it can be read back."""
-    return _word_rows(profile, _scope(variant, is_source=is_source))
+def words_needed(profile: Profile, variant: Variant, *, is_source: bool) -> tuple[str, ...]:
+    """Return the rows of the command words in which run = 0 is written; none where run has its own."""
+    if not has_plain_word(profile.commands["stop"].writes):
+        return ()
+    return word_codes(profile, _scope(variant, is_source=is_source))
 
 
 def with_run_cleared(

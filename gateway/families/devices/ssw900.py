@@ -113,21 +113,11 @@ class Ssw900Device(Device):
             what = "no command is sent while it is not known which slot holds the RS-485 accessory"
             yield start(Weight.ERROR, f"{what} (see S3.5.1 and S3.5.2, or configure `slot`)")
             return
-        yield from self._stated_slot(settings, slot)
         own_modes = (7 + 2 * slot, 8 + 2 * slot)  # Slot n LOC, Slot n REM
         yield from sources(settings, codes, own=own, name=f"Slot {slot}", own_modes=own_modes)
         if settings.number("C8.2.5.1") and settings.number("C8.2.5.3") == 0:
             what = "the manual does not say what a timeout of 0.0 s does"
             yield Finding(Topic.WATCHDOG, Weight.WARNING, f"{what}: {settings.shown('C8.2.5.1')}")
-
-    def _stated_slot(self, settings: Settings, slot: int) -> Iterator[Finding]:
-        """Say that the accessory sits in the other slot: its command word would never be written [3]."""
-        contents = tuple(settings.number(code) for code in self.slot_rows)
-        if contents[slot - 1] is not None and contents[slot - 1] != _RS485 and _RS485 in contents:
-            other = contents.index(_RS485) + 1
-            shown = ", ".join(settings.shown(code) for code in self.slot_rows)
-            what = f"slot = {slot} is configured, but the RS-485 accessory sits in slot {other}"
-            yield start(Weight.ERROR, f"{what}: {shown} (set slot = {other}, or leave it out)")
 
     def watchdogs(self, settings: Settings) -> tuple[Watchdog, ...]:
         """F128 or A128 after C8.2.5.3, counted from the first valid request on [C8.2.5]."""

@@ -13,7 +13,7 @@ from gateway.families.devices import DEVICES, device_of
 from gateway.families.devices.device import Identity, Question
 from gateway.families.profile.decode import rated_current_a
 from gateway.families.profile.load import FAMILIES, load_profile
-from gateway.families.profile.schema import Profile, once_per_profile
+from gateway.families.profile.schema import Profile, Variant, once_per_profile
 from gateway.modbus.device_id import DeviceIdentification
 
 _PRODUCT, _REVISION = 1, 2  # objects of the basic identification [APP 6.21]
@@ -44,6 +44,14 @@ def why_not(profile: Profile, identity: Identity) -> str | None:
     if identity.family_seen is None:
         return f"not known to be {profile.family}: {identity.reason}"
     return f"it is {identity.family_seen}, not {profile.family}: {identity.reason}"
+
+
+def slot_trouble(configured: Variant, seen: Identity) -> str:
+    """Return in words where the RS-485 accessory proves to sit, unless as configured; "" where it does."""
+    if configured.slot is None or seen.slot in (None, configured.slot):
+        return ""
+    what = f"slot = {configured.slot} is configured, but the RS-485 accessory sits in slot {seen.slot}"
+    return f"{what} by S3.5.1 and S3.5.2 (set slot = {seen.slot}, or leave it out)"
 
 
 def candidates() -> tuple[Profile, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 
 from gateway.families.devices import device_of
-from gateway.families.devices.findings import Finding, Settings, Topic, Watchdog, Weight, unread
+from gateway.families.devices.findings import Finding, Settings, Topic, Watchdog, Weight, start, unread
 from gateway.families.profile.parameters import factory_settings
 from gateway.families.profile.rows import Table
 from gateway.families.profile.schema import Profile, Variant, once_per_profile
@@ -74,15 +74,17 @@ def readiness(
     *,
     gap_s: float | None = None,
     watchdog_s: float | None = None,
+    slot_trouble: str = "",
 ) -> tuple[Finding, ...]:
     """Return what these rows (raw words by code) mean for remote control, errors first.
 
     `gap_s` is the longest time between two requests to this starter; None when it is not polled. The
-    configuration's `watchdog_s`, and its slot in `variant`, are held against what is set in the starter.
+    configuration's `watchdog_s` is held against what is set in the starter.
     """
     settings = Settings(profile, variant, rows)
     on = watchdogs(profile, variant, rows)
     found = [
+        *([start(Weight.ERROR, slot_trouble)] if slot_trouble else ()),
         *device_of(profile).start_findings(settings),
         *_of_watchdogs(settings, on, gap_s),
         *_stated_watchdog(settings, on, watchdog_s),

@@ -85,11 +85,6 @@ class CommandBits(Model):
         """The bits that mean something."""
         return self.run | self.general_enabled | self.jog | self.reverse | self.remote | self.reset
 
-    @property
-    def safe_stop(self) -> int:
-        """Stop by ramp, all else as in normal service."""
-        return self.general_enabled | self.remote
-
 
 class Command(Model):
     """A verb of this family: what is required, written and read back."""

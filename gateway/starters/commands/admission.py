@@ -139,10 +139,11 @@ class Admission:
             raise refusal(lock)
         if not starter.is_answering:
             raise CommandError("offline", "the starter does not answer")
-        if request.verb == READ and starter.contradiction:
-            return preparation  # its raw words are all that is said of it
-        if starter.identity_standing is not IdentityStatus.MATCHING:
-            raise CommandError(f"identity_{starter.identity_standing.value}", starter.identity_reason)
+        standing = starter.identity_standing
+        if request.verb == READ and (starter.contradiction or standing is IdentityStatus.OTHER_SLOT):
+            return preparation  # of one that contradicts the configuration its raw words are all that is said
+        if standing is not IdentityStatus.MATCHING:
+            raise CommandError(standing.value, starter.identity_reason)
         return preparation
 
     def _check_room(self, request: CommandRequest, load: Load) -> None:

@@ -46,6 +46,11 @@ _NOT_SET_UP = (  # what a write is refused with that the starter is not set up f
     ExceptionCode.ILLEGAL_DATA_ADDRESS,
     ExceptionCode.ILLEGAL_DATA_VALUE,
 )
+_MAY_ACT = (  # a motion that is refused so may begin all the same
+    ExceptionCode.SERVER_DEVICE_BUSY,
+    ExceptionCode.GATEWAY_PATH_UNAVAILABLE,
+    ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND,
+)
 
 _IS_TAKEN_BACK = "then it was seen to stand, and run = 0 was written so that it cannot start later"
 _IS_NOT_TAKEN_BACK = (
@@ -85,6 +90,7 @@ class CommandExecution:
         self._procedure: Procedure | None = None  # once it is being written
         self._handed_s = 0.0  # when the latest write was handed to the line
         self._cleared_s = inf  # when run = 0 was taken, as its request was asked
+        self._refusal: RefusedError | None = None  # of a motion that may have begun all the same
 
     @property
     def line(self) -> str:
@@ -259,6 +265,10 @@ class CommandExecution:
             return Final(Phase.UNCONFIRMED, "no_answer", f"{text}; {_NOTHING_ELSE}")
         if step.then is None or await self._starter_io.see(step.then) is not None:
             return None
+        if isinstance(outcome, Answered) and await self._starter_io.is_refused(step.then.reads, _NOT_SET_UP):
+            rows = await self._starter_io.read(self._preparation.reads, lane=self._lane)
+            demand(self._starter.profile, self._preparation.requires, self._points(rows))
+            return None
         seen = f"{step.then.name} was not seen to take it within {step.then.within_s:g} s"
         text = f"run = 0 was written, but {seen}"
         return Final(Phase.FAILED, "run_not_cleared", f"{text}; {_NOTHING_ELSE}")
@@ -278,6 +288,8 @@ class CommandExecution:
             text = f"{expect.name} as commanded, and the motor at rest, were not both seen {within}"
             return Final(Phase.UNCONFIRMED, "not_seen", f"{text}; run = 0 is written again: {MAY_BE_TURNING}")
         text = f"{expect.name} did not become what was commanded {within}: {MAY_BE_TURNING}"
+        if self._refusal is not None:
+            return Final(Phase.UNCONFIRMED, self._refusal.code, f"{self._refusal}; {text}")
         return Final(Phase.UNCONFIRMED, "not_seen", text)
 
     async def _write(self, step: WriteStep) -> Outcome:
@@ -330,6 +342,10 @@ class CommandExecution:
                 return None
             case Refused():
                 refusal = RefusedError(outcome.code)
+                if outcome.code in _MAY_ACT and self._procedure and self._procedure.take_back:
+                    self._refusal = refusal
+                    self.report.write()
+                    return None
                 return Final(Phase.FAILED, refusal.code, str(refusal))
             case Silent(reason=reason, is_sent=False) if reason == TOO_LATE:
                 return self._too_late()
@@ -399,7 +415,8 @@ class CommandExecution:
             if await self._starter_io.see(take_back.at_rest) is None:
                 break
             if await self._is_released(verb, take_back.released):
-                return replace(end, text=f"{end.text}; {_IS_TAKEN_BACK}")
+                phase = end.phase if self._refusal is None else Phase.FAILED
+                return replace(end, phase=phase, text=f"{end.text}; {_IS_TAKEN_BACK}")
             text = f"; {_IS_NOT_TAKEN_BACK}"
         return replace(end, text=end.text + text)
 

@@ -147,6 +147,10 @@ CODES: Mapping[str, Mapping[str, Code]] = {
         "state_changed": Code(
             "The state has changed since the starter was selected.", "Look, and select again."
         ),
+        "slot_mismatch": Code(
+            "The RS-485 accessory sits in another slot than configured; a stop goes to the right one.",
+            "Correct `slot`, or leave it out.",
+        ),
         "slot_unknown": Code("It is not known which slot holds the RS-485 accessory.", "Set `slot`."),
         "word_unknown": Code("Neither command nor status word of the starter is known.", _LATER),
     },

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Coroutine, Iterable, Mapping
+from collections.abc import Collection, Coroutine, Iterable, Mapping
 from math import inf
 from typing import Any, TypeVar, assert_never
 
@@ -124,6 +124,12 @@ class StarterIo:
             if count == 0 and asyncio.get_running_loop().time() >= until_s:
                 return None
             await self.pause(READ_BACK_PAUSE_S)
+
+    async def is_refused(self, reads: Iterable[Read], codes: Collection[int]) -> bool:
+        """Return whether the starter refuses to let any of these rows be read, each time with such a code."""
+        requests = [read.request for read in reads for _ in range(EQUAL_READINGS)]
+        outcomes = [await self._transact(request, self._read_back_lane) for request in requests]
+        return all(isinstance(outcome, Refused) and outcome.code in codes for outcome in outcomes)
 
     def values(self, rows: Mapping[str, tuple[int, ...]]) -> dict[str, Any]:
         """Return what rows say: points by name, and the raw words by code."""

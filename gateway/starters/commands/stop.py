@@ -8,6 +8,8 @@
    several frames counts if all of these were written since the message came. Without one, frames follow until
    the time is up; then the latest two readings since the first frame decide.
 4. A reading that was lost says nothing, for `SEEN_WITHIN_S`; one that shows otherwise ends the row.
+5. A command word is written whole only when it was read in the last `DECIDES_FOR_S`; else its bits of motion
+   are cleared by mask. A starter that does not know this function gets the word read last, however old.
 
 Of a group each member is stopped so on its own: `group_stop`.
 """
@@ -16,17 +18,19 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 from typing import Any, assert_never
 
 from gateway.families.command.build import build
-from gateway.families.profile.procedure import Procedure
+from gateway.families.profile.procedure import Procedure, WriteStep
 from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.scheduler.requests import Priority
+from gateway.modbus.codes import ExceptionCode, Function
+from gateway.modbus.writes import MaskWriteRegister
 from gateway.records import STOP, Phase, Severity
-from gateway.starters.commands.execution import MAY_BE_TURNING
+from gateway.starters.commands.execution import DECIDES_FOR_S, MAY_BE_TURNING
 from gateway.starters.commands.lifecycle import CommandReport, Final
 from gateway.starters.commands.starter_io import (
     EQUAL_READINGS,
@@ -101,6 +105,7 @@ class Stopping:
         self._good_s = -inf  # when the last of them was there,
         self._shown: dict[str, Any] = {}  # and what it says
         self._refusal: RefusedError | None = None
+        self._is_mask_refused = False  # the starter does not know the function that clears single bits
         self._is_answered = False  # the starter answered anything at all since
         self._spoken: list[str] = []  # the families in whose words frames were sent
         self._is_over_babble = False  # a frame was sent although the line was not quiet
@@ -165,12 +170,13 @@ class Stopping:
         if self._starter.profile.family not in self._spoken:
             self._spoken.append(self._starter.profile.family)
         try:
-            asked = [self._starter_io.hand_over(step.request, lane=lane) for step in self._procedure().steps]
+            steps = self._procedure().steps
+            asked = [self._starter_io.hand_over(step.request, lane=lane) for step in steps]
         except Exception:  # whatever it is, the read-back meets it again and ends the commands
             logger.exception("starter=%s stop not sent", self._starter.setup.name)
             self._news.set()
             return
-        frame = asyncio.get_running_loop().create_task(self._follow(self._handed, asked))
+        frame = asyncio.get_running_loop().create_task(self._follow(self._handed, steps, asked))
         self._under_way.add(frame)
         frame.add_done_callback(self._under_way.discard)
 
@@ -188,7 +194,9 @@ class Stopping:
         if is_asked_for or not self._good or not all(each.is_taken for each in self._all()):
             self._send(Priority.STOP if is_asked_for else Priority.FOLLOW_UP)
 
-    async def _follow(self, number: int, asked: Collection[asyncio.Future[Outcome]]) -> None:
+    async def _follow(
+        self, number: int, steps: Sequence[WriteStep], asked: Sequence[asyncio.Future[Outcome]]
+    ) -> None:
         """Take note of what became of a frame."""
         await asyncio.wait(asked)
         outcomes = [each.result() for each in asked if not each.cancelled()]
@@ -198,10 +206,21 @@ class Stopping:
         refusals = [outcome for outcome in outcomes if isinstance(outcome, Refused)]
         if refusals:
             self._refusal = RefusedError(refusals[0].code)
-        if any(_may_have_left(each) for each in asked):
+            self._note_mask_refused(steps, asked)
+        if self._is_mask_refused or any(_may_have_left(each) for each in asked):
             self._note_written(number, min(map(_acknowledged_since_s, asked)))
         self._news.set()
         asyncio.get_running_loop().call_soon(self._send_if_due)  # once this frame is no longer under way
+
+    def _note_mask_refused(
+        self, steps: Sequence[WriteStep], asked: Sequence[asyncio.Future[Outcome]]
+    ) -> None:
+        """Send the word read last at once, where there is one, to a starter without function 22."""
+        if self._is_mask_refused:
+            return
+        self._is_mask_refused = any(map(_is_mask_refused, steps, asked))
+        if self._is_mask_refused and self._procedure().steps != steps:
+            self._plan(self._time())
 
     def _note_written(self, number: int, acknowledged_since_s: float) -> None:
         for order in self._all():
@@ -209,9 +228,12 @@ class Stopping:
                 order.note_written(acknowledged_since_s, next_reading=self._readings + 1)
 
     def _procedure(self) -> Procedure:
-        """Return what stops the starter, from the rows known last, however old."""
-        starter = self._starter
-        return build(starter.profile, starter.variant, STOP, {}, seen=starter.snapshot.rows)
+        """Return what stops the starter."""
+        starter, seen = self._starter, self._starter.snapshot.rows
+        if Function.MASK_WRITE_REGISTER in starter.profile.limits.functions and not self._is_mask_refused:
+            fresh = starter.snapshot.rows_since(self._time() - DECIDES_FOR_S)
+            seen = fresh if fresh.keys() >= set(starter.profile.command_word) else {}
+        return build(starter.profile, starter.variant, STOP, {}, seen=seen)
 
     # The readings
 
@@ -310,6 +332,7 @@ class Stopping:
             return Final(Phase.UNCONFIRMED, "no_answer", f"{text}: {MAY_BE_TURNING}")
         if order.is_written:
             text = f"the motor was not seen to stop within {DEADLINE_S:g} s{self._over_babble()}"
+            text += f"; {self._refusal}" if self._refusal is not None else ""
             return Final(Phase.UNCONFIRMED, "not_seen", f"{text}: {MAY_BE_TURNING}")
         if self._refusal is not None:
             return Final(Phase.FAILED, self._refusal.code, f"{self._refusal}: {MAY_BE_TURNING}")
@@ -345,6 +368,14 @@ def _may_have_left(asked: asyncio.Future[Outcome]) -> bool:
             return is_sent
         case _ as outcome:
             assert_never(outcome)
+
+
+def _is_mask_refused(step: WriteStep, asked: asyncio.Future[Outcome]) -> bool:
+    """Return whether a starter does not know the function that clears single bits."""
+    if asked.cancelled() or not isinstance(step.request, MaskWriteRegister):
+        return False
+    outcome = asked.result()
+    return isinstance(outcome, Refused) and outcome.code == ExceptionCode.ILLEGAL_FUNCTION
 
 
 def _acknowledged_since_s(asked: asyncio.Future[Outcome]) -> float:

@@ -50,12 +50,13 @@ GIVEN_UP_ROUNDS = 3  # after which a device counts as one that does not answer s
 
 
 class IdentityStatus(enum.Enum):
-    """What is known of who answers; commands need `MATCHING`."""
+    """What is known of who answers; commands need `MATCHING`, else the value is their result's code."""
 
-    UNKNOWN = "unknown"
+    UNKNOWN = "identity_unknown"
     MATCHING = "matching"
-    MISMATCHED = "mismatch"
-    CHANGED = "changed"  # the family matches, but it is another starter than before; see `IdentityRegistry`
+    MISMATCHED = "identity_mismatch"
+    OTHER_SLOT = "slot_mismatch"  # its accessory sits elsewhere than configured; it can be read
+    CHANGED = "identity_changed"  # the family matches, but it is another than before; see `IdentityRegistry`
 
 
 def standing_of(setup: StarterSetup, identity: Identity) -> IdentityStatus:

@@ -78,7 +78,7 @@ class OfflineStarter:
         self.identity = identify(self.profile, answers)
         standing = self.identity_standing
         if standing is not IdentityStatus.MATCHING:
-            raise CommandError(f"identity_{standing.value}", self.identity_reason)
+            raise CommandError(standing.value, self.identity_reason)
         self.variant = merged(self.setup.variant, self.identity)
 
     async def prove(self, *, lane: Priority) -> None:

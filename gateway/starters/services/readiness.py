@@ -11,6 +11,7 @@ from typing import Any
 
 from gateway.errors import CommandError, PortLostError
 from gateway.families.devices.findings import Finding, Weight
+from gateway.families.diagnosis.identify import slot_trouble
 from gateway.families.diagnosis.readiness import (
     readiness,
     readiness_codes,
@@ -93,6 +94,7 @@ class ReadinessService:
             rows,
             gap_s=starter.status_period_s or None,
             watchdog_s=starter.setup.watchdog_s,
+            slot_trouble=slot_trouble(starter.setup.variant, starter.identity),
         )
         said = (tuple(sorted(rows.items())), tuple(finding.weight for finding in findings))
         if not findings or not self._news.is_new(said):

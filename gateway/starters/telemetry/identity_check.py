@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 
 from gateway.errors import CommandError
 from gateway.families.devices.device import Identity
-from gateway.families.diagnosis.identify import stop_profile, why_not
+from gateway.families.diagnosis.identify import slot_trouble, stop_profile, why_not
 from gateway.line.client import LineClient
 from gateway.line.rtu.outcome import Garbled, Silent
 from gateway.line.scheduler.requests import Priority
@@ -38,6 +38,7 @@ class IdentityCheck:
         self.setup = setup
         self._registry = registry
         self._emitter = emitter
+        self._slot_said: int | None = None  # the slot that was held against the configuration last
         self._see(Identity(reason="not yet asked"))
         self.before_silence = ""  # the contradiction of the device that does not answer any more
         self._held: set[tuple[IdentityStatus, str | None]] = set()  # of which there was an event
@@ -45,8 +46,11 @@ class IdentityCheck:
     @property
     def standing(self) -> IdentityStatus:
         """Return whether the device has proved to be the configured family, as before."""
-        is_held = self._standing is IdentityStatus.MATCHING and self._registry.trouble(self.setup.name)
-        return IdentityStatus.CHANGED if is_held else self._standing
+        if self._standing is not IdentityStatus.MATCHING:
+            return self._standing
+        if self._registry.trouble(self.setup.name):
+            return IdentityStatus.CHANGED
+        return IdentityStatus.OTHER_SLOT if self._slot_trouble else IdentityStatus.MATCHING
 
     @property
     def is_mismatched(self) -> bool:
@@ -56,7 +60,8 @@ class IdentityCheck:
     @property
     def reason(self) -> str:
         """Return in words why the identity is not matching; empty when it is."""
-        return why_not(self.setup.profile, self.seen) or self._registry.trouble(self.setup.name)
+        trouble = why_not(self.setup.profile, self.seen) or self._registry.trouble(self.setup.name)
+        return trouble or self._slot_trouble
 
     @property
     def contradiction(self) -> str:
@@ -82,6 +87,7 @@ class IdentityCheck:
             self._held.clear()
             self.before_silence = ""
             self._registry.note(self.setup, identity, is_settled=is_settled)
+            self._publish_slot()
             return True
         device = (standing, identity.family_seen or identity.model)  # its model may be known only later
         is_less = device[1] is None and any(each[0] is standing for each in self._held)
@@ -92,6 +98,17 @@ class IdentityCheck:
 
     def _see(self, identity: Identity) -> None:
         self.seen, self._standing = identity, standing_of(self.setup, identity)
+        self._slot_trouble = slot_trouble(self.setup.variant, identity)
+
+    def _publish_slot(self) -> None:
+        """Publish once that commands are held because the accessory sits in another slot."""
+        if self.seen.slot is None or self.seen.slot == self._slot_said:
+            return
+        self._slot_said = self.seen.slot
+        if self._slot_trouble:
+            data = {"configured": self.setup.variant.slot, "seen": self.seen.slot}
+            text = f"commands are held: {self._slot_trouble}"
+            self._emitter.event("slot_mismatch", Severity.ERROR, text, data)
 
     def _publish_held(self) -> None:
         """Publish that commands are held: another device answers, or it is not known which one does."""
@@ -183,9 +200,9 @@ class Contact:
                 raise CommandError("no_answer", "it could not be read who answers")
             why = why_not(setup.profile, asked.result())
             if why is not None:
-                raise CommandError(f"identity_{standing_of(setup, asked.result()).value}", why)
+                raise CommandError(standing_of(setup, asked.result()).value, why)
         if self._identity.standing is not IdentityStatus.MATCHING:
-            raise CommandError(f"identity_{self._identity.standing.value}", self._identity.reason)
+            raise CommandError(self._identity.standing.value, self._identity.reason)
 
     def end_gap(self) -> None:
         """Record that a poll was answered after a gap: perhaps by another device."""

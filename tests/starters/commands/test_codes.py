@@ -34,6 +34,7 @@ NAMED_ELSEWHERE = {
     "identity_unknown",
     "identity_mismatch",
     "identity_changed",
+    "slot_mismatch",
     "not_as_expected",
 }  # made of parts, or defaults
 

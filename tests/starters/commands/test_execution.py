@@ -5,10 +5,13 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
+import pytest
+
 from gateway.families.reading import reads_for
-from gateway.line.rtu.outcome import Outcome, Silent
+from gateway.line.rtu.outcome import Outcome, Refused, Silent
 from gateway.line.scheduler.requests import Priority
-from gateway.modbus.writes import WriteCoil
+from gateway.modbus.pdu import Request
+from gateway.modbus.writes import WriteCoil, WriteRegister
 from gateway.records import Phase, Record
 from gateway.starters.commands.starter_io import StarterIo
 from tests.starters.fakes import AT_SPEED, VB01
@@ -151,6 +154,69 @@ async def test_a_start_that_the_starter_says_it_is_still_working_on_is_read_back
     await asyncio.sleep(5.0)
 
     assert rig.sink.phases() == [ACCEPTED, WRITTEN, CONFIRMED]
+
+
+@pytest.mark.parametrize("exception", [6, 10, 11])
+@virtually
+async def test_a_refused_start_that_acts_all_the_same_is_confirmed(exception: int) -> None:
+    rig = await ready()
+    rig.line.rules.append(refuse(WriteCoil, exception))
+    rig.submit("start")
+    await asyncio.sleep(1.0)
+    rig.unit.holding[VB01] = AT_SPEED
+
+    await asyncio.sleep(5.0)
+
+    assert rig.sink.phases() == [ACCEPTED, WRITTEN, CONFIRMED]
+
+
+@pytest.mark.parametrize(
+    ("exception", "code"),
+    [
+        (6, "server_device_busy"),
+        (10, "gateway_path_unavailable"),
+        (11, "gateway_target_device_failed_to_respond"),
+    ],
+)
+@virtually
+async def test_a_refused_start_has_failed_once_the_motor_was_seen_to_stand_and_run_to_be_0(
+    exception: int, code: str
+) -> None:
+    rig = await ready()
+    rig.line.rules.append(lambda r: Refused(exception, 0.0) if r == WriteCoil(100, is_on=True) else None)
+
+    rig.submit("start")
+    await asyncio.sleep(10.0)
+
+    assert rig.sink.phases() == [ACCEPTED, WRITTEN, ("failed", code)]
+    assert rig.line.writes == [WriteCoil(100, is_on=True), WriteCoil(100, is_on=False)]
+
+
+@virtually
+async def test_a_refused_start_of_a_starter_that_cannot_be_read_then_is_unconfirmed() -> None:
+    rig = await ready()
+
+    def rule(request: Request) -> Outcome | None:
+        is_begun = bool(rig.line.writes)
+        return (Refused(6, 0.0) if request.is_write else Silent()) if is_begun else None
+
+    rig.line.rules.append(rule)
+    rig.submit("start")
+    await asyncio.sleep(20.0)
+
+    assert rig.sink.phases() == [ACCEPTED, WRITTEN, ("unconfirmed", "server_device_busy")]
+    assert "the motor may be turning" in rig.sink.final().text
+
+
+@virtually
+async def test_a_setting_that_is_refused_as_busy_has_failed_at_once() -> None:
+    rig = await ready()
+    rig.line.rules.append(refuse(WriteRegister, 6))
+
+    rig.submit("set", args={"parameter": "P314", "value": 30})
+    await asyncio.sleep(1.0)
+
+    assert rig.sink.phases() == [ACCEPTED, ("failed", "server_device_busy")]
 
 
 @virtually

@@ -7,11 +7,12 @@ from typing import Any
 
 import pytest
 
-from gateway.line.rtu.outcome import Refused, Silent
+from gateway.line.rtu.outcome import Garbled, Refused, Silent
+from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters
 from gateway.modbus.writes import WriteCoil
 from gateway.records import Phase
 from gateway.sim.factory import make_unit
-from tests.starters.fakes import FAULT, READY, VB01, VB03
+from tests.starters.fakes import ENABLED, FAULT, READY, REMOTE, VB01, VB03
 from tests.starters.one_starter import one_starter
 from tests.starters.rig import CommandRig, virtually
 
@@ -85,6 +86,89 @@ async def test_when_the_run_command_still_reads_1_nothing_else_is_written() -> N
     await asyncio.sleep(20.0)
 
     assert (rig.sink.final().phase, rig.sink.final().code) == (Phase.FAILED, "run_not_cleared")
+    assert rig.line.writes == [RUN_OFF]
+
+
+def hide_the_run_command(request: Any) -> Any:
+    """Refuse every read of the coils of commands or of their word."""
+    coils = isinstance(request, ReadCoils) and request.address + request.count > 100
+    words = isinstance(request, ReadHoldingRegisters)
+    is_word = words and request.address <= VB03 < request.address + request.count
+    return Refused(2, 0.0) if coils or is_word else None
+
+
+@pytest.mark.parametrize(
+    ("verb", "args", "status"),
+    [
+        ("reset", {}, READY | FAULT),
+        ("general_enable", {"value": True}, READY & ~ENABLED),
+        ("local_remote", {"value": "remote"}, READY & ~REMOTE),
+        ("set", {"parameter": "P230", "value": 2}, READY),
+    ],
+)
+@virtually
+async def test_where_run_cannot_be_read_its_acknowledgement_and_a_motor_at_rest_suffice(
+    verb: str, args: dict[str, Any], status: int
+) -> None:
+    rig = CommandRig("ssw07")
+    rig.line.rules.append(hide_the_run_command)
+    rig.unit.holding |= {220: 6, 230: 1}
+    await rig.online()
+    rig.unit.holding[VB01] = status
+
+    def obey(request: Any) -> None:
+        if request not in (RUN_OFF, JOG_OFF):
+            rig.unit.holding[VB01] = READY
+
+    rig.unit.on_write = obey
+    rig.submit(verb, args=args)
+    await asyncio.sleep(20.0)
+
+    assert rig.sink.phases()[-1] == ("confirmed", "ok")
+    assert rig.line.writes[0] == RUN_OFF
+    assert len(rig.line.writes) > 2
+
+
+@pytest.mark.parametrize("outcome", [Silent(), Garbled("it may be older", b""), Refused(5, 0.0)])
+@virtually
+async def test_where_run_cannot_be_read_nothing_follows_a_run_0_that_is_not_acknowledged(
+    outcome: Any,
+) -> None:
+    rig = await in_fault()
+    rig.line.rules += [hide_the_run_command, lambda r: outcome if r == RUN_OFF else None]
+
+    rig.submit("reset")
+    await asyncio.sleep(20.0)
+
+    assert rig.sink.final().phase is not Phase.CONFIRMED
+    assert set(map(str, rig.line.writes)) == {str(RUN_OFF)}
+
+
+@virtually
+async def test_where_run_cannot_be_read_nothing_else_is_written_once_the_motor_runs() -> None:
+    rig = await in_fault()
+    rig.line.rules.append(hide_the_run_command)
+    rig.unit.on_write = lambda request: rig.unit.holding.update({VB01: READY | FAULT | 1})
+
+    rig.submit("reset")
+    await asyncio.sleep(20.0)
+
+    assert (rig.sink.final().phase, rig.sink.final().code) == (Phase.UNCONFIRMED, "motor_running")
+    assert rig.line.writes == [RUN_OFF]
+
+
+@pytest.mark.parametrize("exception", [4, 6])
+@virtually
+async def test_where_reading_run_is_refused_for_another_reason_nothing_else_is_written(
+    exception: int,
+) -> None:
+    rig = await in_fault()
+    rig.line.rules.append(lambda r: Refused(exception, 0.0) if hide_the_run_command(r) else None)
+
+    rig.submit("reset")
+    await asyncio.sleep(20.0)
+
+    assert rig.sink.final().code == "run_not_cleared"
     assert rig.line.writes == [RUN_OFF]
 
 
