@@ -206,8 +206,10 @@ def test_the_bridge_reaches_the_edge_on_a_listener_that_the_kit_has(url: str, po
 
     conf = bridge_conf(config, CENTRAL, passwords, passwords)
 
+    listeners = broker_conf(config, has_bridge=True).split("\nlistener ")[1:]
     assert f"\naddress 127.0.0.1:{port}\n" in conf
-    assert broker_conf(config, has_bridge=True).count(f"\nlistener {port} 127.0.0.1\n") == 1
+    assert sum(each.startswith(f"{port} 127.0.0.1\n") for each in listeners) == 1
+    assert all("\nuse_username_as_clientid true\n" in each for each in listeners), "it is a listener's own"
     assert "127.0.0.1" not in broker_conf(site(NAMED), has_bridge=False)
 
 
