@@ -1,4 +1,4 @@
-"""`--prove` finds nothing wrong with any kind of kit: each listener, with and without a bridge, bare and full."""
+"""`--prove` finds nothing wrong with any kind of kit: each listener, with or without a bridge."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ URLS = {
     "TLS": "mqtts://localhost:{port}",
     "this machine": "mqtt://localhost:{port}",
     "another address of loopback": "mqtt://127.0.0.2:{port}",
-    "any address without TLS": "mqtt://0.0.0.0:{port}",  # for Mosquitto no loopback, for a client this machine
+    "any address without TLS": "mqtt://0.0.0.0:{port}",  # to a client this machine
 }
 BRIDGES = {
     "no bridge": "",
