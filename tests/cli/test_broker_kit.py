@@ -251,6 +251,24 @@ def config_file(tmp_path: Path) -> Path:
 
 
 @needs_openssl
+def test_a_bridge_whose_commands_this_clock_refuses_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "site.toml"
+    name = 'name = "mcc1"'
+    path.write_text(changed(NAMED, DATED, (name, f'{name}\nclock = "untrusted"')), "utf-8")
+    kit = ["broker-kit", str(path), str(tmp_path / "kit")]
+
+    assert main(kit) == 0
+    without = capsys.readouterr().out
+    assert main([*kit, "--update", "--bridge", "central"]) == 0
+    bridged = capsys.readouterr().out
+
+    assert "need issued_at" not in without
+    assert "warning: operator alice: commands need issued_at, but the configuration does not" in bridged
+
+
+@needs_openssl
 def test_an_update_adds_what_is_new_and_keeps_passwords_and_authority(
     config_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
