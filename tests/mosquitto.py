@@ -101,6 +101,7 @@ class MosquittoBroker:
         self.host = "127.0.0.1"
         self.port = free_port()
         self.tls = tls
+        self.version = "mqttv5"  # of its clients
         self._folder = folder
         self._process: subprocess.Popen[bytes] | None = None
         folder.mkdir(parents=True, exist_ok=True)
@@ -203,7 +204,7 @@ class MosquittoBroker:
         return Watcher(self, [str(_find("mosquitto_sub")), *arguments, *topics], user)
 
     def _client_arguments(self, user: tuple[str, str] | None) -> list[str]:
-        arguments = ["-h", self.host, "-p", str(self.port), "-V", "mqttv5"]
+        arguments = ["-h", self.host, "-p", str(self.port), "-V", self.version]
         if self.tls is not None:
             arguments += ["--cafile", str(self.tls.cert)]
         if user is not None:

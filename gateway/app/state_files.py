@@ -76,10 +76,13 @@ class ClockMemory:
     def _note_change(self, doubt: str | None) -> None:
         if doubt is None:
             self._publish_event(
-                "clock_trusted", Severity.INFO, "the clock is synchronised and steady: issued_at counts again"
+                "clock_trusted",
+                Severity.INFO,
+                "the clock is synchronised (or trusted) and steady: issued_at counts again",
             )
         else:
-            text = f"{doubt}: issued_at does not count until the clock was synchronised for {SETTLED_S:g} s"
+            again = f"until the clock was synchronised (or trusted) and steady for {SETTLED_S:g} s"
+            text = f"{doubt}: issued_at does not count {again}"
             self._publish_event("clock_stepped", Severity.WARNING, text)
         self._saver.touch()
 

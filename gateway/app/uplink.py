@@ -37,9 +37,9 @@ FAREWELL_S = 3.0
 RENEWED_EVERY_S = 0.05  # tokens of a flood of stops; shorter than any stop takes to be confirmed
 STORE_WITHIN_S = 2.0
 OLD_MQTT = (
-    "the broker refuses MQTT 5, so 3.1.1 is spoken. Lost: the retained flag of commands that are delivered "
-    "live, their message expiry, response topic and correlation data, the limit on a packet's size, and why "
-    "a message is refused. Use a broker that speaks MQTT 5"
+    "MQTT 3.1.1 is used: the broker refuses MQTT 5, or mqtt.version says so. Lost: the retained flag of "
+    "commands that are delivered live, their message expiry, response topic and correlation data, the limit "
+    "on a packet's size, and why a message is refused. Use a broker that speaks MQTT 5"
 )
 MOVED = "the configuration names another broker or another login"
 

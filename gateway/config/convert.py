@@ -11,6 +11,7 @@ from gateway.families.profile.load import ENGLISH, load_profile
 from gateway.families.profile.schema import Variant
 from gateway.line.cable import WiredStarter
 from gateway.modbus.timing import Framing, LineTiming
+from gateway.mqtt.connection.reconnect import Version
 from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
 from gateway.starters.policy.rights import Operator, Rights
 from gateway.starters.policy.start_rules import PolicySettings, RuleSet
@@ -89,9 +90,15 @@ def broker_of(
         username=username,
         password=password,
         tls=tls_of(mqtt, folder) if mqtt.is_tls else None,
+        version=version_of(mqtt.version),
         keepalive_s=mqtt.keepalive_s,
         seed=seed,
     )
+
+
+def version_of(text: str) -> Version | None:
+    """Return the version of MQTT that a table states; None for auto."""
+    return None if text == "auto" else Version(text)
 
 
 def tls_of(table: MqttTable | SparkplugTable, folder: Path) -> TlsSettings:

@@ -93,6 +93,9 @@ class MqttTable(ConfigTable):
     client_id: Text | None = Field(
         default=None, description="The MQTT client id; absent: the gateway's name. One connection each."
     )
+    version: Literal["auto", "5", "3.1.1"] = Field(
+        default="auto", description="The version of MQTT; auto: 5, and 3.1.1 where the broker refuses that."
+    )
     keepalive_s: int = Field(
         default=15, ge=5, le=3600, description="Without traffic for so long the broker is pinged."
     )

@@ -22,6 +22,9 @@ MARK_VALID_S = 2 * 3600.0
 BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 READ_WITHIN_S = 0.01
 
+_UNSYNCHRONISED = 'synchronise it; when it is right without: clock = "trusted" in [gateway]'
+_DISTRUSTED = 'when it is right: clock = "auto" or "trusted" in [gateway]'
+
 Trust = Literal["auto", "trusted", "untrusted"]
 
 
@@ -168,18 +171,23 @@ class ClockWatch:
             self.on_change(self._steps.doubt)
 
     def doubt(self) -> str | None:
-        """Return why the wall clock cannot be compared with others now, in words; None when it can."""
+        """Return why the wall clock cannot be compared with others now, with a remedy; None when it can."""
         if self._trust == "untrusted":
-            return "the configuration does not trust this gateway's clock"
+            return f"the configuration does not trust this gateway's clock ({_DISTRUSTED})"
         if self._steps.doubt is not None:
+            since = f"{self._steps.doubt}, so issued_at does not count"
+            if self._trust == "trusted":
+                return f"{since} for {SETTLED_S:g} s"
             again = f"until the kernel has called it synchronised for {SETTLED_S:g} s"
-            return f"{self._steps.doubt}, so issued_at does not count {again}"
-        if self._trust == "auto" and not self._is_synchronised():
-            return "this gateway's clock is not synchronised"
+            return f"{since} {again} ({_UNSYNCHRONISED})"
+        if not self._is_synchronised():
+            return f"this gateway's clock is not synchronised ({_UNSYNCHRONISED})"
         return None
 
     def _is_synchronised(self) -> bool:
-        """Return what the kernel said at most 10 s ago."""
+        """Return what the kernel said at most 10 s ago, or what the configuration says instead."""
+        if self._trust == "trusted":
+            return True
         now_s = self._read().up_s
         if self._asked_s is None or now_s - self._asked_s >= ASK_EVERY_S:
             self._answer = self._ask()

@@ -6,8 +6,8 @@ step changes their difference. So the difference now is compared with the one of
 1. while running, and over a restart of the gateway alone (same boot): it must be the same;
 2. over a restart of the machine: the machine's boot must lie after what the wall clock showed last.
 
-After a step the wall clock proves nothing about other clocks until the kernel has called it synchronised for
-SETTLED_S, without a further step. That doubt outlives the process.
+After a step the wall clock proves nothing about other clocks until the kernel, or the configuration, has
+called it synchronised for SETTLED_S, without a further step. That doubt outlives the process.
 """
 
 from __future__ import annotations

@@ -206,8 +206,10 @@ def test_the_bridge_reaches_the_edge_on_a_listener_that_the_kit_has(url: str, po
 
     conf = bridge_conf(config, CENTRAL, passwords, passwords)
 
+    listeners = broker_conf(config, has_bridge=True).split("\nlistener ")[1:]
     assert f"\naddress 127.0.0.1:{port}\n" in conf
-    assert broker_conf(config, has_bridge=True).count(f"\nlistener {port} 127.0.0.1\n") == 1
+    assert sum(each.startswith(f"{port} 127.0.0.1\n") for each in listeners) == 1
+    assert all("\nuse_username_as_clientid true\n" in each for each in listeners), "it is a listener's own"
     assert "127.0.0.1" not in broker_conf(site(NAMED), has_bridge=False)
 
 
@@ -246,6 +248,24 @@ def config_file(tmp_path: Path) -> Path:
     path = tmp_path / "site.toml"
     path.write_text(changed(NAMED), "utf-8")
     return path
+
+
+@needs_openssl
+def test_a_bridge_whose_commands_this_clock_refuses_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "site.toml"
+    name = 'name = "mcc1"'
+    path.write_text(changed(NAMED, DATED, (name, f'{name}\nclock = "untrusted"')), "utf-8")
+    kit = ["broker-kit", str(path), str(tmp_path / "kit")]
+
+    assert main(kit) == 0
+    without = capsys.readouterr().out
+    assert main([*kit, "--update", "--bridge", "central"]) == 0
+    bridged = capsys.readouterr().out
+
+    assert "need issued_at" not in without
+    assert "warning: operator alice: commands need issued_at, but the configuration does not" in bridged
 
 
 @needs_openssl

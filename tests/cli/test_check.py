@@ -114,6 +114,13 @@ def test_json_has_the_problems_of_a_wrong_configuration(
             [("mqtts://broker.plant:8883", "mqtt://broker"), ("[mqtt]", "[mqtt]\nallow_plaintext = true")],
             "mqtt.url: passwords and commands cross the network unencrypted",
         ),
+        (
+            [
+                ('name = "mcc1"', 'name = "mcc1"\nclock = "untrusted"'),
+                ('starters = ["pump-*"]', 'starters = ["pump-*"]\nfreshness = "issued_at"'),
+            ],
+            "operator alice: commands need issued_at, but the configuration does not trust",
+        ),
     ],
 )
 def test_what_is_right_but_unwise_is_a_warning(

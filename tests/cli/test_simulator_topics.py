@@ -9,6 +9,7 @@ import pytest
 
 from gateway.cli.demo.simulate import answer_to, simulator_topics
 from gateway.errors import UsageError
+from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.mqtt.contract.commands import Incoming
 from gateway.sim.factory import make_unit
 
@@ -60,5 +61,5 @@ def test_a_retained_message_sets_no_knob() -> None:
 
 async def test_only_a_broker_on_loopback_may_carry_them() -> None:
     with pytest.raises(UsageError, match="loopback"):
-        async with simulator_topics({}, host="broker.plant", port=1883):
+        async with simulator_topics({}, BrokerSettings("broker.plant", 1883, "simulator")):
             pytest.fail("connected")

@@ -29,6 +29,7 @@ async def demo(
         on_guide(program.output)
         broker = MosquittoBroker(folder / "unused")  # only its clients: the demo has a broker of its own
         broker.port = int(port[1])
+        broker.version = "mqttv311" if "amqtt (embedded" in program.output else broker.version
         async with broker.watch("starters/demo/#", "simulator/+/done") as watcher:
             scada = Scada(broker, watcher, base="starters/demo", client="demo")
             for starter in STARTERS:

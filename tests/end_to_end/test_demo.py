@@ -18,7 +18,7 @@ from gateway.sim.core.start_curve import start_curve
 from gateway.sim.factory import make_unit
 from tests.end_to_end.demo_site import demo
 from tests.end_to_end.site import Scada
-from tests.mosquitto import StartMosquitto, missing_programs
+from tests.mosquitto import StartMosquitto, _find, missing_programs
 
 pytestmark = pytest.mark.skipif(bool(missing_programs()), reason="mosquitto is not installed")
 
@@ -112,14 +112,15 @@ async def test_a_hand_at_the_starter_takes_control_and_power_away_and_gives_them
     assert "no number 'often'" in refused["error"]
 
 
-@pytest.mark.parametrize("has_clients", [True, False])
+@pytest.mark.parametrize("has_mosquitto", [True, False], ids=["Mosquitto", "the embedded broker"])
 async def test_every_command_of_the_guide_works_when_it_is_pasted(
-    tmp_path: Path, *, has_clients: bool
+    tmp_path: Path, *, has_mosquitto: bool
 ) -> None:
     tools = tmp_path / "tools"
     tools.mkdir()
-    for name in ("cut", "cat", *(("mosquitto_sub", "mosquitto_pub") if has_clients else ())):
-        (tools / name).symlink_to(shutil.which(name) or name)
+    mosquitto = ("mosquitto", "mosquitto_sub", "mosquitto_pub") if has_mosquitto else ()
+    for name in ("cut", "cat", *mosquitto):
+        (tools / name).symlink_to(_find(name) or name)
     environ = {"PATH": str(tools)}
     guides: list[str] = []
 
@@ -139,7 +140,8 @@ async def test_every_command_of_the_guide_works_when_it_is_pasted(
         await watcher.communicate()
 
     assert seen.startswith(b"starters/demo/")
-    assert ("mosquitto_sub" in guide) is has_clients
+    assert ("mosquitto_sub" in guide) is has_mosquitto
+    assert ("amqtt (embedded, MQTT 3.1.1 only)" in guides[0]) is not has_mosquitto
 
 
 async def pasted(commands: str, environ: Mapping[str, str], folder: Path) -> asyncio.subprocess.Process:

@@ -27,8 +27,9 @@ _CONTROL = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]")
 class Terminal:
     """A program on a terminal of its own, 40 lines of 150 signs."""
 
-    def __init__(self, *arguments: str) -> None:
+    def __init__(self, *arguments: str, path: str | None = None) -> None:
         self._arguments = arguments
+        self._path = {} if path is None else {"PATH": path}
         self._drawn = asyncio.Event()
         self.text = ""
 
@@ -43,7 +44,7 @@ class Terminal:
             stdin=theirs,
             stdout=theirs,
             stderr=theirs,
-            env={**environ, "TERM": "xterm"},
+            env={**environ, "TERM": "xterm", **self._path},
             start_new_session=True,
         )
         os.close(theirs)
@@ -111,8 +112,13 @@ async def test_without_a_terminal_the_table_is_printed_once(
         assert starter in program.output
 
 
-async def test_the_demo_shows_the_table_where_it_has_a_terminal_and_its_plant_runs() -> None:
-    async with Terminal("gateway", "demo", "--plant") as terminal:
+@pytest.mark.parametrize("has_mosquitto", [True, False], ids=["Mosquitto", "the embedded broker"])
+async def test_the_demo_shows_the_table_where_it_has_a_terminal_and_its_plant_runs(
+    tmp_path: Path, *, has_mosquitto: bool
+) -> None:
+    async with Terminal(
+        "gateway", "demo", "--plant", path=None if has_mosquitto else str(tmp_path)
+    ) as terminal:
         await terminal.shows(r"starters/demo +online +LIVE")
         await terminal.shows(r"pump +│ running .*demo start: confirmed")
         terminal.process.send_signal(signal.SIGINT)

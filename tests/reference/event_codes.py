@@ -275,7 +275,7 @@ EVENTS: Mapping[str, Mapping[str, Event]] = {
         ),
         "mqtt_3_1_1": Event(
             (WARNING,),
-            "The broker refuses MQTT 5, so 3.1.1 is used.",
+            "MQTT 3.1.1 is used: the broker refuses MQTT 5, or `mqtt.version` says so.",
             "Use a broker with MQTT 5: else retained commands cannot be distinguished.",
         ),
         "mqtt_5": Event((INFO,), "The broker takes MQTT 5 again.", _NOTHING),

@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING, Any
 from gateway import __version__
 from gateway.app.integrations.integration import Integration, IntegrationHost
 from gateway.app.site import Site
-from gateway.config.convert import rights_of, tls_of
+from gateway.config.convert import rights_of, tls_of, version_of
 from gateway.config.integration_tables import SparkplugTable
 from gateway.config.schema import Config
 from gateway.config.values import SCHEMES, split_url
-from gateway.mqtt.connection.reconnect import Version
 from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.mqtt.contract.commands import Incoming, Rejection
 from gateway.mqtt.contract.topics import Topics
@@ -32,7 +31,6 @@ NAME = "sparkplug"
 NOT_INSTALLED = "Sparkplug needs a package that is not here: pip install 'starter-gateway[sparkplug]'"
 FOLDER, NUMBERS_FILE = "sparkplug", "bdseq.json"  # in state_dir
 LARGEST_PACKET = 8192  # bytes: what a host may ask has half of it, topic and properties the rest
-_VERSIONS = {"auto": None, "5": Version.V5, "3.1.1": Version.V311}
 
 
 class SparkplugService:
@@ -149,7 +147,7 @@ def _servers(site: Site, table: SparkplugTable, seed: int) -> Iterable[BrokerSet
             username=table.username if is_own else mqtt.username,
             password=site.sparkplug_password,
             tls=tls if SCHEMES[split.scheme] == SCHEMES["mqtts"] else None,
-            version=_VERSIONS[table.mqtt_version],
+            version=version_of(table.mqtt_version),
             keepalive_s=table.keepalive_s,
             largest_packet=LARGEST_PACKET,
             seed=seed,

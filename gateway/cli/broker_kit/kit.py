@@ -150,12 +150,12 @@ def broker_conf(config: Config, *, has_bridge: bool) -> str:
     """Return Mosquitto's configuration, for its folder conf.d."""
     lines = [_HEAD]
     if config.mqtt.is_tls:
-        lines += [f"listener {config.mqtt.port}"]
+        lines += [f"listener {config.mqtt.port}", _OF_LISTENER]
         lines += [f"certfile {INSTALLED}/{CERT}", f"keyfile {INSTALLED}/{KEY}", "tls_version tlsv1.2"]
     else:
-        lines.append(f"listener {config.mqtt.port}{_loopback_of(config.mqtt.host)}")
+        lines += [f"listener {config.mqtt.port}{_loopback_of(config.mqtt.host)}", _OF_LISTENER]
     if has_bridge and edge_port(config) == LOOPBACK_PORT:
-        lines.append(f"# for the bridge\nlistener {LOOPBACK_PORT} 127.0.0.1")
+        lines += [f"# for the bridge\nlistener {LOOPBACK_PORT} 127.0.0.1", _OF_LISTENER]
     queued = _BRIDGED_QUEUE if has_bridge else _QUEUE
     return "\n".join([*lines, _RIGHTS.format(folder=INSTALLED), _RESOURCES.format(queued=queued)])
 
@@ -168,14 +168,16 @@ def _loopback_of(host: str) -> str:
 
 _HEAD = """\
 # Mosquitto for Starter Gateway, in /etc/mosquitto/conf.d/; written by `starter-gateway broker-kit`.
+#
+# A client's id is its login's name, whatever it says: no other client can disconnect it and receive its
+# stops by taking its id. So each login has one connection at a time: give each program a login of its own.
+# The line is a listener's own: a further listener needs it too.
 """
+_OF_LISTENER = "use_username_as_clientid true"
 _RIGHTS = """
 allow_anonymous false
 password_file {folder}/passwords
 acl_file {folder}/acl
-# A client's id is its login's name, whatever it says: no other client can disconnect it and receive its
-# stops by taking its id. So each login has one connection at a time: give each program a login of its own.
-use_username_as_clientid true
 """
 _RESOURCES = """\
 # Retained values and waiting sessions outlive a restart; every 5 s bounds what a power failure takes.

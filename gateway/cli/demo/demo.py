@@ -9,7 +9,6 @@ import shlex
 import shutil
 import sys
 import tempfile
-import uuid
 from collections.abc import Coroutine
 from contextlib import AsyncExitStack, suppress
 from pathlib import Path
@@ -17,12 +16,19 @@ from typing import Any
 
 from gateway.cli.command import flag
 from gateway.cli.demo.plant_day import BASE, run_plant
-from gateway.cli.demo.processes import PORT, demo_broker, demo_simulator, free_port, publish, watch
+from gateway.cli.demo.processes import (
+    PORT,
+    demo_broker,
+    demo_client,
+    demo_simulator,
+    free_port,
+    publish,
+    watch,
+)
 from gateway.cli.run import log_to_stderr, serve
 from gateway.cli.watch.watch import Watching, new_console
 from gateway.config.load import load
 from gateway.errors import GatewayError, UsageError
-from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.system.password_hash import password_line
 
 CONFIG = """\
@@ -32,6 +38,7 @@ state_dir = "{folder}/state"
 
 [mqtt]
 url = "mqtt://127.0.0.1:{port}"
+version = "{version}"
 
 [[line]]
 name = "virtual"
@@ -207,10 +214,10 @@ def page_of() -> tuple[str, str]:
 
 async def _demo(folder: Path, *, has_table: bool, has_plant: bool) -> None:
     async with AsyncExitStack() as stack:
-        port, broker = await stack.enter_async_context(demo_broker(folder))
+        port, broker, version = await stack.enter_async_context(demo_broker(folder))
         path = folder / "demo.toml"
         page, table = page_of()
-        path.write_text(CONFIG.format(folder=folder, port=port) + table, "utf-8")
+        path.write_text(CONFIG.format(folder=folder, port=port, version=version) + table, "utf-8")
         config = load(path)
         await stack.enter_async_context(demo_simulator(path, broker_port=port))
         has_clients = all(shutil.which(name) for name in ("mosquitto_sub", "mosquitto_pub"))
@@ -218,9 +225,8 @@ async def _demo(folder: Path, *, has_table: bool, has_plant: bool) -> None:
         if has_plant:
             _beside(stack, run_plant(port))
         if has_table:
-            settings = BrokerSettings("127.0.0.1", port, f"demo-table-{uuid.uuid4().hex[:8]}")
             print(f"The gateway's log is in {folder}/gateway.log\n", flush=True)
-            _beside(stack, Watching(settings, BASE).show(new_console(), is_full_screen=False))
+            _beside(stack, Watching(demo_client(port), BASE).show(new_console(), is_full_screen=False))
         await serve(path, config, None)
 
 

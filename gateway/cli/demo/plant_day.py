@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import time
 from typing import NamedTuple
 
-from gateway.cli.demo.processes import publish
-from gateway.client import Client
+from gateway.cli.demo.processes import demo_client, publish
 from gateway.errors import GatewayError
+from gateway.mqtt.connection.command_client import CommandClient, Order
+from gateway.mqtt.contract.topics import Topics
+from gateway.records import Phase
 
 log = logging.getLogger(__name__)
 
@@ -52,22 +55,25 @@ DAY = (
 
 async def run_plant(port: int) -> None:
     """Run day after day at the broker on this port, until cancelled; what fails is logged."""
-    client = Client(f"mqtt://127.0.0.1:{port}", base=BASE, client=CLIENT)
     while True:
         begun_s = asyncio.get_running_loop().time()
         for deed in DAY:
             await asyncio.sleep(max(begun_s + deed.at_s - asyncio.get_running_loop().time(), 0.0))
-            await _do(deed, client, port)
+            await _do(deed, port)
         await asyncio.sleep(max(begun_s + DAY_S - asyncio.get_running_loop().time(), 0.0))
 
 
-async def _do(deed: Deed, client: Client, port: int) -> None:
+async def _do(deed: Deed, port: int) -> None:
     try:
         if deed.setting:
             await publish(port, f"simulator/{deed.starter}/{deed.what}", deed.setting)
             return
-        result = await client.command(deed.starter, deed.what, within_s=RESULT_WITHIN_S)
-        if not result.is_confirmed:
-            log.warning("%s %s: %s %s", deed.starter, deed.what, result.phase, result.text)
+        client = CommandClient(demo_client(port), Topics(BASE))
+        order = Order(deed.starter, CLIENT, deed.what)
+        result = await client.send(
+            order, now_s=time.time(), within_s=RESULT_WITHIN_S, on_phase=lambda _: None
+        )
+        if result is None or result["phase"] != Phase.CONFIRMED:
+            log.warning("%s %s: %s", deed.starter, deed.what, result)
     except GatewayError as error:
         log.warning("%s %s: %s", deed.starter, deed.what, error)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import importlib.util
+import os
 import shutil
 import socket
 import sys
@@ -12,10 +13,11 @@ from asyncio.subprocess import DEVNULL, PIPE, Process
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from gateway.errors import BrokerError, PortError
 from gateway.mqtt.connection.command_client import connected
+from gateway.mqtt.connection.reconnect import Version
 from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.mqtt.contract.commands import Incoming
 from gateway.mqtt.contract.payloads import Message
@@ -26,20 +28,25 @@ REFUSED = 0x80  # reason codes from here on [MQTT5 2.4]
 _START_TIMEOUT_S = 20.0
 
 
-@asynccontextmanager
-async def demo_broker(folder: Path) -> AsyncIterator[tuple[int, str]]:
-    """Run a broker that any program on this machine may use; give its port and title.
+class DemoBroker(NamedTuple):
+    """A broker that runs, and which version of MQTT the demo's configuration states for it."""
 
-    BrokerError when none can be had.
-    """
+    port: int
+    title: str
+    version: str
+
+
+@asynccontextmanager
+async def demo_broker(folder: Path) -> AsyncIterator[DemoBroker]:
+    """Run a broker that any program on this machine may use; BrokerError when none can be had."""
     port = free_port(PORT)
-    title, command = _broker_command(folder, port)
+    broker, command = _broker_command(folder, port)
     with (folder / "broker.log").open("wb") as log:
         async with _process(*command, stdin=DEVNULL, stdout=log, stderr=log) as process:
             if not await _has_begun(process, port):
                 log_text = (folder / "broker.log").read_text(errors="replace").strip()
                 raise BrokerError(f"the demo's broker does not start: {log_text[-200:] or 'no message'}")
-            yield port, title
+            yield broker
 
 
 @asynccontextmanager
@@ -56,15 +63,15 @@ async def demo_simulator(config: Path, *, broker_port: int) -> AsyncIterator[Non
         yield
 
 
-def _broker_command(folder: Path, port: int) -> tuple[str, list[str]]:
-    """Return the title of the broker that is here, and how it is started."""
+def _broker_command(folder: Path, port: int) -> tuple[DemoBroker, list[str]]:
+    """Return the broker that is here, and how it is started; amqtt never answers a CONNECT of MQTT 5."""
     mosquitto = find_mosquitto()
     if mosquitto is not None:
         config = folder / "mosquitto.conf"
         config.write_text(
             f"listener {port} 127.0.0.1\nallow_anonymous true\npersistence false\nset_tcp_nodelay true\n"
         )
-        return "Mosquitto", [mosquitto, "-c", str(config)]
+        return DemoBroker(port, "Mosquitto", "auto"), [mosquitto, "-c", str(config)]
     if importlib.util.find_spec("amqtt") is None:
         raise BrokerError(
             "no broker: neither Mosquitto nor amqtt is installed",
@@ -76,12 +83,13 @@ def _broker_command(folder: Path, port: int) -> tuple[str, list[str]]:
         "plugins:\n  amqtt.plugins.authentication.AnonymousAuthPlugin:\n    allow_anonymous: true\n"
     )
     command = [sys.executable, "-m", "amqtt.scripts.broker_script", "-c", str(config)]
-    return "amqtt (embedded, MQTT 3.1.1 only)", command
+    return DemoBroker(port, "amqtt (embedded, MQTT 3.1.1 only)", Version.V311), command
 
 
 def find_mosquitto() -> str | None:
     """Return the path of the Mosquitto broker, which Debian keeps outside an ordinary user's PATH."""
-    return shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin")
+    folders = [each for bin_ in os.get_exec_path() for each in (bin_, str(Path(bin_).with_name("sbin")))]
+    return shutil.which("mosquitto", path=os.pathsep.join(folders))
 
 
 def free_port(wanted: int) -> int:
@@ -138,7 +146,7 @@ async def _process(*command: str, **streams: Any) -> AsyncIterator[Process]:
 
 async def watch(port: int, topic: str) -> None:
     """Print topic and payload of each message that comes, until the connection is lost or Ctrl-C."""
-    session, _ = await connected(_settings(port), on_incoming=_show)
+    session, _ = await connected(demo_client(port), on_incoming=_show)
     try:
         if not await session.subscribe(topic, with_retained=True):
             raise BrokerError(f"the broker on port {port} does not let {topic} be read")
@@ -151,7 +159,7 @@ async def watch(port: int, topic: str) -> None:
 async def publish(port: int, topic: str, payload: str) -> None:
     """Publish one message, not retained; BrokerError unless the broker has taken it."""
     acknowledged: asyncio.Queue[int] = asyncio.Queue()
-    session, _ = await connected(_settings(port), on_ack=lambda _, code: acknowledged.put_nowait(code))
+    session, _ = await connected(demo_client(port), on_ack=lambda _, code: acknowledged.put_nowait(code))
     try:
         session.publish(1, Message(topic, payload.encode(), qos=1, retain=False))
         code = await asyncio.wait_for(acknowledged.get(), ACKNOWLEDGED_WITHIN_S)
@@ -163,8 +171,10 @@ async def publish(port: int, topic: str, payload: str) -> None:
         raise BrokerError(f"the broker on port {port} does not let {topic} be written")
 
 
-def _settings(port: int) -> BrokerSettings:
-    return BrokerSettings("127.0.0.1", port, f"starter-gateway-demo-{uuid.uuid4().hex[:8]}")
+def demo_client(port: int) -> BrokerSettings:
+    """Return the way to a demo's broker by MQTT 3.1.1, which each of its brokers takes."""
+    client_id = f"starter-gateway-demo-{uuid.uuid4().hex[:8]}"
+    return BrokerSettings("127.0.0.1", port, client_id, version=Version.V311)
 
 
 def _show(message: Incoming) -> None:

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from gateway.cli.command import flag
-from gateway.config.convert import timing_of
+from gateway.config.convert import timing_of, version_of
 from gateway.config.load import load
 from gateway.config.schema import Config, LineTable, SimulatedMotorTable, StarterTable
 from gateway.config.values import is_loopback, split_url
@@ -101,9 +101,11 @@ async def simulate(
             way = f"{link} -> {lines[table.name].path}" if link is not None else lines[table.name].path
             print(f"line {table.name}: {way}, {table.baud} {table.framing}: {units}", flush=True)
         if knobs_at is not None:
-            host, port = knobs_at
-            await stack.enter_async_context(simulator_topics(_by_name(config, lines), host=host, port=port))
-            print(f"knobs: simulator/STARTER/KNOB at {host}:{port}; {', '.join(KNOBS)}", flush=True)
+            broker = BrokerSettings(
+                *knobs_at, f"simulator-{uuid.uuid4().hex[:8]}", version=version_of(config.mqtt.version)
+            )
+            await stack.enter_async_context(simulator_topics(_by_name(config, lines), broker))
+            print(f"knobs: simulator/STARTER/KNOB at {broker.address}; {', '.join(KNOBS)}", flush=True)
         await ending.wait()
 
 
@@ -185,16 +187,13 @@ _PAYLOAD_SHOWN = 40
 
 
 @asynccontextmanager
-async def simulator_topics(
-    units: Mapping[str, SimulatedUnit], *, host: str, port: int
-) -> AsyncIterator[None]:
+async def simulator_topics(units: Mapping[str, SimulatedUnit], broker: BrokerSettings) -> AsyncIterator[None]:
     """Serve the knobs of these starters at a broker on loopback; UsageError for another broker."""
-    if not is_loopback(host):
+    if not is_loopback(broker.host):
         raise UsageError(
-            f"broker {host}: the knobs of simulated starters stay on loopback (mqtt://127.0.0.1)"
+            f"broker {broker.host}: the knobs of simulated starters stay on loopback (mqtt://127.0.0.1)"
         )
     answers = Outbox(last_topic="", pack=_not_packed, max_rows=MOST_WAITING)
-    settings = BrokerSettings(host=host, port=port, client_id=f"simulator-{uuid.uuid4().hex[:8]}")
 
     def take(incoming: Incoming) -> None:
         answer = answer_to(units, incoming)
@@ -203,7 +202,7 @@ async def simulator_topics(
             connection.wake()
 
     connection = BrokerConnection(
-        settings, answers, command_filter=FILTER, will=lambda: None, on_incoming=take, on_link=_log_link
+        broker, answers, command_filter=FILTER, will=lambda: None, on_incoming=take, on_link=_log_link
     )
     running = asyncio.create_task(connection.run())
     try:

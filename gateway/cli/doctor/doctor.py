@@ -13,6 +13,7 @@ from gateway.cli.doctor.machine import (
     DoctorFinding,
     box_remarks,
     clock_remark,
+    dated_remark,
     latency_remark,
     state_dir_remark,
     wear_remarks,
@@ -73,6 +74,7 @@ async def _examine(config: Config, folder: Path, broker: BrokerAccess) -> list[D
             print(remark, flush=True)
 
     report(clock_remark())
+    report(dated_remark(config))
     state_dir = folder / config.gateway.state_dir
     report(state_dir_remark(state_dir))
     prospects = prospects_of(config)

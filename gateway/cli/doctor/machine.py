@@ -10,8 +10,10 @@ from pathlib import Path
 
 from gateway.app.capacity import LineCapacity
 from gateway.cli.doctor.speed import BoxSpeed, capacity, demands_of, excess, measured
+from gateway.config.schema import Config
 from gateway.errors import DamagedError
 from gateway.families.devices.findings import Weight
+from gateway.mqtt.contract.freshness import BY_ISSUED_AT, dated_alone
 from gateway.starters.commands.execution import SLOW_DISK_S
 from gateway.starters.policy.write_budget import WEAR_FILE, WRITES_BORNE, totals_in
 from gateway.storage.audit.segments import FOLDER as AUDIT
@@ -19,7 +21,7 @@ from gateway.storage.formats.catalogue import FORMATS
 from gateway.storage.json_file import JsonFile
 from gateway.storage.ledger import INTEND_WITHIN_S
 from gateway.storage.upkeep.state_copy import own_files
-from gateway.system.clock import kernel_says_synchronised
+from gateway.system.clock import ClockWatch, is_kernel_clock_synchronised, kernel_says_synchronised
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,15 +62,26 @@ def latency_remark(port: str, where: str, *, sysfs: Path = SYSFS_TTY) -> DoctorF
 
 
 def clock_remark(ask: Callable[[], bool | None] = kernel_says_synchronised) -> DoctorFinding:
-    """Return whether the clock is synchronised: times in topics and `issued_at` of commands depend on it."""
+    """Return whether the clock is synchronised: times in topics depend on it."""
     is_synchronised = ask()
     if is_synchronised is None:
         return DoctorFinding("clock", "whether it is synchronised is unknown here", Weight.NOTE)
     if not is_synchronised:
-        what = "is not synchronised: time stamps are wrong, commands need `token`, not `issued_at`"
+        what = "is not synchronised: time stamps may be wrong"
         hint = "install chrony, or switch systemd-timesyncd on"
         return DoctorFinding("clock", f"{what} ({hint})", Weight.WARNING)
     return DoctorFinding("clock", "is synchronised")
+
+
+def dated_remark(
+    config: Config, ask: Callable[[], bool] = is_kernel_clock_synchronised
+) -> DoctorFinding | None:
+    """Return the finding about operators of `issued_at` alone on a machine whose clock proves nothing."""
+    clients = dict.fromkeys(each.client for each in config.operators if each.freshness == BY_ISSUED_AT)
+    doubt = ClockWatch(config.gateway.clock, ask=ask).doubt()
+    if not clients or doubt is None:
+        return None
+    return DoctorFinding(f"operator {', '.join(clients)}", dated_alone(doubt), Weight.WARNING)
 
 
 def wear_remarks(folder: Path) -> list[DoctorFinding]:

@@ -165,7 +165,7 @@ def decision_of(
         )
     )
     if not is_proven:
-        raise trouble or _unproven(proof, made_s, tokens, moment)
+        raise trouble or _unproven(proof, freshness, tokens, moment)
     starts_s = [moment.now_s]
     starts_s += [] if made_s is None else [made_s]
     starts_s += [] if issued_age_s is None else [moment.now_s - issued_age_s]
@@ -211,10 +211,16 @@ def before_connection() -> CommandError:
     return CommandError("before_connection", text)
 
 
-def _unproven(proof: Proof, made_s: float | None, tokens: Tokens, moment: Moment) -> CommandError:
+def dated_alone(doubt: str | None) -> str:
+    """Return what commands of `freshness = "issued_at"` lack; `doubt` is of the gateway's clock."""
+    need = "commands need issued_at" + ("; send it" if doubt is None else f", but {doubt}")
+    return f'{need}; or, without a bridge, give the operator freshness = "token"'
+
+
+def _unproven(proof: Proof, freshness: Collection[str], tokens: Tokens, moment: Moment) -> CommandError:
     """Return what is missing, of a command with no proof that can be taken."""
-    if made_s is not None:
-        return CommandError("not_fresh", f"this operator's commands need issued_at{_with(moment)}")
+    if set(freshness) == {BY_ISSUED_AT}:
+        return CommandError("not_fresh", f"this operator's {dated_alone(moment.clock_doubt)}")
     if proof.boot not in (None, tokens.boot.token):
         text = f"boot is not the one in gateway/status; {_AGAIN} and its token"
         return CommandError("wrong_boot", text)
@@ -231,7 +237,3 @@ def _unproven(proof: Proof, made_s: float | None, tokens: Tokens, moment: Moment
     return CommandError(
         "not_fresh", "neither token nor issued_at is given; send the token of B/gateway/fresh"
     )
-
-
-def _with(moment: Moment) -> str:
-    return "" if moment.clock_doubt is None else f", which cannot be used now: {moment.clock_doubt}"

@@ -206,7 +206,7 @@ CODES: Mapping[str, Mapping[str, Code]] = {
         ),
         "not_fresh": Code(
             "Nothing proves that it is fresh.",
-            "Send the token of gateway/fresh, or issued_at by a right clock.",
+            "Send the token of gateway/fresh, or issued_at by synchronised clocks: the text says which.",
         ),
         "wrong_boot": Code(
             "Its boot is not the present one.", "Read gateway/fresh, decide again, send its token."

@@ -1,0 +1,113 @@
+"""`--prove` finds nothing wrong with any kind of kit: each listener, with or without a bridge."""
+
+from __future__ import annotations
+
+import itertools
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.end_to_end.deploy.kit_site import KitPlace, commands
+from tests.mosquitto import missing_programs
+
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(
+        bool(missing_programs()) or shutil.which("openssl") is None, reason="mosquitto or openssl is not here"
+    ),
+]
+
+SITE = """
+[gateway]
+name = "mcc1"
+
+[mqtt]
+url = "{url}"
+username = "mcc1"
+password_file = "mqtt.password"
+{tls}
+[[line]]
+name = "hall"
+port = "/dev/ttyHALL"
+baud = 19200
+framing = "8N2"
+
+[[line.starter]]
+name = "pump-1"
+address = 1
+family = "ssw07"
+
+[[operator]]
+client = "alice"
+may = ["*"]
+starters = ["*"]
+"""
+FULL = """
+[[operator]]
+client = "dispatch"
+may = ["start", "stop"]
+starters = ["*"]
+freshness = "issued_at"
+
+[homeassistant]
+operator = "alice"
+
+[sparkplug]
+group = "plant"
+urls = ["{url}"]
+username = "mcc1-spb"
+primary_host = "scada"
+commands = true
+operator = "dispatch"
+{tls}"""
+URLS = {
+    "TLS": "mqtts://localhost:{port}",
+    "this machine": "mqtt://localhost:{port}",
+    "another address of loopback": "mqtt://127.0.0.2:{port}",
+    "any address without TLS": "mqtt://0.0.0.0:{port}",  # to a client this machine
+}
+BRIDGES = {
+    "no bridge": "",
+    "bridge": " --bridge central.acme --bridge-base acme/site1/mcc1",
+    "bridge, same base": " --bridge central.acme:8884",
+}
+GUESTS = {
+    False: " --viewer '' --auditor ''",
+    True: " --viewer panel --viewer hall --auditor office --login alice-send=alice",
+}
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Iterator[KitPlace]:
+    made = KitPlace(tmp_path)
+    yield made
+    made.stop_broker()
+
+
+@pytest.mark.parametrize(
+    ("listener", "bridge", "is_full"),
+    [
+        *itertools.product(URLS, ("no bridge", "bridge"), (True,)),
+        *itertools.product(("TLS",), ("no bridge", "bridge"), (False,)),
+        ("TLS", "bridge, same base", True),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "full" if value else "bare",
+)
+def test_every_kind_of_kit_is_proved(place: KitPlace, listener: str, bridge: str, *, is_full: bool) -> None:
+    url = URLS[listener].format(port=place.port)
+    is_tls = url.startswith("mqtts:")
+    tls = 'ca_file = "plant-ca.pem"\n' if is_tls else "allow_plaintext = true\n"
+    place.config.parent.mkdir()
+    place.config.write_text((SITE + FULL * is_full).format(url=url, tls=tls), "utf-8")
+    write, *install, prove = (line for line in commands("4. Broker") if not line.startswith("apt-get"))
+    place.follow(write + BRIDGES[bridge] + GUESTS[is_full])
+    for line in install:
+        if is_tls or ".pem" not in line:
+            place.follow(line)
+
+    done = place.run(prove)
+
+    assert done.stdout.endswith(" probes, 0 wrong\n"), done.stdout + done.stderr
+    assert done.returncode == 0
