@@ -1,0 +1,263 @@
+"""Ten small examples of the five doors, and what the rig itself promises."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.rig.plant import Plant, run_cli
+from tests.rig.rows import (
+    Row,
+    clean_line,
+    command,
+    event,
+    fault,
+    frames,
+    msg,
+    never,
+    play,
+    reload,
+    result,
+    results,
+    retained,
+    row,
+    seen,
+)
+from tests.rig.sites import (
+    ALICE,
+    FOUR,
+    HOME_ASSISTANT,
+    LOGIN,
+    METRICS,
+    PASSWORD,
+    QUICK,
+    SPARKPLUG,
+    SSW07,
+    WEB,
+    operator,
+    starter,
+)
+
+READY, RUNNING, TRIPPED = "VB01 = 0x4102", "VB01 = 0x5123", "VB01 = 0x8000"
+
+SCENARIOS = [
+    row(
+        "the values of an SSW-07 are published with unit and quality",
+        given=SSW07,
+        then={
+            3.0: [
+                msg("starter/pump/value/current", value=0.0, unit="A", quality="good", qos=1, retain=True),
+                msg("starter/pump/availability", state="online"),
+                clean_line,
+            ]
+        },
+    ),
+    row(
+        "the state follows the words of the status register",
+        given=SSW07,
+        at={2.0: f"unit 1 {READY}", 4.0: f"pump {RUNNING}", 6.0: [f"pump {TRIPPED}", "pump P014 = 5"]},
+        then={
+            3.9: msg("starter/pump/state", state="ready", remote=True),
+            5.9: msg("starter/pump/state", state="running", bypass_closed=True),
+            8.5: msg("starter/pump/state", state="fault", fault=True),
+            8.6: msg("starter/pump/alarm/e05", active=True, severity="fault"),
+        },
+    ),
+    row(
+        "a start with a token is written once and confirmed",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at={3.0: command("pump/alice/start")},
+        then={
+            6.0: [
+                results("start accepted ok", "start written ok", "start confirmed ok"),
+                frames("pump", "05 00 64 ff 00"),
+                msg("starter/pump/state", state="running"),
+            ]
+        },
+    ),
+    row(
+        "a stop is written again and again until the motor stands",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at={
+            3.0: command("pump/alice/start"),
+            6.0: [f"pump {RUNNING}", command("pump/alice/stop")],
+            7.2: "pump VB01 = -",
+        },
+        then={
+            7.1: [result("stop written ok"), frames("pump", *3 * ["05 00 64 00 00"], since=6.0)],
+            8.0: [result("stop confirmed ok"), frames("pump", *3 * ["05 00 64 00 00"], since=6.0)],
+        },
+    ),
+    row(
+        "when the broker comes back everything retained is published again, then that the gateway is online",
+        given=SSW07,
+        at={5.0: "broker down", 20.0: "broker up"},
+        then={
+            19.0: never("starter/pump/value/current", since=5.1),
+            60.0: [
+                event("broker_away"),
+                seen("starter/pump/value/current", since=20.0),
+                msg("gateway/status", state="online"),
+            ],
+        },
+    ),
+    row(
+        "a reload adds a starter and leaves the others alone",
+        given=SSW07,
+        at={5.0: reload(SSW07 + starter("fan", 2, "ssw06"))},
+        then={
+            8.0: [
+                event("reloaded"),
+                msg("starter/fan/availability", state="online"),
+                never("starter/pump/availability", since=5.0),
+            ]
+        },
+    ),
+    row(
+        "a reload with a mistake is refused and changes nothing",
+        given=SSW07,
+        at={5.0: reload(SSW07 + "wrong = 1\n")},
+        then={8.0: [event("reload_refused"), msg("starter/pump/availability", state="online")]},
+    ),
+    row(
+        "a lost starter is offline, its values stale; it comes back",
+        given=SSW07,
+        at={5.0: fault("silent", "pump", for_s=30.0)},
+        then={
+            20.0: [
+                msg("starter/pump/availability", state="offline"),
+                msg("starter/pump/value/current", quality="stale"),
+            ],
+            60.0: msg("starter/pump/availability", state="online"),
+        },
+    ),
+    row(
+        "a client without the right is refused",
+        given=SSW07 + ALICE + operator("bob", may=("stop",)),
+        at={3.0: command("pump/bob/start")},
+        then={4.0: [result("start rejected not_allowed", client="bob"), frames("pump")]},
+    ),
+    row(
+        "Home Assistant is told of each starter",
+        given=SSW07 + HOME_ASSISTANT,
+        then={20.0: retained("homeassistant/device/+/config", device=...)},
+    ),
+]
+
+
+@pytest.mark.parametrize("row", SCENARIOS)
+def test_a_scenario(row: Row) -> None:
+    play(row)
+
+
+def test_a_start_from_the_page_needs_a_login_and_shows_its_phases() -> None:
+    with Plant(SSW07 + ALICE + WEB + LOGIN, sim={"pump": QUICK}) as plant:
+        plant.run(until=5.0)
+        token = plant.get("/api/v1/state").json["token"]
+        start = {"id": "1", "token": token}
+
+        refused = plant.post("/api/v1/command/pump/start", start)
+        plant.browser.log_in("anna", PASSWORD)
+        answer = plant.post("/api/v1/command/pump/start", start)
+
+        assert refused.status == 401
+        assert [phase["phase"] for phase in answer.json["phases"]] == ["accepted", "written", "confirmed"]
+        assert plant.starter("pump").writes == [(pytest.approx(5.0, abs=0.5), "05 00 64 ff 00")]
+
+
+def test_a_stream_of_the_page_shows_what_changes() -> None:
+    with Plant(SSW07 + WEB) as plant:
+        plant.run(until=5.0)
+        stream = plant.browser.stream("/api/v1/events")
+        plant.run(until=6.0)
+        plant.do(lambda: plant.lines["pumps"].turn("pump", "trip", "E05"))
+        plant.run(until=9.0)
+
+        assert stream.events[0][0] == "snapshot"
+        assert any("starter/pump/alarm/e05" in data.get("topics", {}) for _, data in stream.events)
+
+
+def test_prometheus_scrapes_the_gateway() -> None:
+    with Plant(SSW07 + WEB + METRICS) as plant:
+        plant.run(until=5.0)
+
+        assert "starter_gateway_starter_online{" in plant.get("/metrics").text
+        assert plant.get("/health").status == 200
+
+
+def test_sparkplug_publishes_births() -> None:
+    with Plant(SSW07 + SPARKPLUG) as plant:
+        plant.run(until=5.0)
+
+        assert [each.topic for each in plant.messages("spBv1.0/#")][:2] == [
+            "spBv1.0/plant/NBIRTH/plant",
+            "spBv1.0/plant/DBIRTH/plant/pump",
+        ]
+
+
+def test_a_wrong_configuration_ends_check_with_78() -> None:
+    with Plant(SSW07) as plant:
+        plant.write(SSW07.replace("ssw07", "ssw99"))
+
+        ran = plant.cli("check", "CONFIG")
+
+    assert ran.code == 78
+    assert "ssw99" in ran.err
+
+
+def test_a_command_line_sends_to_the_running_gateway() -> None:
+    with Plant(SSW07 + ALICE, sim={"pump": QUICK}) as plant:
+        plant.run(until=5.0)
+
+        ran = plant.cli("send", "CONFIG", "pump", "start", "--client", "alice")
+
+        assert (ran.code, plant.results()) == (
+            0,
+            ["start accepted ok", "start written ok", "start confirmed ok"],
+        )
+
+
+def test_a_restart_continues_with_the_same_state_and_broker() -> None:
+    with Plant(SSW07 + ALICE, sim={"pump": QUICK}) as plant:
+        plant.run(until=5.0)
+        plant.command("pump/alice/start", id="one")
+        plant.run(until=8.0)
+        plant.restart()
+        plant.run(until=12.0)
+        plant.command("pump/alice/start", id="one")
+        plant.run(until=13.0)
+
+        assert plant.messages("result/pump/alice")[-1].json["duplicate"] is True
+        assert len(plant.starter("pump").writes) == 1
+
+
+def test_a_killed_gateway_leaves_its_will() -> None:
+    with Plant(SSW07) as plant:
+        plant.run(until=5.0)
+        plant.kill()
+
+        assert plant.broker.retained[plant.topic("gateway/status")].json["state"] == "offline"
+
+
+def test_the_same_scenario_gives_the_same_bytes() -> None:
+    def day() -> str:
+        with Plant(FOUR + ALICE + SPARKPLUG + HOME_ASSISTANT + WEB) as plant:
+            plant.run(until=5.0)
+            plant.command("pump/alice/start")
+            plant.run(until=8.0)
+            plant.broker.drop()
+            plant.lines["pumps"].spoil("fan", for_s=2.0)
+            plant.run(until=30.0)
+            plant.restart()
+            plant.run(until=40.0)
+            plant.end()
+            return plant.transcript()
+
+    assert day() == day()
+
+
+def test_the_command_line_needs_no_plant() -> None:
+    ran = run_cli("decode", "ssw07", "holding", "3", "8150")
+
+    assert '"value": 815.0' in ran.out

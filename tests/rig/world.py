@@ -1,0 +1,252 @@
+"""The world of a scenario: virtual time, seeded chance, and threads that take turns with the loop.
+
+Whatever reads `time`, asks `secrets` for chance, or starts a thread gets the scenario's own, so that the same
+scenario gives the same bytes. Time passes only while the loop has nothing to do.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import os
+import queue
+import random
+import secrets
+import signal
+import threading
+import time
+import uuid
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from typing import Any
+from unittest.mock import patch
+
+from tests.virtual_time import VirtualTimeLoop
+
+START_S = 1000.0  # of the steady clock
+EPOCH_S = 1_795_219_200.0  # the wall time then: 2026-11-21T00:00:00Z
+
+
+class RigLoop(VirtualTimeLoop):
+    """A virtual loop without a signal, a thread or a socket of its own."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._jumping.skipped_s = START_S
+        self.handlers: dict[int, Callable[[], object]] = {}  # by signal
+
+    def add_signal_handler(self, number: int, call: Callable[..., object], *args: Any) -> None:
+        self.handlers[number] = lambda: call(*args)
+
+    def remove_signal_handler(self, number: int) -> bool:
+        return self.handlers.pop(number, None) is not None
+
+    def call_soon_threadsafe(self, call: Callable[..., object], *args: Any, **kwargs: Any) -> asyncio.Handle:
+        return self.call_soon(call, *args, **kwargs)  # a thread runs only while the loop waits for it
+
+    def run_in_executor(self, _executor: Any, call: Callable[..., Any], *args: Any) -> Any:
+        done = self.create_future()
+        try:
+            done.set_result(call(*args))
+        except Exception as error:
+            done.set_exception(error)
+        return done
+
+    # Wires (tests.rig.broker) in place of sockets
+
+    def add_reader(self, fd: Any, call: Callable[..., object], *args: Any) -> None:
+        _wire_or(super().add_reader, fd, "reader", call, *args)
+
+    def remove_reader(self, fd: Any) -> bool:
+        return _unwire_or(super().remove_reader, fd, "reader")
+
+    def add_writer(self, fd: Any, call: Callable[..., object], *args: Any) -> None:
+        _wire_or(super().add_writer, fd, "writer", call, *args)
+
+    def remove_writer(self, fd: Any) -> bool:
+        return _unwire_or(super().remove_writer, fd, "writer")
+
+
+def _wire_or(otherwise: Callable[..., Any], fd: Any, end: str, call: Callable[..., Any], *args: Any) -> None:
+    if hasattr(fd, "watch"):
+        fd.watch(end, (lambda: call(*args)) if args else call)
+    else:
+        otherwise(fd, call, *args)
+
+
+def _unwire_or(otherwise: Callable[[Any], bool], fd: Any, end: str) -> bool:
+    if hasattr(fd, "watch"):
+        fd.watch(end, None)
+        return True
+    return otherwise(fd)
+
+
+class _Turns:
+    """One thread runs at a time: the loop's, or one that it lets run until that waits for something."""
+
+    def __init__(self, loop: RigLoop) -> None:
+        self.loop = loop
+        self.back = threading.Semaphore(0)
+        self.main = threading.get_ident()
+        self.threads: list[Thread] = []
+        self.is_over = False
+
+    def give(self, thread: Thread) -> None:
+        """Let a thread run until it waits again or ends."""
+        if threading.get_ident() != self.main:
+            self.loop.call_soon(self.give, thread)
+        elif thread.is_waiting:
+            thread.is_waiting = False
+            thread.turn.release()
+            self.back.acquire()
+
+    def wait(self, waiters: list[Thread], timeout: float | None) -> None:
+        """Let the loop go on until somebody wakes this thread, or until the virtual time is over."""
+        thread = threading.current_thread()
+        if not isinstance(thread, Thread):
+            raise RuntimeError("the loop's own thread would wait for ever")
+        waiters.append(thread)
+        timer = None if timeout is None else self.loop.call_later(timeout, self.give, thread)
+        thread.is_waiting = True
+        self.back.release()
+        thread.turn.acquire()
+        if timer is not None:
+            timer.cancel()
+        if thread in waiters:
+            waiters.remove(thread)
+
+    def end(self) -> None:
+        """End every thread that still waits: its queue gives it None, as its owner would."""
+        self.is_over = True
+        for thread in self.threads:
+            if thread.is_waiting:
+                self.give(thread)
+        self.threads.clear()
+        self.is_over = False
+
+
+class Thread(threading.Thread):
+    """A thread that runs when the loop lets it."""
+
+    turns: _Turns
+    is_waiting = False
+
+    def start(self) -> None:
+        self.turn = threading.Semaphore(0)
+        self.turns.threads.append(self)
+        super().start()
+        self.turns.back.acquire()
+
+    def run(self) -> None:
+        try:
+            super().run()
+        finally:
+            self.turns.back.release()
+
+    def join(self, timeout: float | None = None) -> None:
+        if not self.is_waiting:  # else it waits for a time that does not pass meanwhile
+            super().join(timeout)
+
+
+class Queue:
+    """`queue.SimpleQueue`; what is put in is taken out at once by the thread that waits for it."""
+
+    turns: _Turns
+
+    def __init__(self) -> None:
+        self._items: deque[Any] = deque()
+        self._waiters: list[Thread] = []
+
+    def put(self, item: Any, block: bool = True, timeout: float | None = None) -> None:
+        self._items.append(item)
+        if self._waiters:
+            self.turns.give(self._waiters[0])
+
+    def get(self, block: bool = True, timeout: float | None = None) -> Any:
+        until_s = None if timeout is None else self.turns.loop.time() + timeout
+        while not self._items:
+            if self.turns.is_over:
+                return None
+            if not block or (until_s is not None and self.turns.loop.time() >= until_s):
+                raise queue.Empty
+            self.turns.wait(self._waiters, None if until_s is None else until_s - self.turns.loop.time())
+        return self._items.popleft()
+
+    def get_nowait(self) -> Any:
+        return self.get(block=False)
+
+    def qsize(self) -> int:
+        return len(self._items)
+
+    def empty(self) -> bool:
+        return not self._items
+
+
+class World:
+    """Time and chance as a scenario sees them."""
+
+    def __init__(self, seed: int = 0) -> None:
+        self.loop = RigLoop()
+        self.stepped_s = 0.0  # the wall clock
+        self.slept_s = 0.0  # the machine, which its steady clock does not show
+        self._dice = random.Random(seed)
+        self._turns: _Turns | None = None
+
+    def abandon(self) -> None:
+        """Let the process be gone: no task and no thread goes on."""
+        tasks = asyncio.all_tasks(self.loop)
+        for task in tasks:
+            task.cancel()
+        if tasks:
+            self.loop.run_until_complete(asyncio.wait(tasks))
+        if self._turns is not None:
+            self._turns.end()
+
+    def now_s(self) -> float:
+        """Return the seconds since the scenario's beginning."""
+        return self.loop.time() - START_S
+
+    def utc_s(self) -> float:
+        return EPOCH_S + self.now_s() + self.stepped_s + self.slept_s
+
+    def token_bytes(self, size: int | None = None) -> bytes:
+        return self._dice.randbytes(32 if size is None else size)
+
+    def _clock(self, number: int) -> float:
+        if number == time.CLOCK_REALTIME:
+            return self.utc_s()
+        return self.loop.time() + (self.slept_s if number == time.CLOCK_BOOTTIME else 0.0)
+
+    @contextmanager
+    def entered(self) -> Iterator[None]:
+        """Be what the process sees."""
+        turns = self._turns = _Turns(self.loop)
+        with ExitStack() as stack:
+            for owner, name, value in (
+                (time, "time", self.utc_s),
+                (time, "time_ns", lambda: int(self.utc_s() * 1e9)),
+                (time, "monotonic", self.loop.time),
+                (time, "clock_gettime", self._clock),
+                (secrets, "token_bytes", self.token_bytes),
+                (secrets, "randbits", self._dice.getrandbits),
+                (os, "urandom", self.token_bytes),
+                (uuid, "uuid4", lambda: uuid.UUID(bytes=self.token_bytes(16), version=4)),
+                (threading, "Thread", type("Thread", (Thread,), {"turns": turns})),
+                (queue, "SimpleQueue", type("Queue", (Queue,), {"turns": turns})),
+                (asyncio, "run", self.run),
+                (gc, "collect", lambda *_: 0),  # what a service does with its heap costs a test 30 ms
+                (gc, "freeze", lambda: None),
+                (gc, "unfreeze", lambda: None),
+                (gc, "set_threshold", lambda *_: None),
+            ):
+                stack.enter_context(patch.object(owner, name, value))
+            yield
+
+    def run(self, work: Any, **_: Any) -> Any:
+        """Run a coroutine to its end beside everything else; in place of `asyncio.run`."""
+        return self.loop.run_until_complete(work)
+
+    def signal(self, number: signal.Signals) -> None:
+        """Have the process's handler of a signal called."""
+        self.loop.call_soon(self.loop.handlers[number])
