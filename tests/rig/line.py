@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import gateway.families
-from gateway.sim.bus.faults import CutShort, Doubled, Impairment, Late, NoReply, Noisy, Reply, WrongUnit
+from gateway.sim.bus.faults import CutShort, Doubled, Impairment, Late, Noisy, NoReply, Reply, WrongUnit
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.controls import set_knob
 from gateway.sim.core.unit import SimulatedUnit

@@ -7,6 +7,7 @@ scenario gives the same bytes. Time passes only while the loop has nothing to do
 from __future__ import annotations
 
 import asyncio
+import functools
 import gc
 import os
 import queue
@@ -19,6 +20,7 @@ import uuid
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
@@ -49,7 +51,7 @@ class RigLoop(VirtualTimeLoop):
         done = self.create_future()
         try:
             done.set_result(call(*args))
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001 - whatever it raises is its caller's
             done.set_exception(error)
         return done
 
@@ -105,7 +107,7 @@ class _Turns:
         """Let the loop go on until somebody wakes this thread, or until the virtual time is over."""
         thread = threading.current_thread()
         if not isinstance(thread, Thread):
-            raise RuntimeError("the loop's own thread would wait for ever")
+            raise RuntimeError("the loop's own thread would wait for ever")  # noqa: TRY004
         waiters.append(thread)
         timer = None if timeout is None else self.loop.call_later(timeout, self.give, thread)
         thread.is_waiting = True
@@ -183,6 +185,13 @@ class Queue:
         return not self._items
 
 
+@functools.cache
+def _born_s() -> float:
+    """Return when this process began, in seconds of the machine's being up [proc(5), starttime]."""
+    fields = Path("/proc/self/stat").read_text("ascii").rpartition(")")[2].split()
+    return int(fields[19]) / os.sysconf("SC_CLK_TCK")
+
+
 class World:
     """Time and chance as a scenario sees them."""
 
@@ -216,7 +225,9 @@ class World:
     def _clock(self, number: int) -> float:
         if number == time.CLOCK_REALTIME:
             return self.utc_s()
-        return self.loop.time() + (self.slept_s if number == time.CLOCK_BOOTTIME else 0.0)
+        if number == time.CLOCK_BOOTTIME:  # as if this process had begun with the scenario
+            return _born_s() + self.now_s() + self.slept_s
+        return self.loop.time()
 
     @contextmanager
     def entered(self) -> Iterator[None]:
