@@ -7,8 +7,10 @@ the broker of its address. What a client sends arrives at once, what is sent to 
 from __future__ import annotations
 
 import asyncio
+import functools
 import json
 import os
+import re
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -23,6 +25,8 @@ from paho.mqtt.enums import MQTTErrorCode
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
+
+from tests.rig import sparkplug
 
 NOT_AUTHORIZED, TAKEN_OVER, WITH_WILL, LOST, KEEP_ALIVE = 0x87, 0x8E, 0x04, 0x80, 0x8D
 SHUTTING_DOWN = 0x8B
@@ -44,6 +48,9 @@ class Sent:
 
     @property
     def json(self) -> Any:
+        """Return what it says: JSON, or the metrics of Sparkplug."""
+        if self.topic.startswith("spBv1.0/") and "/STATE/" not in self.topic:
+            return sparkplug.decoded(self.payload)
         return json.loads(self.payload)
 
     def __str__(self) -> str:
@@ -51,9 +58,22 @@ class Sent:
         return f"{self.at_s:.3f} {self.topic} {flags} {self.payload.decode('utf-8', 'backslashreplace')}"
 
 
+def as_bytes(payload: Any) -> bytes:
+    """Return bytes, a text, or what becomes JSON as a payload."""
+    if isinstance(payload, bytes):
+        return payload
+    return (payload if isinstance(payload, str) else json.dumps(payload)).encode()
+
+
 def matches(pattern: str, topic: str) -> bool:
     """Return whether a topic is one of a filter's [MQTT5 4.7]."""
-    return paho.topic_matches_sub(pattern, topic)
+    return _compiled(pattern).fullmatch(topic) is not None
+
+
+@functools.lru_cache(maxsize=1000)
+def _compiled(pattern: str) -> re.Pattern[str]:
+    text = "/".join({"+": "[^/]*", "#": ".*"}.get(each) or re.escape(each) for each in pattern.split("/"))
+    return re.compile(text.removesuffix("/.*") + "(?:/.*)?" if text.endswith("/.*") else text, re.DOTALL)
 
 
 @dataclass
@@ -163,12 +183,8 @@ class Client(Connection):
 
     def publish(self, topic: str, payload: Any = b"", **properties: Any) -> int:
         """Publish bytes, a text, or what becomes JSON; return the broker's reason code."""
-        if isinstance(payload, str):
-            payload = payload.encode()
-        elif not isinstance(payload, bytes):
-            payload = json.dumps(payload).encode()
-        message = Sent(self.broker.now_s(), topic, payload, **{"qos": 1, "client": self.name, **properties})
-        return self.broker.publish(message)
+        properties = {"qos": 1, "client": self.name, **properties}
+        return self.broker.publish(Sent(self.broker.now_s(), topic, as_bytes(payload), **properties))
 
 
 @dataclass

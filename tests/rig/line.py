@@ -1,4 +1,4 @@
-"""A line of simulated starters that a scenario can disturb: raw words, lost and late replies, another starter.
+"""A line of simulated starters that a scenario can disturb.
 
 A starter that has raw words answers reads with them; all else is as the simulated starter has it.
 """

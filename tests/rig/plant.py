@@ -22,7 +22,8 @@ from gateway.app.io import Io
 from gateway.app.site import Site
 from gateway.cli.main import main
 from gateway.cli.run import serve_site
-from tests.rig.broker import Broker, Client, Sent, installed, matches
+from tests.rig import sparkplug
+from tests.rig.broker import Broker, Client, Sent, as_bytes, installed, matches
 from tests.rig.line import Line, Starter
 from tests.rig.web import Answer, Browser, NoSocket
 from tests.rig.world import START_S, World
@@ -256,14 +257,13 @@ class Plant:
 
     def publish(self, topic: str, payload: Any = b"", *, client: str = "test", **properties: Any) -> None:
         """Publish as some client, without a connection of its own."""
-        body = (
-            payload if isinstance(payload, bytes) else payload.encode() if isinstance(payload, str) else None
-        )
-        content = json.dumps(payload).encode() if body is None else body
-        message = Sent(
-            self.world.now_s(), self.topic(topic), content, **{"qos": 1, "client": client, **properties}
-        )
+        properties = {"qos": 1, "client": client, **properties}
+        message = Sent(self.world.now_s(), self.topic(topic), as_bytes(payload), **properties)
         self.do(lambda: self.broker.publish(message))
+
+    def sparkplug(self, metrics: Mapping[str, bool | float | str]) -> bytes:
+        """Return the payload of a Sparkplug command of this moment."""
+        return sparkplug.encoded(metrics, time_s=self.world.utc_s())
 
     def results(self, starter: str = "+", client: str = "+") -> list[str]:
         """Return the results so far: `verb phase code`."""

@@ -186,14 +186,21 @@ def test_prometheus_scrapes_the_gateway() -> None:
         assert plant.get("/health").status == 200
 
 
-def test_sparkplug_publishes_births() -> None:
-    with Plant(SSW07 + SPARKPLUG) as plant:
+def test_sparkplug_publishes_births_and_takes_a_hosts_stop() -> None:
+    node = SPARKPLUG + 'commands = true\noperator = "alice"\n'
+    with Plant(SSW07 + ALICE + node) as plant:
         plant.run(until=5.0)
+        births = plant.messages("spBv1.0/#")
+        data = plant.messages("spBv1.0/plant/DDATA/plant/pump")
+        plant.publish("spBv1.0/plant/DCMD/plant/pump", plant.sparkplug({"Command/Stop": True}))
+        plant.run(until=7.0)
 
-        assert [each.topic for each in plant.messages("spBv1.0/#")][:2] == [
+        assert [each.topic for each in births[:2]] == [
             "spBv1.0/plant/NBIRTH/plant",
             "spBv1.0/plant/DBIRTH/plant/pump",
         ]
+        assert any(each.json["metrics"].get("current") == 0.0 for each in data)
+        assert plant.results() == ["stop accepted ok", "stop written ok", "stop confirmed ok"]
 
 
 def test_a_wrong_configuration_ends_check_with_78() -> None:
