@@ -33,7 +33,7 @@ SHUTTING_DOWN = 0x8B
 
 
 @dataclass(frozen=True)
-class Sent:
+class PublishedMessage:
     """A message as the broker got it."""
 
     at_s: float  # since the scenario's beginning
@@ -83,7 +83,7 @@ class Subscription:
     retain_as_published: bool = False
 
 
-class Wire:
+class RigWire:
     """What the loop watches in place of a socket."""
 
     _never: int | None = None  # a descriptor that can never be read
@@ -96,9 +96,9 @@ class Wire:
         self.on_close: Callable[[], None] = lambda: None
 
     def fileno(self) -> int:
-        if Wire._never is None:
-            Wire._never = os.eventfd(0)
-        return Wire._never
+        if RigWire._never is None:
+            RigWire._never = os.eventfd(0)
+        return RigWire._never
 
     def setsockopt(self, *_: Any) -> None: ...
 
@@ -139,11 +139,11 @@ class Connection:
         self.broker = broker
         self.name = name
         self.version = version
-        self.will: Sent | None = None
+        self.will: PublishedMessage | None = None
         self.largest = 1 << 28
         self.subscriptions: dict[str, Subscription] = {}
 
-    def receive(self, message: Sent) -> None:
+    def receive(self, message: PublishedMessage) -> None:
         """Take a message that the broker delivers."""
         raise NotImplementedError
 
@@ -165,15 +165,15 @@ class Connection:
         return subscription.qos
 
 
-class Client(Connection):
+class RigClient(Connection):
     """A client of the test's own: publishes, subscribes, remembers what it got."""
 
     def __init__(self, broker: Broker, name: str) -> None:
         super().__init__(broker, name)
-        self.received: list[Sent] = []
+        self.received: list[PublishedMessage] = []
         broker.connections.append(self)
 
-    def receive(self, message: Sent) -> None:
+    def receive(self, message: PublishedMessage) -> None:
         self.received.append(replace(message, at_s=self.broker.now_s()))
 
     def lose(self, code: int) -> None: ...
@@ -184,7 +184,9 @@ class Client(Connection):
     def publish(self, topic: str, payload: Any = b"", **properties: Any) -> int:
         """Publish bytes, a text, or what becomes JSON; return the broker's reason code."""
         properties = {"qos": 1, "client": self.name, **properties}
-        return self.broker.publish(Sent(self.broker.now_s(), topic, as_bytes(payload), **properties))
+        return self.broker.publish(
+            PublishedMessage(self.broker.now_s(), topic, as_bytes(payload), **properties)
+        )
 
 
 @dataclass
@@ -193,8 +195,10 @@ class Broker:
 
     loop: asyncio.AbstractEventLoop
     now_s: Callable[[], float]
-    log: list[Sent] = field(default_factory=list)  # everything that any client published, wills too
-    retained: dict[str, Sent] = field(default_factory=dict)
+    log: list[PublishedMessage] = field(
+        default_factory=list
+    )  # everything that any client published, wills too
+    retained: dict[str, PublishedMessage] = field(default_factory=dict)
     connections: list[Connection] = field(default_factory=list)
     denied: list[tuple[str, str, str]] = field(default_factory=list)  # client glob, topic filter, read|write
     connack: dict[str, int] = field(default_factory=dict)  # properties, such as ReceiveMaximum
@@ -203,11 +207,12 @@ class Broker:
     ack_after_s: float | None = 0.0  # PUBACKs; None: they are lost
     is_up: bool = True
     is_stalled: bool = False
+    wires: list[RigWire] = field(default_factory=list)
     logins: list[tuple[str, str | None, str | None]] = field(default_factory=list)  # client, user, password
 
-    def client(self, name: str) -> Client:
+    def client(self, name: str) -> RigClient:
         """Return a new client of the test's."""
-        return Client(self, name)
+        return RigClient(self, name)
 
     def deny(self, client: str, pattern: str, access: str) -> None:
         """Let clients (a glob) not `read` or `write` what a filter names."""
@@ -234,9 +239,9 @@ class Broker:
     def stall(self, *, is_stalled: bool = True) -> None:
         """Stand still, with all connections open, or go on."""
         self.is_stalled = is_stalled
-        for each in self.connections:
-            if isinstance(each, PahoConnection):
-                each.wire.stall(is_stalled=is_stalled)
+        self.wires = [wire for wire in self.wires if not wire.is_closed]
+        for wire in self.wires:
+            wire.stall(is_stalled=is_stalled)
 
     def is_denied(self, client: str, topic: str, access: str) -> bool:
         return any(
@@ -244,12 +249,12 @@ class Broker:
             for who, pattern, how in self.denied
         )
 
-    def retained_now(self) -> list[Sent]:
+    def retained_now(self) -> list[PublishedMessage]:
         """Return what is retained and has not expired."""
         now_s = self.now_s()
         return [m for m in self.retained.values() if m.expiry_s is None or now_s < m.at_s + m.expiry_s]
 
-    def publish(self, message: Sent) -> int:
+    def publish(self, message: PublishedMessage) -> int:
         """Take a message and pass it on; return the code of its PUBACK."""
         if self.is_denied(message.client, message.topic, "write"):
             return NOT_AUTHORIZED
@@ -293,17 +298,20 @@ class PahoConnection(Connection):
     def __init__(self, broker: Broker, client: Any, keepalive_s: int, properties: Properties | None) -> None:
         super().__init__(broker, client._client_id.decode(), 5 if client._protocol == 5 else 4)
         self.client = client
-        self.wire = Wire(broker.loop)
+        self.wire = RigWire(broker.loop)
         self.wire.is_stalled = broker.is_stalled
         self.wire.on_close = self._closed
+        broker.wires.append(self.wire)
         self.outbox: deque[Callable[[], None]] = deque()
         self.largest = getattr(properties, "MaximumPacketSize", self.largest)
         self._keepalive_s = keepalive_s
-        self._heard_s = self._said_s = time.monotonic()
+        self._received_s = self._said_s = time.monotonic()
         self._pinged_s: float | None = None
         if client._will:
             topic, payload = client._will_topic.decode(), client._will_payload
-            self.will = Sent(0.0, topic, payload, client._will_qos, client._will_retain, self.name)
+            self.will = PublishedMessage(
+                0.0, topic, payload, client._will_qos, client._will_retain, self.name
+            )
         user, password = (None if x is None else x.decode() for x in (client._username, client._password))
         broker.logins.append((self.name, user, password))
 
@@ -332,7 +340,7 @@ class PahoConnection(Connection):
         if code:
             self._deliver(lambda: self._end(LOST))
 
-    def publish(self, mid: int, message: Sent) -> None:
+    def publish(self, mid: int, message: PublishedMessage) -> None:
         code = self.broker.publish(replace(message, at_s=self.broker.now_s()))
         if message.qos:
             said = ReasonCode(PacketTypes.PUBACK, identifier=code if self.version == 5 else 0)
@@ -355,7 +363,7 @@ class PahoConnection(Connection):
 
     # To the client
 
-    def receive(self, message: Sent) -> None:
+    def receive(self, message: PublishedMessage) -> None:
         if len(message.payload) + len(message.topic) + 16 > self.largest:
             return
         taken = paho.MQTTMessage(topic=message.topic.encode())
@@ -376,15 +384,15 @@ class PahoConnection(Connection):
 
     def read(self) -> None:
         if self.wire.inbox:
-            self._heard_s = time.monotonic()
+            self._received_s = time.monotonic()
             self.wire.inbox.popleft()()
 
     def look(self) -> None:
         """Send a ping when it is time for one; one that is not answered ends the connection."""
         now_s = time.monotonic()
-        if now_s - min(self._heard_s, self._said_s) < self._keepalive_s:
+        if now_s - min(self._received_s, self._said_s) < self._keepalive_s:
             return
-        if self._pinged_s is None or self._heard_s >= self._pinged_s:
+        if self._pinged_s is None or self._received_s >= self._pinged_s:
             self._pinged_s = self._said_s = now_s
             self.send(lambda: self._deliver(lambda: None))
         elif now_s - self._pinged_s >= self._keepalive_s:
@@ -436,7 +444,7 @@ class _Paho:
         connection.send(connection.connect)
         return MQTTErrorCode.MQTT_ERR_SUCCESS
 
-    def socket(self: Any) -> Wire | None:
+    def socket(self: Any) -> RigWire | None:
         return None if self._rig is None else self._rig.wire
 
     def want_write(self: Any) -> bool:
@@ -462,7 +470,7 @@ class _Paho:
             body = payload.encode() if isinstance(payload, str) else bytes(payload or b"")
             optional = ("MessageExpiryInterval", "ResponseTopic", "CorrelationData")
             more = (getattr(properties, name, None) for name in optional)
-            message = Sent(0.0, topic, body, qos, retain, connection.name, *more)
+            message = PublishedMessage(0.0, topic, body, qos, retain, connection.name, *more)
             connection.send(lambda: connection.publish(mid, message))
         return paho.MQTTMessageInfo(mid)
 

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import gateway.families
+from gateway.sim import controls
 from gateway.sim.bus.faults import CutShort, Doubled, Impairment, Late, Noisy, NoReply, Reply, WrongUnit
 from gateway.sim.bus.port import SimulatedLine
-from gateway.sim.controls import set_knob
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
 
@@ -46,7 +46,7 @@ class Delayed:
 class Starter:
     """One simulated starter; `words` are what it answers instead of its own, by table and address."""
 
-    def __init__(self, name: str, unit: SimulatedUnit, line: Line) -> None:
+    def __init__(self, name: str, unit: SimulatedUnit, line: RigLine) -> None:
         self.name = name
         self.line = line
         self.words: dict[tuple[int, int], int] = {}
@@ -101,7 +101,7 @@ class Starter:
         return bytes(answered)
 
 
-class Line:
+class RigLine:
     """The line of one port. `for_s` ends a fault by itself; without it `heal` does."""
 
     def __init__(self, name: str, call_later: Callable[..., Any], now_s: Callable[[], float]) -> None:
@@ -137,7 +137,7 @@ class Line:
     # Faults
 
     def silent(self, name: str, for_s: float | None = None) -> None:
-        """The starter does not hear its requests."""
+        """The starter does not get its requests."""
         starter = self.starters[name]
         starter.is_deaf = True
         self._end_later(for_s, lambda: setattr(starter, "is_deaf", False))
@@ -154,7 +154,7 @@ class Line:
         """The starter acts, but its replies are lost."""
         self.impair(name, NoReply(), for_s, count)
 
-    def spoil(self, name: str, for_s: float | None = None, count: int | None = None) -> None:
+    def garble(self, name: str, for_s: float | None = None, count: int | None = None) -> None:
         """Its replies arrive with wrong bits."""
         self.impair(name, Noisy(0.05), for_s, count)
 
@@ -163,7 +163,7 @@ class Line:
         self.impair(name, CutShort(), for_s, count)
 
     def delay(self, name: str, by_s: float, for_s: float | None = None, count: int | None = None) -> None:
-        """Its replies come later, perhaps when nobody waits for them any more."""
+        """Its replies come later, perhaps after the gateway has given them up."""
         self.impair(name, Delayed(by_s), for_s, count)
 
     def late(
@@ -207,10 +207,10 @@ class Line:
     def plug(self) -> None:
         self.bus.plug_in()
 
-    def turn(self, name: str, knob: str, setting: str = "") -> None:
+    def set_knob(self, name: str, knob: str, setting: str = "") -> None:
         """Do what a person beside the starter can do (`starter-gateway simulate --knobs`)."""
         self.bus.advance()
-        set_knob(self.starters[name].unit, knob, setting)
+        controls.set_knob(self.starters[name].unit, knob, setting)
 
     @property
     def violations(self) -> list[str]:

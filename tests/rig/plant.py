@@ -23,10 +23,10 @@ from gateway.app.site import Site
 from gateway.cli.main import main
 from gateway.cli.run import serve_site
 from tests.rig import sparkplug
-from tests.rig.broker import Broker, Client, Sent, as_bytes, installed, matches
-from tests.rig.line import Line, Starter
-from tests.rig.web import Answer, Browser, NoSocket
-from tests.rig.world import START_S, World
+from tests.rig.broker import Broker, PublishedMessage, RigClient, as_bytes, installed, matches
+from tests.rig.line import RigLine, Starter
+from tests.rig.web import NoSocket, WebAnswer, WebBrowser
+from tests.rig.world import START_S, RigWorld
 
 GATEWAY = '[gateway]\nname = "plant"\nstate_dir = "state"\nclock = "trusted"\n'
 MQTT = '[mqtt]\nurl = "mqtt://127.0.0.1"\n'
@@ -62,8 +62,8 @@ class _Bugs(logging.Handler):
             self.found.append(logging.Formatter().format(record))
 
 
-class Plant:
-    """A running gateway and all that is around it; `with Plant(toml) as plant`. See the package."""
+class RigPlant:
+    """A running gateway and all that is around it; `with RigPlant(toml) as plant`. See the package."""
 
     def __init__(
         self,
@@ -75,23 +75,23 @@ class Plant:
     ) -> None:
         self._sim = sim or {}  # by starter: options of the simulator; `family`: what is really there
         self._absent = absent
-        self.world = World(seed)
+        self.world = RigWorld(seed)
         self.loop = self.world.loop
         self.broker = Broker(self.loop, self.world.now_s)
         self.brokers: dict[tuple[str, int], Broker] = {}  # others, by host and port
-        self.lines: dict[str, Line] = {}
+        self.lines: dict[str, RigLine] = {}
         self.bugs = _Bugs()
         self.page: Any = None  # its ASGI application
-        self.browser = Browser(self._page_now, self.await_)
+        self.browser = WebBrowser(self._page_now, self.await_)
         self._stack = ExitStack()
-        self._ports: dict[str, Line] = {}
+        self._ports: dict[str, RigLine] = {}
         self._serving: asyncio.Task[None] | None = None
         self._ids = 0
         self._toml = toml
 
     # Its life
 
-    def __enter__(self) -> Plant:
+    def __enter__(self) -> RigPlant:
         try:
             self._stack.enter_context(self.world.entered())
             self._stack.enter_context(installed(lambda h, p: self.brokers.get((h, p), self.broker)))
@@ -163,7 +163,7 @@ class Plant:
     def _connect_starters(self, site: Site) -> None:
         for table in site.config.lines:
             if table.port not in self._ports:
-                line = Line(table.name, self.loop.call_later, self.world.now_s)
+                line = RigLine(table.name, self.loop.call_later, self.world.now_s)
                 self._ports[table.port] = line
             line = self.lines[table.name] = self._ports[table.port]
             for each in table.starters:
@@ -218,12 +218,12 @@ class Plant:
                     return each
         raise KeyError(name)
 
-    def line_of(self, starter: str) -> Line:
+    def line_of(self, starter: str) -> RigLine:
         return self.starter(starter).line
 
     # MQTT
 
-    def client(self, name: str) -> Client:
+    def client(self, name: str) -> RigClient:
         """Return a client at the broker."""
         return self.broker.client(name)
 
@@ -231,7 +231,7 @@ class Plant:
         """Return a topic of the contract below the gateway's base."""
         return topic if topic.startswith(("spBv1.0/", "homeassistant/", "/")) else f"{self.base}/{topic}"
 
-    def messages(self, topic: str = "#", since: float = 0.0) -> list[Sent]:
+    def messages(self, topic: str = "#", since: float = 0.0) -> list[PublishedMessage]:
         """Return what was published on the topics of a filter, by anyone."""
         pattern = self.topic(topic) if topic != "#" else topic
         return [each for each in self.broker.log if each.at_s >= since and matches(pattern, each.topic)]
@@ -258,7 +258,7 @@ class Plant:
     def publish(self, topic: str, payload: Any = b"", *, client: str = "test", **properties: Any) -> None:
         """Publish as some client, without a connection of its own."""
         properties = {"qos": 1, "client": client, **properties}
-        message = Sent(self.world.now_s(), self.topic(topic), as_bytes(payload), **properties)
+        message = PublishedMessage(self.world.now_s(), self.topic(topic), as_bytes(payload), **properties)
         self.do(lambda: self.broker.publish(message))
 
     def sparkplug(self, metrics: Mapping[str, bool | float | str]) -> bytes:
@@ -280,10 +280,10 @@ class Plant:
 
     # The page, and the command line
 
-    def get(self, path: str, **headers: str) -> Answer:
+    def get(self, path: str, **headers: str) -> WebAnswer:
         return self.browser.get(path, **headers)
 
-    def post(self, path: str, body: object = None, **headers: str) -> Answer:
+    def post(self, path: str, body: object = None, **headers: str) -> WebAnswer:
         return self.browser.post(path, body, **headers)
 
     def cli(self, *arguments: str) -> Ran:
@@ -295,4 +295,4 @@ class Plant:
         return self.page
 
 
-__all__ = ["START_S", "Plant", "Ran", "run_cli"]
+__all__ = ["START_S", "Ran", "RigPlant", "run_cli"]

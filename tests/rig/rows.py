@@ -12,11 +12,11 @@ from typing import Any
 
 import pytest
 
-from tests.rig.broker import Sent, matches
-from tests.rig.plant import Plant
+from tests.rig.broker import PublishedMessage, matches
+from tests.rig.plant import RigPlant
 
-Action = str | Callable[[Plant], object]
-Expectation = Callable[[Plant], str]  # returns what is wrong; empty: nothing
+Action = str | Callable[[RigPlant], object]
+Expectation = Callable[[RigPlant], str]  # returns what is wrong; empty: nothing
 
 _WORD = re.compile(
     r"(?:unit )?(\S+) (\w+[\w.]*|(?:coil|discrete|holding|input) \d+) = (-|\d+|0x[0-9a-fA-F]+)"
@@ -24,7 +24,7 @@ _WORD = re.compile(
 
 
 @dataclass(frozen=True)
-class Row:
+class ScenarioRow:
     """One scenario."""
 
     name: str
@@ -43,12 +43,12 @@ def row(
     **options: Any,
 ) -> Any:
     """Return a row for `pytest.mark.parametrize("row", ...)`; its name is a sentence."""
-    return pytest.param(Row(name, given, at or {}, then, options), id=name)
+    return pytest.param(ScenarioRow(name, given, at or {}, then, options), id=name)
 
 
-def play(row: Row) -> None:
+def play(row: ScenarioRow) -> None:
     """Run a scenario; at the same second what happens comes before what must have happened."""
-    with Plant(row.given, **row.options) as plant:
+    with RigPlant(row.given, **row.options) as plant:
         for at_s in sorted({*row.at, *row.then}):
             plant.run(until=at_s)
             for action in _each(row.at.get(at_s, ())):
@@ -57,7 +57,7 @@ def play(row: Row) -> None:
             assert not wrong, f"{row.name}, at {at_s} s: " + "\n".join(wrong)
 
 
-def act(plant: Plant, action: Action) -> None:
+def act(plant: RigPlant, action: Action) -> None:
     """Do one thing: a function of the plant, or words (README.md has the list)."""
     if callable(action):
         action(plant)
@@ -80,7 +80,7 @@ def act(plant: Plant, action: Action) -> None:
         plant.do(getattr(plant.lines[rest[0]], rest[1]))
     else:  # a knob of a simulated starter
         starter = plant.starter(what)
-        plant.do(lambda: starter.line.turn(starter.name, *rest))
+        plant.do(lambda: starter.line.set_knob(starter.name, *rest))
 
 
 # Actions
@@ -100,7 +100,7 @@ def reload(toml: str) -> Action:
 
 
 def fault(kind: str, starter: str, *args: Any, **options: Any) -> Action:
-    """Have the starter's line do it a wrong: a method of `Line` (`lose`, `spoil`, `silent`, ...)."""
+    """Have the starter's line do it a wrong: a method of `RigLine` (`lose`, `garble`, `silent`, ...)."""
     return lambda plant: plant.do(lambda: getattr(plant.line_of(starter), kind)(starter, *args, **options))
 
 
@@ -110,7 +110,7 @@ def fault(kind: str, starter: str, *args: Any, **options: Any) -> Action:
 def msg(topic: str, **fields: Any) -> Expectation:
     """The newest message of the topic has these fields."""
 
-    def check(plant: Plant) -> str:
+    def check(plant: RigPlant) -> str:
         found = plant.messages(topic)
         if not found:
             return f"nothing was published on {topic}"
@@ -122,7 +122,7 @@ def msg(topic: str, **fields: Any) -> Expectation:
 def seen(topic: str, *, times: int | None = None, since: float = 0.0, **fields: Any) -> Expectation:
     """Some message of the topic had these fields; or exactly so many had."""
 
-    def check(plant: Plant) -> str:
+    def check(plant: RigPlant) -> str:
         found = plant.messages(topic, since)
         count = sum(not _difference(each, fields) for each in found)
         if count == times if times is not None else count:
@@ -141,7 +141,7 @@ def never(topic: str, *, since: float = 0.0, **fields: Any) -> Expectation:
 def retained(topic: str, **fields: Any) -> Expectation:
     """The broker retains this; without fields: nothing on the topic."""
 
-    def check(plant: Plant) -> str:
+    def check(plant: RigPlant) -> str:
         found = [m for m in plant.broker.retained_now() if matches(plant.topic(topic), m.topic)]
         if not fields:
             return f"retained: {found[-1]}" if found else ""
@@ -172,8 +172,8 @@ def frames(starter: str, *pdus: str, since: float = 0.0) -> Expectation:
     )
 
 
-def clean_line(plant: Plant) -> str:
-    """The gateway kept every silence of its lines."""
+def clean_line(plant: RigPlant) -> str:
+    """The gateway has observed every silence of its lines."""
     return "\n".join(each for line in plant.lines.values() for each in line.violations)
 
 
@@ -188,7 +188,7 @@ def _unequal(expected: list[str], found: list[str]) -> str:
     return "" if expected == found else f"expected {expected}, found {found}"
 
 
-def _difference(message: Sent, fields: Mapping[str, Any]) -> str:
+def _difference(message: PublishedMessage, fields: Mapping[str, Any]) -> str:
     """Return how a message differs from the fields; `retain` and `qos` are the message's own."""
     for name in ("retain", "qos"):
         if name in fields and getattr(message, name) != fields[name]:

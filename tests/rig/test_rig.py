@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from tests.rig.plant import Plant, run_cli
-from tests.rig.rows import (
-    Row,
+from tests.rig import (
+    RigPlant,
+    ScenarioRow,
     clean_line,
     command,
     event,
@@ -20,6 +20,7 @@ from tests.rig.rows import (
     results,
     retained,
     row,
+    run_cli,
     seen,
 )
 from tests.rig.sites import (
@@ -139,7 +140,7 @@ SCENARIOS = [
         then={4.0: [result("start rejected not_allowed", client="bob"), frames("pump")]},
     ),
     row(
-        "Home Assistant is told of each starter",
+        "each starter is announced to Home Assistant",
         given=SSW07 + HOME_ASSISTANT,
         then={20.0: retained("homeassistant/device/+/config", device=...)},
     ),
@@ -147,12 +148,12 @@ SCENARIOS = [
 
 
 @pytest.mark.parametrize("row", SCENARIOS)
-def test_a_scenario(row: Row) -> None:
+def test_a_scenario(row: ScenarioRow) -> None:
     play(row)
 
 
 def test_a_start_from_the_page_needs_a_login_and_shows_its_phases() -> None:
-    with Plant(SSW07 + ALICE + WEB + LOGIN, sim={"pump": QUICK}) as plant:
+    with RigPlant(SSW07 + ALICE + WEB + LOGIN, sim={"pump": QUICK}) as plant:
         plant.run(until=5.0)
         token = plant.get("/api/v1/state").json["token"]
         start = {"id": "1", "token": token}
@@ -167,11 +168,11 @@ def test_a_start_from_the_page_needs_a_login_and_shows_its_phases() -> None:
 
 
 def test_a_stream_of_the_page_shows_what_changes() -> None:
-    with Plant(SSW07 + WEB) as plant:
+    with RigPlant(SSW07 + WEB) as plant:
         plant.run(until=5.0)
         stream = plant.browser.stream("/api/v1/events")
         plant.run(until=6.0)
-        plant.do(lambda: plant.lines["pumps"].turn("pump", "trip", "E05"))
+        plant.do(lambda: plant.lines["pumps"].set_knob("pump", "trip", "E05"))
         plant.run(until=9.0)
 
         assert stream.events[0][0] == "snapshot"
@@ -179,7 +180,7 @@ def test_a_stream_of_the_page_shows_what_changes() -> None:
 
 
 def test_prometheus_scrapes_the_gateway() -> None:
-    with Plant(SSW07 + WEB + METRICS) as plant:
+    with RigPlant(SSW07 + WEB + METRICS) as plant:
         plant.run(until=5.0)
 
         assert "starter_gateway_starter_online{" in plant.get("/metrics").text
@@ -188,7 +189,7 @@ def test_prometheus_scrapes_the_gateway() -> None:
 
 def test_sparkplug_publishes_births_and_takes_a_hosts_stop() -> None:
     node = SPARKPLUG + 'commands = true\noperator = "alice"\n'
-    with Plant(SSW07 + ALICE + node) as plant:
+    with RigPlant(SSW07 + ALICE + node) as plant:
         plant.run(until=5.0)
         births = plant.messages("spBv1.0/#")
         data = plant.messages("spBv1.0/plant/DDATA/plant/pump")
@@ -204,7 +205,7 @@ def test_sparkplug_publishes_births_and_takes_a_hosts_stop() -> None:
 
 
 def test_a_wrong_configuration_ends_check_with_78() -> None:
-    with Plant(SSW07) as plant:
+    with RigPlant(SSW07) as plant:
         plant.write(SSW07.replace("ssw07", "ssw99"))
 
         ran = plant.cli("check", "CONFIG")
@@ -214,7 +215,7 @@ def test_a_wrong_configuration_ends_check_with_78() -> None:
 
 
 def test_a_command_line_sends_to_the_running_gateway() -> None:
-    with Plant(SSW07 + ALICE, sim={"pump": QUICK}) as plant:
+    with RigPlant(SSW07 + ALICE, sim={"pump": QUICK}) as plant:
         plant.run(until=5.0)
 
         ran = plant.cli("send", "CONFIG", "pump", "start", "--client", "alice")
@@ -226,7 +227,7 @@ def test_a_command_line_sends_to_the_running_gateway() -> None:
 
 
 def test_a_restart_continues_with_the_same_state_and_broker() -> None:
-    with Plant(SSW07 + ALICE, sim={"pump": QUICK}) as plant:
+    with RigPlant(SSW07 + ALICE, sim={"pump": QUICK}) as plant:
         plant.run(until=5.0)
         plant.command("pump/alice/start", id="one")
         plant.run(until=8.0)
@@ -240,7 +241,7 @@ def test_a_restart_continues_with_the_same_state_and_broker() -> None:
 
 
 def test_a_killed_gateway_leaves_its_will() -> None:
-    with Plant(SSW07) as plant:
+    with RigPlant(SSW07) as plant:
         plant.run(until=5.0)
         plant.kill()
 
@@ -249,12 +250,12 @@ def test_a_killed_gateway_leaves_its_will() -> None:
 
 def test_the_same_scenario_gives_the_same_bytes() -> None:
     def day() -> str:
-        with Plant(FOUR + ALICE + SPARKPLUG + HOME_ASSISTANT + WEB) as plant:
+        with RigPlant(FOUR + ALICE + SPARKPLUG + HOME_ASSISTANT + WEB) as plant:
             plant.run(until=5.0)
             plant.command("pump/alice/start")
             plant.run(until=8.0)
             plant.broker.drop()
-            plant.lines["pumps"].spoil("fan", for_s=2.0)
+            plant.lines["pumps"].garble("fan", for_s=2.0)
             plant.run(until=30.0)
             plant.restart()
             plant.run(until=40.0)

@@ -32,7 +32,7 @@ class NoSocket:
 
 
 @dataclass
-class Answer:
+class WebAnswer:
     """What came back."""
 
     status: int = 0
@@ -60,7 +60,7 @@ class Answer:
         self._gone.set()
 
 
-class Browser:
+class WebBrowser:
     """Cookies and the token against forgery, as the page's script keeps them. `ask` runs on the loop."""
 
     def __init__(self, app: Callable[[], Any], run: Callable[[Awaitable[None]], None]) -> None:
@@ -68,10 +68,10 @@ class Browser:
         self._run = run
         self.cookie = self.csrf = ""
 
-    def get(self, path: str, **headers: str) -> Answer:
+    def get(self, path: str, **headers: str) -> WebAnswer:
         return self.ask("GET", path, headers=headers)
 
-    def post(self, path: str, body: object = None, **headers: str) -> Answer:
+    def post(self, path: str, body: object = None, **headers: str) -> WebAnswer:
         """Post JSON as the page does; headers are spelt with _ for -."""
         usual = {"content_type": "application/json", "origin": ORIGIN, "sec_fetch_site": "same-origin"}
         if self.csrf:
@@ -79,7 +79,7 @@ class Browser:
         content = body if isinstance(body, bytes) else json.dumps(body or {}).encode()
         return self.ask("POST", path, content, headers={**usual, **headers})
 
-    def log_in(self, user: str, password: str) -> Answer:
+    def log_in(self, user: str, password: str) -> WebAnswer:
         answer = self.post("/api/v1/login", {"user": user, "password": password})
         if answer.status == 200:
             self.csrf = answer.json["csrf"]
@@ -88,15 +88,15 @@ class Browser:
 
     def ask(
         self, method: str, path: str, body: bytes = b"", *, headers: Mapping[str, str] | None = None
-    ) -> Answer:
+    ) -> WebAnswer:
         """Send a request and return its whole answer."""
-        answer = Answer()
+        answer = WebAnswer()
         self._run(self._exchange(answer, method, path, body, headers or {}))
         return answer
 
-    def stream(self, path: str = "/api/v1/stream") -> Answer:
+    def stream(self, path: str = "/api/v1/stream") -> WebAnswer:
         """Begin a request whose answer goes on and on; what it says is in the answer as time passes."""
-        answer = Answer()
+        answer = WebAnswer()
 
         async def begin() -> None:
             answer.task = asyncio.ensure_future(self._exchange(answer, "GET", path, b"", {}))  # type: ignore[attr-defined]
@@ -105,7 +105,7 @@ class Browser:
         return answer
 
     async def _exchange(
-        self, answer: Answer, method: str, path: str, body: bytes, headers: Mapping[str, str]
+        self, answer: WebAnswer, method: str, path: str, body: bytes, headers: Mapping[str, str]
     ) -> None:
         given = {"host": HOST, **({"cookie": self.cookie} if self.cookie else {}), **headers}
         if body:

@@ -1,4 +1,4 @@
-"""The world of a scenario: virtual time, seeded chance, and threads that take turns with the loop.
+"""The world of a scenario: virtual time, seeded chance, and threads that take their time from the loop.
 
 Whatever reads `time`, asks `secrets` for chance, or starts a thread gets the scenario's own, so that the same
 scenario gives the same bytes. Time passes only while the loop has nothing to do.
@@ -84,35 +84,35 @@ def _unwire_or(otherwise: Callable[[Any], bool], fd: Any, end: str) -> bool:
     return otherwise(fd)
 
 
-class _Turns:
+class _Baton:
     """One thread runs at a time: the loop's, or one that it lets run until that waits for something."""
 
     def __init__(self, loop: RigLoop) -> None:
         self.loop = loop
         self.back = threading.Semaphore(0)
         self.main = threading.get_ident()
-        self.threads: list[Thread] = []
+        self.threads: list[RigThread] = []
         self.is_over = False
 
-    def give(self, thread: Thread) -> None:
+    def give(self, thread: RigThread) -> None:
         """Let a thread run until it waits again or ends."""
         if threading.get_ident() != self.main:
             self.loop.call_soon(self.give, thread)
         elif thread.is_waiting:
             thread.is_waiting = False
-            thread.turn.release()
+            thread.go.release()
             self.back.acquire()
 
-    def wait(self, waiters: list[Thread], timeout: float | None) -> None:
+    def wait(self, waiters: list[RigThread], timeout: float | None) -> None:
         """Let the loop go on until somebody wakes this thread, or until the virtual time is over."""
         thread = threading.current_thread()
-        if not isinstance(thread, Thread):
-            raise RuntimeError("the loop's own thread would wait for ever")  # noqa: TRY004
+        if not isinstance(thread, RigThread):
+            raise RuntimeError("the loop's own thread cannot wait")  # noqa: TRY004
         waiters.append(thread)
         timer = None if timeout is None else self.loop.call_later(timeout, self.give, thread)
         thread.is_waiting = True
         self.back.release()
-        thread.turn.acquire()
+        thread.go.acquire()
         if timer is not None:
             timer.cancel()
         if thread in waiters:
@@ -128,51 +128,51 @@ class _Turns:
         self.is_over = False
 
 
-class Thread(threading.Thread):
+class RigThread(threading.Thread):
     """A thread that runs when the loop lets it."""
 
-    turns: _Turns
+    baton: _Baton
     is_waiting = False
 
     def start(self) -> None:
-        self.turn = threading.Semaphore(0)
-        self.turns.threads.append(self)
+        self.go = threading.Semaphore(0)
+        self.baton.threads.append(self)
         super().start()
-        self.turns.back.acquire()
+        self.baton.back.acquire()
 
     def run(self) -> None:
         try:
             super().run()
         finally:
-            self.turns.back.release()
+            self.baton.back.release()
 
     def join(self, timeout: float | None = None) -> None:
         if not self.is_waiting:  # else it waits for a time that does not pass meanwhile
             super().join(timeout)
 
 
-class Queue:
+class RigQueue:
     """`queue.SimpleQueue`; what is put in is taken out at once by the thread that waits for it."""
 
-    turns: _Turns
+    baton: _Baton
 
     def __init__(self) -> None:
         self._items: deque[Any] = deque()
-        self._waiters: list[Thread] = []
+        self._waiters: list[RigThread] = []
 
     def put(self, item: Any, block: bool = True, timeout: float | None = None) -> None:
         self._items.append(item)
         if self._waiters:
-            self.turns.give(self._waiters[0])
+            self.baton.give(self._waiters[0])
 
     def get(self, block: bool = True, timeout: float | None = None) -> Any:
-        until_s = None if timeout is None else self.turns.loop.time() + timeout
+        until_s = None if timeout is None else self.baton.loop.time() + timeout
         while not self._items:
-            if self.turns.is_over:
+            if self.baton.is_over:
                 return None
-            if not block or (until_s is not None and self.turns.loop.time() >= until_s):
+            if not block or (until_s is not None and self.baton.loop.time() >= until_s):
                 raise queue.Empty
-            self.turns.wait(self._waiters, None if until_s is None else until_s - self.turns.loop.time())
+            self.baton.wait(self._waiters, None if until_s is None else until_s - self.baton.loop.time())
         return self._items.popleft()
 
     def get_nowait(self) -> Any:
@@ -192,7 +192,7 @@ def _born_s() -> float:
     return int(fields[19]) / os.sysconf("SC_CLK_TCK")
 
 
-class World:
+class RigWorld:
     """Time and chance as a scenario sees them."""
 
     def __init__(self, seed: int = 0) -> None:
@@ -200,7 +200,7 @@ class World:
         self.stepped_s = 0.0  # the wall clock
         self.slept_s = 0.0  # the machine, which its steady clock does not show
         self._dice = random.Random(seed)
-        self._turns: _Turns | None = None
+        self._baton: _Baton | None = None
 
     def abandon(self) -> None:
         """Let the process be gone: no task and no thread goes on."""
@@ -209,8 +209,8 @@ class World:
             task.cancel()
         if tasks:
             self.loop.run_until_complete(asyncio.wait(tasks))
-        if self._turns is not None:
-            self._turns.end()
+        if self._baton is not None:
+            self._baton.end()
 
     def now_s(self) -> float:
         """Return the seconds since the scenario's beginning."""
@@ -232,7 +232,7 @@ class World:
     @contextmanager
     def entered(self) -> Iterator[None]:
         """Be what the process sees."""
-        turns = self._turns = _Turns(self.loop)
+        baton = self._baton = _Baton(self.loop)
         with ExitStack() as stack:
             for owner, name, value in (
                 (time, "time", self.utc_s),
@@ -243,8 +243,8 @@ class World:
                 (secrets, "randbits", self._dice.getrandbits),
                 (os, "urandom", self.token_bytes),
                 (uuid, "uuid4", lambda: uuid.UUID(bytes=self.token_bytes(16), version=4)),
-                (threading, "Thread", type("Thread", (Thread,), {"turns": turns})),
-                (queue, "SimpleQueue", type("Queue", (Queue,), {"turns": turns})),
+                (threading, "Thread", type("Thread", (RigThread,), {"baton": baton})),
+                (queue, "SimpleQueue", type("SimpleQueue", (RigQueue,), {"baton": baton})),
                 (asyncio, "run", self.run),
                 (gc, "collect", lambda *_: 0),  # what a service does with its heap costs a test 30 ms
                 (gc, "freeze", lambda: None),
