@@ -1,10 +1,10 @@
 """The rig of five doors: a whole gateway in virtual time, and tables of scenarios. README.md says how.
 
-TOML goes in (`RigPlant`, pieces in `tests.rig.sites`), words on a simulated line (`RigLine`), messages at a broker in
-memory (`Broker`), requests at the page (`WebBrowser`), and commands at the command line (`run_cli`).
+TOML goes in (`RigPlant`, pieces in `tests.rig.sites`), words on a simulated line (`RigLine`), messages at a
+broker in memory (`Broker`), requests at the page (`WebBrowser`), commands (`run_cli`).
 """
 
-from tests.rig.broker import Broker, PublishedMessage, RigClient
+from tests.rig.broker import Broker, MqttMessage, RigClient
 from tests.rig.line import RigLine, Starter
 from tests.rig.plant import Ran, RigPlant, run_cli
 from tests.rig.rows import (
@@ -30,7 +30,7 @@ from tests.rig.web import WebAnswer, WebBrowser
 
 __all__ = [
     "Broker",
-    "PublishedMessage",
+    "MqttMessage",
     "Ran",
     "RigClient",
     "RigLine",

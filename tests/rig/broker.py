@@ -33,7 +33,7 @@ SHUTTING_DOWN = 0x8B
 
 
 @dataclass(frozen=True)
-class PublishedMessage:
+class MqttMessage:
     """A message as the broker got it."""
 
     at_s: float  # since the scenario's beginning
@@ -139,11 +139,11 @@ class Connection:
         self.broker = broker
         self.name = name
         self.version = version
-        self.will: PublishedMessage | None = None
+        self.will: MqttMessage | None = None
         self.largest = 1 << 28
         self.subscriptions: dict[str, Subscription] = {}
 
-    def receive(self, message: PublishedMessage) -> None:
+    def receive(self, message: MqttMessage) -> None:
         """Take a message that the broker delivers."""
         raise NotImplementedError
 
@@ -170,10 +170,10 @@ class RigClient(Connection):
 
     def __init__(self, broker: Broker, name: str) -> None:
         super().__init__(broker, name)
-        self.received: list[PublishedMessage] = []
+        self.received: list[MqttMessage] = []
         broker.connections.append(self)
 
-    def receive(self, message: PublishedMessage) -> None:
+    def receive(self, message: MqttMessage) -> None:
         self.received.append(replace(message, at_s=self.broker.now_s()))
 
     def lose(self, code: int) -> None: ...
@@ -184,9 +184,7 @@ class RigClient(Connection):
     def publish(self, topic: str, payload: Any = b"", **properties: Any) -> int:
         """Publish bytes, a text, or what becomes JSON; return the broker's reason code."""
         properties = {"qos": 1, "client": self.name, **properties}
-        return self.broker.publish(
-            PublishedMessage(self.broker.now_s(), topic, as_bytes(payload), **properties)
-        )
+        return self.broker.publish(MqttMessage(self.broker.now_s(), topic, as_bytes(payload), **properties))
 
 
 @dataclass
@@ -195,10 +193,8 @@ class Broker:
 
     loop: asyncio.AbstractEventLoop
     now_s: Callable[[], float]
-    log: list[PublishedMessage] = field(
-        default_factory=list
-    )  # everything that any client published, wills too
-    retained: dict[str, PublishedMessage] = field(default_factory=dict)
+    log: list[MqttMessage] = field(default_factory=list)  # everything that any client published, wills too
+    retained: dict[str, MqttMessage] = field(default_factory=dict)
     connections: list[Connection] = field(default_factory=list)
     denied: list[tuple[str, str, str]] = field(default_factory=list)  # client glob, topic filter, read|write
     connack: dict[str, int] = field(default_factory=dict)  # properties, such as ReceiveMaximum
@@ -249,12 +245,12 @@ class Broker:
             for who, pattern, how in self.denied
         )
 
-    def retained_now(self) -> list[PublishedMessage]:
+    def retained_now(self) -> list[MqttMessage]:
         """Return what is retained and has not expired."""
         now_s = self.now_s()
         return [m for m in self.retained.values() if m.expiry_s is None or now_s < m.at_s + m.expiry_s]
 
-    def publish(self, message: PublishedMessage) -> int:
+    def publish(self, message: MqttMessage) -> int:
         """Take a message and pass it on; return the code of its PUBACK."""
         if self.is_denied(message.client, message.topic, "write"):
             return NOT_AUTHORIZED
@@ -309,9 +305,7 @@ class PahoConnection(Connection):
         self._pinged_s: float | None = None
         if client._will:
             topic, payload = client._will_topic.decode(), client._will_payload
-            self.will = PublishedMessage(
-                0.0, topic, payload, client._will_qos, client._will_retain, self.name
-            )
+            self.will = MqttMessage(0.0, topic, payload, client._will_qos, client._will_retain, self.name)
         user, password = (None if x is None else x.decode() for x in (client._username, client._password))
         broker.logins.append((self.name, user, password))
 
@@ -340,7 +334,7 @@ class PahoConnection(Connection):
         if code:
             self._deliver(lambda: self._end(LOST))
 
-    def publish(self, mid: int, message: PublishedMessage) -> None:
+    def publish(self, mid: int, message: MqttMessage) -> None:
         code = self.broker.publish(replace(message, at_s=self.broker.now_s()))
         if message.qos:
             said = ReasonCode(PacketTypes.PUBACK, identifier=code if self.version == 5 else 0)
@@ -363,7 +357,7 @@ class PahoConnection(Connection):
 
     # To the client
 
-    def receive(self, message: PublishedMessage) -> None:
+    def receive(self, message: MqttMessage) -> None:
         if len(message.payload) + len(message.topic) + 16 > self.largest:
             return
         taken = paho.MQTTMessage(topic=message.topic.encode())
@@ -470,7 +464,7 @@ class _Paho:
             body = payload.encode() if isinstance(payload, str) else bytes(payload or b"")
             optional = ("MessageExpiryInterval", "ResponseTopic", "CorrelationData")
             more = (getattr(properties, name, None) for name in optional)
-            message = PublishedMessage(0.0, topic, body, qos, retain, connection.name, *more)
+            message = MqttMessage(0.0, topic, body, qos, retain, connection.name, *more)
             connection.send(lambda: connection.publish(mid, message))
         return paho.MQTTMessageInfo(mid)
 

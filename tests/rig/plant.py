@@ -23,7 +23,7 @@ from gateway.app.site import Site
 from gateway.cli.main import main
 from gateway.cli.run import serve_site
 from tests.rig import sparkplug
-from tests.rig.broker import Broker, PublishedMessage, RigClient, as_bytes, installed, matches
+from tests.rig.broker import Broker, MqttMessage, RigClient, as_bytes, installed, matches
 from tests.rig.line import RigLine, Starter
 from tests.rig.web import NoSocket, WebAnswer, WebBrowser
 from tests.rig.world import START_S, RigWorld
@@ -231,7 +231,7 @@ class RigPlant:
         """Return a topic of the contract below the gateway's base."""
         return topic if topic.startswith(("spBv1.0/", "homeassistant/", "/")) else f"{self.base}/{topic}"
 
-    def messages(self, topic: str = "#", since: float = 0.0) -> list[PublishedMessage]:
+    def messages(self, topic: str = "#", since: float = 0.0) -> list[MqttMessage]:
         """Return what was published on the topics of a filter, by anyone."""
         pattern = self.topic(topic) if topic != "#" else topic
         return [each for each in self.broker.log if each.at_s >= since and matches(pattern, each.topic)]
@@ -258,7 +258,7 @@ class RigPlant:
     def publish(self, topic: str, payload: Any = b"", *, client: str = "test", **properties: Any) -> None:
         """Publish as some client, without a connection of its own."""
         properties = {"qos": 1, "client": client, **properties}
-        message = PublishedMessage(self.world.now_s(), self.topic(topic), as_bytes(payload), **properties)
+        message = MqttMessage(self.world.now_s(), self.topic(topic), as_bytes(payload), **properties)
         self.do(lambda: self.broker.publish(message))
 
     def sparkplug(self, metrics: Mapping[str, bool | float | str]) -> bytes:

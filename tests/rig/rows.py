@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from tests.rig.broker import PublishedMessage, matches
+from tests.rig.broker import MqttMessage, matches
 from tests.rig.plant import RigPlant
 
 Action = str | Callable[[RigPlant], object]
@@ -188,7 +188,7 @@ def _unequal(expected: list[str], found: list[str]) -> str:
     return "" if expected == found else f"expected {expected}, found {found}"
 
 
-def _difference(message: PublishedMessage, fields: Mapping[str, Any]) -> str:
+def _difference(message: MqttMessage, fields: Mapping[str, Any]) -> str:
     """Return how a message differs from the fields; `retain` and `qos` are the message's own."""
     for name in ("retain", "qos"):
         if name in fields and getattr(message, name) != fields[name]:
