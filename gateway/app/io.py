@@ -30,4 +30,4 @@ class Io:
     make_web_server: Callable[..., Any] | None = None  # as `gateway.web.server.Server`, which is the default
 
 
-MACHINE = Io()
+MACHINE = Io()  # what commands use that open ports themselves

@@ -17,11 +17,14 @@ from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any
+from unittest.mock import patch
 
+import gateway.app.io
 from gateway.app.io import Io
 from gateway.app.site import Site
 from gateway.cli.main import main
 from gateway.cli.run import serve_site
+from gateway.errors import PortError
 from tests.rig import sparkplug
 from tests.rig.broker import Broker, MqttMessage, RigClient, as_bytes, installed, matches
 from tests.rig.line import RigLine, Starter
@@ -88,6 +91,18 @@ class RigPlant:
         self._serving: asyncio.Task[None] | None = None
         self._ids = 0
         self._toml = toml
+        self._outside = Io(
+            make_opener=self._opener,
+            has_line_thread=False,
+            is_clock_synchronised=lambda: self.is_clock_synchronised,
+            make_web_server=partial(NoSocket, partial(setattr, self, "page")),
+        )
+        self.is_clock_synchronised = True  # as the kernel says; asked with `clock = "auto"`
+
+    def _opener(self, port: str, timing: Any) -> Any:
+        if port not in self._ports:
+            raise PortError(port, "no such port")
+        return self._ports[port].lay(timing).opener(timing=timing)
 
     # Its life
 
@@ -95,6 +110,7 @@ class RigPlant:
         try:
             self._stack.enter_context(self.world.entered())
             self._stack.enter_context(installed(lambda h, p: self.brokers.get((h, p), self.broker)))
+            self._stack.enter_context(patch.object(gateway.app.io, "MACHINE", self._outside))
             folder = tempfile.TemporaryDirectory(prefix="rig-", dir=SHM if SHM.is_dir() else None)
             self.folder = Path(self._stack.enter_context(folder))
             self.path = self.folder / "site.toml"
@@ -124,13 +140,8 @@ class RigPlant:
         site = Site.read(self.path, {})
         self.base = site.config.base
         self._connect_starters(site)
-        outside = Io(
-            make_opener=lambda port, timing: self._ports[port].lay(timing).opener(timing=timing),
-            has_line_thread=False,
-            is_clock_synchronised=lambda: True,
-            make_web_server=partial(NoSocket, partial(setattr, self, "page")),
-        )
-        self._serving = self.loop.create_task(serve_site(self.path, site, io=outside))
+        self._serving = self.loop.create_task(serve_site(self.path, site, io=self._outside))
+        self.await_(asyncio.sleep(0))
 
     def end(self, number: signal.Signals = signal.SIGTERM) -> None:
         """End the run in order and wait for that."""

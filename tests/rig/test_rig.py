@@ -226,6 +226,16 @@ def test_a_command_line_sends_to_the_running_gateway() -> None:
         )
 
 
+def test_a_scan_of_the_line_finds_its_starters() -> None:
+    with RigPlant(FOUR) as plant:
+        plant.end()
+
+        ran = plant.cli("scan", "/dev/pumps", "--baud", "19200", "--framing", "8N2", "--address", "1-5")
+
+    assert ran.code == 0
+    assert [word in ran.out for word in ("ssw07", "ssw06", "ssw900", "sst")] == [True] * 4
+
+
 def test_a_restart_continues_with_the_same_state_and_broker() -> None:
     with RigPlant(SSW07 + ALICE, sim={"pump": QUICK}) as plant:
         plant.run(until=5.0)

@@ -7,6 +7,7 @@ scenario gives the same bytes. Time passes only while the loop has nothing to do
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import functools
 import gc
 import os
@@ -246,6 +247,7 @@ class RigWorld:
                 (threading, "Thread", type("Thread", (RigThread,), {"baton": baton})),
                 (queue, "SimpleQueue", type("SimpleQueue", (RigQueue,), {"baton": baton})),
                 (asyncio, "run", self.run),
+                (asyncio, "Runner", lambda **_: contextlib.nullcontext(self)),
                 (gc, "collect", lambda *_: 0),  # what a service does with its heap costs a test 30 ms
                 (gc, "freeze", lambda: None),
                 (gc, "unfreeze", lambda: None),
