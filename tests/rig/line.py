@@ -101,6 +101,18 @@ class Starter:
         return bytes(answered)
 
 
+class _Wires(SimulatedLine):
+    """A simulated line whose adapter may echo what it sends."""
+
+    has_echo = False
+
+    def send(self, data: bytes, timing: Any = None) -> None:
+        super().send(data, timing)
+        if self.has_echo and self._sink is not None:
+            at_s = self._now_s() + self.timing.wire_s(len(data))
+            self._running().call_at(at_s, self._sink, data, at_s)
+
+
 class RigLine:
     """The line of one port. `for_s` ends a fault by itself; without it `heal` does."""
 
@@ -108,14 +120,14 @@ class RigLine:
         self.name = name
         self.now_s = now_s
         self.starters: dict[str, Starter] = {}
-        self.bus: SimulatedLine  # from the moment when the gateway has the port's timing
+        self.bus: _Wires  # from the moment when the gateway has the port's timing
         self._call_later = call_later
 
     def lay(self, timing: Any) -> SimulatedLine:
         """Return the wires with their units, made once."""
         if not hasattr(self, "bus"):
             units = [each.unit for each in self.starters.values()]
-            self.bus = SimulatedLine(timing, units, name=self.name, chunk_bytes=None, frames_stored=100_000)
+            self.bus = _Wires(timing, units, name=self.name, chunk_bytes=None, frames_stored=100_000)
         return self.bus
 
     def add(self, name: str, family: str, address: int, **options: Any) -> Starter:
@@ -190,6 +202,11 @@ class RigLine:
         starter = self.starters[name]
         starter.is_deaf, starter.refused = False, None
         self.bus.heal(starter.unit.address)
+
+    def echo(self, for_s: float | None = None) -> None:
+        """The adapter receives what it sends."""
+        self.bus.has_echo = True
+        self._end_later(for_s, lambda: setattr(self.bus, "has_echo", False))
 
     def noise(self, bit_error_rate: float, for_s: float | None = None) -> None:
         """Flip bits of everything, both ways."""

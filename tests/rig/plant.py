@@ -74,10 +74,12 @@ class RigPlant:
         *,
         sim: Mapping[str, Mapping[str, Any]] | None = None,
         absent: tuple[str, ...] = (),
+        before: Callable[[RigPlant], object] | None = None,
         seed: int = 0,
     ) -> None:
         self._sim = sim or {}  # by starter: options of the simulator; `family`: what is really there
         self._absent = absent
+        self._before = before  # done before the gateway begins, such as to its broker
         self.world = RigWorld(seed)
         self.loop = self.world.loop
         self.broker = Broker(self.loop, self.world.now_s)
@@ -91,6 +93,7 @@ class RigPlant:
         self._serving: asyncio.Task[None] | None = None
         self._ids = 0
         self._toml = toml
+        self.base = "starters/plant"
         self._outside = Io(
             make_opener=self._opener,
             has_line_thread=False,
@@ -117,6 +120,8 @@ class RigPlant:
             logging.getLogger("gateway").addHandler(self.bugs)
             self._stack.callback(logging.getLogger("gateway").removeHandler, self.bugs)
             self.write(self._toml)
+            if self._before is not None:
+                self._before(self)
             self.start()
         except BaseException:
             self._close()

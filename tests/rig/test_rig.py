@@ -38,6 +38,11 @@ from tests.rig.sites import (
     starter,
 )
 
+
+def _acknowledge(plant: RigPlant) -> None:
+    plant.broker.ack_after_s = 0.0
+
+
 READY, RUNNING, TRIPPED = "VB01 = 0x4102", "VB01 = 0x5123", "VB01 = 0x8000"
 
 SCENARIOS = [
@@ -147,7 +152,78 @@ SCENARIOS = [
 ]
 
 
-@pytest.mark.parametrize("row", SCENARIOS)
+BROKER = [  # what Mosquitto does, as the gateway sees it
+    row(
+        "without acknowledgements the connection is given up and everything sent again",
+        given=SSW07,
+        before=lambda plant: setattr(plant.broker, "ack_after_s", None),
+        at={25.0: _acknowledge},
+        then={60.0: [event("broker_away"), seen("starter/pump/value/current", since=30.0)]},
+    ),
+    row(
+        "late acknowledgements hold nothing up for long",
+        given=SSW07,
+        at={1.0: lambda plant: setattr(plant.broker, "ack_after_s", 0.5)},
+        then={
+            10.0: [
+                msg("starter/pump/availability", state="online"),
+                never("gateway/event", code="broker_away"),
+            ]
+        },
+    ),
+    row(
+        "a broker that stands still is noticed by its silence",
+        given=SSW07,
+        at={5.0: "broker stalls", 60.0: "broker goes"},
+        then={
+            59.0: never("gateway/fresh", since=5.1),
+            90.0: [event("broker_away"), seen("gateway/fresh", since=61.0)],
+        },
+    ),
+    row(
+        "an older broker is spoken to in MQTT 3.1.1",
+        given=SSW07,
+        before=lambda plant: setattr(plant.broker, "speaks_5", False),
+        then={5.0: [event("mqtt_3_1_1"), msg("gateway/info", mqtt_version="3.1.1")]},
+    ),
+    row(
+        "a message that the broker refuses is reported",
+        given=SSW07,
+        before=lambda plant: plant.broker.deny("*", "starters/plant/starter/pump/state", "write"),
+        then={5.0: [event("publish_refused"), never("starter/pump/state")]},
+    ),
+    row(
+        "without the right to read commands the gateway says that it is deaf to them",
+        given=SSW07 + ALICE,
+        before=lambda plant: plant.broker.deny("*", "starters/plant/command/#", "read"),
+        at={3.0: command("pump/alice/stop")},
+        then={5.0: [results(), msg("gateway/status", state="degraded")]},
+    ),
+    row(
+        "another client with the gateway's id is named",
+        given=SSW07,
+        at={5.0: lambda plant: plant.broker.drop(code=0x8E)},
+        then={8.0: event("client_id_taken")},
+    ),
+    row(
+        "a dropped connection leaves the will",
+        given=SSW07,
+        at={5.0: "broker drops"},
+        then={
+            5.0: retained("gateway/status", state="offline"),
+            9.0: retained("gateway/status", state="online"),
+        },
+    ),
+    row(
+        "what was retained before the gateway came is no command",
+        given=SSW07 + ALICE,
+        before=lambda plant: plant.publish("command/pump/alice/stop", client="alice", retain=True),
+        then={5.0: [results(), frames("pump")]},
+    ),
+]
+
+
+@pytest.mark.parametrize("row", SCENARIOS + BROKER)
 def test_a_scenario(row: ScenarioRow) -> None:
     play(row)
 

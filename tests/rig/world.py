@@ -152,6 +152,28 @@ class RigThread(threading.Thread):
             super().join(timeout)
 
 
+class RigEvent(threading.Event):
+    """An event for which a thread waits in virtual time."""
+
+    baton: _Baton
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._waiters: list[RigThread] = []
+
+    def wait(self, timeout: float | None = None) -> bool:
+        if not isinstance(threading.current_thread(), RigThread):
+            return super().wait(timeout)
+        if not self.is_set() and not self.baton.is_over:
+            self.baton.wait(self._waiters, timeout)
+        return self.is_set() or self.baton.is_over
+
+    def set(self) -> None:
+        super().set()
+        for thread in tuple(self._waiters):
+            self.baton.give(thread)
+
+
 class RigQueue:
     """`queue.SimpleQueue`; what is put in is taken out at once by the thread that waits for it."""
 
@@ -205,10 +227,9 @@ class RigWorld:
 
     def abandon(self) -> None:
         """Let the process be gone: no task and no thread goes on."""
-        tasks = asyncio.all_tasks(self.loop)
-        for task in tasks:
-            task.cancel()
-        if tasks:
+        while tasks := asyncio.all_tasks(self.loop):  # one that is cancelled may begin another
+            for task in tasks:
+                task.cancel()
             self.loop.run_until_complete(asyncio.wait(tasks))
         if self._baton is not None:
             self._baton.end()
@@ -245,6 +266,7 @@ class RigWorld:
                 (os, "urandom", self.token_bytes),
                 (uuid, "uuid4", lambda: uuid.UUID(bytes=self.token_bytes(16), version=4)),
                 (threading, "Thread", type("Thread", (RigThread,), {"baton": baton})),
+                (threading, "Event", type("Event", (RigEvent,), {"baton": baton})),
                 (queue, "SimpleQueue", type("SimpleQueue", (RigQueue,), {"baton": baton})),
                 (asyncio, "run", self.run),
                 (asyncio, "Runner", lambda **_: contextlib.nullcontext(self)),
