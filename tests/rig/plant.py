@@ -74,11 +74,13 @@ class RigPlant:
         *,
         sim: Mapping[str, Mapping[str, Any]] | None = None,
         absent: tuple[str, ...] = (),
+        files: Mapping[str, str] | None = None,
         before: Callable[[RigPlant], object] | None = None,
         seed: int = 0,
     ) -> None:
         self._sim = sim or {}  # by starter: options of the simulator; `family`: what is really there
         self._absent = absent
+        self._files = files or {}  # beside the configuration: passwords, certificates; for their owner only
         self._before = before  # done before the gateway begins, such as to its broker
         self.world = RigWorld(seed)
         self.loop = self.world.loop
@@ -120,6 +122,9 @@ class RigPlant:
             logging.getLogger("gateway").addHandler(self.bugs)
             self._stack.callback(logging.getLogger("gateway").removeHandler, self.bugs)
             self.write(self._toml)
+            for name, content in self._files.items():
+                (self.folder / name).touch(mode=0o600)
+                (self.folder / name).write_text(content)
             if self._before is not None:
                 self._before(self)
             self.start()
@@ -242,6 +247,10 @@ class RigPlant:
     def client(self, name: str) -> RigClient:
         """Return a client at the broker."""
         return self.broker.client(name)
+
+    def other_broker(self, host: str, port: int = 1883) -> Broker:
+        """Return another broker, for a reload or for Sparkplug; all other addresses are the first one's."""
+        return self.brokers.setdefault((host, port), Broker(self.loop, self.world.now_s))
 
     def topic(self, topic: str) -> str:
         """Return a topic of the contract below the gateway's base."""

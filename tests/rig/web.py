@@ -66,6 +66,7 @@ class WebBrowser:
     def __init__(self, app: Callable[[], Any], run: Callable[[Awaitable[None]], None]) -> None:
         self._app = app
         self._run = run
+        self.peer, self.scheme = "127.0.0.1", "http"  # of the connection: another machine's, a TLS one
         self.cookie = self.csrf = ""
 
     def get(self, path: str, **headers: str) -> WebAnswer:
@@ -118,9 +119,9 @@ class WebBrowser:
             "raw_path": path.encode(),
             "query_string": query.encode(),
             "root_path": "",
-            "scheme": "http",
+            "scheme": self.scheme,
             "headers": [(n.replace("_", "-").encode(), v.encode()) for n, v in given.items() if v],
-            "client": ("127.0.0.1", 50000),
+            "client": (self.peer, 50000),
             "server": ("127.0.0.1", 8480),
             "http_version": "1.1",
         }
