@@ -19,6 +19,7 @@ from gateway.app.integrations.integration import Integration, IntegrationHost
 from gateway.app.integrations.latest import LatestRecords
 from gateway.app.integrations.metrics import GatewaySource, metrics_integration
 from gateway.app.integrations.sparkplug import sparkplug_integration
+from gateway.app.io import MACHINE, Io
 from gateway.app.page.access import WebAccess
 from gateway.app.page.page import open_pages, page_integration
 from gateway.app.plant import Plant
@@ -27,7 +28,7 @@ from gateway.app.restart.watch import RestartWatch
 from gateway.app.site import Site
 from gateway.app.state_files import ClockMemory, StateFiles
 from gateway.app.uplink import Uplink
-from gateway.config.convert import least_watchdog_s, policy_of, rights_of, setups_in, wiring_of
+from gateway.config.convert import least_watchdog_s, policy_of, rights_of, setups_in, timing_of, wiring_of
 from gateway.line.thread import LineHost
 from gateway.mqtt.connection.inbox import Inbox
 from gateway.mqtt.contract.freshness import MAX_AHEAD_S, MAX_TTL_S, RunToken, Tokens
@@ -49,11 +50,14 @@ HOLD_S = MAX_TTL_S + MAX_AHEAD_S  # how long an old command might still pass for
 class Parts:
     """The parts of one gateway. All calls on the app's loop."""
 
-    def __init__(self, site: Site, *, notifier: Notifier, watchdog_every_s: float | None = None) -> None:
+    def __init__(
+        self, site: Site, *, notifier: Notifier, watchdog_every_s: float | None = None, io: Io = MACHINE
+    ) -> None:
         self.site = site
+        self._io = io
         self.clock = SystemClock()
         self._started_s = self.clock.utc_s()
-        self.clock_watch = ClockWatch(site.config.gateway.clock)
+        self.clock_watch = ClockWatch(site.config.gateway.clock, ask=io.is_clock_synchronised)
         self._suspend_watch = SuspendWatch(self.clock.now_s)
         self._boot = RunToken(secrets.token_hex(8))
         self._tokens = Tokens(self._boot)
@@ -70,7 +74,7 @@ class Parts:
         self.history = self._build_history()
         self.services = self._build_services()
         self.plant = self._build_plant()
-        self.host = LineHost(self.plant.handle)
+        self.host = LineHost(self.plant.handle, has_thread=io.has_line_thread)
         self.health = self._build_health(notifier, watchdog_every_s)
         self.plant.build(self.host, site.config.lines, self.health)
         self.watch_lines()
@@ -187,6 +191,7 @@ class Parts:
             refresh_s=self.site.config.mqtt.refresh_s,
             on_readings=self.history.take_readings,
             language=self.site.config.gateway.language,
+            make_opener=lambda table: self._io.make_opener(table.port, timing_of(table)),
         )
 
     def _build_history(self) -> HistoryService:
@@ -240,7 +245,12 @@ class Parts:
             stored=self.history.stored,
             writer=self._records,
         )
-        return page_integration(self._integration_host, access, publisher=self.uplink.publisher)
+        return page_integration(
+            self._integration_host,
+            access,
+            publisher=self.uplink.publisher,
+            make_server=self._io.make_web_server,
+        )
 
     def _build_integrations(self) -> tuple[Integration, ...]:
         """Return what else takes records, each on its own; a table of the configuration switches it on."""

@@ -19,7 +19,6 @@ from gateway.line.capacity.outage import start_order
 from gateway.line.client import LineClient
 from gateway.line.events import LineEvent, LineFault, PollResult, PortChanged, UnitChanged
 from gateway.line.port.base import PortOpener
-from gateway.line.port.opener import SerialOpener
 from gateway.line.port_recovery import DEAF
 from gateway.line.thread import LineHost
 from gateway.records import PublishEvent, RecordWriter, Severity
@@ -28,11 +27,6 @@ from gateway.starters.services.services import StarterServices
 from gateway.starters.setup import StarterSetup
 from gateway.starters.telemetry.reporting import REFRESH_S
 from gateway.starters.telemetry.telemetry import StarterTelemetry
-
-
-def serial_opener(table: LineTable) -> PortOpener:
-    """Return what opens the port of a line."""
-    return SerialOpener(table.port, table.baud, timing_of(table).framing)
 
 
 def _ignore(_name: str, _readings: Readings) -> None:
@@ -56,7 +50,7 @@ class Plant:
         refresh_s: float = REFRESH_S,
         on_readings: Callable[[str, Readings], None] = _ignore,
         language: str = ENGLISH,
-        make_opener: Callable[[LineTable], PortOpener] = serial_opener,
+        make_opener: Callable[[LineTable], PortOpener],
     ) -> None:
         self.starters: dict[str, StarterTelemetry] = {}
         self.lines: dict[str, LineClient] = {}

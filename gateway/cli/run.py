@@ -12,6 +12,7 @@ import sys
 from pathlib import Path
 
 from gateway.app.gateway import App
+from gateway.app.io import MACHINE, Io
 from gateway.app.parts import Parts
 from gateway.app.reload import Reload
 from gateway.app.site import Site
@@ -42,20 +43,21 @@ def run(args: argparse.Namespace) -> int:
     with instance_lock(site.state_dir):
         refuse_newer(site.state_dir)
         keep_private(site.state_dir)
-        asyncio.run(_serve(path, site))
+        asyncio.run(serve_site(path, site))
     return 0
 
 
 async def serve(path: Path, config: Config, password: str | None) -> None:
     """Run a gateway until it is asked to end; SIGHUP makes it read the file again."""
-    await _serve(path, Site.of(config, folder=path.parent, password=password, path=path))
+    await serve_site(path, Site.of(config, folder=path.parent, password=password, path=path))
 
 
-async def _serve(path: Path, site: Site) -> None:
+async def serve_site(path: Path, site: Site, *, io: Io = MACHINE) -> None:
+    """Run the gateway of a site until SIGTERM or SIGINT; SIGHUP makes it read its file again."""
     notifier = Notifier(os.environ)
     loop = asyncio.get_running_loop()
     ending: asyncio.Future[str] = loop.create_future()
-    app = App(Parts(site, notifier=notifier, watchdog_every_s=watchdog_interval_s(os.environ)))
+    app = App(Parts(site, notifier=notifier, watchdog_every_s=watchdog_interval_s(os.environ), io=io))
     reload = Reload(lambda: Site.read(path, os.environ), app, notifier)
 
     def end(reason: str) -> None:

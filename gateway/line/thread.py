@@ -47,10 +47,11 @@ class _Hosted:
 class LineHost:
     """Runs every line in one thread with a loop of its own; its methods belong to the app's loop.
 
-    `handle` is given each event on the app's loop, in the order in which things happened.
+    `handle` is given each event on the app's loop, in the order in which things happened. Without a thread
+    the lines share that loop.
     """
 
-    def __init__(self, handle: Callable[[LineEvent], None]) -> None:
+    def __init__(self, handle: Callable[[LineEvent], None], *, has_thread: bool = True) -> None:
         self.lag = LagMeter()  # of the lines' loop
         self._handle = handle
         self._events = EventQueue(self._hand_over)
@@ -58,7 +59,9 @@ class LineHost:
         self._lines: dict[str, _Hosted] = {}
         self._ending: set[asyncio.Task[None]] = set()  # of lines that were removed; of the lines' loop
         self._on_frame: OnFrame | None = None
+        self._has_thread = has_thread
         self._thread: threading.Thread | None = None
+        self._serving: asyncio.Task[None] | None = None  # instead of the thread
         self._loop: asyncio.AbstractEventLoop | None = None  # the lines'
         self._app: asyncio.AbstractEventLoop | None = None
         self._stopping = asyncio.Event()  # belongs to the lines' loop
@@ -109,6 +112,10 @@ class LineHost:
         self._collector.spare()
         self._stopping = asyncio.Event()
         started = threading.Event()
+        if not self._has_thread:
+            self._loop = self._app
+            self._serving = asyncio.create_task(self._main(started), name="lines")
+            return
         self._thread = threading.Thread(target=self._run_thread, args=(started,), name="lines", daemon=True)
         self._thread.start()
         await asyncio.to_thread(started.wait)
@@ -118,6 +125,11 @@ class LineHost:
 
         A port that does not close (a driver that hangs) is waited for `STOP_WITHIN_S` at most.
         """
+        serving, self._serving = self._serving, None
+        if serving is not None:
+            self._stopping.set()
+            await serving
+            self._loop = None
         thread, self._thread = self._thread, None
         if thread is None:
             return
@@ -149,7 +161,7 @@ class LineHost:
 
     def _post(self, call: Callable[..., object], *args: object) -> bool:
         """Do as `to_line`, unless the lines end or have ended: what comes then might not be done any more."""
-        if self._thread is None and self._app is not None:
+        if self._thread is None and self._serving is None and self._app is not None:
             return False
         self.to_line(call, *args)
         return True

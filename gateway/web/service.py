@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable
+from typing import Any
 
 from gateway.records import Record
 from gateway.system.clock import Clock
@@ -38,6 +39,7 @@ class WebService:
         *,
         on_trouble: Callable[[str], None],
         on_old_certificate: Callable[[str], None] = lambda _: None,
+        make_server: Callable[[Any, WebSettings], Server] | None = None,
     ) -> None:
         self._settings = settings
         self._clock = clock
@@ -53,6 +55,7 @@ class WebService:
         self._serving: asyncio.Task[None] | None = None
         self._renewing: asyncio.Task[None] | None = None
         self._is_moved = False
+        self._make_server = make_server or Server
 
     @property
     def address(self) -> tuple[str, int] | None:
@@ -107,7 +110,7 @@ class WebService:
         )
         self._page = WebApp(self._settings, routes.router)
         while True:
-            self._server = Server(self._page, self._settings)
+            self._server = self._make_server(self._page, self._settings)
             self._serving = asyncio.create_task(self._server.run(), name="web server")
             reporting = asyncio.create_task(self._report_success(self._server))
             try:

@@ -47,6 +47,7 @@ class PageService:
         publisher: Publisher,
         clock: Clock,
         publish_event: PublishEvent,
+        make_server: Callable[..., Any] | None = None,
     ) -> None:
         self._site = access.site = site
         self._access = access
@@ -61,6 +62,7 @@ class PageService:
             clock,
             on_trouble=self._note_trouble,
             on_old_certificate=self._note_old_certificate,
+            make_server=make_server,
         )
 
     @property
@@ -113,13 +115,25 @@ class PageService:
         self._publish_event("web_certificate", Severity.ERROR, text, {})
 
 
-def page_integration(host: IntegrationHost, access: WebAccess, *, publisher: Publisher) -> Integration:
+def page_integration(
+    host: IntegrationHost,
+    access: WebAccess,
+    *,
+    publisher: Publisher,
+    make_server: Callable[..., Any] | None = None,
+) -> Integration:
     """Return the page as an integration; its packages are imported once it is wanted, in a thread."""
 
     def load() -> Callable[[Site], PageService]:
         module = importlib.import_module("gateway.web.service")
         return lambda present: PageService(
-            present, module, access, publisher=publisher, clock=host.clock, publish_event=host.publish_event
+            present,
+            module,
+            access,
+            publisher=publisher,
+            clock=host.clock,
+            publish_event=host.publish_event,
+            make_server=make_server,
         )
 
     return Integration(

@@ -6,6 +6,7 @@ import argparse
 import asyncio
 from pathlib import Path
 
+from gateway.app import io
 from gateway.app.capacity import prospects_of
 from gateway.cli.command import counted
 from gateway.cli.doctor.broker import OWN_NAME, BrokerAccess
@@ -25,7 +26,6 @@ from gateway.config.load import load
 from gateway.config.schema import Config
 from gateway.families.devices.findings import Weight
 from gateway.line.port.event_loop import new_precise_loop
-from gateway.line.port.opener import SerialOpener
 from gateway.system.clock import SystemClock
 
 
@@ -84,7 +84,7 @@ async def _examine(config: Config, folder: Path, broker: BrokerAccess) -> list[D
         report(remark)
     for prospect in prospects:
         table = prospect.table
-        opener = SerialOpener(table.port, table.baud, timing_of(table).framing)
+        opener = io.MACHINE.make_opener(table.port, timing_of(table))
         await LineCheckup(prospect, opener, report, broker, SystemClock(), state_dir).run()
         report(latency_remark(table.port, f"line {table.name}"))
     return remarks

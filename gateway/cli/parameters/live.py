@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Self
 
+from gateway.app import io
 from gateway.cli.command import Progress, place_of
 from gateway.config.convert import setups_of, timing_of
 from gateway.config.load import load
@@ -21,7 +22,6 @@ from gateway.families.reading import bulk_reads, readable_codes
 from gateway.line.direct import exclusive_line
 from gateway.line.port.base import PortOpener
 from gateway.line.port.event_loop import new_precise_loop
-from gateway.line.port.opener import SerialOpener
 from gateway.line.rtu.reply_times import request_wire_s
 from gateway.modbus.timing import LineTiming
 from gateway.starters.bulk_read import BulkReading
@@ -57,7 +57,7 @@ class LiveStarter:
         setups, timing = setups_of(line), timing_of(line)
         return cls(
             next(each for each in setups if each.name == name),
-            SerialOpener(line.port, line.baud, timing.framing),
+            io.MACHINE.make_opener(line.port, timing),
             timing,
             line.adapter_allowance_s,
             SystemClock(),

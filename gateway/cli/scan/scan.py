@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import get_args
 
+from gateway.app import io
 from gateway.app.capacity import check_watchdogs
 from gateway.cli.command import Progress, flag, whole_number
 from gateway.cli.scan.search import (
@@ -31,7 +32,6 @@ from gateway.config.schema import Baud, FramingText
 from gateway.errors import ConfigError, UsageError
 from gateway.line.port.base import PortOpener
 from gateway.line.port.event_loop import new_precise_loop
-from gateway.line.port.opener import SerialOpener
 from gateway.modbus.timing import LineTiming
 
 BY_ID = Path("/dev/serial/by-id")
@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     port = args.port if "://" in args.port else os.path.abspath(args.port)
 
     def open_with(timing: LineTiming) -> PortOpener:
-        return SerialOpener(port, timing.baud, timing.framing)
+        return io.MACHINE.make_opener(port, timing)
 
     progress = Progress()
     with asyncio.Runner(loop_factory=new_precise_loop) as runner:

@@ -1,0 +1,99 @@
+"""Sparkplug payloads as a host reads and writes them: Protocol Buffers by hand, apart from the product's."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+INT32, DOUBLE, BOOLEAN, STRING = 3, 10, 11, 12  # data types [Sparkplug 3.0, 6.4.16]
+
+
+def decoded(payload: bytes) -> dict[str, Any]:
+    """Return `timestamp`, `seq`, and the `metrics` by name: their values."""
+    found: dict[str, Any] = {"metrics": {}}
+    for number, value in _fields(payload):
+        if number in (1, 3):
+            found["timestamp" if number == 1 else "seq"] = value
+        elif number == 2:
+            name, said = _metric(value)
+            found["metrics"][name] = said
+    return found
+
+
+def encoded(metrics: Mapping[str, bool | float | str], *, time_s: float) -> bytes:
+    """Return the payload of a command: `{"Command/Stop": True}`."""
+    time = _number(1, round(time_s * 1000))
+    return time + b"".join(_block(2, _written(name, value, time_s)) for name, value in metrics.items())
+
+
+def _metric(block: bytes) -> tuple[str, Any]:
+    name, value, kind = "", None, 0
+    for number, said in _fields(block):
+        if number == 1:
+            name = said.decode()
+        elif number == 4:
+            kind = said
+        elif number == 10:
+            value = said - (1 << 32) if kind == INT32 and said >= 1 << 31 else said
+        elif number in (11, 12):
+            value = said
+        elif number == 13:
+            value = struct.unpack("<d", said)[0]
+        elif number == 14:
+            value = bool(said)
+        elif number == 15:
+            value = said.decode()
+    return name, value
+
+
+def _written(name: str, value: bool | float | str, time_s: float) -> bytes:
+    head = _block(1, name.encode()) + _number(3, round(time_s * 1000))
+    match value:
+        case bool():
+            return head + _number(4, BOOLEAN) + _number(14, int(value))
+        case str():
+            return head + _number(4, STRING) + _block(15, value.encode())
+        case _:
+            return head + _number(4, DOUBLE) + _varint(13 << 3 | 1) + struct.pack("<d", value)
+
+
+def _fields(block: bytes) -> Iterator[tuple[int, Any]]:
+    """Yield each field's number and its value: a number, or bytes."""
+    at = 0
+    while at < len(block):
+        key, at = _read_varint(block, at)
+        size = {1: 8, 5: 4}.get(key & 7)
+        if key & 7 == 0:
+            value, at = _read_varint(block, at)
+            yield key >> 3, value
+            continue
+        if size is None:
+            size, at = _read_varint(block, at)
+        yield key >> 3, block[at : at + size]
+        at += size
+
+
+def _read_varint(block: bytes, at: int) -> tuple[int, int]:
+    value = shift = 0
+    while True:
+        value |= (block[at] & 0x7F) << shift
+        at, shift = at + 1, shift + 7
+        if block[at - 1] < 0x80:
+            return value, at
+
+
+def _varint(value: int) -> bytes:
+    head = bytearray()
+    while value >= 0x80:
+        head.append(value & 0x7F | 0x80)
+        value >>= 7
+    return bytes((*head, value))
+
+
+def _number(field: int, value: int) -> bytes:
+    return _varint(field << 3) + _varint(value)
+
+
+def _block(field: int, content: bytes) -> bytes:
+    return _varint(field << 3 | 2) + _varint(len(content)) + content
