@@ -95,7 +95,7 @@ async def test_a_refused_block_is_asked_row_by_row() -> None:
     rig.poll(VALUES)
 
     values = {key for key in rig.line.polls if "/values:" in key}
-    assert {"pump-1/values:P002", "pump-1/values:P003"} <= values
+    assert {"pump-1/values:P002 alone", "pump-1/values:P003 alone"} <= values
     assert all(rig.line.every_s[key] == IDLE_FACTOR * 1.0 for key in values)  # the motor stands
 
 
@@ -116,10 +116,10 @@ async def test_only_the_row_that_is_still_refused_is_bad_and_given_up() -> None:
     rig.line.rules.append(refuse_p003)
 
     await rig.poll_for(15.0)
-    assert "pump-1/values:P003" in rig.line.polls  # twice, some time apart, is not enough
+    assert "pump-1/values:P003 alone" in rig.line.polls  # twice, some time apart, is not enough
     await rig.poll_for(15.0)
 
-    assert "pump-1/values:P003" not in rig.line.polls
+    assert "pump-1/values:P003 alone" not in rig.line.polls
     await asyncio.sleep(1.0)
     assert {(v.value, v.quality) for v in rig.sink.values("current")} == {(None, Quality.BAD)}
     assert all(value.quality is Quality.GOOD for value in rig.sink.values("current_pct"))
@@ -162,7 +162,7 @@ async def test_once_the_right_device_answers_everything_is_asked_again() -> None
     rig.line.rules.append(refuse_p003)
     rig.telemetry.start()
     await rig.poll_for(30.0)
-    assert "pump-1/values:P003" not in rig.line.polls
+    assert "pump-1/values:P003 alone" not in rig.line.polls
 
     rig.line.rules.clear()
     rig.unit.objects = {1: "SSW-07 85.0A"}
@@ -181,7 +181,7 @@ async def test_what_is_polled_fast_stays_fast_when_its_block_is_split() -> None:
     for _ in range(IN_ROW):
         rig.poll(VALUES)
 
-    assert rig.line.every_s["pump-1/values:P003"] == 0.25
+    assert rig.line.every_s["pump-1/values:P003 alone"] == 0.25
 
 
 @virtually
@@ -251,7 +251,7 @@ async def test_a_row_given_up_is_asked_again_after_an_hour() -> None:
     rig = await Rig(every_s=10.0).online()
     rig.line.rules.append(refuse_p003)
     await rig.poll_for(60.0)
-    assert "pump-1/values:P003" not in rig.line.polls
+    assert "pump-1/values:P003 alone" not in rig.line.polls
     rig.line.rules.clear()
 
     await rig.poll_for(3700.0)
