@@ -1,7 +1,4 @@
-"""What a configuration asks of its lines, which watchdogs would trip on them, and what would help.
-
-Also what `fast_words` would spare a line.
-"""
+"""What a configuration asks of its lines, which watchdogs would trip on them, and what would help."""
 
 from __future__ import annotations
 
@@ -21,7 +18,7 @@ from gateway.line.capacity.forecast import Forecast, PollForecast, forecast, lon
 from gateway.line.capacity.outage import first_requests_s, start_order
 from gateway.line.scheduler.requests import Poll
 from gateway.modbus.timing import LineTiming
-from gateway.starters.setup import StarterSetup, fast_polls_of, polls_of
+from gateway.starters.setup import StarterSetup, polls_of
 from gateway.starters.telemetry.polling import IDLE_FACTOR
 
 LONGEST_EVERY_S = 3600.0
@@ -54,15 +51,6 @@ class LineCapacity:
     def without_polls(self) -> LineCapacity:
         """Return the same without what is forecast of each poll: a megabyte with 247 starters."""
         return replace(self, forecast=replace(self.forecast, polls=()))
-
-
-@dataclass(frozen=True, slots=True)
-class FastGain:
-    """One starter's status and values, read as they stand in the starter and by mapped words."""
-
-    starter: str
-    requests: tuple[int, int]  # before and after
-    sweep_s: tuple[float, float]  # to ask for all of them once
 
 
 def prospects_of(config: Config) -> tuple[LineCapacity, ...]:
@@ -135,26 +123,6 @@ def relief_of(line: LineTable) -> str:
             f"every_s = {_rounded(longest_s * slower / 10):g}" if len(periods_s) == 1 else f"every_s {times}"
         )
     return ", or ".join(found)
-
-
-def fast_gains(line: LineTable) -> tuple[FastGain, ...]:
-    """Return what the starters of a line with `fast_words` gain by them."""
-    gains = []
-    for setup in setups_of(line):
-        if setup.has_fast_words and setup.is_enabled:
-            before, after = _often(polls_of(setup)), _often(fast_polls_of(setup))
-            sweeps_s = _sweep_s(line, before), _sweep_s(line, after)
-            gains.append(FastGain(setup.name, (len(before), len(after)), sweeps_s))
-    return tuple(gains)
-
-
-def fast_lines(line: LineTable) -> tuple[str, ...]:
-    """Return the same in words, a line for each starter."""
-    return tuple(
-        f"  fast words: {gain.starter}'s status and values take {gain.requests[1]} of {gain.requests[0]}"
-        f" requests, {gain.sweep_s[1]:.3f} s of {gain.sweep_s[0]:.3f} s (once they are mapped)"
-        for gain in fast_gains(line)
-    )
 
 
 def _miss(line: LineCapacity, starter: StarterCapacity) -> str:
@@ -287,11 +255,3 @@ def _least(holds: Callable[[float], bool], *, most: int = LONGEST_LIMIT_S) -> fl
         middle = (low + high) // 2
         low, high = (low, middle) if holds(middle) else (middle, high)
     return float(high)
-
-
-def _often(polls: Sequence[Poll]) -> list[Poll]:
-    return [poll for poll in polls if poll.group != "slow"]
-
-
-def _sweep_s(line: LineTable, polls: Sequence[Poll]) -> float:
-    return forecast(polls, timing_of(line), allowance_s=line.adapter_allowance_s).sweep_s

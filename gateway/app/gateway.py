@@ -132,8 +132,6 @@ class App:
             parts.plant.starters[name].republish_state()
         parts.dispatcher.apply_rights(rights_of(config))
         parts.state_dir.apply(is_read_only=not has_operators)
-        if not has_operators:
-            parts.services.forbid_writing()
         parts.clock_watch.trust(config.gateway.clock)
         parts.capture.lines = tuple(parts.plant.lines)
         parts.watch_lines()

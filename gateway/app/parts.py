@@ -169,12 +169,7 @@ class Parts:
         )
 
     def _build_services(self) -> StarterServices:
-        return StarterServices(
-            self.policy,
-            records=self._records,
-            may_write=bool(self.site.config.operators),
-            past=self.history,
-        )
+        return StarterServices(past=self.history)
 
     def _build_plant(self) -> Plant:
         return Plant(

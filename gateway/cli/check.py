@@ -21,8 +21,6 @@ from gateway.app.capacity import (
     VALUES,
     LineCapacity,
     StarterCapacity,
-    fast_gains,
-    fast_lines,
     prospects_of,
     relief_of,
 )
@@ -244,8 +242,6 @@ def _print_line(line: LineCapacity) -> None:
         each = starter.table
         ages = "  ".join(_age(starter.ages_s.get(key)) for key in _AGES)
         print(f"  {each.name:{width}}  {each.address:4}  {each.family:6}       {ages}   {_watchdog(starter)}")
-    for text in fast_lines(table):
-        print(text)
     print(f"  {'':{width}}  longest time without a request when the gateway   (watchdog)")
     print(f"  {'starter':{width}}     works   crashes     hangs")
     for starter in line.starters:
@@ -333,7 +329,6 @@ def _as_json(line: LineCapacity) -> dict[str, Any]:
         "watchdog_load": round(line.forecast.watchdog_load, 4),
         "sweep_s": round(line.forecast.sweep_s, 4),
         "stop_latency_s": round(line.forecast.stop_latency_s, 4),
-        "fast_words": [asdict(gain) for gain in fast_gains(line.table)],
         "starters": [
             {
                 "starter": starter.table.name,

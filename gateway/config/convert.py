@@ -130,5 +130,4 @@ def _setup(line: LineTable, starter: StarterTable, language: str) -> StarterSetu
         learns_response_times=line.learn_response_times,
         timing=timing_of(line),
         allowance_s=line.adapter_allowance_s,
-        has_fast_words=starter.fast_words,
     )

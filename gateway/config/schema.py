@@ -258,10 +258,6 @@ class StarterTable(ConfigTable):
         le=1000,
         description="Communication timeout set in the starter, 0: off; what the line cannot keep is refused.",
     )
-    fast_words: bool = Field(
-        default=False,
-        description="SSW900: maps its points onto 1500-1549, at standstill, so that one request reads all.",
-    )
     enabled: bool = Field(default=True, description='false: never asked, availability "disabled".')
     rules: RulesTable | None = Field(default=None, description="Rules of this starter alone.")
     simulated: SimulatedTable = Field(

@@ -105,7 +105,7 @@ async def test_no_value_gets_older_than_check_says_and_none_on_a_sound_line_is_s
     records = RecordWriter(bus, VirtualClock(asyncio.get_running_loop()))
     names = [each.table.name for each in prospect.starters]
     policy = Policy(policy_of(config), names, rights=rights_of(config), records=records)
-    services = StarterServices(policy, may_write=False, monitor_every_s=3600.0, records=records)
+    services = StarterServices(monitor_every_s=3600.0)
     bus.connect(policy, services, here.sink)
     ages.plant = Plant(
         publish_event=here.publish_event,

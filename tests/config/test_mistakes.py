@@ -34,6 +34,12 @@ MISTAKES = [
         "evry_s = 2",
         "line 22: line[0].starter[1].evry_s: unknown key (did you mean every_s?)",
     ),
+    (
+        "every_s = 2.0",
+        "fast_words = false",
+        "line 22: line[0].starter[1].fast_words: was removed in 0.3.0"
+        " (leave it out: all points are read where they are)",
+    ),
     ("every_s = 2.0", "slot = 3", "line 22: line[0].starter[1].slot: is 3 (must be at most 2)"),
     (
         "every_s = 2.0",

@@ -134,7 +134,7 @@ def _work_of(profile: Profile, texts: ValueTexts) -> Callable[[int], None]:
             content = bytes((number + at) & 0x0F for at in range((size or 2) - 2))
             reply = adu.encode(1, bytes((request.encode()[0], len(content))) + content)
             words = request.decode_reply(adu.decode(reply).pdu)
-            rows = block.rows_in(profile, words) or {}
+            rows = block.rows_in(profile, words)
             for name, decoded in sources.decode(variant, rows, known={}).points.items():
                 texts.of(
                     ValueRecord("doctor", name, decoded.value, units[name], Quality.GOOD, number, number)
