@@ -275,9 +275,6 @@ class LineTable(ConfigTable):
     adapter_allowance_s: float = Field(
         default=0.02, ge=0, le=1, description="What adapter and driver add to the way of a reply."
     )
-    learn_response_times: bool = Field(
-        default=False, description="Waits no longer than starters have shown, though manuals allow more."
-    )
     deaf_after_s: float = Field(
         default=15.0,
         ge=0,

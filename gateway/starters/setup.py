@@ -24,8 +24,6 @@ Asked = asyncio.Future[Outcome]  # what becomes of a request; cancelled, it is w
 
 SLOWEST_FACTOR = 10  # slow rows are asked for ten times less often,
 SLOW_AT_LEAST_S = 10.0  # and never more often than this
-LEARNT_MINIMUM_S = 0.005
-UNSTATED_MINIMUM_S = 0.030  # where the manual names no time, ours is a guess on the long side
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +41,6 @@ class StarterSetup:
     watchdog_s: float | None = None  # of the communication, as set in the starter; 0: off; None: not stated
     timing: LineTiming | None = None  # of its line; None: reads are not joined by what they cost
     allowance_s: float = ALLOWANCE_S  # of its line: what adapter and machine add to a reply's way
-    learns_response_times: bool = False  # waits for it follow what it has shown
     edition: int = 0  # of the configuration: a late answer to a poll of an earlier one is ignored
 
     def response_time_of(self, request: Request) -> float:
@@ -55,15 +52,6 @@ class StarterSetup:
         if isinstance(request, WriteRegisters):  # its time is per register (ssw07 5.3.1, ssw06-es 5.3.1)
             return max(allowed_s, timing.write_per_register_s * len(request.words))
         return allowed_s
-
-    def shortest_response_of(self, request: Request) -> float | None:
-        """Return down to what the wait for a reply may be learnt; None where the manual's time stands."""
-        if request.is_write:
-            return None
-        if self.learns_response_times:
-            return LEARNT_MINIMUM_S
-        is_ours = not self.profile.timing.is_stated and self.response_time_s is None
-        return UNSTATED_MINIMUM_S if is_ours else None
 
     def period_of(self, block: Block) -> float:
         """Return how often a block is read, whatever the state of the motor."""
@@ -82,7 +70,6 @@ class StarterSetup:
             request=block.request,
             every_s=every_s,
             response_time_s=self.response_time_of(block.request),
-            shortest_response_s=self.shortest_response_of(block.request),
             deadline_s=self.watchdog_s,
             group=block.group,
             is_urgent=block.group == "status",
