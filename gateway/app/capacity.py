@@ -14,15 +14,13 @@ from gateway.config.schema import Baud, Config, LineTable, StarterTable
 from gateway.families.diagnosis.identify import identify_requests
 from gateway.line.capacity import deadline_check
 from gateway.line.capacity.deadline_check import LONGEST_LIMIT_S, missed_in, with_deadlines
-from gateway.line.capacity.forecast import Forecast, PollForecast, forecast, longest_gap_s
+from gateway.line.capacity.forecast import Forecast, forecast
 from gateway.line.capacity.outage import first_requests_s, start_order
 from gateway.line.scheduler.requests import Poll
 from gateway.modbus.timing import LineTiming
 from gateway.starters.setup import StarterSetup, polls_of
-from gateway.starters.telemetry.polling import IDLE_FACTOR
 
 LONGEST_EVERY_S = 3600.0
-VALUES, STANDING = "values", "values_standing"  # a group, and its age while the motor stands
 
 Holds = Callable[[Sequence[Poll], LineTiming], bool]
 
@@ -32,7 +30,6 @@ class StarterCapacity:
     """One starter's share of a line."""
 
     table: StarterTable
-    ages_s: dict[str, float]  # by group of values, STANDING beside them: an estimate of the oldest they get
     gap_s: float  # an estimate of the longest time between two requests to it without commands
     first_poll_s: float  # at the latest until it gets its first request after the line's port is open
     margin_s: (
@@ -61,15 +58,10 @@ def prospects_of(config: Config) -> tuple[LineCapacity, ...]:
 def computed_of(line: LineCapacity) -> dict[str, Any]:
     """Return a line's computed worst-case statistics, for `B/gateway/line/{line}`."""
     margins_s = [each.margin_s for each in line.starters if each.margin_s is not None]
-    ages_s: dict[str, float] = {}
-    for starter in line.starters:
-        for group, age_s in starter.ages_s.items():
-            ages_s[group] = round(max(age_s, ages_s.get(group, 0.0)), 4)
     return {
         "load": round(line.forecast.load, 4),
         "sweep_s": round(line.forecast.sweep_s, 4),
         "stop_latency_s": round(line.forecast.stop_latency_s, 4),
-        "age_s": ages_s,
         "watchdog_margin_s": round(min(margins_s), 4) if margins_s else None,
         "is_paced": all(each.table.every_s for each in line.starters),  # else it is to be always full
     }
@@ -157,30 +149,10 @@ def _line(line: LineTable) -> LineCapacity:
 def _starter(
     table: StarterTable, setup: StarterSetup, whole: Forecast, *, first_poll_s: float
 ) -> StarterCapacity:
-    own = [each for each in whole.polls if each.poll.unit == setup.address]
-    ages_s: dict[str, float] = {}
-    for each in own:
-        ages_s[each.poll.group] = max(ages_s.get(each.poll.group, 0.0), each.age_s)
-    values = [each for each in own if each.poll.group == VALUES]
-    if values:
-        ages_s[STANDING] = max(_ages_standing_s(values))
-    gap_s = longest_gap_s(whole, setup.address)
+    gap_s = whole.gaps_s[setup.address]
     promised_s = whole.watchdog_gaps_s.get(setup.address, gap_s)
     margin_s = table.watchdog_s - promised_s if table.watchdog_s else None
-    return StarterCapacity(table, ages_s, gap_s, first_poll_s, margin_s)
-
-
-def _ages_standing_s(values: Sequence[PollForecast]) -> Iterable[float]:
-    """Return the ages that a starter's values reach while its motor stands and all others run."""
-    spared = sum(each.cost_s / each.poll.every_s for each in values if each.poll.every_s)
-    spared *= 1.0 - 1.0 / IDLE_FACTOR
-    for each in values:
-        every_s = each.poll.every_s
-        if not every_s:
-            yield each.age_s
-            continue
-        factor = max(each.period_s / every_s - spared, 1.0)
-        yield each.age_s - each.period_s + IDLE_FACTOR * every_s * factor
+    return StarterCapacity(table, gap_s, first_poll_s, margin_s)
 
 
 def _identification(setup: StarterSetup) -> list[Poll]:

@@ -12,13 +12,10 @@ import json
 import os
 import shutil
 from collections.abc import Iterator
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from gateway.app.capacity import (
-    STANDING,
-    VALUES,
     LineCapacity,
     StarterCapacity,
     prospects_of,
@@ -27,7 +24,6 @@ from gateway.app.capacity import (
 from gateway.app.restart.gaps import planned_gaps
 from gateway.app.site import Site
 from gateway.cli.command import counted, flag
-from gateway.cli.doctor.speed import BoxSpeed, capacity, demands_of, excess
 from gateway.config.schema import Config, LineTable
 from gateway.errors import ConfigError, Problem, StartError
 from gateway.families.profile.load import ENGLISH, LANGUAGES, languages_of, load_profile
@@ -82,7 +78,6 @@ def _shorter(limit_s: float, gaps: Gaps) -> str:
 RESTART_LATER = 75  # EX_TEMPFAIL of sysexits.h
 ROOM_FACTOR = 2  # a copy, and what SQLite writes while it converts
 _SAFE_FACTOR = 1.5  # a watchdog below this many longest gaps leaves little room for commands and retries
-_AGES = ("status", VALUES, STANDING, "slow")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -110,9 +105,7 @@ def run(args: argparse.Namespace) -> int:
     if args.upgrade:
         return _check_upgrade(args.config, site, as_json=args.json)
     config, prospects = site.config, prospects_of(site.config)
-    speed, demands = BoxSpeed.load(site.state_dir), demands_of(prospects)
-    too_much = "" if speed is None else excess(speed, demands)
-    overloads = [*_overloads(prospects), *([too_much] if too_much else [])]
+    overloads = list(_overloads(prospects))
     warnings = [
         *_line_warnings(prospects),
         *tight_watchdogs(prospects),
@@ -124,7 +117,6 @@ def run(args: argparse.Namespace) -> int:
             args.config,
             is_valid=True,
             language=language_line(config),
-            machine=None if speed is None else asdict(speed),
             lines=lines,
             warnings=[*overloads, *warnings],
         )
@@ -133,8 +125,6 @@ def run(args: argparse.Namespace) -> int:
         print(f"warning: {overload}")
     print(f"{args.config}: valid, {_site(config)}")
     print(language_line(config))
-    if speed is not None:
-        print(f"this machine, as `doctor` measured it on {speed.day}, {capacity(speed, demands)}")
     for line in prospects:
         _print_line(line)
     for warning in warnings:
@@ -237,21 +227,16 @@ def _print_line(line: LineCapacity) -> None:
     if not line.starters:
         return
     width = max(7, *(len(starter.table.name) for starter in line.starters))
-    print(f"  {'starter':{width}}  addr  family    about  status   values  standing     slow   watchdog")
+    print(f"  {'starter':{width}}  addr  family   watchdog")
     for starter in line.starters:
         each = starter.table
-        ages = "  ".join(_age(starter.ages_s.get(key)) for key in _AGES)
-        print(f"  {each.name:{width}}  {each.address:4}  {each.family:6}       {ages}   {_watchdog(starter)}")
+        print(f"  {each.name:{width}}  {each.address:4}  {each.family:6}   {_watchdog(starter)}")
     print(f"  {'':{width}}  longest time without a request when the gateway   (watchdog)")
     print(f"  {'starter':{width}}     works   crashes     hangs")
     for starter in line.starters:
         gaps = gaps_of_starter(starter)
         times = "  ".join(f"{gap_s:6.2f} s" for gap_s in (gaps.regular_s, gaps.crash_s, gaps.hang_s))
         print(f"  {starter.table.name:{width}}  {times}   {_judged(starter, gaps)}")
-
-
-def _age(age_s: float | None) -> str:
-    return "       -" if age_s is None else f"{age_s:6.2f} s"
 
 
 def _watchdog(starter: StarterCapacity) -> str:
@@ -334,7 +319,6 @@ def _as_json(line: LineCapacity) -> dict[str, Any]:
                 "starter": starter.table.name,
                 "address": starter.table.address,
                 "family": starter.table.family,
-                "age_s": {group: round(age_s, 4) for group, age_s in starter.ages_s.items()},
                 "longest_gap_s": round(starter.gap_s, 4),
                 "watchdog_s": starter.table.watchdog_s,
                 "crash_gap_s": round(gaps.crash_s, 4),

@@ -200,12 +200,6 @@ GATEWAY = (
                     "load": number("share of the line's time that the polls need"),
                     "sweep_s": number("time for one request of each poll, at most", "s"),
                     "stop_latency_s": number("a stop's first byte, at most", "s"),
-                    "age_s": mapping(
-                        "age of the values at most without commands, by group; `values_standing`: while a "
-                        "motor stands",
-                        "number",
-                        unit="s",
-                    ),
                     "watchdog_margin_s": number("least reserve of a communication watchdog", "s", null=True),
                     "is_paced": flag("whether the polls have periods; else the line is full at all times"),
                 },

@@ -41,7 +41,7 @@ TABLES: dict[str, SqlTable] = {
     "outbox.sqlite": OutboxTable(),
     "history.db": HistoryTable(),
 }
-SINCE = ("restart.json", "box.json")  # there was none of it in 0.2.0
+SINCE = ("restart.json",)  # there was none of it in 0.2.0
 DOCUMENTS = [name for name, each in FORMATS.items() if each.kind is FileKind.JSON and name not in SINCE]
 
 

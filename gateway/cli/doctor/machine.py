@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from gateway.app.capacity import LineCapacity
-from gateway.cli.doctor.speed import BoxSpeed, capacity, demands_of, excess, measured
+from gateway.cli.doctor.speed import BoxSpeed, measured
 from gateway.errors import DamagedError
 from gateway.families.devices.findings import Weight
 from gateway.starters.commands.execution import SLOW_DISK_S
@@ -129,30 +128,15 @@ def _foreign_in(folder: Path) -> Iterator[Path]:
 
 
 LATE_S = 0.001  # of a wait, in the middle: costs a line at 19200 bit/s a twentieth of its time
-OTHERS_SHARE = 0.1  # of the processor, taken by other programs while it was measured
 
 
-async def box_remarks(state_dir: Path, prospects: Iterable[LineCapacity]) -> list[DoctorFinding]:
-    """Measure, store the measurement for `check`, and return what was found."""
-    speed = await measured(state_dir)
-    remarks = list(judged(speed, prospects))
-    if trouble := speed.store(state_dir):
-        remarks.append(DoctorFinding("machine", f"the measurement is not stored: {trouble}", Weight.NOTE))
-    return remarks
+async def box_remarks(state_dir: Path) -> list[DoctorFinding]:
+    """Measure this machine and return what was found."""
+    return list(judged(await measured(state_dir)))
 
 
-def judged(speed: BoxSpeed, prospects: Iterable[LineCapacity]) -> Iterator[DoctorFinding]:
+def judged(speed: BoxSpeed) -> Iterator[DoctorFinding]:
     """Give the findings about a measured machine."""
-    demands = demands_of(prospects)
-    trouble = excess(speed, demands)
-    if trouble:
-        yield DoctorFinding("machine", trouble, Weight.WARNING)
-    else:
-        yield DoctorFinding("machine", capacity(speed, demands))
-    if 1.0 - speed.processor > OTHERS_SHARE:
-        share = f"{1.0 - speed.processor:.0%} of a processor"
-        what = f"{share} went to other programs meanwhile, or a quota held it back"
-        yield DoctorFinding("machine", f"{what}; counted in as if they always did", Weight.NOTE)
     yield _timers(speed)
     if speed.sync_s is not None:
         yield _disk(speed.sync_s)

@@ -62,7 +62,6 @@ FORMATS = {
         Format("sparkplug/bdseq.json", FileKind.JSON),
         Format("clock.json", FileKind.JSON, is_of_box=True),
         Format("restart.json", FileKind.JSON, is_of_box=True),
-        Format("box.json", FileKind.JSON, is_of_box=True),
     )
 }
 LOCK_FILE = "gateway.lock"
