@@ -47,7 +47,6 @@ class App:
                 ("history", parts.uplink.disk_sync.pace),
                 ("incoming", parts.incoming.run),
                 ("capture", parts.capture.run),
-                ("clock", parts.clock_memory.run),
                 ("restart", parts.restart.run),
                 *((each.name, each.run) for each in parts.integrations),
             )
@@ -81,7 +80,6 @@ class App:
         await parts.services.close()
         await parts.history.close()
         await parts.policy.identities.close()
-        await parts.clock_memory.close()
         await parts.watchdogs.close()
         await parts.policy.published_faults.close()
         await parts.state_dir.settle()

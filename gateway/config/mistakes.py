@@ -112,6 +112,7 @@ def _words(kind: str, key: Key, value: Any, ctx: Mapping[str, Any]) -> tuple[str
 
 # Keys, and values of keys, that earlier versions knew, with the remedy.
 _REMOVED = {
+    "operator.freshness = boot": "leave it out; the client sends the token of B/gateway/fresh, or issued_at",
     "line.learn_response_times": "leave it out; where replies are sure to be sooner, set response_time_s",
     "line.starter.fast_words": "leave it out: all points are read where they are",
 }

@@ -303,10 +303,10 @@ class OperatorTable(ConfigTable):
     starters: tuple[Glob, ...] = Field(
         strict=False, min_length=1, description="Starters and groups: names, with * and ? as in a shell."
     )
-    freshness: Literal["token", "issued_at", "boot"] = Field(
+    freshness: Literal["token", "issued_at"] = Field(
         default="token",
         description="What proves a command fresh: token or issued_at; issued_at alone, for commands over a "
-        "bridge; boot: boot alone will do, for old clients.",
+        "bridge.",
     )
 
 

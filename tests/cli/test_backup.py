@@ -153,7 +153,6 @@ def test_nothing_is_replaced_without_replace_and_then_it_is_set_aside(
     assert json.loads((state / "before-restore" / "wear.json").read_text())["writes"] == {"pump": 9}
     assert (state / "before-restore" / "audit" / "audit-00000001.jsonl").exists()
     assert (state / "before-restore").stat().st_mode & 0o077 == 0
-    assert (state / "clock.json").exists()
     assert HASH in (site.parent / "site.toml.before-restore").read_text()
     assert (
         site.parent / "secret" / "mqtt.password"

@@ -83,7 +83,7 @@ GATEWAY = (
         {
             "state": text("its state", values=("starting", "online", "degraded", "offline")),
             "time": time("when this was published", null=True),
-            "boot": text("names this connection: proves that a command came after it was made"),
+            "boot": text("names this connection; a command that carries another one is refused"),
             "since": time("since when it is in this state", null=True),
             "reason": text("why it is degraded or offline", null=True),
             "run": RUN,
@@ -114,9 +114,7 @@ GATEWAY = (
                     "client": text("the level in the command topic"),
                     "may": several("verbs; * for all", "text"),
                     "starters": several("names, with * and ?", "text"),
-                    "freshness": text(
-                        "what proves its commands fresh", values=("token", "issued_at", "boot")
-                    ),
+                    "freshness": text("what proves its commands fresh", values=("token", "issued_at")),
                 },
             ),
             "notice": text("not a safety function"),
@@ -467,7 +465,7 @@ _COMMAND = {
     "token": text("of gateway/fresh: the proof of freshness", absent=True),
     "issued_at": text("RFC 3339 time with offset: the proof on a synchronised clock", absent=True),
     "ttl_s": number("how old the proof may be, at most 60; 5 when absent", "s", absent=True),
-    "boot": text("of gateway/status; enough for `read`, and for old clients", absent=True),
+    "boot": text("of gateway/status: one that is not the present one is refused", absent=True),
     "operator": text("who decides, a claim; for the audit", absent=True),
     "reason": text("why, for the audit; at most 256 characters", absent=True),
     "args": group("what the verb needs", {}, absent=True, extra="by verb"),

@@ -32,7 +32,7 @@ from gateway.storage.ledger_table import LedgerTable
 from gateway.storage.outbox_table import OutboxTable
 from gateway.storage.spool import Kind as RowKind
 from gateway.storage.upkeep.versions import found_in, pending_in, refuse_newer
-from gateway.system.clock_steps import ClockReading, ClockSteps
+from gateway.system.clock_steps import ClockReading
 from tests.starters.plant import FakeMemory
 from tests.storage.golden.state import unpack_golden
 
@@ -143,8 +143,6 @@ async def test_the_documents_are_understood_and_written_in_the_same_shape(state:
     history.restore(found["precautions.json"], now_s=5.0, reading=reading)
     watchdogs = KnownWatchdogs(memory=FakeMemory(found["watchdogs.json"]))
     faults = PublishedFaults(memory=FakeMemory(found["faults.json"]))
-    steps = ClockSteps()
-    steps.recall(found["clock.json"], reading)
 
     lock = history.lock_of("mill")
     assert lock is not None
@@ -156,7 +154,6 @@ async def test_the_documents_are_understood_and_written_in_the_same_shape(state:
     assert watchdogs.to_document() == found["watchdogs.json"]
     assert faults.to_document() == found["faults.json"]
     assert found["bdseq.json"]["bdSeq"] >= 0
-    assert keys_in(steps.document(reading)) == keys_in(found["clock.json"])
     again = history.to_document(now_s=6.0, reading=reading)
     assert keys_in(again) == keys_in({"version": 1, **found["precautions.json"]})
     known = {name: known_from(each) for name, each in found["identities.json"]["starters"].items()}

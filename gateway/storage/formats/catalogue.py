@@ -60,7 +60,6 @@ FORMATS = {
         Format("wear.json", FileKind.JSON),
         Format("home-assistant.json", FileKind.JSON),
         Format("sparkplug/bdseq.json", FileKind.JSON),
-        Format("clock.json", FileKind.JSON, is_of_box=True),
         Format("restart.json", FileKind.JSON, is_of_box=True),
     )
 }
