@@ -23,7 +23,6 @@ from gateway.app.page.access import WebAccess
 from gateway.app.page.page import open_pages, page_integration
 from gateway.app.plant import Plant
 from gateway.app.record_log import RecordLog, log_failure
-from gateway.app.restart.watch import RestartWatch
 from gateway.app.site import Site
 from gateway.app.state_files import StateFiles
 from gateway.app.uplink import Uplink
@@ -60,7 +59,6 @@ class Parts:
         self.uplink = Uplink(site, self._tokens, clock=self.clock, publish_event=self.publish_event)
         self.latest = LatestRecords(self.uplink.publisher.values)
         self.files = StateFiles(site.state_dir, has_operators=bool(site.config.operators))
-        self.restart = RestartWatch(self.files.restart)
         self.state_dir = self._build_state_dir()
         self.watchdogs = self._build_watchdogs()
         self.policy = self._build_policy()
@@ -99,7 +97,6 @@ class Parts:
             self.uplink.publisher,
             self._page,  # what it plots has been published
             self.latest,
-            self.restart,
             *self.integrations,
         )
 

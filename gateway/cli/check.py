@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -21,14 +20,14 @@ from gateway.app.capacity import (
     prospects_of,
     relief_of,
 )
-from gateway.app.restart.gaps import planned_gaps
+from gateway.app.restart import planned_gaps
 from gateway.app.site import Site
 from gateway.cli.command import counted, flag
 from gateway.config.schema import Config, LineTable
-from gateway.errors import ConfigError, Problem, StartError
+from gateway.errors import ConfigError, StartError
 from gateway.families.profile.load import ENGLISH, LANGUAGES, languages_of, load_profile
 from gateway.line.capacity.outage import FEEDS, LOOK_S, WIDE_FACTOR, Gaps, Restart, gaps_of
-from gateway.storage.upkeep.versions import pending_in, refuse_newer
+from gateway.storage.upkeep.versions import refuse_newer
 from gateway.system.instance_lock import is_locked
 
 SHORTEST_LIMIT_S = 2.0  # of the service watchdog: a slow line needs most of a second for one transaction
@@ -76,7 +75,6 @@ def _shorter(limit_s: float, gaps: Gaps) -> str:
 
 
 RESTART_LATER = 75  # EX_TEMPFAIL of sysexits.h
-ROOM_FACTOR = 2  # a copy, and what SQLite writes while it converts
 _SAFE_FACTOR = 1.5  # a watchdog below this many longest gaps leaves little room for commands and retries
 
 
@@ -136,8 +134,6 @@ def _check_upgrade(path: str, site: Site, *, as_json: bool) -> int:
     """Print what a restart with this version would do; NewerError, ConfigError, StartError."""
     _require_sight(site.state_dir)
     refuse_newer(site.state_dir)
-    pending = pending_in(site.state_dir)
-    _require_room(path, site.state_dir, sum(each.octets for each in pending))
     is_running = is_locked(site.state_dir, if_unseen=True)
     gaps = planned_gaps(site)
     tight = [gap for gap in gaps if not gap.is_safe] if is_running else []
@@ -146,25 +142,18 @@ def _check_upgrade(path: str, site: Site, *, as_json: bool) -> int:
             path,
             is_valid=True,
             is_running=is_running,
-            converts=[{"file": p.format.name, "from": p.version, "to": p.format.version} for p in pending],
             starters=[gap.to_dict() for gap in gaps],
             is_restart_safe=not tight,
         )
         return RESTART_LATER if tight else 0
     print(f"{path}: accepted, and so is the state in {site.state_dir}")
-    for each in pending:
-        print(
-            f"{each.format.name}: the next start converts it from format {each.version} to "
-            f"{each.format.version}; {each.format.name}.{each.version} stays as the copy of before"
-        )
     if not is_running:
         print("no gateway runs with this state_dir: a start interrupts nothing")
     for gap in tight:
         print(
             f"{gap.starter}: a restart may leave it without a request for {gap.gap_s:.1f} s "
-            f"({'measured' if gap.is_measured else 'computed, never measured'}); "
-            f"its watchdog of "
-            f"{gap.limit_s:g} s is {gap.wanted_s - (gap.limit_s or 0.0):.1f} s too short to be safe"
+            f"at the worst; its watchdog of {gap.limit_s:g} s is "
+            f"{gap.wanted_s - (gap.limit_s or 0.0):.1f} s too short to be safe"
         )
     if tight:
         print("stop these motors first, or make their watchdogs longer; then restart the service")
@@ -184,13 +173,6 @@ def _require_sight(state_dir: Path) -> None:
         raise StartError(what, "run this as the gateway's user, or as root") from error
     except OSError:  # there is none yet
         return
-
-
-def _require_room(path: str, state_dir: Path, octets: int) -> None:
-    """Raise ConfigError when the copies of files that are to be converted have no room."""
-    if octets and shutil.disk_usage(state_dir).free < ROOM_FACTOR * octets:
-        what = f"has no room for the copies of what is to be converted, {octets / 2**20:.0f} MiB"
-        raise ConfigError(path, [Problem("gateway.state_dir", f"{state_dir} {what}", "make some room there")])
 
 
 def _print_json(path: str, **content: Any) -> None:

@@ -14,7 +14,7 @@ from gateway.families.devices.findings import Weight
 from gateway.starters.commands.execution import SLOW_DISK_S
 from gateway.starters.policy.write_budget import WEAR_FILE, WRITES_BORNE, totals_in
 from gateway.storage.audit.segments import FOLDER as AUDIT
-from gateway.storage.formats.catalogue import FORMATS
+from gateway.storage.formats import STATE_FILES
 from gateway.storage.json_file import JsonFile
 from gateway.storage.ledger import INTEND_WITHIN_S
 from gateway.storage.upkeep.state_copy import own_files
@@ -38,7 +38,7 @@ class DoctorFinding:
         return f"{self.weight or 'ok':8}{self.where}: {self.text}"
 
 
-OWN_FOLDERS = frozenset({AUDIT, *(Path(each.name).parent.name for each in FORMATS.values())})
+OWN_FOLDERS = frozenset({AUDIT, *(Path(each.name).parent.name for each in STATE_FILES.values())})
 SYSFS_TTY = Path("/sys/class/tty")
 LONGEST_LATENCY_MS = 2  # a driver's timer above this delays every reply by as much
 
