@@ -132,11 +132,6 @@ class Uplink:
             "outbox/dropped": statistics["dropped"],
         }
 
-    def renew_boot(self) -> None:
-        """Invalidate the present run token and publish the next one."""
-        self._tokens.boot.renew()
-        self.publisher.restate()
-
     def renew_token(self) -> None:
         """Publish a new token now: a stop has come, and who starts after it must have read one since."""
         self._renewal.put("", None)

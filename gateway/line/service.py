@@ -184,7 +184,7 @@ class LineService:
                 await self.master.find_gap(GAP_WITHIN_S)
             outcome = await self.master.exchange(
                 encoded,
-                response_time_s=self._statistics.response_time_s(slot),
+                response_time_s=slot.response_time_s,
                 until_s=until_s,
                 meanwhile=self._events.flush,
             )

@@ -169,12 +169,7 @@ async def running(
     def opener(table: LineTable) -> SimulatedOpener:
         return bus.opener(timing=timing_of(table))
 
-    services = StarterServices(
-        policy,
-        records=records,
-        may_write=bool(config.operators),
-        monitor_every_s=lap_s,
-    )
+    services = StarterServices(monitor_every_s=lap_s)
     bus_of_records.connect(policy, services, sink)
     listener: Any = RunningPlant(config=config)
     plant = Plant(

@@ -32,7 +32,6 @@ class Poll:
     request: Request
     every_s: float  # 0 = as often as the line allows
     response_time_s: float  # the starter's longest time from the request's end to the reply's first byte
-    shortest_response_s: float | None = None  # what was learnt may shorten that to this; None: not at all
     deadline_s: float | None = None  # its unit's watchdog: the longest time without a request; 0: it has none
     group: str = ""  # whose values it reads, for the statistics
     is_urgent: bool = False  # an answer that differs from the one before is published at once

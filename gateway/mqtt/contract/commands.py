@@ -12,7 +12,6 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, 
 
 from gateway.errors import CommandError
 from gateway.mqtt.contract.freshness import (
-    BY_BOOT,
     BY_TOKEN,
     DEFAULT_TTL_S,
     MAX_TTL_S,
@@ -183,19 +182,12 @@ class CommandParser:
             response_topic=incoming.response_topic if is_ours else None,
             expect=body.expect,
             select=body.select,
-            boot=self._lasting_boot(address, incoming, body),
             source=incoming.source,
         )
 
     def _proofs_of(self, address: CommandAddress, incoming: Incoming) -> Collection[str]:
         """Return what may prove a command fresh: no bridge lies between this gateway and its own page."""
         return (BY_TOKEN,) if incoming.source else self.freshness_of(address)
-
-    def _lasting_boot(self, address: CommandAddress, incoming: Incoming, body: _Body) -> str:
-        """Return the boot that proves copies of this command fresh as long as it is the present one."""
-        present = self.tokens.boot.token
-        is_proof = body.boot == present and BY_BOOT in self._proofs_of(address, incoming)
-        return present if is_proof else ""
 
 
 def _proof(body: _Body) -> Proof:

@@ -22,7 +22,7 @@ from gateway.starters.commands.admission import (
 from gateway.starters.commands.command_queue import CommandQueue
 from gateway.starters.commands.execution import CommandExecution
 from gateway.starters.commands.group_stop import GroupStop
-from gateway.starters.commands.ledger import Ledger, Proofs, as_repetition, is_same
+from gateway.starters.commands.ledger import PROVABLE_S, Ledger, as_repetition, is_same
 from gateway.starters.commands.lifecycle import CommandReport, Final, Reporting, audit
 from gateway.starters.commands.local_verbs import LocalVerbs, SetBaseline, no_history, target_of
 from gateway.starters.commands.recovery import Recovery
@@ -62,7 +62,7 @@ class Dispatcher:
         journal: Journal | None = None,
         policy: Policy | None = None,
         stood_still_s: Callable[[], float] = lambda: -inf,
-        proofs: Proofs | None = None,
+        provable_s: float = PROVABLE_S,
         set_baseline: SetBaseline = no_history,
         on_stop: Callable[[], None] = lambda: None,
     ) -> None:
@@ -70,7 +70,7 @@ class Dispatcher:
         self._clock = clock = records.clock
         self._rights = rights
         self._journal = journal or NoJournal()
-        self._ledger = Ledger(proofs=proofs, on_forgotten=self._journal.forget)
+        self._ledger = Ledger(provable_s=provable_s, on_forgotten=self._journal.forget)
         self._policy = policy or Policy(PolicySettings(), starters.keys(), rights=rights, records=records)
         self._reporting = Reporting(
             records=records,

@@ -167,7 +167,7 @@ class CommandReport:
                 reporting.records.put(result)
             return
         self._latest = result
-        if not reporting.ledger.store(result, now_s=reporting.records.clock.now_s(), boot=request.boot):
+        if not reporting.ledger.store(result, now_s=reporting.records.clock.now_s()):
             self._latest = replace(result, id=None)  # the id stands for what was acted on under it
         if end.phase is not Phase.WRITTEN and request.verb != STOP:
             # Stored before it is published, so that no command gets two different final results. That

@@ -193,7 +193,7 @@ CODES: Mapping[str, Mapping[str, Code]] = {
         ),
         "ledger_full": Code(
             "Of so many commands a copy could still be carried out that no new one can be remembered.",
-            "Wait a minute; prove freshness by token, not by boot alone. A stop is always taken.",
+            "Wait a minute. A stop is always taken.",
         ),
         "not_kept": Code("It could not be stored on the disk.", "Look at state_dir."),
         "shutting_down": Code("The gateway is ending.", f"{_LOOK} {_AGAIN}"),
