@@ -101,6 +101,7 @@ class Parts:
             self.uplink.publisher,
             self._page,  # what it plots has been published
             self.latest,
+            self.uplink.leftovers,
             self.restart,
             *self.integrations,
         )
