@@ -97,11 +97,13 @@ class Uplink:
             lambda *_: self._connection.beat(), clock=clock, every_s=RENEWED_EVERY_S
         )
 
-    def connect(self, *, on_incoming: Callable[[Incoming], None], on_link: Callable[[str | None], None]) -> None:
+    def connect(
+        self, *, on_incoming: Callable[[Incoming], None], on_link: Callable[[str | None], None]
+    ) -> None:
         """Make the connection, which `run` opens; once, before anything else is called.
 
         `on_incoming` gets every message on a command topic, `on_link` what is wrong with the connection at
-        every change of it: empty for nothing, None while the first connection is read.
+        every change of it: empty for nothing, None while it is not yet known.
         """
         self._on_incoming, self._on_link = on_incoming, on_link
         on_link(None)

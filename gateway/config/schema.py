@@ -97,7 +97,7 @@ class MqttTable(ConfigTable):
         default=6,
         ge=3,
         le=3600,
-        description="The keep-alive: the broker publishes offline for a gateway that was silent for 1.5 times as long.",
+        description="Keep-alive: the broker publishes offline for a gateway silent for 1.5 times this.",
     )
     refresh_s: float = Field(
         default=300.0, ge=1, le=86400, description="After so long an unchanged value is published again."

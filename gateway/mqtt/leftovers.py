@@ -122,10 +122,11 @@ class Leftovers:
 
     def put(self, record: Record) -> None:
         """Note that a starter was read."""
-        if isinstance(record, StateRecord) and record.quality is Quality.GOOD:
-            if record.starter not in self._seen:
-                self._seen.add(record.starter)
-                asyncio.get_running_loop().call_later(SETTLED_S, self._settle, record.starter)
+        if not isinstance(record, StateRecord) or record.starter in self._seen:
+            return
+        if record.quality is Quality.GOOD:
+            self._seen.add(record.starter)
+            asyncio.get_running_loop().call_later(SETTLED_S, self._settle, record.starter)
 
     def _take_heartbeat(self, incoming: Incoming) -> None:
         if incoming.is_retained:
@@ -170,7 +171,7 @@ class Leftovers:
         self._is_shared.set()
         if self._sharing.sounds(asyncio.get_running_loop().time()):
             base = self._topics.base
-            text = f"another gateway publishes below {base} too (stop it, or give one of the two another base)"
+            text = f"another gateway publishes below {base} too (stop it, or give one of them another base)"
             self._publish_event("base_shared", Severity.ERROR, text, {"base": base})
 
     async def _read(self, connection: Reading) -> None:
@@ -195,8 +196,9 @@ class Leftovers:
     def _report_unread(self) -> None:
         branches = " and ".join(self._branches)
         text = (
-            f"the broker does not let this gateway read {branches}: what earlier runs left there of removed "
-            "starters and of ended alarms cannot be cleared (let this user read it, in the broker's access list)"
+            f"the broker does not let this gateway read {branches}: what earlier runs left there of "
+            "removed starters and ended alarms cannot be cleared "
+            "(let this user read it, in the broker's access list)"
         )
         self._publish_event("leftovers_unread", Severity.WARNING, text, {"topics": list(self._branches)})
 

@@ -103,7 +103,7 @@ class Rig:
 
 @virtually
 async def test_what_is_left_of_removed_starters_and_lines_is_cleared_and_then_the_gateway_is_online() -> None:
-    kept = left(AvailabilityRecord("pump", "online", 1.0, None), state("pump"), LineRecord("hall", STATISTICS))
+    kept = left(state("pump"), alarm("pump", is_active=False), LineRecord("hall", STATISTICS))
     rig = Rig(REMOVED | kept)
     await rig.connect()
     await asyncio.sleep(0)

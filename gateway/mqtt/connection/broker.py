@@ -34,8 +34,8 @@ class BrokerConnection:
     `on_notice` is called for losses that need an event of their own: once, until a connection has held again.
     `pulse` makes a message of QoS 0 that goes out before all others of a connection and then every
     PULSE_EVERY_S; it is made when it is sent, and never waits. `on_version` takes each connection's version.
-    `listeners` take what comes on topics of their own, which must lie outside `command_filter`; `on_read` takes
-    what comes because of `read`.
+    `listeners` take what comes on topics of their own, which must lie outside `command_filter`; `on_read`
+    takes what comes because of `read`.
     """
 
     def __init__(
@@ -151,7 +151,7 @@ class BrokerConnection:
         elif self._on_read is not None and not incoming.topic.startswith(self._command_filter[:-2]):
             self._on_read(incoming)
         else:
-            is_live = incoming.is_retained and self._choice.version is Version.V5  # none is stored: see `Session`
+            is_live = incoming.is_retained and self._choice.version is Version.V5  # it sends no stored ones
             self._on_incoming(replace(incoming, is_early=self._session is None, is_live=is_live))
 
     def _subscribe(self, session: Session, topic: str) -> None:

@@ -119,7 +119,7 @@ class Session:
             self._subscribe(topic, _options(handling=2)).add_done_callback(note)
 
     def read(self, topic_filter: str, on_answer: Callable[[bool], None]) -> None:
-        """Subscribe with QoS 0, so that no queue of the broker is too short; only what is stored is retained."""
+        """Subscribe with QoS 0, which no queue of the broker limits; only what is stored is then retained."""
 
         def note(suback: asyncio.Future[int]) -> None:
             if not suback.cancelled():

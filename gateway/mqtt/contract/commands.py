@@ -42,10 +42,10 @@ _INSTANT = re.compile(  # RFC 3339 5.6
 class Incoming:
     """A message as the broker delivered it, or as the status page took it.
 
-    `expiry_s`, `response_topic` and `correlation` come with MQTT 5 only. `is_live` says of a retained one that
-    it was published just now, and not stored; this too is known with MQTT 5 only. `is_early` says that it came
-    before the connection was reported. `source` names another way than the broker; `operator` is then who logged in
-    there, whatever the payload claims.
+    `expiry_s`, `response_topic` and `correlation` come with MQTT 5 only. `is_live` says of a retained one
+    that it was published just now and not stored before, which MQTT 5 alone shows. `is_early` says that it
+    came before the connection was reported. `source` names another way than the broker; `operator` is then
+    who logged in there, whatever the payload claims.
     """
 
     topic: str
