@@ -103,10 +103,9 @@ class Uplink:
         """Make the connection, which `run` opens; once, before anything else is called.
 
         `on_incoming` gets every message on a command topic, `on_link` what is wrong with the connection at
-        every change of it: empty for nothing, None while it is not yet known.
+        every change of it: empty for nothing, None while what earlier runs left retained is being read.
         """
         self._on_incoming, self._on_link = on_incoming, on_link
-        on_link(None)
         self._connection = self._made()
 
     def listen(self, topic: str, on_message: Listener) -> None:

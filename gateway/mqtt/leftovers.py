@@ -42,7 +42,7 @@ _FIELDS: Mapping[str, frozenset[str]] = {
 }
 
 
-class Reading(Protocol):
+class ReadConnection(Protocol):
     """The part of a connection that is used here."""
 
     def read(self, topic_filter: str, on_answer: Callable[[bool], None]) -> None:
@@ -93,7 +93,7 @@ class Leftovers:
         self._sharing = HoldOff(QUIET_S)
         self.is_read = False
 
-    def connected(self, connection: Reading) -> None:
+    def connected(self, connection: ReadConnection) -> None:
         """Watch for another gateway, and read what is stored unless that has been done in this run."""
         for topic in (self._topics.gateway_status, self._topics.gateway_fresh):
             connection.read(topic, _ignore)
@@ -174,7 +174,7 @@ class Leftovers:
             text = f"another gateway publishes below {base} too (stop it, or give one of them another base)"
             self._publish_event("base_shared", Severity.ERROR, text, {"base": base})
 
-    async def _read(self, connection: Reading) -> None:
+    async def _read(self, connection: ReadConnection) -> None:
         with suppress(TimeoutError):
             async with asyncio.timeout(WITHIN_S):
                 await self._is_answered.wait()

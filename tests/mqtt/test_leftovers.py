@@ -103,8 +103,8 @@ class Rig:
 
 @virtually
 async def test_what_is_left_of_removed_starters_and_lines_is_cleared_and_then_the_gateway_is_online() -> None:
-    kept = left(state("pump"), alarm("pump", is_active=False), LineRecord("hall", STATISTICS))
-    rig = Rig(REMOVED | kept)
+    staying = left(state("pump"), alarm("pump", is_active=False), LineRecord("hall", STATISTICS))
+    rig = Rig(REMOVED | staying)
     await rig.connect()
     await asyncio.sleep(0)
 

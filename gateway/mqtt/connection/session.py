@@ -151,6 +151,8 @@ class Session:
 
     def publish_now(self, message: Message) -> bool:
         """Send a message of QoS 0 at once; return False when the socket has not taken what was before it."""
+        if self._client.want_write():
+            self._write()  # what was asked for just now, e.g. subscriptions
         if self.lost.done() or self._client.want_write():
             return False
         self._client.publish(message.topic, message.payload, qos=0, retain=message.retain)
