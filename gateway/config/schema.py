@@ -97,7 +97,10 @@ class MqttTable(ConfigTable):
         default="auto", description="The version of MQTT; auto: 5, and 3.1.1 where the broker refuses that."
     )
     keepalive_s: int = Field(
-        default=15, ge=5, le=3600, description="Without traffic for so long the broker is pinged."
+        default=6,
+        ge=3,
+        le=3600,
+        description="Keep-alive: the broker publishes offline for a gateway silent for 1.5 times this.",
     )
     refresh_s: float = Field(
         default=300.0, ge=1, le=86400, description="After so long an unchanged value is published again."
