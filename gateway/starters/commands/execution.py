@@ -22,7 +22,14 @@ from gateway.modbus.pdu import Request
 from gateway.records import Phase
 from gateway.starters.commands.admission import CAN_WAIT
 from gateway.starters.commands.lifecycle import CommandReport, Final
-from gateway.starters.commands.starter_io import HaltedError, OverdueError, RefusedError, Rows, StarterIo
+from gateway.starters.commands.starter_io import (
+    LAST_READING_S,
+    HaltedError,
+    OverdueError,
+    RefusedError,
+    Rows,
+    StarterIo,
+)
 from gateway.starters.policy.preconditions import Guard
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
 from gateway.starters.telemetry.view import StarterControlView
@@ -352,7 +359,7 @@ class CommandExecution:
         """How long after its first write the whole command is to be seen: the family's times."""
         steps, verify = (self._procedure.steps, self._procedure.verify) if self._procedure else ((), None)
         seen_s = sum(each.within_s for each in (*(step.then for step in steps), verify) if each is not None)
-        return max(seen_s + LATER_STEP_S * (len(steps) - 1), LATER_STEP_S)
+        return seen_s + LATER_STEP_S * (len(steps) - 1) + LAST_READING_S
 
     def _taken(self, outcome: Outcome) -> Final | None:
         """Record what became of a write; return the end when it did not go out or was refused."""

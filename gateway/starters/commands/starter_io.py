@@ -22,6 +22,7 @@ T = TypeVar("T")
 
 TRIES = 3  # of a reading that decides
 READ_BACK_PAUSE_S = 0.1
+LAST_READING_S = 0.5  # so long after a deadline the reading under way, or the second of two, is waited for
 EQUAL_READINGS = 2  # that must follow one another: a CRC lets one bad frame in some 50,000 pass
 
 Rows = dict[str, tuple[int, ...]]
@@ -120,12 +121,14 @@ class StarterIo:
         until_s = asyncio.get_running_loop().time() + expect.within_s
         count = 0
         with suppress(OverdueError):
-            while count or asyncio.get_running_loop().time() < until_s:
+            while True:
                 values = self.values(await self.read_back(expect.reads) or {})
                 count = count + 1 if expect.is_met(values) else 0
                 if count == EQUAL_READINGS:
                     await asyncio.sleep(0)  # they are published before the result that rests on them
                     return values
+                if count == 0 and asyncio.get_running_loop().time() >= until_s:
+                    break
                 await self.pause(READ_BACK_PAUSE_S)
         return None
 

@@ -261,8 +261,9 @@ class Stopping:
         return True
 
     async def _read_in_time(self, reads: Iterable[Read]) -> Rows | None:
-        """Return what is read back before the first of the messages is over."""
-        self._starter_io.until_s = min(order.until_s for order in self._all())
+        """Return what is read back until the first of the messages is over, or a moment later."""
+        over_s = min(order.until_s for order in self._all())
+        self._starter_io.until_s = max(over_s, self._time() + SEEN_WITHIN_S)
         try:
             return await self._starter_io.read_back(reads)
         except OverdueError:
