@@ -48,6 +48,7 @@ DEADLINE_S = 10.0  # of each message
 REPEAT_S = 0.5
 OWN_FRAMES = Rate(10.0, 8)  # for messages of one starter: so many a second, so many at once
 UNREAD_PAUSE_S = 0.5  # between two readings of a starter that did not answer the latest two
+LAST_READING_S = 5.0  # after that a reading which waits for a full line is waited for no longer
 SEEN_WITHIN_S = 2.0  # before its end, so that a stop counts as seen
 SHARED_WITHIN_S = 0.1  # after the frame before: when the frame of messages beyond that is sent
 
@@ -261,9 +262,8 @@ class Stopping:
         return True
 
     async def _read_in_time(self, reads: Iterable[Read]) -> Rows | None:
-        """Return what is read back until the first of the messages is over, or a moment later."""
-        over_s = min(order.until_s for order in self._all())
-        self._starter_io.until_s = max(over_s, self._time() + SEEN_WITHIN_S)
+        """Return what is read back; None when the first of the messages is over for too long."""
+        self._starter_io.until_s = min(order.until_s for order in self._all()) + LAST_READING_S
         try:
             return await self._starter_io.read_back(reads)
         except OverdueError:
