@@ -89,7 +89,7 @@ class Dispatcher:
         self._executions: dict[str, CommandExecution] = {}
         self._stopped_s: dict[str, float] = {}  # by starter: when its latest stop came
         self._on_stop = on_stop  # called once a stop's frames are asked for
-        self._turns: dict[tuple[str, bool], asyncio.Semaphore] = {}  # by line, and whether they can wait
+        self._gates: dict[tuple[str, bool], asyncio.Semaphore] = {}  # by line, and whether they can wait
         self._stops: dict[str, Stopping] = {}
         self._recoveries: list[Recovery] = []
         self._tasks: set[asyncio.Task[None]] = set()
@@ -268,13 +268,13 @@ class Dispatcher:
         report = CommandReport(request, self._reporting)
         report.accept()
         key = (starter.setup.line, request.verb in CAN_WAIT)  # the two do not wait for each other
-        turn = self._turns.setdefault(key, asyncio.Semaphore(AT_ONCE))
+        gate = self._gates.setdefault(key, asyncio.Semaphore(AT_ONCE))
         self._executions[request.starter] = CommandExecution(
             report,
             starter,
             preparation,
             guard,
-            None if request.verb == READ else turn,
+            None if request.verb == READ else gate,
             self._policy.watchdogs,
         )
         self._spawn(_run_out(self._executions, request.starter))

@@ -47,9 +47,7 @@ CLEARS_FOR_S = 5.0  # after run = 0: then who commands the motor is changed no m
 WAITS_FOR_S = 10.0  # the same of what moves no motor, and may wait for the line
 ASKED_AGAIN_S = 0.5  # after this a starter that did not answer is asked again, while the command has time
 LATER_STEP_S = 2.0  # the line may take so long for each write after the first
-LEFT_SAFE_WITHIN_S = (
-    3.0  # after its deadline a command is taken back, or the starter left safe, within so long
-)
+LEFT_SAFE_WITHIN_S = 3.0  # after its deadline a start is taken back, or the starter left safe
 MOST_TAKE_BACKS = 3  # each after new readings of a motor that stands
 MAY_BE_TURNING = "the motor may be turning"
 MAY_STAND = "the command may also stand in the starter and act later: send a stop"
@@ -81,15 +79,15 @@ class CommandExecution:
         starter: StarterControlView,
         preparation: Preparation,
         guard: Guard | None = None,
-        turn: asyncio.Semaphore | None = None,
+        gate: asyncio.Semaphore | None = None,
         watchdogs: KnownWatchdogs | None = None,
     ) -> None:
         self.report = report
         self._starter = starter
         self._preparation = preparation
         self._guard = guard  # what the gateway itself demands
-        self._turn = turn  # among the commands of its line, until its first write; None: it does not wait
-        self._has_turn = False
+        self._gate = gate  # among the commands of its line, until its first write; None: it does not wait
+        self._is_in_gate = False
         self._watchdogs = watchdogs or KnownWatchdogs()  # of the starters that share its line
         self.can_wait = report.request.verb in CAN_WAIT
         self._lane = Priority.PARAMETERS if self.can_wait else Priority.COMMAND
@@ -116,15 +114,15 @@ class CommandExecution:
         except Exception:  # the guard at the task's top
             logger.exception("starter=%s command ended by a bug", self.report.request.starter)
             end = self._cut("internal", "an error inside the gateway; see its log")
-        self._end_turn()
+        self._leave_gate()
         self._watchdogs.end(self.report.request.starter)
         self.report.finish(end)
 
     async def _ended(self) -> Final:
         try:
-            if self._turn is not None:
-                await self._starter_io.wait_for(self._turn.acquire())
-                self._has_turn = True
+            if self._gate is not None:
+                await self._starter_io.wait_for(self._gate.acquire())
+                self._is_in_gate = True
             rows, procedure = await self._decide()
             if procedure.steps and await self._intend(procedure) > SLOW_DISK_S:
                 rows, procedure = await self._decide()  # what was read has grown old meanwhile
@@ -320,13 +318,13 @@ class CommandExecution:
         except (HaltedError, OverdueError):
             self.report.write()  # it may have been on its way already
             raise
-        self._end_turn()
+        self._leave_gate()
         return outcome
 
-    def _end_turn(self) -> None:
-        if self._turn is not None and self._has_turn:
-            self._has_turn = False
-            self._turn.release()
+    def _leave_gate(self) -> None:
+        if self._gate is not None and self._is_in_gate:
+            self._is_in_gate = False
+            self._gate.release()
 
     async def _hand_over(self, step: WriteStep) -> Outcome:
         """Give a write to the line, which sends it only while what was read last still decides.
