@@ -20,7 +20,11 @@ class Priority(enum.IntEnum):
     FOLLOW_UP = 1  # repeats and read-backs of stops
     COMMAND = 2  # what makes motors move
     READ_BACK = 3  # whether they did, and who a starter is
-    PARAMETERS = 4  # background: reads and settings on demand, and what the gateway looks after by itself
+    PARAMETERS = 4  # reads and settings on demand
+    # The gateway's own questions, which wait for all those:
+    WATCHDOG = 5  # that of a starter which was not asked yet
+    IDENTITY = 6  # who a starter is
+    PATROL = 7  # parameters, diagnosis and memory that it reads by itself
 
 
 @dataclass(frozen=True, slots=True)

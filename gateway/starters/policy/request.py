@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+WITHOUT_TTL_S = 10.0  # so long a command without a time of its own may wait to be written
+
 
 @dataclass(frozen=True, slots=True)
 class CommandRequest:
@@ -28,3 +30,8 @@ class CommandRequest:
     decided_by: str = ""  # what shows that: token or issued_at
     source: str = ""  # "web": the status page; empty: MQTT
     boot: str = ""  # the boot that alone proves a copy of it fresh, whatever its age; empty: none does
+
+    @property
+    def until_s(self) -> float:
+        """Return when its time to be written is over, on the steady clock."""
+        return self.received_s + WITHOUT_TTL_S if self.expires_s is None else self.expires_s

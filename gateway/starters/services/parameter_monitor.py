@@ -168,7 +168,7 @@ class ParameterMonitor:
     async def _look(self, read: Read) -> tuple[Read, ...]:
         """Read one block and publish what has changed; return what to read next time."""
         starter = self._starter
-        ask = partial(starter.ask, lane=Priority.PARAMETERS)
+        ask = partial(starter.ask, lane=Priority.PATROL)
         found = await read_in_bulk(ask, starter.profile, [read], tries=1)
         starter.note_settings(found.rows)
         if self.note_reading(found.rows):
