@@ -91,6 +91,7 @@ class Parts:
 
     def _connect(self) -> None:
         self.uplink.outbox.on_delivered = self._note_delivered
+        self.health.note_link(None)
         self.uplink.connect(on_incoming=self._inbox.put, on_link=self.health.note_link)
         self._bus.connect(
             self.state_dir,  # the audit has a decision before any client can read of it
@@ -101,6 +102,7 @@ class Parts:
             self.uplink.publisher,
             self._page,  # what it plots has been published
             self.latest,
+            self.uplink.leftovers,
             self.restart,
             *self.integrations,
         )

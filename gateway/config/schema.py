@@ -94,7 +94,10 @@ class MqttTable(ConfigTable):
         default=None, description="The MQTT client id; absent: the gateway's name. One connection each."
     )
     keepalive_s: int = Field(
-        default=15, ge=5, le=3600, description="Without traffic for so long the broker is pinged."
+        default=6,
+        ge=3,
+        le=3600,
+        description="Keep-alive: the broker publishes offline for a gateway silent for 1.5 times this.",
     )
     refresh_s: float = Field(
         default=300.0, ge=1, le=86400, description="After so long an unchanged value is published again."

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.mqtt.connection.inbox import Inbox
-from gateway.mqtt.contract.commands import Incoming
+from gateway.mqtt.contract.commands import RETAINED_STOP, Incoming
 from gateway.mqtt.contract.payloads import Payloads
 from gateway.mqtt.contract.topics import Topics
 from gateway.records import AuditRecord, ResultRecord, Severity, rfc3339
@@ -43,6 +43,23 @@ async def test_what_waited_while_the_gateway_stood_still_is_refused(asleep_s: fl
     assert here.plant.starts() == 0
     assert here.tokens == [here.boot.token] != [boot]
     assert [(code, severity) for code, severity, *_ in here.events] == [("stood_still", Severity.WARNING)]
+
+
+@virtually
+async def test_a_live_stop_with_the_retain_flag_stops_and_its_result_says_that_others_are_refused() -> None:
+    here = await desk()
+    here.plant.machines["pump-1"].set_motor(is_on=True)
+
+    here.incoming.take(Incoming("b/command/pump-1/alice/stop", b'{"id":"1"}', is_retained=True, is_live=True))
+    await here.plant.wait(3.0)
+    here.incoming.take(Incoming("b/command/pump-1/alice/stop", b'{"id":"2"}', is_retained=True))
+    await here.plant.wait(3.0)
+
+    assert here.plant.stops() == 1
+    final = here.plant.sink.final("1")
+    assert (final.phase, final.code) == ("confirmed", "ok")
+    assert final.text.endswith(f"; {RETAINED_STOP}")
+    assert here.plant.sink.final("2").code == "retained"
 
 
 @virtually

@@ -124,11 +124,18 @@ def test_an_old_message_may_still_be_a_stop() -> None:
     assert isinstance(judge(Incoming(STOP, b"", expiry_s=0)), CommandRequest)
 
 
+@pytest.mark.parametrize("is_live", [False, True])
 @pytest.mark.parametrize("verb", ["start", "stop", "reset", "set", "read", "anything"])
-def test_a_retained_command_is_never_acted_on(verb: str) -> None:
-    incoming = command(fresh(), topic=f"b/command/pump-1/alice/{verb}", is_retained=True)
+def test_a_retained_command_is_never_acted_on_but_a_stop_that_was_sent_just_now(
+    verb: str, is_live: bool
+) -> None:
+    topic = f"b/command/pump-1/alice/{verb}"
+    incoming = command(fresh(), topic=topic, is_retained=True, is_live=is_live)
 
-    assert refusal(incoming).code == "retained"
+    if verb == "stop" and is_live:
+        assert isinstance(judge(incoming), CommandRequest)
+    else:
+        assert refusal(incoming).code == "retained"
 
 
 def test_a_refusal_names_the_command_so_that_its_sender_can_be_notified() -> None:

@@ -261,6 +261,18 @@ EVENTS: Mapping[str, Mapping[str, Event]] = {
             "Another client uses this gateway's client id.",
             "Stop it, or give one of the two another name.",
         ),
+        "base_shared": Event(
+            (ERROR,),
+            "Another gateway, with another client id, publishes below this gateway's base.",
+            "Stop it, or give one of the two another name in [gateway] or another base in [mqtt].",
+            {"base": "the base"},
+        ),
+        "leftovers_unread": Event(
+            (WARNING,),
+            "The broker does not let the gateway read what earlier runs left retained: none is cleared.",
+            "Correct its access list: `starter-gateway broker-kit` writes a right one.",
+            {"topics": "the topics that it may not read"},
+        ),
         "message_too_large": Event(
             (ERROR,),
             "The broker sent a packet that is not read, or announced one too large even to be read over.",

@@ -108,6 +108,10 @@ class Tokens:
         self._made[token] = now_s, self.boot.token
         return token
 
+    def has_made(self, token: str) -> bool:
+        """Return whether this gateway made a token lately, whether it counts or not."""
+        return token in self._made
+
     def made_s(self, token: str) -> float | None:
         """Return when a token was made; None for one that does not count, or never was."""
         made_s, boot = self._made.get(token, (None, ""))

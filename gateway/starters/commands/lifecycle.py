@@ -150,7 +150,7 @@ class CommandReport:
             verb=request.verb,
             phase=end.phase,
             code=end.code,
-            text=end.text,
+            text=f"{end.text}; {request.remark}" if request.remark else end.text,
             time_s=self._reporting.records.clock.utc_s(),
             is_duplicate=self._is_repeat,
             values=end.values,

@@ -196,7 +196,9 @@ CODES: Mapping[str, Mapping[str, Code]] = {
         "interrupted": Code("Its client interrupted the command.", _LOOK),
     },
     "The command itself is wrong": {
-        "retained": Code("A retained command is never acted on.", "Send it without retain."),
+        "retained": Code(
+            "A retained command is never acted on, but for a live stop.", "Send it without retain."
+        ),
         "expired": Code(
             "It came too late: its own time had passed.", f"Look at what holds messages up. {_AGAIN}"
         ),

@@ -27,4 +27,5 @@ class CommandRequest:
     decided_s: float | None = None  # on the steady clock: not decided upon before; None: that is not known
     decided_by: str = ""  # what shows that: token or issued_at
     source: str = ""  # "web": the status page; empty: MQTT
+    remark: str = ""  # on how it was sent; each of its results says so
     boot: str = ""  # the boot that alone proves a copy of it fresh, whatever its age; empty: none does
