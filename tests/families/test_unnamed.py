@@ -43,7 +43,7 @@ def test_an_address_that_the_manual_names_is_its_row(code: str, named: str) -> N
 def test_a_marker_is_read_as_it_is() -> None:
     profile = load_profile("ssw900")
     args = {"parameters": ["HR1600", "S5.1.1"]}
-    marker, status = prepare(profile, SLOT_1, "read", args).reads
+    status, marker = prepare(profile, SLOT_1, "read", args).reads
 
     rows = rows_in(profile, marker, (4711,))
 
