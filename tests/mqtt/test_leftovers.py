@@ -277,7 +277,7 @@ async def test_its_own_token_is_never_taken_for_anothers_even_when_it_counts_no_
     rig = Rig({})
     await rig.connect()
     token = rig.tokens.issue(1.0)
-    rig.tokens.boot.renew()
+    rig.tokens.boot.stood_still(2.0)
     rig.heartbeat(token)
     rig.take("b/gateway/fresh", {"token": "of an earlier run"}, is_retained=True)
     rig.take("b/gateway/status", "nonsense")
