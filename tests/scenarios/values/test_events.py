@@ -10,6 +10,7 @@ import pytest
 from tests.rig import ScenarioRow, fault, msg, never, play, retained, row, seen
 from tests.rig.rows import Expectation
 from tests.rig.sites import ALICE, QUICK, SST, SSW06, SSW07, SSW900
+from tests.scenarios.values.words import refuse_rows
 
 
 def of(starter: str, code: str, **fields: Any) -> Expectation:
@@ -200,6 +201,45 @@ TRIPS = [
             7: of("pump", "fault", data={"alarm": "e05"}),
             16: [of("pump", "fault"), msg("starter/pump/alarm/e05", active=True)],
         },
+    ),
+    row(
+        "an alarm that an earlier run left retained and that is over is cleared at the broker",
+        given=SSW07,
+        at={0: [TRIPPED, "pump P014 = 5"], 5: "end", 5.1: [READY, "start"]},
+        then={4: retained("starter/pump/alarm/e05", active=True), 30: retained("starter/pump/alarm/e05")},
+    ),
+    row(
+        "a further fault during a fault is an event of its own",
+        given=SSW07,
+        at={0: RUNNING, 5: [TRIPPED, "pump P014 = 5"], 12: "pump P014 = 42"},
+        then={
+            18: [
+                of("pump", "fault", data={"alarm": "e05"}),
+                of("pump", "alarm", severity="error", data={"alarm": "e42"}),
+            ]
+        },
+    ),
+    row(
+        "a fault whose starter is lost before its number is read is an event all the same",
+        given=SSW07,
+        at={0: RUNNING, 5: [TRIPPED, refuse_rows("pump", {14}, 6)], 5.8: fault("silent", "pump")},
+        then={20: of("pump", "fault", data={"from": "running"})},
+    ),
+    row(
+        "a fault that is over before its number is read is an event all the same",
+        given=SSW07,
+        at={0: RUNNING, 5: [TRIPPED, "pump P014 = 0"], 6.6: READY},
+        then={12: [of("pump", "fault"), of("pump", "cleared", data={"alarm": "fault"})]},
+    ),
+    row(
+        "the same fault in the run after next is an event again when another was between",
+        given=SSW07,
+        at={
+            0: [TRIPPED, "pump P014 = 5"],
+            8: ["end", "pump P014 = 7", "start"],
+            16: ["end", "pump P014 = 5", "start"],
+        },
+        then={24: seen("starter/pump/event", times=3, code="fault")},
     ),
 ]
 
