@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.rig import ScenarioRow, fault, msg, never, play, retained, row, seen
+from tests.rig import ScenarioRow, command, fault, msg, never, play, result, retained, row, seen
 from tests.rig.rows import Expectation
 from tests.rig.sites import ALICE, QUICK, SST, SSW06, SSW07, SSW900
 from tests.scenarios.values.words import refuse_rows
@@ -241,6 +241,39 @@ TRIPS = [
         },
         then={24: seen("starter/pump/event", times=3, code="fault")},
     ),
+]
+
+TRIPPED_BY = {
+    "pump": (SSW07, "E05"),
+    "fan": (SSW06, "E05"),
+    "mill": (SSW900, "F005"),
+    "belt": (SST, "COIL12"),
+}
+TRIPS += [
+    row(
+        f"the fault of a motor that was running is reset without starting it ({name})",
+        given=site + ALICE,
+        sim={name: QUICK},
+        at={
+            3: command(f"{name}/alice/configure" if name == "belt" else f"{name}/alice/stop"),
+            9: command(f"{name}/alice/start"),
+            20: f"{name} trip {number}",
+            26: command(f"{name}/alice/reset"),
+        },
+        then={
+            25: [
+                of(name, "fault", data={"from": "running", "before": ...}),
+                seen(f"starter/{name}/alarm/+", active=True, severity="fault"),
+            ],
+            50: [
+                result("reset confirmed ok"),
+                never(f"starter/{name}/state", since=26, running=True),
+                never(f"starter/{name}/state", since=45, state="fault"),
+                seen(f"starter/{name}/alarm/+", active=False),
+            ],
+        },
+    )
+    for name, (site, number) in TRIPPED_BY.items()
 ]
 
 ALARMS = [

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import itertools
 import re
+from collections.abc import Callable
 from itertools import pairwise
 
 import pytest
 
 from tests.rig import RigPlant, ScenarioRow, clean_line, event, fault, msg, never, play, row, seen
 from tests.rig.rows import Expectation
-from tests.rig.sites import FOUR, SST, SSW07, SSW900, starter
-from tests.scenarios.values.words import refuse_rows
+from tests.rig.sites import FOUR, SST, SSW06, SSW07, SSW900, starter
+from tests.scenarios.values.words import answers, refuse_rows
 
 PUMP = "starter/pump/"
+SITES = {"pump": SSW07, "fan": SSW06, "mill": SSW900, "belt": SST}
 
 
 def _every_value_is(quality: str, name: str = "pump") -> Expectation:
@@ -166,9 +169,15 @@ PRESENCE = [
 ]
 
 
-def _longest_gap(plant: RigPlant, *, since: float) -> float:
+def _every(count: int, reply: bytes | None = None) -> Callable[[bytes], bytes | None]:
+    """Answer every so many requests by this, or not at all."""
+    asked = itertools.count(1)
+    return lambda _: reply if next(asked) % count == 0 else b""
+
+
+def _longest_gap(plant: RigPlant, *, since: float, name: str = "pump") -> float:
     """Return the longest time between two requests that reached the starter."""
-    times = [at_s for at_s, _ in plant.starter("pump").asked if at_s >= since]
+    times = [at_s for at_s, _ in plant.starter(name).asked if at_s >= since]
     return max(later - sooner for sooner, later in pairwise(times))
 
 
@@ -191,11 +200,11 @@ REFUSALS = [
     ),
     row(
         "a row that was refused is asked again after an hour",
-        given=SSW07.replace("every_s = 1.0", "every_s = 10.0"),
-        at={5: refuse_rows("pump", {81}, for_s=900)},
+        given=SSW07.replace("every_s = 1.0", "every_s = 20.0"),
+        at={5: refuse_rows("pump", {3}, for_s=900)},
         then={
-            3000: msg(PUMP + "value/heatsink_temperature", quality="bad"),
-            6000: msg(PUMP + "value/heatsink_temperature", quality="good"),
+            3000: msg(PUMP + "value/current", quality="bad"),
+            5500: msg(PUMP + "value/current", quality="good"),
         },
     ),
     *(
@@ -213,22 +222,50 @@ REFUSALS = [
         at={5: fault("refuse", "pump", 2, for_s=0.2)},
         then={20: [_every_value_is("good"), never(PUMP + "availability", state="degraded")]},
     ),
+    *(
+        row(
+            f"a starter whose status is refused is degraded, and asked at least every 5 s ({name})",
+            given=SITES[name],
+            at={5: refuse_rows(name, {register}, code, for_s=60)},
+            then={
+                50: [
+                    msg(f"starter/{name}/availability", state="degraded", reason=re.compile("refused")),
+                    event("degraded", f"starter/{name}/event", severity="warning"),
+                    msg(f"starter/{name}/state", state="unknown"),
+                    lambda plant, name=name: (
+                        "" if _longest_gap(plant, since=20, name=name) <= 5.1 else "asked too seldom"
+                    ),
+                ],
+                90: [
+                    msg(f"starter/{name}/availability", state="online"),
+                    event("recovered", f"starter/{name}/event"),
+                    msg(f"starter/{name}/state", quality="good", running=False),
+                ],
+            },
+        )
+        for name, register, code in (("pump", 5001, 2), ("fan", 5001, 1), ("mill", 680, 3), ("belt", 19, 2))
+    ),
     row(
-        "a starter whose status is refused is degraded, and asked for it at least every 5 s",
+        "a starter of whose replies every tenth is lost is degraded, and says why",
         given=SSW07,
-        at={5: refuse_rows("pump", {5001}, for_s=60)},
+        at={3: answers("pump", _every(10))},
         then={
-            50: [
-                msg(PUMP + "availability", state="degraded", reason=...),
-                event("degraded", PUMP + "event"),
-                msg(PUMP + "state", state="unknown"),
-                lambda plant: "" if _longest_gap(plant, since=20) <= 5.1 else "asked too seldom",
+            300: [
+                msg(PUMP + "availability", state="degraded", reason=re.compile("had no right reply")),
+                never(PUMP + "availability", since=5, state="offline"),
+            ]
+        },
+    ),
+    row(
+        "a refusal now and then costs no poll and no value",
+        given=SSW07,
+        at={3: answers("pump", _every(20, b"\x83\x02"), for_s=200)},
+        then={
+            600: [
+                never(PUMP + "availability", since=5, state="degraded"),
+                msg(PUMP + "state", quality="good"),
             ],
-            90: [
-                msg(PUMP + "availability", state="online"),
-                event("recovered", PUMP + "event"),
-                msg(PUMP + "state", state="ready", quality="good"),
-            ],
+            280: _every_value_is("good"),
         },
     ),
     row(

@@ -8,7 +8,8 @@ import pytest
 
 from tests.rig import RigPlant, ScenarioRow, command, event, msg, never, play, result, row, seen
 from tests.rig.rows import Expectation
-from tests.rig.sites import ALICE, QUICK, SST, SSW06, SSW07, SSW900
+from tests.rig.sites import ALICE, FOUR, QUICK, SST, SSW06, SSW07, SSW900
+from tests.scenarios.values.words import answers, nothing_written, refuse_rows
 
 EVENTS = "starter/pump/event"
 
@@ -26,6 +27,29 @@ def _watchdogs(name: str, **expected: float) -> Expectation:
     return check
 
 
+def _readiness(name: str, *, times: int) -> Expectation:
+    return seen(f"starter/{name}/event", times=times, code="readiness", data={"would_refuse_start": ...})
+
+
+def _asked_seldom(name: str, request: bytes, *, since: float) -> Expectation:
+    def check(plant: RigPlant) -> str:
+        asked = [at_s for at_s, pdu in plant.starter(name).asked if at_s > since and pdu.startswith(request)]
+        return "" if len(asked) < 4 else str(asked)
+
+    return check
+
+
+def _loses_settings(pdu: bytes) -> bytes | None:
+    """P313 and P314 are not answered."""
+    return None if pdu[0] == 3 and int.from_bytes(pdu[1:3], "big") in (312, 313, 314) else b""
+
+
+SITES = (
+    ("ssw07", "pump", SSW07),
+    ("ssw06", "fan", SSW06),
+    ("ssw900", "mill", SSW900),
+    ("sst", "belt", SST),
+)
 ROWS = [
     row(
         "an SSW-07's watchdog is read at first contact, and counts for the line",
@@ -166,6 +190,71 @@ ROWS = [
                 fault_history=...,
             )
         },
+    ),
+    *(
+        row(
+            f"an {family} says once whether it is ready, and nothing is written for that",
+            given=site,
+            then={
+                60: [
+                    _readiness(name, times=1),
+                    nothing_written(name),
+                ]
+            },
+        )
+        for family, name, site in SITES
+    ),
+    *(
+        row(
+            f"a watchdog that is set at an {family} is an event, and its readiness is looked at again",
+            given=site,
+            at={60: f"{name} {code} = 70"},
+            then={
+                500: [
+                    seen(
+                        f"starter/{name}/event", times=1, code="parameter_changed", data={"parameter": code}
+                    ),
+                    _readiness(name, times=2),
+                ]
+            },
+        )
+        for family, name, site, code in (
+            ("ssw07", "pump", SSW07, "P314"),
+            ("ssw06", "fan", SSW06, "P314"),
+            ("ssw900", "mill", SSW900, "C8.2.5.3"),
+        )
+    ),
+    row(
+        "a starter that comes back as it was says nothing new of its readiness",
+        given=SSW07,
+        at={10: "pump power off", 40: "pump power on"},
+        then={
+            120: [_readiness("pump", times=1), seen("starter/pump/availability", since=40, state="online")]
+        },
+    ),
+    row(
+        "a readiness that could not be read is looked at again",
+        given=SSW07,
+        at={0: answers("pump", _loses_settings, for_s=40)},
+        then={39: _readiness("pump", times=0), 300: _readiness("pump", times=1)},
+    ),
+    row(
+        "the patrol leaves a silent starter alone, and finds what was changed meanwhile",
+        given=SSW07,
+        at={30: "pump power off", 90: ["pump P314 = 7", "pump power on"]},
+        then={500: seen(EVENTS, times=1, code="parameter_changed", data={"parameter": "P314"})},
+    ),
+    row(
+        "the patrol does not ask for ever for a row that is refused",
+        given=SSW07,
+        at={0: refuse_rows("pump", {277, 278})},
+        then={900: _asked_seldom("pump", b"\x03\x01\x15", since=100)},
+    ),
+    row(
+        "nothing is written to a starter without a command, whatever happens to the line",
+        given=FOUR,
+        at={60: "line pumps unplug", 70: "line pumps plug", 120: "restart"},
+        then={150: lambda plant: "".join(nothing_written(name)(plant) for _, name, _ in SITES)},
     ),
 ]
 

@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 from tests.rig import (
-    RigPlant,
     ScenarioRow,
     command,
     event,
@@ -21,24 +20,15 @@ from tests.rig import (
     row,
     seen,
 )
-from tests.rig.rows import Action, Expectation
+from tests.rig.rows import Action
 from tests.rig.sites import ALICE, QUICK, SST, SSW06, SSW07, SSW900
-from tests.scenarios.values.words import is_silent_to_fc43, names_itself
+from tests.scenarios.values.words import is_silent_to_fc43, names_itself, nothing_written
 
 SITES = {"ssw07": ("pump", SSW07), "ssw06": ("fan", SSW06), "ssw900": ("mill", SSW900), "sst": ("belt", SST)}
 
 
 def swap(name: str, family: str, **options: Any) -> Action:
     return lambda plant: plant.do(lambda: plant.line_of(name).swap(name, family, **options))
-
-
-def _nothing_was_written(name: str) -> Expectation:
-    """Nothing was written to the device."""
-
-    def check(plant: RigPlant) -> str:
-        return str(plant.starter(name).writes or "")
-
-    return check
 
 
 def _wrong_from_the_start(configured: str, there: str) -> Any:
@@ -55,7 +45,7 @@ def _wrong_from_the_start(configured: str, there: str) -> Any:
                 never(f"starter/{name}/value/current", quality="good"),
                 never(f"starter/{name}/value/running", quality="good"),
             ],
-            50: [msg("result/+/alice", verb="start", phase="rejected"), _nothing_was_written(name)],
+            50: [msg("result/+/alice", verb="start", phase="rejected"), nothing_written(name)],
         },
     )
 
@@ -78,7 +68,7 @@ def _swapped(configured: str, there: str) -> Any:
                 msg(f"starter/{name}/state", state="unknown"),
                 never(f"starter/{name}/value/current", since=20, quality="good"),
             ],
-            159: [msg("result/+/alice", verb="start", phase="rejected"), _nothing_was_written(name)],
+            159: [msg("result/+/alice", verb="start", phase="rejected"), nothing_written(name)],
             250: [
                 msg(f"starter/{name}/state", quality="good"),
                 msg(f"starter/{name}/value/running", value=False, quality="good"),
@@ -99,7 +89,7 @@ def _swapped_at_once(configured: str, there: str) -> ScenarioRow:
             45: [
                 never("result/+/alice", phase="written"),
                 seen("result/+/alice", times=2, phase=re.compile("rejected|failed")),
-                _nothing_was_written(name),
+                nothing_written(name),
             ]
         },
     )
@@ -121,7 +111,7 @@ def _another_of_its_family(family: str, ours: dict[str, Any], its: dict[str, Any
                 text=re.compile(f"{field} was"),
                 data={"known": {field: ...}, "seen": {field: ...}},
             ),
-            25: [result("start rejected identity_changed"), _nothing_was_written(name)],
+            25: [result("start rejected identity_changed"), nothing_written(name)],
         },
     )
 
@@ -212,7 +202,7 @@ ROWS = [
                 event("identity_changed", "starter/belt/event", severity="error"),
                 msg("starter/belt/value/current", quality="good"),
             ],
-            62: [result("start rejected identity_changed"), _nothing_was_written("belt")],
+            62: [result("start rejected identity_changed"), nothing_written("belt")],
             70: [event("identity_accepted", "starter/belt/event"), result("accept confirmed ok")],
         },
     ),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from tests.rig import RigPlant
-from tests.rig.rows import Action
+from tests.rig.rows import Action, Expectation
 
 
 def refuse_rows(name: str, addresses: Iterable[int], code: int = 2, *, for_s: float | None = None) -> Action:
@@ -46,3 +46,8 @@ def names_itself(name: str, product: str) -> Action:
 
 def is_silent_to_fc43(name: str, *, for_s: float | None = None) -> Action:
     return answers(name, lambda pdu: None if pdu[0] == 0x2B else b"", for_s=for_s)
+
+
+def nothing_written(name: str) -> Expectation:
+    """Nothing was written to the device that is there now."""
+    return lambda plant: str(plant.starter(name).writes or "")
