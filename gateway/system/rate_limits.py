@@ -1,7 +1,8 @@
 """How often something is done or said.
 
 `Bucket` is a token bucket; `Damped` passes one item per interval and counts the others; `HoldOff` passes the
-first after a quiet time; `ChangeDetector` passes what is new; `Backoff` has the growing pauses between attempts.
+first after a quiet time; `ChangeDetector` passes what is new; `Backoff` has the growing
+pauses between attempts.
 """
 
 from __future__ import annotations
