@@ -1,9 +1,10 @@
-"""What the rows of this folder say besides the rig's words: requests to the page, presses, writes of a Sparkplug host."""
+"""What the rows of this folder say besides the rig's words: to the page, as a Sparkplug host, at buttons."""
 
 from __future__ import annotations
 
 import itertools
 import json
+import re
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
@@ -26,12 +27,19 @@ _numbers = itertools.count()
 
 
 def answer(
-    path: str, status: int = 200, *, post: object = None, headers: Mapping[str, str] | None = None, **fields: Any
+    path: str,
+    status: int = 200,
+    *,
+    post: object = None,
+    headers: Mapping[str, str] | None = None,
+    **fields: Any,
 ) -> Expectation:
-    """The page answers so: with this status, and with JSON that has these fields; with `post` it is a POST."""
+    """The page answers with this status, and with JSON that has these fields; with `post` to a POST."""
 
     def check(plant: RigPlant) -> str:
-        found = plant.get(path, **(headers or {})) if post is None else plant.post(path, post, **(headers or {}))
+        found = (
+            plant.get(path, **(headers or {})) if post is None else plant.post(path, post, **(headers or {}))
+        )
         if found.status != status:
             return f"{path} answers {found.status}: {found.text[:400]}"
         wrong = _unlike(found.json, fields) if fields else ""
@@ -70,14 +78,21 @@ def born(kind: str, device: str = "") -> str:
 
 
 def write(
-    metrics: Mapping[str, Any], device: str = "pump", *, age_s: float = 0.0, metric_age_s: float | None = None, **how: Any
+    metrics: Mapping[str, Any],
+    device: str = "pump",
+    *,
+    age_s: float = 0.0,
+    metric_age_s: float | None = None,
+    **how: Any,
 ) -> Action:
     """Have a host write to a device, or to the node (`device=""`), at a time of its own."""
 
     def act(plant: RigPlant) -> None:
         now_s = plant.world.utc_s()
         own_s = age_s if metric_age_s is None else metric_age_s
-        payload = sparkplug.encoded(metrics, time_s=now_s - own_s) + sparkplug.encoded({}, time_s=now_s - age_s)
+        payload = sparkplug.encoded(metrics, time_s=now_s - own_s) + sparkplug.encoded(
+            {}, time_s=now_s - age_s
+        )
         plant.publish(born("DCMD" if device else "NCMD", device), payload, client="host", **{"qos": 0, **how})
 
     return act
@@ -115,7 +130,9 @@ def press(key: str, name: str = "pump", *, late_s: float = 0.0, **how: Any) -> A
 
     def act(plant: RigPlant) -> None:
         one = entity(plant, key, name)
-        payload = one.get("payload_press") or _sandbox(plant, -late_s).from_string(one["command_template"]).render()
+        payload = (
+            one.get("payload_press") or _sandbox(plant, -late_s).from_string(one["command_template"]).render()
+        )
         plant.publish(one["command_topic"].removeprefix(f"{plant.base}/"), payload, client="ha", **how)
 
     return act
@@ -131,3 +148,30 @@ def _sandbox(plant: RigPlant, at_s: float = 0.0) -> ImmutableSandboxedEnvironmen
     sandbox.globals["utcnow"] = lambda: datetime.fromtimestamp(plant.world.utc_s() + at_s, UTC)
     sandbox.filters["random"] = lambda numbers: numbers[int(plant.world.now_s() * 1000) % len(numbers)]
     return sandbox
+
+
+# Prometheus
+
+_SAMPLE = re.compile(r"starter_gateway_(\w+)(?:\{(.*)\})? (\S+)")
+
+
+def samples(text: str) -> dict[tuple[str, frozenset[tuple[str, str]]], float]:
+    """Return the samples of a scrape, by name (without `starter_gateway_`) and labels."""
+    found = (_SAMPLE.fullmatch(line) for line in text.splitlines() if not line.startswith("#"))
+    return {(m[1], frozenset(re.findall(r'(\w+)="(.*?)"', m[2] or ""))): float(m[3]) for m in found if m}
+
+
+def sample(name: str, value: Any = ..., **labels: str) -> Expectation:
+    """A scrape has this sample with these labels, of any value, of this one, or (None) has none."""
+
+    def check(plant: RigPlant) -> str:
+        text = plant.get("/metrics").text
+        found = [
+            number
+            for (n, of), number in samples(text).items()
+            if n == name and labels.items() <= dict(of).items()
+        ]
+        is_right = not found if value is None else bool(found) if value is ... else found == [value]
+        return "" if is_right else f"{name} {labels}: {found}"
+
+    return check

