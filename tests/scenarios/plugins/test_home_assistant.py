@@ -256,6 +256,24 @@ PRESSES = [
         then={8.0: [result("start rejected expired"), frames("pump")]},
     ),
     row(
+        "a start by a clock that is ahead is refused",
+        given=HOME,
+        at={5.0: press("start", late_s=-2.5)},
+        then={8.0: [result("start rejected not_fresh"), frames("pump")]},
+    ),
+    row(
+        "the same press twice acts once, two presses are two commands",
+        given=HOME,
+        sim={"pump": QUICK},
+        at={5.0: [press("stop"), press("stop")], 9.0: press("start"), 13.0: press("start")},
+        then={
+            20.0: [
+                seen("result/pump/ha", times=2, verb="start", phase="accepted"),
+                result("start rejected motor_running"),
+            ]
+        },
+    ),
+    row(
         "a start right after a stop is refused, two seconds later it is not",
         given=HOME,
         sim={"pump": QUICK},

@@ -127,7 +127,18 @@ SERIES = [
                     **PUMP,
                 ),
                 sample("starts_total", 0.0, **PUMP),
+                sample("starter_state", 1.0, **PUMP, state="unknown"),
+                sample("starter_fault_active", None, **PUMP),
             ],
+        },
+    ),
+    row(
+        "a value that does not change is as fresh as its last reading",
+        given=SCRAPED,
+        then={
+            90.0: sample(
+                "starter_last_good_reading_timestamp_seconds", pytest.approx(OPEN_S + 89.5, abs=1), **PUMP
+            )
         },
     ),
     row(
@@ -269,6 +280,7 @@ def test_the_text_file_is_replaced_as_a_whole_and_removed_at_an_orderly_end() ->
         early = file.read_text()
         plant.run(until=40.0)
         late = file.read_text()
+        assert file.stat().st_mode & 0o777 == 0o644
         others = [path.name for path in plant.folder.iterdir() if "prom" in path.name]
         plant.end()
 

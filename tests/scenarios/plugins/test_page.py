@@ -71,6 +71,10 @@ SESSIONS = [
                 answer("/api/v1/session", user="anna", client="alice", csrf=re.compile("."), idle_s=1800),
                 action("stop", permitted=True, code=""),
                 action("start", permitted=True, two_step=False),
+                msg("audit", verb="login", client="alice", operator="anna", source="web"),
+                lambda plant: (
+                    "" if "right" not in str(plant.messages("audit")[-1]) else "the password is in the audit"
+                ),
             ]
         },
     ),
@@ -297,7 +301,7 @@ REQUESTS = [
         at={8.0: "broker down", 20.0: "line pumps unplug"},
         then={
             5.0: answer("/health", state="online", lines={"pumps": True}, broker=True),
-            15.0: answer("/health", lines={"pumps": True}, broker=False),
+            15.0: answer("/health", 200, lines={"pumps": True}, broker=False),
             30.0: answer("/health", lines={"pumps": True}),
         },
     ),
@@ -307,10 +311,20 @@ REQUESTS = [
         then={5.0: answer("/motors/api/v1/session", logins=False)},
     ),
     row(
-        "the page is switched off by a reload",
-        given=SSW07 + WEB,
-        at={5.0: reload(SSW07)},
-        then={7.0: [event("reloaded"), msg("gateway/status", state="online")]},
+        "the page is switched on and changed by reloads",
+        given=SSW07,
+        at={5.0: reload(SSW07 + WEB), 10.0: reload(FOUR + ALICE + WEB + LOGIN)},
+        then={
+            8.0: [
+                event("web_open"),
+                answer("/api/v1/session", logins=False),
+                answer("/health", state="online"),
+            ],
+            14.0: [
+                answer("/api/v1/session", logins=True),
+                answer("/api/v1/state", starters={"mill": {"address": 3}}),
+            ],
+        },
     ),
 ]
 
