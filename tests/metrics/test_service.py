@@ -84,10 +84,6 @@ async def test_while_a_text_is_made_nothing_else_waits_and_a_second_scrape_makes
     assert [Scrape(text).one("starts_total") for text in await asyncio.gather(*scrapes)] == [0.0] * 3
 
 
-def said_in(path: Path) -> Scrape:
-    return Scrape(path.read_bytes())
-
-
 def names_in(folder: Path) -> list[str]:
     return [each.name for each in folder.iterdir()]
 

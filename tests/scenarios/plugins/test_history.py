@@ -211,9 +211,19 @@ DELIVERY = [
         at={
             3.0: command("pump/alice/start"),
             5.0: "broker down",
-            14.0: ["kill", "broker up", "start"],
+            14.0: "pump trip E05",
+            34.0: ["kill", "broker up", "start"],
         },
-        then={30.0: [once(ONE), msg(ONE, outcome="full_voltage", time=re.compile("T00:00:03"))]},
+        then={
+            50.0: [
+                once(ONE),
+                msg(ONE, outcome="full_voltage", time=re.compile("T00:00:03")),
+                once("starter/pump/trip"),
+                msg(
+                    "starter/pump/trip", code="e05", state_before="running", time=re.compile("T00:00:1[456]")
+                ),
+            ]
+        },
     ),
     row(
         "counts outlive a kill, and so does the list of starts",

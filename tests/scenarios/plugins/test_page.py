@@ -356,6 +356,19 @@ COMMANDS = [
         },
     ),
     row(
+        "without a broker the page goes on and stops a motor",
+        given=PAGE,
+        sim={"pump": QUICK},
+        at={5.0: [log_in(), command("pump/alice/start")], 8.0: "broker down"},
+        then={
+            15.0: [
+                answer("/api/v1/state", topics={"starter/pump/state": {"state": "running"}}),
+                phases("stop", "accepted ok", "written ok", "confirmed ok"),
+                frames("pump", "05 00 64 ff 00", STOP),
+            ]
+        },
+    ),
+    row(
         "a stop of a group is answered for each of its starters",
         given=FOUR + ALICE + WEB + LOGIN + GROUP,
         at={5.0: log_in()},

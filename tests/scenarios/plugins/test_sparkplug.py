@@ -290,6 +290,157 @@ DEATHS = [
     ),
 ]
 
+NUMBER = "sparkplug/bdseq.json"
+OWN = SSW07 + SPARKPLUG + 'urls = ["mqtt://10.0.0.2", "mqtt://10.0.0.3"]\nallow_plaintext = true\n'
+TOLD = OWN + 'primary_host = "scada"\n'
+
+
+def stored(text: str) -> Any:
+    """Let this be the number of the last connection, on the disk."""
+
+    def write_it(plant: RigPlant) -> None:
+        path = plant.folder / "state" / NUMBER
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+
+    return write_it
+
+
+def says_online(plant: RigPlant, host_name: str, *, is_online: bool = True) -> None:
+    """Let the primary host say at one server that it is online, or that it is not."""
+    body = {"online": is_online, "timestamp": round(plant.world.utc_s() * 1000)}
+    plant.other_broker(host_name).client("scada").publish("spBv1.0/STATE/scada", body, retain=True)
+
+
+def born_at(*births: int) -> Expectation:
+    """The servers 10.0.0.2 and 10.0.0.3 have had so many births."""
+
+    def check(plant: RigPlant) -> str:
+        found = tuple(
+            sum("/NBIRTH/" in each.topic for each in plant.other_broker(name).log)
+            for name in ("10.0.0.2", "10.0.0.3")
+        )
+        return "" if found == births else str(found)
+
+    return check
+
+
+SERVERS = [
+    row(
+        "the number of each connection is stored before it, and 255 is followed by 0",
+        given=NODE,
+        at={1.0: "end", 2.0: [stored('{"bdSeq": 253}'), "start"], 5.0: "broker drops", 20.0: "broker drops"},
+        then={40.0: bd_seqs("NBIRTH", 0, 254, 255, 0)},
+    ),
+    row(
+        "a damaged number begins again at 0 and stops nothing",
+        given=NODE,
+        before=stored("no number"),
+        then={5.0: [bd_seqs("NBIRTH", 0), seen(born("DBIRTH", "pump"))]},
+    ),
+    row(
+        "a server that knows MQTT 3.1.1 alone is spoken to in that",
+        given=NODE,
+        before=lambda plant: setattr(plant.broker, "speaks_5", False),
+        at={10.0: "end"},
+        then={9.0: [seen(born("NBIRTH"), times=1), seen(born("DBIRTH", "pump"))], 11.0: seen(born("NDEATH"))},
+    ),
+    row(
+        "the first server that is there gets the births, after its end the next",
+        given=OWN,
+        before=lambda plant: (plant.other_broker("10.0.0.3"), plant.other_broker("10.0.0.2").stop()),
+        at={
+            30.0: lambda plant: plant.other_broker("10.0.0.3").stop(),
+            31.0: lambda plant: plant.other_broker("10.0.0.2").start(),
+        },
+        then={25.0: [born_at(0, 1), never(ALL)], 60.0: born_at(1, 1)},
+    ),
+    row(
+        "of several servers the one with the primary host is found",
+        given=TOLD,
+        before=lambda plant: (plant.other_broker("10.0.0.2"), says_online(plant, "10.0.0.3")),
+        at={
+            40.0: [
+                lambda plant: says_online(plant, "10.0.0.3", is_online=False),
+                lambda plant: says_online(plant, "10.0.0.2"),
+            ]
+        },
+        then={39.0: born_at(0, 1), 70.0: born_at(1, 1)},
+    ),
+    *(
+        row(
+            f"a server that refuses to let it read {topic} is reported, and nothing is born",
+            given=COMMANDED + 'primary_host = "scada"\n',
+            before=lambda plant, topic=topic: plant.broker.deny("*-spb", topic, "read"),
+            at={1.0: host(True)},
+            then={20.0: [never(born("NBIRTH")), event("sparkplug_away", text=re.compile(re.escape(topic)))]},
+        )
+        for topic in ("spBv1.0/plant/NCMD/plant", "spBv1.0/plant/DCMD/plant/+", "spBv1.0/STATE/scada")
+    ),
+    row(
+        "a birth that is too large for the server is reported",
+        given=OWN,
+        before=lambda plant: [
+            plant.other_broker(name).connack.update(MaximumPacketSize=200)
+            for name in ("10.0.0.2", "10.0.0.3")
+        ],
+        then={10.0: [born_at(0, 0), event("sparkplug_away", text=re.compile("large|bytes|packet"))]},
+    ),
+    row(
+        "a server that takes nothing for a while gets the newest values then",
+        given=NODE,
+        at={5.0: "broker stalls", 6.0: "pump P003 = 1111", 8.0: "pump P003 = 2222", 12.0: "broker goes"},
+        then={30.0: [numbered, lambda plant: newest(plant, "current", 222.2)]},
+    ),
+    row(
+        "everything is subscribed to before the birth, which is the first message, with a will of QoS 1",
+        given=COMMANDED,
+        before=lambda plant: note_first(plant),
+        then={
+            5.0: lambda plant: (
+                ""
+                if plant.first
+                == [
+                    {"spBv1.0/plant/NCMD/plant", "spBv1.0/plant/DCMD/plant/+"},
+                    "NBIRTH",
+                    ("NDEATH", 1, False, 0),
+                ]
+                else str(plant.first)
+            )
+        },
+    ),
+]
+
+
+def newest(plant: RigPlant, metric: str, value: float) -> str:
+    found = [
+        each.json["metrics"][metric]
+        for kind in ("DBIRTH", "DDATA")
+        for each in plant.messages(born(kind, "pump"))
+        if metric in each.json["metrics"]
+    ]
+    return "" if value in found else f"{metric}: {found}"
+
+
+def note_first(plant: RigPlant) -> None:
+    """Keep what the node had subscribed to, and its will, when its first message came."""
+    publish_it, plant.first = plant.broker.publish, []  # type: ignore[attr-defined]
+
+    def publish_and_note(message: Any) -> int:
+        if message.client.endswith("-spb") and not plant.first:  # type: ignore[attr-defined]
+            (node,) = [each for each in plant.broker.connections if each.name == message.client]
+            will = node.will
+            assert will is not None
+            plant.first += [  # type: ignore[attr-defined]
+                set(node.subscriptions),
+                message.topic.split("/")[2],
+                (will.topic.split("/")[2], will.qos, will.retain, will.json["metrics"]["bdSeq"]),
+            ]
+        return publish_it(message)
+
+    plant.broker.publish = publish_and_note  # type: ignore[method-assign]
+
+
 REBIRTH = [
     row(
         "a rebirth that is asked for comes at once, of all that answers, with the same number",
@@ -516,7 +667,7 @@ def twice(plant: RigPlant) -> None:
         plant.run(until=plant.world.now_s() + 2.0)
 
 
-@pytest.mark.parametrize("row", BIRTHS + DEATHS + REBIRTH + PRIMARY)
+@pytest.mark.parametrize("row", BIRTHS + DEATHS + SERVERS + REBIRTH + PRIMARY)
 def test_the_node(row: ScenarioRow) -> None:
     play(row)
 
