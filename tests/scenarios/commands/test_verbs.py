@@ -86,9 +86,11 @@ SSW06_ROWS = [  # VB03 is 138Bh; a bit counts only with its mask, eight places h
     value("fan jog", True, "06 13 8b 04 04"),
     value("fan jog", False, "06 13 8b 04 00", first=(do("fan jog", value=True),)),
     value("fan direction", "reverse", "06 13 8b 01 00", "06 13 8b 04 00", "06 13 8b 08 08"),
-    value("fan local_remote", "local", "06 13 8b 01 00", "06 13 8b 04 00", "06 13 8b 10 00", "06 13 8b 01 00", "06 13 8b 04 00"),
+    value("fan local_remote", "local", "06 13 8b 01 00", "06 13 8b 04 00", "06 13 8b 10 00",
+          "06 13 8b 01 00", "06 13 8b 04 00"),
     value(
-        "fan local_remote", "remote", "06 13 8b 01 00", "06 13 8b 04 00", "06 13 8b 10 10", "06 13 8b 01 00", "06 13 8b 04 00",
+        "fan local_remote", "remote", "06 13 8b 01 00", "06 13 8b 04 00", "06 13 8b 10 10",
+        "06 13 8b 01 00", "06 13 8b 04 00",
         first=(do("fan local_remote", value="local"),),
     ),
     verb_row("fan output", "06 13 90 00 04", args={"output": "RL3", "value": True}, settings={279: SERIAL}),
@@ -109,7 +111,8 @@ SSW900_ROWS = [  # S5.2.5, register 685 (02ADh), the word of slot 1: bits 1 and 
     value("mill jog", True, "06 02 ad 00 16"),
     value("mill jog", False, "06 02 ad 00 12", first=(do("mill jog", value=True),)),
     value("mill direction", "reverse", "06 02 ad 00 12", "06 02 ad 00 1a"),
-    verb_row("mill output", "16 02 b7 ff fd 00 02", args={"output": "DO2", "value": True}, settings={276: 12}),
+    verb_row("mill output", "16 02 b7 ff fd 00 02", args={"output": "DO2", "value": True},
+             settings={276: 12}),
     verb_row("mill set", "06 02 de 01 2c", args={"parameter": "C8.2.5.3", "value": 30}),
 ]  # fmt: skip
 
