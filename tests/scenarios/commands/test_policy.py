@@ -11,10 +11,12 @@ from tests.rig import (
     ScenarioRow,
     command,
     event,
+    fault,
     frames,
     msg,
     never,
     play,
+    reload,
     result,
     results,
     row,
@@ -247,6 +249,56 @@ STEPS = [
 ]
 
 
+CANNOT_SELECT = [
+    row(
+        f"{client} cannot select with {args}",
+        given=TWO_STEP + operator("victor", may=("stop",)),
+        at={3.0: command(f"pump/{client}/select", args=args)},
+        then={4.0: results(f"select rejected {code}", client=client)},
+    )
+    for client, args, code in (
+        ("alice", {}, "bad_arguments"),
+        ("alice", {"verb": "fly"}, "bad_arguments"),
+        ("alice", {"verb": "stop"}, "bad_arguments"),
+        ("alice", {"verb": "lock"}, "bad_arguments"),
+        ("alice", {"verb": "start", "args": []}, "bad_arguments"),
+        ("alice", {"verb": "start", "now": 1}, "bad_arguments"),
+        ("alice", {"verb": "start", "args": {"x": 1}}, "bad_arguments"),
+        ("victor", {"verb": "start"}, "not_allowed"),
+        ("mallory", {"verb": "start"}, "not_allowed"),
+    )
+] + [
+    row(
+        "a locked starter cannot be selected",
+        given=TWO_STEP,
+        at={3.0: do("pump lock", reason="belt"), 4.0: SELECT},
+        then={5.0: result("select rejected locked")},
+    ),
+    row(
+        "a starter whose state is not known cannot be selected",
+        given=TWO_STEP,
+        at={3.0: fault("silent", "pump"), 30.0: SELECT},
+        then={31.0: result("select rejected offline")},
+    ),
+    row(
+        "only who selected can cancel",
+        given=TWO_STEP,
+        at={3.0: SELECT, 4.0: command("pump/bob/cancel"), 5.0: selected("pump/alice/start")},
+        then={4.5: result("cancel rejected not_selected"), 8.0: result("start confirmed ok")},
+    ),
+    row(
+        "a repeated selection has the same token",
+        given=TWO_STEP,
+        sim={"pump": QUICK},
+        at={
+            3.0: command("pump/alice/select", id="s", args={"verb": "start"}),
+            4.0: command("pump/alice/select", id="s", args={"verb": "start"}),
+            5.0: selected("pump/alice/start"),
+        },
+        then={8.0: [msg("result/pump/alice", phase="confirmed", verb="start"), frames("pump", START)]},
+    ),
+]
+
 LOCK = do("pump lock", reason="belt is off")
 LOCKS = [
     row(
@@ -319,6 +371,73 @@ LOCKS = [
         then={4.0: result("unlock rejected not_locked")},
     ),
     row(
+        "a lock needs a reason, the right and an id",
+        given=SITE + BOB,
+        at={
+            3.0: do("pump lock"),
+            4.0: command("pump/bob/lock", args={"reason": "x"}),
+            5.0: command("pump/alice/lock", id=None, args={"reason": "x"}),
+        },
+        then={
+            6.0: [
+                results("lock rejected bad_arguments", "lock rejected no_id", client="alice"),
+                results("lock rejected not_allowed", client="bob"),
+                msg("starter/pump/state", locked=None),
+            ]
+        },
+    ),
+    row(
+        "another client cannot take a lock over, its owner can give another reason",
+        given=SITE + operator("bob"),
+        at={
+            3.0: LOCK,
+            4.0: command("pump/bob/lock", args={"reason": "mine"}),
+            5.0: do("pump lock", reason="two"),
+        },
+        then={
+            4.5: result("lock rejected locked", client="bob"),
+            6.0: msg("starter/pump/state", locked={"by": "alice", "reason": "two"}),
+        },
+    ),
+    row(
+        "where the locks are not known every starter that can be locked is",
+        given=SITE,
+        sim={"pump": QUICK},
+        at={
+            3.0: "end",
+            4.0: [lambda plant: (plant.folder / "state" / "precautions.json").write_text("{"), "start"],
+            8.0: do("pump start"),
+            9.0: do("pump unlock"),
+            10.0: do("pump start"),
+        },
+        then={
+            8.5: [
+                event("memory_damaged"),
+                result("start rejected locked"),
+                msg("starter/pump/state", locked={"by": "gateway"}),
+            ],
+            13.0: result("start confirmed ok"),
+        },
+    ),
+    row(
+        "a command under way ends by the rules and rights it came under, the next is judged by the new ones",
+        given=SITE,
+        sim={"pump": QUICK},
+        at={
+            3.0: [
+                do("pump start"),
+                reload(SSW07 + operator("alice", may=("stop", "start")) + rules(starts_per_hour=1)),
+            ],
+            7.0: [do("pump read", parameter="P314"), do("pump stop")],
+            10.0: do("pump start"),
+        },
+        then={
+            6.0: [event("reloaded"), result("start confirmed ok")],
+            9.0: seen("result/pump/alice", verb="read", code="not_allowed"),
+            11.0: result("start rejected too_many_starts"),
+        },
+    ),
+    row(
         "a group is only ever stopped",
         given=TWO + table("[group]", name="hall", starters=["*"]),
         at={3.0: command("hall/alice/start")},
@@ -337,7 +456,7 @@ def test_start_rules(row: ScenarioRow) -> None:
     play(row)
 
 
-@pytest.mark.parametrize("row", STEPS)
+@pytest.mark.parametrize("row", STEPS + CANNOT_SELECT)
 def test_two_steps_and_expectations(row: ScenarioRow) -> None:
     play(row)
 
