@@ -17,6 +17,7 @@ from tests.rig import (
     never,
     play,
     publish,
+    reload,
     result,
     results,
     row,
@@ -239,6 +240,102 @@ NEVER = [
         sim={"pump": QUICK},
         at={3.0: twice(), 6.0: command("pump/alice/reset", id="one")},
         then={7.0: [result("reset rejected id_reused"), frames("pump", START)]},
+    ),
+    row(
+        "one id sent three hundred times has one end",
+        given=SITE,
+        sim={"pump": QUICK},
+        at={3.0: [twice()] * 50, 3.05: [twice()] * 20, 3.2: [twice()] * 20, 5.0: twice()},
+        then={
+            6.0: [
+                seen("result/pump/alice", phase="confirmed", duplicate=False, times=1),
+                never("result/pump/alice", phase="rejected", duplicate=False),
+                frames("pump", START),
+            ]
+        },
+    ),
+    row(
+        "the same id of another client is another command",
+        given=SITE + operator("bob"),
+        sim={"pump": QUICK},
+        at={3.0: twice(), 6.0: command("pump/bob/stop"), 9.0: command("pump/bob/start", id="one")},
+        then={12.0: [msg("result/pump/bob", id="one", phase="confirmed", duplicate=False)]},
+    ),
+    row(
+        "a late copy of a command gets its result, not that it is late",
+        given=SITE,
+        sim={"pump": QUICK},
+        at={3.0: twice(), 10.0: old_token("pump/alice/start", of_s=2.0, id="one")},
+        then={11.0: [msg("result/pump/alice", phase="confirmed", duplicate=True), frames("pump", START)]},
+    ),
+    row(
+        "a command in bad form leaves its id free for one in good form",
+        given=SITE,
+        sim={"pump": QUICK},
+        at={3.0: twice(speed=3), 5.0: twice()},
+        then={
+            4.0: result("start rejected bad_payload"),
+            8.0: [result("start confirmed ok"), frames("pump", START)],
+        },
+    ),
+    row(
+        "an issued_at of the future is not taken later either",
+        given=SITE,
+        at={3.0: issued(-4.0, id="one"), 7.5: issued(0.5, id="one")},
+        then={8.0: [msg("result/pump/alice", code="not_fresh", duplicate=True), frames("pump")]},
+    ),
+    row(
+        "a client that has lost its right still gets the result of its command",
+        given=SITE,
+        sim={"pump": QUICK},
+        at={3.0: twice(), 6.0: reload(SSW07 + operator("bob")), 9.0: twice()},
+        then={10.0: [msg("result/pump/alice", phase="confirmed", duplicate=True), frames("pump", START)]},
+    ),
+    row(
+        "a start's id is its own also after a stop with the same id",
+        given=SITE,
+        sim={"pump": QUICK},
+        at={
+            3.0: twice(),
+            6.0: command("pump/alice/stop", id="one"),
+            9.0: twice(),
+            10.0: ["kill", "start"],
+            14.0: twice(),
+        },
+        then={
+            9.9: msg("result/pump/alice", verb="start", phase="confirmed", duplicate=True),
+            15.0: [
+                msg("result/pump/alice", verb="start", phase="confirmed", duplicate=True),
+                frames("pump", START, "05 00 64 00 00"),
+            ],
+        },
+    ),
+    row(
+        "an id stays known over restarts however far the clock is off",
+        given=SITE,
+        sim={"pump": QUICK},
+        at={
+            3.0: twice(),
+            6.0: ["end", step(-2e9), "start"],
+            10.0: ["end", step(3e9), "start"],
+            14.0: twice(),
+        },
+        then={15.0: [msg("result/pump/alice", phase="confirmed", duplicate=True), frames("pump", START)]},
+    ),
+    row(
+        "a start while a stop is under way is busy",
+        given=SITE,
+        at={
+            2.0: "pump VB01 = 0x5123",
+            3.0: publish("command/pump/alice/stop"),
+            4.5: command("pump/alice/start"),
+        },
+        then={
+            5.0: [
+                seen("result/pump/alice", verb="start", code="busy"),
+                never("audit", verb="start", code="ok"),
+            ]
+        },
     ),
     row(
         "a repeated stop is carried out each time",

@@ -14,6 +14,7 @@ from tests.rig import (
     never,
     play,
     result,
+    results,
     row,
     seen,
 )
@@ -89,11 +90,54 @@ ONCE = [
         then={8.0: [result("set confirmed ok"), frames("pump", "06 01 3a 00 09")]},
     ),
     row(
+        "a motor that runs late but in time is confirmed",
+        given=SITE,
+        at={2.0: f"pump {READY}", 3.0: do("pump start"), 5.6: "pump VB01 = 0x5123"},
+        then={7.0: [result("start confirmed ok"), frames("pump", START)]},
+    ),
+    row(
+        "a read that the starter refuses has failed",
+        given=SITE,
+        at={3.0: [fault("refuse", "pump", 2, for_s=0.5), do("pump read", parameter="P314")]},
+        then={5.0: result("read failed illegal_data_address")},
+    ),
+    row(
+        "a setting that is refused as busy has failed at once",
+        given=SITE,
+        at={3.0: [refuses_writes("pump", 6, 1.0), do("pump set", parameter="P314", value=9)]},
+        then={4.0: [result("set failed server_device_busy"), frames("pump", "06 01 3a 00 09")]},
+    ),
+    row(
+        "a start that is refused as busy and cannot be read then is unconfirmed",
+        given=SITE,
+        at={3.0: [refuses_writes("pump", 6, 30.0), do("pump start")], 3.12: fault("lose", "pump")},
+        then={
+            12.0: [
+                msg("result/pump/alice", phase="unconfirmed", code="server_device_busy"),
+                frames("pump", START),
+            ]
+        },
+    ),
+    row(
+        "an end of the gateway cuts a start off before it is written",
+        given=SITE,
+        at={3.0: do("pump start"), 3.05: "end"},
+        then={3.1: [results("start accepted ok", "start rejected shutting_down"), frames("pump")]},
+    ),
+    row(
         "an end of the gateway leaves what is written unconfirmed, and writes nothing",
         given=SITE,
         at={2.0: f"pump {READY}", 3.0: do("pump start"), 3.5: "end"},
         then={
-            3.6: [msg("result/pump/alice", phase="unconfirmed", code="shutting_down"), frames("pump", START)]
+            3.6: [
+                msg(
+                    "result/pump/alice",
+                    phase="unconfirmed",
+                    code="shutting_down",
+                    text=re.compile("act later: send a stop"),
+                ),
+                frames("pump", START),
+            ]
         },
     ),
 ]

@@ -70,6 +70,12 @@ RIGHTS = [
         then={5.0: [results("start rejected not_allowed", "stop rejected not_allowed"), frames("pump")]},
     ),
     row(
+        "a client without the right does not learn whether its arguments are good",
+        given=SITE + BOB,
+        at={3.0: command("pump/bob/set", args={"nonsense": 1})},
+        then={4.0: results("set rejected not_allowed")},
+    ),
+    row(
         "without operators the gateway is read-only",
         given=SSW07,
         at={3.0: [command("pump/alice/start"), command("pump/alice/stop")]},

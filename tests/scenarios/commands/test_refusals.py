@@ -30,6 +30,7 @@ def by_the_readings(
     args: dict[str, Any] | None = None,
     site: str = "",
     at_s: float = 6.0,
+    first_s: float = 2.0,
     **options: Any,
 ) -> Any:
     """`first` happens before; the command is then refused with this code, and nothing is written."""
@@ -38,7 +39,7 @@ def by_the_readings(
         name,
         given=(site or SITES[starter_name]) + ALICE,
         sim={starter_name: {**QUICK, **options}},
-        at={2.0: first, at_s: do(words, **(args or {}))},
+        at={first_s: first, at_s: do(words, **(args or {}))},
         then={at_s + 3.0: [result(f"{verb} rejected {code}"), frames(starter_name, since=at_s)]},
     )
 
@@ -87,6 +88,11 @@ READINGS = [
                     args={"value": True}, firmware="1.30"),
     by_the_readings("no start of a silent starter", "pump start", "offline", fault("silent", "pump"),
                     at_s=30.0),
+    by_the_readings("no start of a starter of which it is not yet known who it is", "pump start",
+                    "identity_unknown", fault("refuse", "pump", 2, (43,)), site=SSW07, at_s=0.2, first_s=0.0),
+    by_the_readings("no start while the adapter is pulled out", "pump start", "line_down",
+                    "line pumps unplug",
+                    at_s=2.05),
     by_the_readings("no start of another family than configured", "pump start", "identity_mismatch",
                     family="ssw06"),
     by_the_readings("no start of another model than configured", "pump start", "identity_changed",

@@ -35,18 +35,6 @@ async def in_fault() -> CommandRig:
 
 
 @virtually
-async def test_the_result_says_that_run_was_set_to_0_first() -> None:
-    rig = await in_fault()
-
-    rig.submit("reset")
-    await asyncio.sleep(20.0)
-
-    assert rig.sink.final().phase is Phase.CONFIRMED
-    assert "run = 0 was written first" in rig.sink.final().text
-    assert rig.line.writes == [RUN_OFF, JOG_OFF, *RESET]
-
-
-@virtually
 async def test_a_jog_that_is_not_set_up_may_be_refused() -> None:
     rig = await in_fault()
     rig.line.rules.append(lambda r: Refused(3, 0.0) if r == JOG_OFF else None)
@@ -187,23 +175,6 @@ async def test_a_motor_that_starts_at_a_reset_is_stopped_and_the_result_says_so(
     assert (rig.sink.final().phase, rig.sink.final().code) == (Phase.UNCONFIRMED, "not_seen")
     assert "the motor may be turning" in rig.sink.final().text
     assert rig.line.writes[-2:] == [RUN_OFF, JOG_OFF]
-
-
-@virtually
-async def test_an_output_that_does_not_follow_is_not_called_a_turning_motor() -> None:
-    rig = CommandRig("ssw07")
-    rig.unit.holding |= {5008: 0, 277: 1}
-    await rig.online()
-    rig.unit.on_write = lambda request: rig.unit.holding.update({5008: 0})
-
-    rig.submit("output", args={"output": "RL1", "value": True})
-    await asyncio.sleep(20.0)
-
-    final = rig.sink.final()
-    assert (final.phase, final.code) == (Phase.UNCONFIRMED, "not_followed")
-    assert "did not follow" in final.text
-    assert "P277" in final.text
-    assert "turning" not in final.text
 
 
 @virtually
