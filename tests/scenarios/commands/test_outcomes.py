@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import pytest
 
 from tests.rig import (
+    RigPlant,
     ScenarioRow,
     fault,
     frames,
@@ -18,11 +20,12 @@ from tests.rig import (
     row,
     seen,
 )
-from tests.rig.rows import Action
-from tests.rig.sites import ALICE, QUICK, SSW06, SSW07, SSW900
+from tests.rig.rows import Action, Expectation
+from tests.rig.sites import ALICE, FOUR, QUICK, SST, SSW06, SSW07, SSW900
 from tests.scenarios.commands import do
 
 SITE = SSW07 + ALICE
+FAMILIES = {"pump": SSW07, "fan": SSW06, "mill": SSW900, "belt": SST}
 SIM = {"pump": QUICK}
 START, RUN_OFF, JOG_OFF = "05 00 64 ff 00", "05 00 64 00 00", "05 00 66 00 00"
 READY = "VB01 = 0x4102"
@@ -32,13 +35,54 @@ def refuses_writes(starter: str, code: int, for_s: float) -> Action:
     return fault("refuse", starter, code, (5, 6, 15, 16), for_s=for_s)
 
 
+def lose_writes(starter: str) -> Action:
+    """Lose the answers of its writes, not of reads."""
+
+    class LostWrites:
+        def apply(self, reply: Any, dice: Any) -> tuple[Any, ...]:
+            return () if reply.adu[1] in (5, 6, 15, 16) else (reply,)
+
+    return lambda plant: plant.do(lambda: plant.line_of(starter).impair(starter, LostWrites()))
+
+
+def written(starter: str, times: int) -> Expectation:
+    return lambda plant: "" if len(plant.starter(starter).writes) == times else "written otherwise"
+
+
+def at_most_the_starts_written(plant: RigPlant) -> str:
+    starts = [pdu for _, pdu in plant.starter("pump").writes if pdu == START]
+    said = plant.results().count("start written ok")
+    finals = [each for each in plant.results() if each.split()[1] not in ("accepted", "written")]
+    return "" if 1 <= len(starts) <= said and len(finals) == 10 else f"{len(starts)} of {said}, {finals}"
+
+
 ONCE = [
+    *(
+        row(
+            f"a start of {name} whose answer is lost is written once, and confirmed by the readings",
+            given=given + ALICE,
+            sim={name: QUICK},
+            at={3.0: [lose_writes(name), do(f"{name} start")]},
+            then={9.0: [result("start confirmed ok"), written(name, 1)]},
+        )
+        for name, given in FAMILIES.items()
+    ),
     row(
-        "a start whose answer is lost is written once, and confirmed by the readings",
+        "without a command nothing is written, at no beginning, no end and no return of the line",
+        given=FOUR + ALICE,
+        at={20.0: "line pumps unplug", 30.0: "line pumps plug", 60.0: "restart", 80.0: ["kill", "start"]},
+        then={100.0: [frames(name) for name in FAMILIES]},
+    ),
+    row(
+        "on a noisy line a start goes out once or not at all",
         given=SITE,
         sim=SIM,
-        at={3.0: do("pump start"), 3.08: fault("lose", "pump", count=1)},
-        then={8.0: [result("start confirmed ok"), frames("pump", START)]},
+        at={
+            2.0: lambda plant: plant.do(lambda: plant.lines["pumps"].noise(0.002)),
+            **{3.0 + 20 * n: do("pump start") for n in range(5)},
+            **{13.0 + 20 * n: do("pump stop") for n in range(5)},
+        },
+        then={105.0: at_most_the_starts_written},
     ),
     row(
         "after a start that nothing answers the motor may be turning",

@@ -55,6 +55,8 @@ PAYLOADS = [
     refuses("a list", "bad_json", "[1, 2]"),
     refuses("more than 4 KB", "too_big", {"reason": "x" * 5000}),
     refuses("nested without end", "bad_json", "[" * 4000),
+    refuses("half a surrogate pair", "bad_json", {"reason": "x\ud800"}),
+    refuses("half a surrogate pair in the arguments", "bad_json", {"args": {"parameter": "\ud800"}}, "read"),
     refuses("an unknown key", "bad_payload", {"speed": 3}),
     refuses("an id that is a number", "bad_payload", {"id": 7}),
     refuses("an id of 65 characters", "bad_payload", {"id": "x" * 65}),
@@ -137,6 +139,12 @@ OTHERS = [
         given=SITE,
         at={3.0: command("fan/alice/start")},
         then={4.0: result("start rejected unknown_starter")},
+    ),
+    row(
+        "a live stop with the retain flag stops, the copy that the broker keeps does not",
+        given=SITE,
+        at={3.0: publish("command/pump/alice/stop", '{"id": "1"}', retain=True), 6.0: "broker drops"},
+        then={12.0: [result("stop confirmed ok"), frames("pump", "05 00 64 00 00")]},
     ),
     row(
         "of more than 100 commands at once from one client some are refused, a stop is carried out",
