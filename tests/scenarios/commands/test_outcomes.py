@@ -223,6 +223,31 @@ NOT_SEEN = [
         },
     ),
     row(
+        "a start in the time after a stop, which the starter ignores, is not confirmed",
+        given=SITE,
+        sim={"pump": {**QUICK, "settings": {630: 60}}},
+        at={3.0: do("pump start"), 6.0: do("pump stop"), 9.0: do("pump start")},
+        then={8.0: result("stop confirmed ok"), 16.0: result("start unconfirmed not_seen")},
+    ),
+    row(
+        "a start for a command source that is not active is not confirmed",
+        given=SSW900 + ALICE,
+        sim={"mill": {**QUICK, "settings": {230: 0}}},
+        at={3.0: do("mill start")},
+        then={10.0: result("start unconfirmed not_seen")},
+    ),
+    row(
+        "a start that a hidden fault held back does not act once the fault is reset at the starter",
+        given=SITE,
+        sim={"pump": {**QUICK, "keeps_run_command": True}},
+        at={
+            2.0: [f"pump {READY}", "pump trip E05"],
+            3.0: do("pump start"),
+            12.0: ["pump VB01 = -", "pump clear"],
+        },
+        then={11.0: result("start unconfirmed not_seen"), 20.0: never("starter/pump/state", state="running")},
+    ),
+    row(
         "a jog that is seen not to act is taken back",
         given=SITE,
         at={2.0: f"pump {READY}", 3.0: do("pump jog", value=True)},

@@ -61,6 +61,7 @@ READINGS = [
     by_the_readings("no start of an SST that is not configured", "belt start", "not_configured",
                     do("belt reset", whole=True), at_s=8.0),
     by_the_readings("no start of a running motor", "pump start", "motor_running", do("pump start")),
+    by_the_readings("no start of a motor that jogs", "fan start", "motor_running", do("fan jog", value=True)),
     by_the_readings("no general enable of a running motor", "pump general_enable", "motor_running",
                     do("pump start"), args={"value": True}),
     by_the_readings("no change of a running motor's direction", "mill direction", "motor_running",

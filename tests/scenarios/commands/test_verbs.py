@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
 
-from tests.rig import ScenarioRow, clean_line, frames, msg, play, result, results, row
+from tests.rig import ScenarioRow, clean_line, event, frames, msg, play, result, results, row
 from tests.rig.rows import Action
 from tests.rig.sites import ALICE, QUICK, SST, SSW06, SSW07, SSW900
 from tests.scenarios.commands import confirmed, do
@@ -78,6 +79,10 @@ SSW06_ROWS = [  # VB03 is 138Bh; a bit counts only with its mask, eight places h
         "fan reset", "06 13 8b 01 00", "06 13 8b 04 00", "06 13 8b 80 00", "06 13 8b 80 80",
         first=("fan trip E05",),
     ),
+    verb_row(  # it restarts, and perhaps does not answer (4.3)
+        "fan reset", "06 13 8b 01 00", "06 13 8b 04 00", "06 13 8b 80 00", "06 13 8b 80 80",
+        first=("fan trip E05",), answers_before_restart=False,
+    ),
     value("fan general_enable", False, "06 13 8b 02 00"),
     value(
         "fan general_enable", True, "06 13 8b 01 00", "06 13 8b 04 00", "06 13 8b 02 02",
@@ -95,6 +100,8 @@ SSW06_ROWS = [  # VB03 is 138Bh; a bit counts only with its mask, eight places h
     ),
     verb_row("fan output", "06 13 90 00 04", args={"output": "RL3", "value": True}, settings={279: SERIAL}),
     verb_row("fan output", "06 13 91 3f ff", args={"output": "AO1", "value": 100.0}, settings={251: SERIAL}),
+    verb_row("fan output", "06 13 90 00 00", args={"output": "RL3", "value": False}, settings={279: SERIAL},
+             first=(do("fan output", output="RL3", value=True),)),
     verb_row("fan set", "06 01 3a 00 1e", args={"parameter": "P314", "value": 30}),
 ]  # fmt: skip
 
@@ -141,6 +148,101 @@ def test_a_verb_writes_what_the_manual_prints_and_is_confirmed(row: ScenarioRow)
 
 
 READS = [
+    row(
+        "several parameters are set with one command, in one frame where they are neighbours",
+        given=SSW07 + ALICE,
+        at={3.0: do("pump set", parameters={"P314": 30, "P313": 2})},
+        then={
+            6.0: [
+                msg(
+                    "result/pump/alice",
+                    phase="confirmed",
+                    values={
+                        "P314": {"value": 30.0, "unit": "s", "raw": [30]},
+                        "P313": {"value": 2, "label": ..., "raw": [2]},
+                    },
+                ),
+                frames("pump", "10 01 39 00 02 04 00 02 00 1e"),
+            ]
+        },
+    ),
+    row(
+        "what is set too often would wear the starter's memory out; a start and a stop do not count",
+        given=SSW07 + ALICE,
+        sim={"pump": QUICK},
+        at={
+            **{3.0 + n: do("pump set", parameter="P314", value=1 + n % 2) for n in range(121)},
+            128.0: do("pump start"),
+            131.0: do("pump stop"),
+        },
+        then={
+            125.0: [result("set rejected wear_limit"), event("memory_written", topic="starter/pump/event")],
+            130.0: result("start confirmed ok"),
+            134.0: result("stop confirmed ok"),
+        },
+    ),
+    row(
+        "an output whose function is another does not follow, and the text says what it needs",
+        given=SSW07 + ALICE,
+        at={3.0: do("pump output", output="RL1", value=True)},
+        then={
+            6.0: msg("result/pump/alice", phase="unconfirmed", code="not_followed", text=re.compile("P277"))
+        },
+    ),
+    row(
+        "an SST that was reset whole starts only after it was configured",
+        given=SST + ALICE,
+        sim={"belt": QUICK},
+        at={
+            3.0: do("belt reset", whole=True),
+            8.0: do("belt start"),
+            10.0: do("belt configure"),
+            14.0: do("belt start"),
+            17.0: do("belt reset", whole=True),
+        },
+        then={
+            9.0: result("start rejected not_configured"),
+            16.0: result("start confirmed ok"),
+            19.0: result("reset rejected motor_running"),
+        },
+    ),
+    row(
+        "a value that an SST has already is not written to its flash",
+        given=SST + ALICE,
+        at={3.0: do("belt configure", R41=20), 8.0: do("belt configure", R41=20)},
+        then={
+            13.0: [
+                result("configure confirmed ok"),
+                frames("belt", "05 00 00 00 00", "05 00 01 ff 00", "05 00 01 00 00", since=8.0),
+            ]
+        },
+    ),
+    row(
+        "a change of the direction stays through start, stop and reset",
+        given=SSW900 + ALICE,
+        sim={"mill": QUICK},
+        at={
+            3.0: do("mill direction", value="reverse"),
+            6.0: do("mill start"),
+            9.0: do("mill stop"),
+            12.0: "mill trip",
+            14.0: do("mill reset"),
+        },
+        then={
+            18.0: [
+                msg("starter/mill/state", state="ready", reverse=True, remote=True),
+                frames(
+                    "mill",
+                    "06 02 ad 00 1b",
+                    "06 02 ad 00 1a",
+                    "06 02 ad 00 1a",
+                    "06 02 ad 00 1a",
+                    "06 02 ad 00 9a",
+                    since=6.0,
+                ),
+            ]
+        },
+    ),
     row(
         "a read gives value, unit and the raw words, and writes nothing",
         given=SSW900 + ALICE,
