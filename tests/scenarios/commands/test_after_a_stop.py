@@ -19,7 +19,7 @@ from tests.rig import (
 )
 from tests.rig.rows import Action
 from tests.rig.sites import ALICE, LOGIN, PASSWORD, QUICK, SPARKPLUG, SSW07, WEB, starter, table
-from tests.scenarios.commands.test_freshness import issued, old_token
+from tests.scenarios.commands import issued, old_token
 
 TWO = SSW07 + starter("fan", 2, "ssw06") + ALICE
 SITE = TWO + table("[group]", name="hall", starters=["*"])

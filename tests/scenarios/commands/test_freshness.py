@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from datetime import UTC, datetime, timedelta
 
 import pytest
 
@@ -25,32 +24,12 @@ from tests.rig import (
 )
 from tests.rig.rows import Action
 from tests.rig.sites import ALICE, QUICK, SSW07, operator
-from tests.scenarios.commands import confirmed
+from tests.scenarios.commands import confirmed, issued, old_token
 
 SITE = SSW07 + ALICE
 START = "05 00 64 ff 00"
 READ = {"parameter": "P314"}
 BRIDGE = SSW07 + operator("alice", freshness="issued_at")
-
-
-def issued(ago_s: float, path: str = "pump/alice/start", **fields: object) -> Action:
-    """A command with `issued_at` alone, so many seconds before now by the gateway's clock."""
-
-    def act(plant: RigPlant) -> None:
-        at = datetime.fromtimestamp(plant.world.utc_s(), UTC) - timedelta(seconds=ago_s)
-        plant.command(path, issued_at=at.isoformat(), **fields)
-
-    return act
-
-
-def old_token(path: str, *, of_s: float, **fields: object) -> Action:
-    """A command with the token that was published first after that second."""
-
-    def act(plant: RigPlant) -> None:
-        token = plant.messages("gateway/fresh", since=of_s)[0].json["token"]
-        plant.command(path, token=token, **fields)
-
-    return act
 
 
 def boot(path: str, *, of_s: float = 0.0, **fields: object) -> Action:
