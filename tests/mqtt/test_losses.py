@@ -1,19 +1,10 @@
 from __future__ import annotations
 
-from gateway.mqtt.outbox.losses import DECLARE_EVERY_S, Losses
+from gateway.mqtt.outbox.losses import Losses
 from gateway.storage.spool import Changes, Kind, Loss, merged
 
 VALUES = Loss("memory_full", Kind.VALUE, 3, 1_760_000_000.0, 1_760_000_005.0)
 EVENTS = Loss("disk_full", Kind.EVENT, 2, None, None)
-
-
-def test_nothing_lost_is_nothing_to_say() -> None:
-    losses = Losses()
-
-    assert losses.declare(0.0) is None
-    assert losses.changes(None) is None
-    assert losses.changes(Changes()) == Changes()
-    assert losses.wait_s(0.0) == 0.0
 
 
 def test_a_loss_is_stored_and_declared_and_then_forgotten_in_one_transaction_with_what_is_new() -> None:
@@ -44,20 +35,6 @@ def test_a_loss_is_stored_and_declared_and_then_forgotten_in_one_transaction_wit
     }
     assert losses.changes(None) == Changes(are_losses_declared=True)
     assert losses.changes(None) is None
-
-
-def test_more_losses_are_summed_up_until_it_is_time_to_report_them() -> None:
-    losses = Losses()
-    losses.note([VALUES])
-    losses.declare(0.0)
-    losses.note([VALUES])
-    losses.note([VALUES])
-
-    assert losses.declare(1.0) is None
-    assert losses.wait_s(1.0) == DECLARE_EVERY_S - 1.0
-    declared = losses.declare(DECLARE_EVERY_S)
-    assert declared is not None
-    assert declared[1]["count"] == 6
 
 
 def test_what_the_disk_could_not_take_is_offered_again() -> None:

@@ -49,39 +49,6 @@ class Opened:
         self._changed.set()
 
 
-async def test_rows_of_earlier_runs_have_numbers_up_to_0(tmp_path: Path) -> None:
-    first = await Opened(tmp_path).open()
-    await first.disk.recall()
-    await first.disk.apply(Changes((row(1), row(2), row(3))))
-    await first.disk.apply(Changes(gone=((Kind.EVENT, 2),), is_flushed=False))
-    await first.close()
-
-    second = await Opened(tmp_path).open()
-    recalled = await second.disk.recall()
-    await second.disk.apply(Changes((row(1),)))
-    old = await second.disk.page(Kind.EVENT, after=-100, before=1, most=10)
-    new = await second.disk.page(Kind.EVENT, after=0, before=100, most=10)
-    await second.close()
-
-    assert recalled.shares[Kind.EVENT].rows == 2
-    assert [(each.number, each.payload) for each in old.rows] == [(-2, b"1"), (0, b"3")]
-    assert [(each.number, each.payload) for each in new.rows] == [(1, b"1")]
-
-
-async def test_what_had_to_be_dropped_is_reported_in_the_numbers_of_this_run(tmp_path: Path) -> None:
-    first = await Opened(tmp_path, most_rows=100).open()
-    await first.disk.recall()
-    assert await first.disk.apply(Changes(tuple(row(number) for number in range(1, 61)))) == ()
-    await first.close()
-
-    second = await Opened(tmp_path, most_rows=100).open()
-    await second.disk.recall()
-    (loss,) = await second.disk.apply(Changes(tuple(row(number) for number in range(1, 61))))
-    await second.close()
-
-    assert (loss.rows, loss.upto) == (21, 21 - 60)
-
-
 async def test_a_file_that_is_full_makes_room_and_says_what_it_cost(tmp_path: Path) -> None:
     opened = await Opened(tmp_path, max_bytes=64 * 1024).open()
     await opened.disk.recall()

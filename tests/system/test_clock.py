@@ -47,14 +47,6 @@ class Machine:
         self.watch.look()
 
 
-def test_a_clock_that_was_never_stepped_is_what_the_configuration_says() -> None:
-    assert ClockWatch("trusted", ask=never).doubt() is None
-    assert ClockWatch("untrusted", ask=never).doubt() == (
-        "the configuration does not trust this gateway's clock (when it is right: "
-        'clock = "auto" or "trusted" in [gateway])'
-    )
-
-
 def test_the_kernel_is_asked_at_most_every_ten_seconds() -> None:
     up_s, answers = [0.0], [True, False]
     watch = ClockWatch(ask=lambda: answers.pop(0), read=lambda: ClockReading(up_s[0], 1.8e9 + up_s[0]))
@@ -86,29 +78,6 @@ def test_after_a_step_the_clock_counts_again_once_it_was_steady_for_a_minute(
     assert early == f"this gateway's clock was set {by}, so issued_at does not count for 60 s"
     assert machine.watch.doubt() is None
     assert machine.changes == [f"this gateway's clock was set {by}", None]
-
-
-def test_what_the_kernel_said_before_a_step_does_not_count() -> None:
-    machine = Machine()
-    machine.wait(55.0)
-    assert machine.watch.doubt() is None
-
-    machine.is_synchronised = False
-    machine.step(-20.0)
-    machine.wait(65.0)
-
-    assert str(machine.watch.doubt()).startswith("this gateway's clock is not synchronised")
-
-
-def test_another_step_begins_the_minute_anew() -> None:
-    machine = Machine()
-    machine.step(-20.0)
-    machine.wait(50.0)
-
-    machine.step(20.0)
-    machine.wait(50.0)
-
-    assert machine.watch.doubt() is not None
 
 
 def test_many_small_steps_are_one_step() -> None:

@@ -23,7 +23,7 @@ from tests.rig import (
     row,
     seen,
 )
-from tests.rig.sites import ALICE, QUICK, SSW07, table
+from tests.rig.sites import ALICE, HOME_ASSISTANT, QUICK, SSW07, table
 from tests.scenarios.broker.support import TRIP, afresh, broker, codes, count
 
 MQTT_3 = table("mqtt", url="mqtt://127.0.0.1", version="3.1.1")
@@ -196,6 +196,25 @@ RIGHTS = [
         given=SSW07 + ALICE,
         before=lambda plant: plant.broker.deny("*", "starters/plant/command/#", "read"),
         then={6.0: retained("gateway/status", state="degraded", reason=re.compile("command"))},
+    ),
+    row(
+        "a message larger than the broker takes is set aside, and the rest is sent",
+        given=SSW07,
+        before=broker(connack={"MaximumPacketSize": 1000}),
+        then={
+            10.0: [
+                event("publish_refused"),
+                never("starter/pump/info"),
+                msg("starter/pump/state", quality="good"),
+                msg("gateway/status", state="online"),
+            ]
+        },
+    ),
+    row(
+        "a gateway that listens for Home Assistant tells it all again at its birth, which is no command",
+        given=SSW07 + ALICE + HOME_ASSISTANT,
+        at={20.0: publish("homeassistant/status", b"online", client="ha")},
+        then={60.0: [seen("homeassistant/device/+/config", since=20.0), never("audit"), frames("pump")]},
     ),
     row(
         "a slow broker holds neither the line nor a stop",

@@ -224,6 +224,27 @@ GHOSTS = [
         then={30.0: [retained("starter/pump/info", family="sst"), no_value_of_before(8.0)]},
     ),
     row(
+        "a connection that is lost while the leftovers are read is followed by another reading",
+        given=TWO,
+        at={8.0: "kill", 9.0: [becomes(SSW07), "broker drops"]},
+        then={30.0: [cleared("starter/fan/#", since=9.0), msg("gateway/status", state="online")]},
+    ),
+    row(
+        "the status of a gateway that died with its broker prevents nothing",
+        given=SSW07,
+        before=lambda plant: (
+            plant.publish("starter/pump/alarm/e99", ALARM, client="b", retain=True),
+            plant.publish("gateway/status", {"state": "online", "run": "ff"}, client="b", retain=True),
+        ),
+        then={
+            20.0: [
+                retained("starter/pump/alarm/e99"),
+                never("gateway/event", code="base_shared"),
+                msg("gateway/status", state="online"),
+            ]
+        },
+    ),
+    row(
         "nothing that was never published is cleared at a first start",
         given=SSW07,
         then={20.0: lambda plant: "\n".join(m.topic for m in plant.messages("#") if not m.payload)},

@@ -220,6 +220,36 @@ CHANGES = [
     ),
 ]
 
+LINES = [
+    row(
+        "a lost port makes only its own starters offline",
+        given=SSW07 + line("hall") + FAN,
+        at={5.0: "line hall unplug"},
+        then={
+            12.0: [
+                event("port_away", severity="error", data={"line": "hall"}),
+                msg("starter/fan/availability", state="offline"),
+                msg("starter/fan/value/current", quality="stale"),
+                retained("gateway/status", state="degraded"),
+                untouched,
+            ]
+        },
+    ),
+    row(
+        "a starter that moves to another line is read there",
+        given=SSW07 + FAN + line("hall") + starter("mill", 3, "ssw900"),
+        at={5.0: reload(SSW07 + line("hall") + starter("mill", 3, "ssw900") + FAN)},
+        then={
+            15.0: [
+                retained("starter/fan/info", line="hall"),
+                msg("starter/fan/availability", state="online"),
+                msg("starter/fan/state", quality="good"),
+                untouched,
+            ]
+        },
+    ),
+]
+
 REFUSALS = [
     row(
         f"a reload with {what} is refused, says what is wrong, and changes nothing",
@@ -251,7 +281,7 @@ REFUSALS = [
 ]
 
 
-@pytest.mark.parametrize("row", CHANGES + REFUSALS)
+@pytest.mark.parametrize("row", CHANGES + LINES + REFUSALS)
 def test_a_reload(row: ScenarioRow) -> None:
     play(row)
 
