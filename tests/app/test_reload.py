@@ -18,8 +18,6 @@ from gateway.errors import ConfigError, Problem
 from gateway.records import Severity
 from tests.config.sites import site
 
-MISTAKES = [Problem("line[0].baud", "is 7", "9600"), Problem("operator[0].may", "is empty")]
-
 
 @pytest.fixture(autouse=True)
 def _collector() -> Iterator[None]:

@@ -27,7 +27,6 @@ CONFIG = (
     '[[line]]\nname = "l"\nport = "/dev/x"\nbaud = 9600\nframing = "8N2"\n'
     '[[line.starter]]\nname = "pump"\naddress = 1\nfamily = "ssw07"\n'
 )
-NO_ONE = 9
 
 
 def site(folder: Path, port: int, *, more: str = "", password: str | None = None) -> Site:
@@ -75,16 +74,6 @@ async def uplink(
     await up.close("over")
     running.cancel()
     await asyncio.wait((running,))
-
-
-async def statuses(watcher: Watcher, *wanted: str) -> None:
-    """Wait until the gateway's status was each of these, one after the other."""
-    for state in wanted:
-        await watcher.until(
-            lambda seen, state=state: (
-                seen.topic.endswith("gateway/status") and json.loads(seen.payload)["state"] == state
-            )
-        )
 
 
 def watch(broker: MosquittoBroker) -> Watcher:

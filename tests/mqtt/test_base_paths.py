@@ -13,8 +13,6 @@ from gateway.errors import ConfigError
 from gateway.mqtt.contract.topics import Topics
 from tests.config.sites import changed
 
-LEVEL = st.from_regex(r"[a-z0-9_-]{1,12}", fullmatch=True)
-OURS = st.sampled_from(["gateway", "starter", "command", "result", "audit", "value", "status"])
 ODD = st.text(st.characters(exclude_categories=["Cs"]) | st.sampled_from("/+#$ a{}A\u00e4\t"), max_size=24)
 
 

@@ -79,20 +79,6 @@ def test_a_stop_keeps_its_id_and_who_wanted_it_but_no_arguments() -> None:
     )
 
 
-@pytest.mark.parametrize("is_live", [False, True])
-@pytest.mark.parametrize("verb", ["start", "stop", "reset", "set", "read", "anything"])
-def test_a_retained_command_is_never_acted_on_but_a_stop_that_was_sent_just_now(
-    verb: str, is_live: bool
-) -> None:
-    topic = f"b/command/pump-1/alice/{verb}"
-    incoming = command(fresh(), topic=topic, is_retained=True, is_live=is_live)
-
-    if verb == "stop" and is_live:
-        assert isinstance(judge(incoming), CommandRequest)
-    else:
-        assert refusal(incoming).code == "retained"
-
-
 @pytest.mark.parametrize(
     ("payload", "code", "text"),
     [

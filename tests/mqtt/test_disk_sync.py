@@ -135,22 +135,3 @@ def test_a_final_result_that_the_ledger_wants_reported_again_is_reported_once(
         second.kill()
 
     run_virtually(main())
-
-
-def test_times_of_earlier_runs_count_for_the_statistics(tmp_path: Path) -> None:
-    async def main() -> None:
-        first = await SpoolRun(tmp_path, "1").begin()
-        first.put(event(1), value(2), value(3))
-        await asyncio.sleep(1.0)
-        first.kill()
-        await asyncio.sleep(100.0)
-
-        second = await SpoolRun(tmp_path, "2").begin()
-
-        statistics = second.outbox.statistics(second.clock.now_s())
-        assert statistics["depth"] == 3
-        assert statistics["oldest_s"] == pytest.approx(101.3, abs=0.5)
-        assert statistics["bytes"] > 600
-        second.kill()
-
-    run_virtually(main())

@@ -88,10 +88,6 @@ def test_the_right_token_outweighs_a_senders_clock_that_is_behind() -> None:
     assert isinstance(judged, CommandRequest)
 
 
-def test_nothing_is_before_a_connection_that_has_not_been_reported() -> None:
-    assert not RunToken("run").is_before_connection(0.0)
-
-
 @pytest.mark.parametrize(
     ("fields", "made_s", "flags", "expires_s"),
     [
@@ -157,19 +153,3 @@ def test_a_token_cannot_be_guessed_and_is_remembered_for_a_minute_only() -> None
     assert tokens.made_s(made[-1]) == 299.0
     assert tokens.made_s(made[238]) == 238.0
     assert tokens.made_s(made[237]) is None
-
-
-@pytest.mark.parametrize(
-    "fields",
-    [
-        {"expect": "ready"},
-        {"expect": {"state": None}},
-        {"expect": {"state": ["ready"]}},
-        {"expect": {"": 1}},
-        {"expect": {str(number): 1 for number in range(17)}},
-        {"select": ""},
-        {"select": 7},
-    ],
-)
-def test_an_expectation_or_selection_of_another_shape_is_refused(fields: dict[str, Any]) -> None:
-    assert Desk().judge({"boot": "run", **fields}) == "bad_payload"

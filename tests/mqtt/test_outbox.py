@@ -33,17 +33,6 @@ def test_news_during_the_opening_does_not_come_before_the_status() -> None:
     assert texts([first, *take_all(box)]) == ["a=1", f"{STATUS}=online", "e=1", "b=1"]
 
 
-def test_only_the_newest_of_a_retained_topic_is_sent() -> None:
-    box = outbox()
-    box.connected(WIDE)
-
-    for number in range(3):
-        box.put(latest("a", str(number)), 0.0)
-
-    assert texts(take_all(box)) == ["a=2"]
-    assert box.take() is None
-
-
 def test_results_and_events_overtake_values_and_keep_their_order() -> None:
     box = outbox()
     box.connected(WIDE)
@@ -53,26 +42,6 @@ def test_results_and_events_overtake_values_and_keep_their_order() -> None:
     box.put(event("2"), 0.0)
 
     assert texts(take_all(box)) == ["e=1", "r=1", "e=2", "a=1"]
-
-
-def test_qos_0_takes_no_place_in_the_window() -> None:
-    box = outbox()
-    box.connected(1)
-    for topic in "abc":
-        box.put(latest(topic, "1", qos=0), 0.0)
-
-    assert texts(take_all(box)) == ["a=1", "b=1", "c=1"]
-    assert box.is_idle
-
-
-def test_qos_0_news_without_a_connection_is_no_backlog() -> None:
-    box = outbox()
-
-    box.put(latest("a", "1", qos=0), 0.0)
-
-    assert box.is_idle
-    box.connected(WIDE)
-    assert texts(take_all(box)) == ["a=1"]
 
 
 def test_an_acknowledgement_of_an_earlier_connection_is_ignored() -> None:

@@ -31,19 +31,6 @@ def test_a_value_in_flight_when_the_connection_broke_is_reported_as_history_if_i
     assert texts(take_all(box)) == ["v/p=2", "h/p=1"]
 
 
-def test_a_value_in_flight_when_the_connection_broke_counts_as_unsent() -> None:
-    box = outbox()
-    box.connected(WIDE)
-    box.put(value(1), 0.0)
-    take_all(box)
-
-    box.disconnected()
-    box.put(value(2), 0.0)
-    box.connected(WIDE)
-
-    assert texts(take_all(box)) == ["v/p=2", "h/p=1"]
-
-
 def test_a_full_outbox_drops_history_first_then_events_and_results_last() -> None:
     box = outbox(max_rows=4)
     box.put(result("1"), 0.0)
@@ -79,22 +66,6 @@ def test_values_reported_late_wait_until_they_are_granted() -> None:
     box.grant_history(250)
     second, third = take_all(box)
     assert [len(sent.message.payload.split(b",")) for sent in (first, second, third)] == [100, 200, 1]
-
-
-def test_a_newest_value_that_waits_for_a_connection_is_stored_as_well_until_it_is_reported() -> None:
-    box = outbox()
-    box.put(value(1), 3.0)
-    rows, _, since_s = box.backlog.waiting()
-    assert (rows, since_s) == (1, 3.0)
-    assert box.statistics(5.0)["depth"] == 1
-
-    box.connected(WIDE)
-    taken = take_all(box)
-    assert texts(taken) == ["v/p=1"]
-    assert not box.backlog.is_empty
-
-    acknowledge(box, taken)
-    assert box.is_idle
 
 
 def test_a_newest_value_that_waited_and_was_overtaken_on_its_way_is_reported_once() -> None:

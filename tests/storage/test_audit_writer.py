@@ -166,12 +166,3 @@ def test_a_damaged_anchor_without_segments_is_reported_when_the_chain_begins(tmp
     write(tmp_path, 1)
 
     assert said(tmp_path) == ["chain_begun_anew", "entry 0"]
-
-
-def test_a_segment_that_vanishes_while_it_is_read_is_passed_over(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    write(tmp_path, 1)
-    monkeypatch.setattr("gateway.storage.audit.segments.segments", lambda folder: [1, 2])
-
-    assert len(list(lines(tmp_path))) == 1

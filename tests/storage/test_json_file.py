@@ -35,11 +35,6 @@ def test_a_damaged_file_is_set_aside_and_stays_damaged_until_it_is_replaced(
     assert (tmp_path / "x.json.damaged").read_bytes() == content
 
 
-def test_a_file_that_cannot_be_read_is_damaged(tmp_path: Path) -> None:
-    with pytest.raises(DamagedError):
-        JsonFile(tmp_path).load()
-
-
 def test_a_folder_in_the_files_place_is_set_aside_as_a_damaged_file_is(tmp_path: Path) -> None:
     for folder in (tmp_path / "x.json", tmp_path / "x.json.damaged"):
         folder.mkdir()

@@ -10,8 +10,8 @@ import pytest
 
 from gateway.errors import DamagedError
 from gateway.storage.database import Connection, Database
-from gateway.storage.outbox_table import DAMAGED, FULL, HIGHEST, MOST_REFUSED, OutboxTable
-from gateway.storage.spool import Changes, Kind, Loss, Page, Refusal, Row
+from gateway.storage.outbox_table import DAMAGED, FULL, HIGHEST, OutboxTable
+from gateway.storage.spool import Changes, Kind, Loss, Page, Row
 
 T = TypeVar("T")
 
@@ -59,26 +59,6 @@ def stored(tmp_path: Path) -> Iterator[Stored]:
     stored = Stored(tmp_path, OutboxTable(most_rows=100))
     yield stored
     stored.database.close()
-
-
-def test_too_many_rows_cost_the_oldest_values_then_events_then_results(stored: Stored) -> None:
-    kinds = [Kind.RESULT, Kind.EVENT, Kind.VALUE]
-    assert stored.apply(*(row(number, kinds[number % 3]) for number in range(90))) == ()
-
-    first = stored.apply(*(row(number, Kind.RESULT) for number in range(90, 120)))
-    assert first == (Loss(FULL, Kind.VALUE, 21, 2.0, 62.0, 62),)
-
-    second = stored.apply(*(row(number, Kind.RESULT) for number in range(120, 150)))
-    assert [(loss.kind, loss.rows, loss.upto) for loss in second] == [
-        (Kind.VALUE, 9, 89),
-        (Kind.EVENT, 21, 61),
-    ]
-
-    third = stored.apply(*(row(number, Kind.RESULT) for number in range(150, 180)))
-    assert [(loss.kind, loss.rows) for loss in third] == [(Kind.EVENT, 9), (Kind.RESULT, 21)]
-    assert len(stored.numbers(Kind.RESULT)) == 99
-    declared = {(loss.kind, loss.rows) for loss in stored.do(stored.table.recall)[1].losses}
-    assert declared == {(Kind.VALUE, 30), (Kind.EVENT, 30), (Kind.RESULT, 21)}
 
 
 def test_a_full_file_makes_room_and_reports_once_what_it_cost(stored: Stored) -> None:
@@ -134,13 +114,3 @@ def test_times_and_losses_that_make_no_sense_are_left_out(stored: Stored) -> Non
 
     assert recalled.shares[Kind.EVENT].first_s == 0.0
     assert recalled.losses == (Loss("y", Kind.EVENT, 2, None, 1.0),)
-
-
-def test_of_what_the_broker_refused_the_newest_are_stored(stored: Stored) -> None:
-    for number in range(MOST_REFUSED + 20):
-        stored.apply(refusals=(Refusal(float(number), 0x87, "b/event", b"x"),))
-
-    refused = stored.do(stored.table.refused)
-
-    assert [each.time_s for each in refused] == [float(number) for number in range(20, MOST_REFUSED + 20)]
-    assert refused[0] == Refusal(20.0, 0x87, "b/event", b"x")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.records import AuditRecord, Phase, ResultRecord, Severity
+from gateway.records import Phase, ResultRecord, Severity
 from gateway.storage.audit.chain import read_line
 from gateway.storage.audit.segments import lines
 from gateway.storage.journal import Remembered
@@ -16,7 +16,6 @@ from gateway.storage.state_dir import FILE, StateDir
 from gateway.system.clock import SystemClock
 
 PATIENCE_S = 10.0
-AUDIT = AuditRecord("pump-1", "alice", None, "start", {}, "accepted", "ok", 5.0, 1)
 RESULT = ResultRecord("pump-1", "alice", "1", "start", Phase.CONFIRMED, "ok", "", 5.0)
 
 

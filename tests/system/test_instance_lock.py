@@ -62,15 +62,6 @@ def test_the_holder_on_another_machine_or_in_another_container_is_named_with_its
             pass
 
 
-@pytest.mark.parametrize("content", ["", "nonsense", "\x00\xff"])
-def test_a_file_that_names_no_one_is_locked_all_the_same(content: str, tmp_path: Path) -> None:
-    with instance_lock(tmp_path):
-        (tmp_path / FILE).write_text(content)
-
-        with pytest.raises(StartError, match="process id unknown"), instance_lock(tmp_path):
-            pass
-
-
 def test_the_lock_ends_with_a_process_that_was_killed(tmp_path: Path) -> None:
     make_reachable(tmp_path)
     with holder(tmp_path) as first:
@@ -108,15 +99,6 @@ def test_a_lock_file_of_another_user_is_named_with_its_remedy(tmp_path: Path) ->
 
     assert line.startswith(f"{tmp_path / FILE} is another user's: user ")
     assert line.endswith(f"(sudo chown -R {os.getuid() or 65534} {tmp_path})")
-
-
-def test_other_trouble_of_the_disk_prevents_nothing(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    (tmp_path / "state").write_text("a file where the folder should be")
-
-    with caplog.at_level(logging.WARNING), instance_lock(tmp_path / "state" / "deeper"):
-        pass
-
-    assert "a second gateway there is not noticed" in caplog.text
 
 
 def test_a_file_system_without_locks_prevents_nothing(
