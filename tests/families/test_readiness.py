@@ -217,7 +217,7 @@ def test_a_watchdog_that_the_motor_does_not_feel_is_never_an_error() -> None:
 
 def test_a_configured_slot_that_the_accessory_does_not_sit_in_is_an_error() -> None:
     rows = {code: (number,) for code, number in GOOD["ssw900"].items()}
-    trouble = slot_trouble(Variant(slot=2), Identity(slot=1))
+    trouble = slot_trouble(load_profile("ssw900"), Variant(slot=2), Identity(slot=1))
     found = readiness(load_profile("ssw900"), Variant(slot=1), rows, slot_trouble=trouble)
 
     assert problems(found) == [trouble]
@@ -229,7 +229,7 @@ def test_a_configured_slot_that_the_accessory_does_not_sit_in_is_an_error() -> N
 def test_a_slot_that_is_not_contradicted_is_left_alone(
     configured: Literal[1, 2] | None, seen: Literal[1, 2] | None
 ) -> None:
-    assert slot_trouble(Variant(slot=configured), Identity(slot=seen)) == ""
+    assert slot_trouble(load_profile("ssw900"), Variant(slot=configured), Identity(slot=seen)) == ""
 
 
 @pytest.mark.parametrize(
