@@ -43,12 +43,12 @@ def test_an_address_that_the_manual_names_is_its_row(code: str, named: str) -> N
 def test_a_marker_is_read_as_it_is() -> None:
     profile = load_profile("ssw900")
     args = {"parameters": ["HR1600", "S5.1.1"]}
-    preparation = prepare(profile, SLOT_1, "read", args)
-    (marker,) = (read for read in preparation.reads if "HR1600" in read.codes)
+    status, marker = prepare(profile, SLOT_1, "read", args).reads
 
-    assert marker.request == ReadHoldingRegisters(1600, 1)
-    assert rows_in(profile, marker, (4711,)) == {"HR1600": (4711,)}
-    assert decode_row(profile, Variant(), find(profile, "HR1600"), (4711,)).value == 4711
+    rows = rows_in(profile, marker, (4711,))
+
+    assert (marker.request, status.request) == (ReadHoldingRegisters(1600, 1), ReadHoldingRegisters(680, 1))
+    assert decode_row(profile, Variant(), find(profile, "HR1600"), rows["HR1600"]).value == 4711
     assert build(profile, SLOT_1, "read", args, seen={}).subjects == ("HR1600", "S5.1.1")
 
 
