@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 from gateway.errors import CommandError
-from gateway.families.command.build import build, prepare
 from gateway.families.profile.decode import decode_row
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.parameters import find
@@ -13,7 +12,7 @@ from gateway.families.profile.rows import Table
 from gateway.families.profile.schema import Variant
 from gateway.families.reading import rows_in
 from gateway.modbus.reads import ReadDiscreteInputs, ReadHoldingRegisters
-from tests.families.starters import SLOT_1
+from tests.families.notation import built, prepared, refusal
 
 
 @pytest.mark.parametrize(
@@ -42,14 +41,12 @@ def test_an_address_that_the_manual_names_is_its_row(code: str, named: str) -> N
 
 def test_a_marker_is_read_as_it_is() -> None:
     profile = load_profile("ssw900")
-    args = {"parameters": ["HR1600", "S5.1.1"]}
-    status, marker = prepare(profile, SLOT_1, "read", args).reads
-
-    rows = rows_in(profile, marker, (4711,))
+    status, marker = prepared("ssw900", "read HR1600 S5.1.1").reads
 
     assert (marker.request, status.request) == (ReadHoldingRegisters(1600, 1), ReadHoldingRegisters(680, 1))
-    assert decode_row(profile, Variant(), find(profile, "HR1600"), rows["HR1600"]).value == 4711
-    assert build(profile, SLOT_1, "read", args, seen={}).subjects == ("HR1600", "S5.1.1")
+    assert rows_in(profile, marker, (4711,)) == {"HR1600": (4711,)}
+    assert decode_row(profile, Variant(), find(profile, "HR1600"), (4711,)).value == 4711
+    assert built("ssw900", "read HR1600 S5.1.1").subjects == ("HR1600", "S5.1.1")
 
 
 @pytest.mark.parametrize(
@@ -72,8 +69,7 @@ def test_what_cannot_be_asked_for_has_none(family: str, code: str) -> None:
 
 def test_a_discrete_input_is_read_by_function_02_and_is_a_bit() -> None:
     profile = load_profile("ssw900")
-    args = {"parameters": ["DI7", "DI9"]}
-    reads = prepare(profile, SLOT_1, "read", args).reads
+    reads = prepared("ssw900", "read DI7 DI9").reads
 
     assert [read.request for read in reads] == [ReadDiscreteInputs(7, 1), ReadDiscreteInputs(9, 1)]
     assert rows_in(profile, reads[0], (True,)) == {"DI7": (1,)}
@@ -101,7 +97,4 @@ def test_a_table_that_the_manual_does_not_give_is_named_by_its_function(
 
 @pytest.mark.parametrize("code", ["HR1600", "HR20000", "COIL9", "HR685", "DI7"])
 def test_they_are_never_written(code: str) -> None:
-    with pytest.raises(CommandError) as error:
-        prepare(load_profile("ssw900"), SLOT_1, "set", {"parameter": code, "value": 1})
-
-    assert error.value.code == "not_writable"
+    assert refusal("ssw900", "set", {"parameter": code, "value": 1}).code == "not_writable"
