@@ -78,10 +78,12 @@ def writes(family: str, text: str, known: str = "", *, whole: bool = False) -> s
 
 
 def shown(request: Request) -> str:
-    """Return a write as words."""
+    """Return a request as words: a read is `h5001*1` (c coils, d inputs, h and i registers)."""
     pdu = request.encode()
     address, word = int.from_bytes(pdu[1:3]), pdu[3:5].hex().upper()
     match pdu[0]:
+        case 1 | 2 | 3 | 4:
+            return f"{'cdhi'[pdu[0] - 1]}{address}*{int(word, 16)}"
         case 5:
             return f"c{address}:{int(pdu[3] == 0xFF)}"
         case 6:
@@ -94,12 +96,8 @@ def shown(request: Request) -> str:
 
 
 def reads(preparation: Preparation) -> str:
-    """Return what is read: `5001*1=VB01`."""
-    found = []
-    for read in preparation.reads:
-        pdu = read.request.encode()
-        found.append(f"{int.from_bytes(pdu[1:3])}*{int.from_bytes(pdu[3:5])}={','.join(read.codes)}")
-    return " ".join(found)
+    """Return what is read: `h5001*1=VB01`."""
+    return " ".join(f"{shown(read.request)}={','.join(read.codes)}" for read in preparation.reads)
 
 
 def refusal(family: str, verb: str, args: Mapping[str, Any], known: str = "") -> CommandError:

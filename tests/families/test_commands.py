@@ -239,26 +239,26 @@ def test_a_command_counts_as_done_once_the_starter_shows_it() -> None:
 
 
 READS = [  # what is read freshly, and demanded of it
-    ("ssw07", "start", "5001*1=VB01", None),
-    ("ssw06", "start", "5001*1=VB01 5006*1=VB06", None),
-    ("ssw900", "start", "680*6=S5.1.1,S5.2.5", None),
+    ("ssw07", "start", "h5001*1=VB01", None),
+    ("ssw06", "start", "h5001*1=VB01 h5006*1=VB06", None),
+    ("ssw900", "start", "h680*6=S5.1.1,S5.2.5", None),
     ("ssw06", "general_enable off", "", None),
-    ("ssw900", "jog off", "680*6=S5.1.1,S5.2.5", ""),
-    ("ssw07", "reset", "5001*1=VB01", "has_fault is_stopped"),
+    ("ssw900", "jog off", "h680*6=S5.1.1,S5.2.5", ""),
+    ("ssw07", "reset", "h5001*1=VB01", "has_fault is_stopped"),
     ("sst", "reset whole", None, "serial_controls is_stopped"),
     ("ssw06", "configure leave=P202", None, "is_stopped"),
-    ("sst", "configure R33=2.0", "4*4=COIL5,COIL7,COIL8 19*1=R19 33*1=R33", "serial_controls is_stopped"),
-    ("sst", "set R33=2.0", "4*4=COIL5,COIL7,COIL8 19*1=R19 33*1=R33", "serial_controls is_stopped"),
-    ("ssw06", "output RL1=True", "277*1=P277 5008*1=VB08", None),
-    ("ssw07", "read p003", "3*1=P003", ""),
-    ("ssw900", "read S1.1.4", "24*2=S1.1.4", ""),
-    ("ssw07", "read P003 p002 P003", "2*2=P002,P003", ""),
-    ("ssw07", "read P002 P003 P004 P005", "2*2=P002,P003 4*1=P004 5*1=P005", ""),  # not vouched for: alone
-    ("ssw07", "set P314=5", "314*1=P314", ""),
-    ("ssw900", "set C8.2.5.1=2", "740*1=C8.2.5.1 734*1=C8.2.5.3", ""),
+    ("sst", "configure R33=2.0", "c4*4=COIL5,COIL7,COIL8 i19*1=R19 i33*1=R33", "serial_controls is_stopped"),
+    ("sst", "set R33=2.0", "c4*4=COIL5,COIL7,COIL8 i19*1=R19 i33*1=R33", "serial_controls is_stopped"),
+    ("ssw06", "output RL1=True", "h277*1=P277 h5008*1=VB08", None),
+    ("ssw07", "read p003", "h3*1=P003", ""),
+    ("ssw900", "read S1.1.4", "h24*2=S1.1.4", ""),
+    ("ssw07", "read P003 p002 P003", "h2*2=P002,P003", ""),
+    ("ssw07", "read P002 P003 P004 P005", "h2*2=P002,P003 h4*1=P004 h5*1=P005", ""),  # not vouched for: alone
+    ("ssw07", "set P314=5", "h314*1=P314", ""),
+    ("ssw900", "set C8.2.5.1=2", "h740*1=C8.2.5.1 h734*1=C8.2.5.3", ""),
     ("ssw900", "set C8.2.5.3=5.0 C8.1.1.5=680", None, "is_stopped"),  # one Stopped row among others
     ("ssw900", "set C8.2.5.3=5.0 C11.3.1=1", None, ""),
-    ("ssw900", "set C8.1.1.5=680", "1300*1=C8.1.1.5 680*1=S5.1.1", "is_stopped"),
+    ("ssw900", "set C8.1.1.5=680", "h1300*1=C8.1.1.5 h680*1=S5.1.1", "is_stopped"),
     *[("ssw07", f"set {code}=1", None, "is_stopped") for code in ("P220", "P229", "P230")],
 ]
 

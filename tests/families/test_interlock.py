@@ -21,15 +21,17 @@ def test_every_rule_that_a_profile_demands_exists(family: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "rule", ["remote", "general_enabled", "no_fault", "has_fault", "is_ready", "is_stopped"]
+    ("family", "rule"),
+    [
+        *[
+            ("ssw07", rule)
+            for rule in ("remote", "general_enabled", "no_fault", "has_fault", "is_ready", "is_stopped")
+        ],
+        *[("sst", rule) for rule in ("serial_controls", "configured", "is_ready", "is_stopped")],
+    ],
 )
-def test_an_unknown_reading_breaks_a_rule(rule: str) -> None:
-    assert broken("ssw07", (rule,), {}) == [rule]
-
-
-@pytest.mark.parametrize("rule", ["serial_controls", "configured", "is_ready", "is_stopped"])
-def test_an_unknown_reading_breaks_a_rule_of_the_sst(rule: str) -> None:
-    assert broken("sst", (rule,), {}) == [rule]
+def test_an_unknown_reading_breaks_a_rule(family: str, rule: str) -> None:
+    assert broken(family, (rule,), {}) == [rule]
 
 
 @pytest.mark.parametrize(

@@ -10,11 +10,10 @@ from gateway.errors import CommandError
 from gateway.families.profile.decode import decode_row
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.parameters import find, raw_limits, read_request, to_words, write_request
-from gateway.families.profile.rows import RESERVED, Access, Confidence, Parameter
-from gateway.families.profile.schema import Profile, Variant
+from gateway.families.profile.rows import RESERVED, Confidence, Parameter
+from gateway.families.profile.schema import Profile
 from gateway.families.profile.word_types import to_percent
-from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters, ReadInputRegisters
-from gateway.modbus.writes import WriteCoil, WriteRegister, WriteRegisters
+from tests.families.notation import rows, shown
 
 WRITABLE = [
     (family, row)
@@ -26,7 +25,7 @@ WRITABLE = [
 
 def words(family: str, code: str, value: Any, *, model: str | None = None) -> tuple[int, ...]:
     profile = load_profile(family)
-    return to_words(profile, find(profile, code), value, variant=Variant(model=model))
+    return to_words(profile, find(profile, code), value, variant=rows(f"model={model}" if model else "")[0])
 
 
 def refusal(family: str, code: str, value: Any, *, model: str | None = None) -> str:
@@ -75,8 +74,8 @@ def test_any_other_parameter_number_of_the_ssw07_reads_as_a_raw_word_and_is_neve
 
     assert row.code == "P102"
     assert row.confidence is Confidence.INFERRED
-    assert read_request(profile, row) == ReadHoldingRegisters(102, 1)
-    assert decode_row(profile, Variant(), row, (1234,)).value == 1234
+    assert shown(read_request(profile, row)) == "h102*1"
+    assert decode_row(profile, rows("")[0], row, (1234,)).value == 1234
     assert refusal("ssw07", "P102", 1) == "not_writable"
 
 
@@ -93,36 +92,36 @@ def test_p200_and_p215_cannot_be_read(family: str, code: str) -> None:
 @pytest.mark.parametrize(
     ("family", "code", "request_"),
     [
-        ("ssw07", "P003", ReadHoldingRegisters(3, 1)),
-        ("ssw07", "VB01", ReadHoldingRegisters(5001, 1)),
-        ("ssw07", "VB01.8", ReadCoils(8, 1)),
-        ("ssw900", "S1.1.4", ReadHoldingRegisters(24, 2)),
-        ("ssw900", "C8.6.3", ReadHoldingRegisters(808, 8)),
-        ("sst", "R19", ReadInputRegisters(19, 1)),
-        ("sst", "COIL26", ReadCoils(25, 1)),
+        ("ssw07", "P003", "h3*1"),
+        ("ssw07", "VB01", "h5001*1"),
+        ("ssw07", "VB01.8", "c8*1"),
+        ("ssw900", "S1.1.4", "h24*2"),
+        ("ssw900", "C8.6.3", "h808*8"),
+        ("sst", "R19", "i19*1"),
+        ("sst", "COIL26", "c25*1"),
     ],
 )
-def test_a_row_is_read_whole_from_its_table(family: str, code: str, request_: object) -> None:
+def test_a_row_is_read_whole_from_its_table(family: str, code: str, request_: str) -> None:
     profile = load_profile(family)
 
-    assert read_request(profile, find(profile, code)) == request_
+    assert shown(read_request(profile, find(profile, code))) == request_
 
 
 @pytest.mark.parametrize(
     ("family", "code", "sent", "request_"),
     [
-        ("ssw07", "P314", (30,), WriteRegister(314, 30)),
-        ("ssw07", "VB03.0", (1,), WriteCoil(100, is_on=True)),
-        ("ssw900", "C11.3.1", (0xFFFF, 0xFFFF), WriteRegisters(1110, (0xFFFF, 0xFFFF))),
-        ("ssw900", "S5.2.5", (3,), WriteRegister(685, 3)),
-        ("sst", "R41", (5,), WriteRegister(41, 5)),
-        ("sst", "COIL1", (0,), WriteCoil(0, is_on=False)),
+        ("ssw07", "P314", (30,), "314:001E"),
+        ("ssw07", "VB03.0", (1,), "c100:1"),
+        ("ssw900", "C11.3.1", (0xFFFF, 0xFFFF), "1110:FFFF,FFFF"),
+        ("ssw900", "S5.2.5", (3,), "685:0003"),
+        ("sst", "R41", (5,), "41:0005"),
+        ("sst", "COIL1", (0,), "c0:0"),
     ],
 )
-def test_a_row_is_written_whole(family: str, code: str, sent: tuple[int, ...], request_: object) -> None:
+def test_a_row_is_written_whole(family: str, code: str, sent: tuple[int, ...], request_: str) -> None:
     profile = load_profile(family)
 
-    assert write_request(profile, find(profile, code), sent) == request_
+    assert shown(write_request(profile, find(profile, code), sent)) == request_
 
 
 @pytest.mark.parametrize(("family", "code"), [("ssw07", "P003"), ("ssw07", "P200"), ("sst", "COIL5")])
@@ -231,7 +230,10 @@ def test_a_refusal_names_the_range_in_the_rows_unit() -> None:
 def test_limits_are_those_of_the_model_or_the_widest_while_it_is_unknown(
     model: str | None, limits: tuple[int, int]
 ) -> None:
-    assert raw_limits(load_profile("sst").parameters["R30"], Variant(model=model)) == limits
+    assert (
+        raw_limits(load_profile("sst").parameters["R30"], rows(f"model={model}" if model else "")[0])
+        == limits
+    )
 
 
 def test_a_register_that_a_model_does_not_use_cannot_be_set_there() -> None:
@@ -240,7 +242,7 @@ def test_a_register_that_a_model_does_not_use_cannot_be_set_there() -> None:
 
 
 def test_rows_without_model_limits_take_their_own() -> None:
-    assert raw_limits(load_profile("sst").parameters["R40"], Variant(model="SST130i-75-M")) == (1, 97)
+    assert raw_limits(load_profile("sst").parameters["R40"], rows("model=SST130i-75-M")[0]) == (1, 97)
     assert raw_limits(load_profile("sst").parameters["R40"]) == (1, 97)
     assert raw_limits(load_profile("sst").parameters["R12"]) is None
 
@@ -264,8 +266,8 @@ def test_what_is_set_is_what_is_read_back(data: st.DataObject) -> None:
     sent = to_words(profile, row, value)
 
     assert len(sent) == row.words
-    assert decode_row(profile, Variant(), row, sent).value == value
-    assert to_words(profile, row, decode_row(profile, Variant(), row, sent).value) == sent
+    assert decode_row(profile, rows("")[0], row, sent).value == value
+    assert to_words(profile, row, decode_row(profile, rows("")[0], row, sent).value) == sent
 
 
 def test_a_label_sets_the_number_it_stands_for_on_every_list_without_doubles() -> None:
@@ -275,10 +277,6 @@ def test_a_label_sets_the_number_it_stands_for_on_every_list_without_doubles() -
         for raw, label in members.items():
             if labels.count(label.casefold()) == 1 and label != RESERVED:
                 assert words(family, row.code, label)[0] == raw
-
-
-def test_access_none_and_command_rows_are_the_only_ones_beside_ro_and_rw() -> None:
-    assert {access.value for access in Access} == {"ro", "rw", "command", "none"}
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,7 @@ from gateway.families.profile.parameters import find
 from gateway.families.profile.rows import Table
 from gateway.families.profile.schema import Variant
 from gateway.families.reading import rows_in
-from gateway.modbus.reads import ReadDiscreteInputs, ReadHoldingRegisters
-from tests.families.notation import built, prepared, refusal
+from tests.families.notation import built, prepared, refusal, shown
 
 
 @pytest.mark.parametrize(
@@ -43,7 +42,7 @@ def test_a_marker_is_read_as_it_is() -> None:
     profile = load_profile("ssw900")
     status, marker = prepared("ssw900", "read HR1600 S5.1.1").reads
 
-    assert (marker.request, status.request) == (ReadHoldingRegisters(1600, 1), ReadHoldingRegisters(680, 1))
+    assert (shown(marker.request), shown(status.request)) == ("h1600*1", "h680*1")
     assert rows_in(profile, marker, (4711,)) == {"HR1600": (4711,)}
     assert decode_row(profile, Variant(), find(profile, "HR1600"), (4711,)).value == 4711
     assert built("ssw900", "read HR1600 S5.1.1").subjects == ("HR1600", "S5.1.1")
@@ -71,7 +70,7 @@ def test_a_discrete_input_is_read_by_function_02_and_is_a_bit() -> None:
     profile = load_profile("ssw900")
     reads = prepared("ssw900", "read DI7 DI9").reads
 
-    assert [read.request for read in reads] == [ReadDiscreteInputs(7, 1), ReadDiscreteInputs(9, 1)]
+    assert [shown(read.request) for read in reads] == ["d7*1", "d9*1"]
     assert rows_in(profile, reads[0], (True,)) == {"DI7": (1,)}
     assert decode_row(profile, Variant(), find(profile, "DI7"), (1,)).value is True
 
