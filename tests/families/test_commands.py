@@ -358,10 +358,7 @@ REFUSED = [  # before anything is read
     ("ssw07", *command("set P000=1"), "not_writable", "no password is needed"),
     ("ssw06", *command("set P200=1"), "not_writable", "not accessible through serial"),
     ("ssw07", *command("set P215=1"), "not_writable", "not accessible through serial"),
-    ("ssw07", *command("set P314=1000"), "out_of_range", ""),
     ("ssw07", *command("set P314=soon"), "bad_value", ""),
-    ("sst", *command("set R41=0x0130"), "out_of_range", ""),
-    ("sst", *command("set R30=999"), "out_of_range", ""),
     ("ssw900", *command("set C8.2.5.1=99"), "out_of_range", "0 (Inactive), 1 ("),
     ("ssw900", *command("set C8.2.5.1=Sometimes"), "bad_value", "0 (Inactive), 1 ("),
     *[
