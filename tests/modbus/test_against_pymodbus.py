@@ -7,6 +7,7 @@ took the bytes from the first to the last as one frame. Where it is laxer by des
 from __future__ import annotations
 
 import random
+from functools import partial
 from typing import Any
 
 import pymodbus.pdu.bit_message as bits
@@ -197,41 +198,33 @@ def test_of_thousands_of_frames_both_accept_the_same_and_read_the_same(seed: int
     assert 0 < laxer < 100
 
 
+THEIRS: dict[type, tuple[type[ModbusPDU], tuple[str, ...]]] = {  # their class, and how it calls our fields
+    ReadCoils: (bits.ReadCoilsRequest, ("address", "count")),
+    ReadDiscreteInputs: (bits.ReadDiscreteInputsRequest, ("address", "count")),
+    ReadHoldingRegisters: (registers.ReadHoldingRegistersRequest, ("address", "count")),
+    ReadInputRegisters: (registers.ReadInputRegistersRequest, ("address", "count")),
+    WriteCoil: (bits.WriteSingleCoilRequest, ("address", "bits")),
+    WriteRegister: (registers.WriteSingleRegisterRequest, ("address", "registers")),
+    WriteCoils: (bits.WriteMultipleCoilsRequest, ("address", "bits")),
+    WriteRegisters: (registers.WriteMultipleRegistersRequest, ("address", "registers")),
+    MaskWriteRegister: (registers.MaskWriteRegisterRequest, ("address", "and_mask", "or_mask")),
+    ReadWriteRegisters: (
+        registers.ReadWriteMultipleRegistersRequest,
+        ("read_address", "read_count", "write_address", "write_registers"),
+    ),
+    ReadDeviceIdentification: (ReadDeviceInformationRequest, ("read_code", "object_id")),
+}
+
+
 def theirs_of(request: KnownRequest, unit: int) -> ModbusPDU:
     """Return the same request as pymodbus makes it."""
-    match request:
-        case ReadCoils(address, count):
-            return bits.ReadCoilsRequest(address=address, count=count, dev_id=unit)
-        case ReadDiscreteInputs(address, count):
-            return bits.ReadDiscreteInputsRequest(address=address, count=count, dev_id=unit)
-        case ReadHoldingRegisters(address, count):
-            return registers.ReadHoldingRegistersRequest(address=address, count=count, dev_id=unit)
-        case ReadInputRegisters(address, count):
-            return registers.ReadInputRegistersRequest(address=address, count=count, dev_id=unit)
-        case WriteCoil(address, is_on):
-            return bits.WriteSingleCoilRequest(address=address, bits=[is_on], dev_id=unit)
-        case WriteRegister(address, word):
-            return registers.WriteSingleRegisterRequest(address=address, registers=[word], dev_id=unit)
-        case WriteCoils(address, coils):
-            return bits.WriteMultipleCoilsRequest(address=address, bits=list(coils), dev_id=unit)
-        case WriteRegisters(address, words):
-            return registers.WriteMultipleRegistersRequest(
-                address=address, registers=list(words), dev_id=unit
-            )
-        case MaskWriteRegister(address, and_mask, or_mask):
-            return registers.MaskWriteRegisterRequest(
-                address=address, and_mask=and_mask, or_mask=or_mask, dev_id=unit
-            )
-        case ReadWriteRegisters(read_address, read_count, write_address, words):
-            return registers.ReadWriteMultipleRegistersRequest(
-                read_address=read_address,
-                read_count=read_count,
-                write_address=write_address,
-                write_registers=list(words),
-                dev_id=unit,
-            )
-        case ReadDeviceIdentification(read_code, object_id):
-            return ReadDeviceInformationRequest(read_code=read_code, object_id=object_id, dev_id=unit)
+    their, names = THEIRS[type(request)]
+    fields: dict[str, Any] = dict(
+        zip(names, map(partial(getattr, request), request.__match_args__), strict=True)
+    )
+    for name in {"bits", "registers", "write_registers"} & set(fields):
+        fields[name] = list(fields[name]) if isinstance(fields[name], tuple) else [fields[name]]
+    return their(**fields, dev_id=unit)
 
 
 def test_both_make_the_same_bytes_of_a_request() -> None:
