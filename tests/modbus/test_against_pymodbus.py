@@ -7,7 +7,6 @@ took the bytes from the first to the last as one frame. Where it is laxer by des
 from __future__ import annotations
 
 import random
-from functools import partial
 from typing import Any
 
 import pymodbus.pdu.bit_message as bits
@@ -219,9 +218,8 @@ THEIRS: dict[type, tuple[type[ModbusPDU], tuple[str, ...]]] = {  # their class, 
 def theirs_of(request: KnownRequest, unit: int) -> ModbusPDU:
     """Return the same request as pymodbus makes it."""
     their, names = THEIRS[type(request)]
-    fields: dict[str, Any] = dict(
-        zip(names, map(partial(getattr, request), request.__match_args__), strict=True)
-    )
+    values = [getattr(request, name) for name in request.__match_args__]
+    fields: dict[str, Any] = dict(zip(names, values, strict=True))
     for name in {"bits", "registers", "write_registers"} & set(fields):
         fields[name] = list(fields[name]) if isinstance(fields[name], tuple) else [fields[name]]
     return their(**fields, dev_id=unit)
