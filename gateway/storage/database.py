@@ -13,7 +13,7 @@ from typing import Any, Protocol, TypeVar
 
 from gateway.errors import DamagedError, StoreError
 from gateway.storage.formats import FORMAT, require_known
-from gateway.storage.whole_files import NEW, put_in_place, sync_file, without_waiting
+from gateway.system.whole_files import NEW, put_in_place, sync_file, without_waiting
 
 log = logging.getLogger(__name__)
 

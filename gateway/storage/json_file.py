@@ -13,8 +13,8 @@ from typing import Any, Protocol
 
 from gateway.errors import DamagedError, StoreError
 from gateway.storage.formats import FORMAT, KEY, require_known
-from gateway.storage.whole_files import without_waiting, write_whole
 from gateway.system.rate_limits import ChangeDetector
+from gateway.system.whole_files import without_waiting, write_whole
 
 logger = logging.getLogger(__name__)
 
