@@ -52,59 +52,9 @@ def state(tmp_path: Path) -> Path:
     return tmp_path / "state"
 
 
-def test_entries_are_shown_one_to_a_line(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["audit", "show", str(state)]) == 0
-
-    first, second, third = capsys.readouterr().out.splitlines()
-    assert first.endswith("-- gateway_started: version 1")
-    assert second == "2  2025-10-09T08:53:20.000Z  bob: start pump, id None: rejected (not_allowed)"
-    assert third == (
-        '3  2025-10-09T08:53:20.000Z  alice (says: Alice A.): set pump {"parameter": "P102", "value": 5}, '
-        "id 7f, reason given: as agreed: confirmed; P102 3 -> 5"
-    )
-
-
-def test_the_newest_can_be_shown_alone_and_as_they_are_stored(
-    state: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["audit", "show", str(state), "--last", "1", "--json"]) == 0
-
-    stored = segment_path(state / "audit", 1).read_text().splitlines()
-    assert capsys.readouterr().out.splitlines() == stored[-1:]
-
-
 def test_fewer_than_one_cannot_be_shown(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["audit", "show", str(state), "--last", "0"]) == 2
     assert "--last 0 shows nothing" in capsys.readouterr().err
-
-
-def test_the_audit_is_found_by_the_configuration_too(state: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    config = state.parent / "site.toml"
-    config.write_text(CONFIG)
-
-    assert main(["audit", "verify", str(config)]) == 0
-    assert main(["audit", "verify", str(state / "audit")]) == 0
-
-    assert "3 entries from line 1 on, chain whole" in capsys.readouterr().out
-
-
-def test_where_there_is_no_audit_that_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["audit", "show", str(tmp_path)]) == 2
-
-    assert "no audit in" in capsys.readouterr().err
-
-
-def test_a_changed_entry_is_named_and_the_exit_code_says_so(
-    state: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    segment = segment_path(state / "audit", 1)
-    segment.write_text(segment.read_text().replace('"client":"bob"', '"client":"eve"'))
-
-    assert main(["audit", "verify", str(state)]) == 1
-
-    out = capsys.readouterr().out
-    assert "audit-00000001.jsonl:2: was changed" in out
-    assert "chain broken" in out
 
 
 def test_a_hash_that_was_noted_earlier_must_still_be_there(

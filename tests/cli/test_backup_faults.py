@@ -54,19 +54,6 @@ def test_a_backup_is_written_to_no_device_folder_or_name_that_is_none(
     assert (tmp_path / "pipe").is_fifo()
 
 
-def test_a_backup_takes_the_place_of_an_earlier_one_or_of_an_empty_file_also_behind_a_link(
-    site: Path, tmp_path: Path
-) -> None:
-    (tmp_path / "new.tar.gz").touch()
-    (tmp_path / "latest").symlink_to(tmp_path / "new.tar.gz")
-
-    for name in ("new.tar.gz", "latest", "new.tar.gz"):
-        assert main(["backup", str(site), str(tmp_path / name)]) == 0
-
-    assert (tmp_path / "latest").is_symlink()
-    assert "config/site.toml" in names_in(tmp_path / "latest")
-
-
 def test_what_a_killed_backup_has_left_goes_with_the_next_one(site: Path, tmp_path: Path) -> None:
     if (child := os.fork()) == 0:
         Archive.__init__ = lambda *_: os.kill(os.getpid(), signal.SIGKILL)  # type: ignore[assignment,method-assign]

@@ -33,44 +33,11 @@ class Refusing:
         raise PortError(self.name, self._reason)
 
 
-def test_starters_that_are_set_up_well_are_no_problem_and_nothing_is_written() -> None:
-    units = [
-        make_unit(family, address) for address, family in enumerate(("ssw06", "ssw07", "ssw900", "sst"), 1)
-    ]
-
-    found = examine(site("ssw06", "ssw07", "ssw900", "sst"), *units)
-
-    assert problems_in(found) == []
-    assert "line hall: /nowhere/tty opens" in [f"{remark.where}: {remark.text}" for remark in found]
-    assert [list(unit.writes) for unit in units] == [[], [], [], []]
-
-
-def test_what_would_refuse_a_start_is_a_problem() -> None:
-    (problem,) = problems_in(examine(site(), make_unit("ssw07", 1, settings={230: 0})))
-
-    assert problem.startswith("starter pump-1: a start is not executed")
-
-
 def test_a_watchdog_that_the_polls_do_not_keep_is_a_problem_and_one_that_runs_from_now_on_is_noted() -> None:
     found = examine(site(*["ssw07"] * 8), make_unit("ssw07", 1, settings={314: 1}))
 
     assert any("it may act although all is well" in problem for problem in problems_in(found))
     assert any("P314 runs since this look" in remark.text for remark in found)
-
-
-def test_a_starter_that_is_silent_or_another_one_is_a_problem_and_the_others_are_looked_at() -> None:
-    found = examine(site("ssw07", "ssw06", "ssw07"), make_unit("ssw07", 2), make_unit("ssw07", 3))
-
-    silent, other = problems_in(found)
-    assert silent == "starter pump-1: pump-1 does not answer at address 1"
-    assert other.startswith("starter pump-2: it is ssw07, not ssw06")
-    assert any(remark.where == "starter pump-3" and not remark.is_problem for remark in found)
-
-
-def test_a_port_that_does_not_open_is_a_problem() -> None:
-    (problem,) = problems_in(examine(site(), opener=Refusing("not permitted")))
-
-    assert problem == "line hall: port /nowhere/tty: not permitted"
 
 
 def test_a_port_that_is_lost_on_the_way_is_a_problem() -> None:
@@ -189,23 +156,3 @@ def test_the_exit_code_says_whether_anything_is_a_problem(
     lines = capsys.readouterr().out.splitlines()
     assert lines[1] == "ok      clock: is synchronised"
     assert lines[-1] == ("0 errors, 1 warning" if is_a_problem else "no problems")
-
-
-def test_a_wrong_configuration_is_reported_as_everywhere(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "site.toml").write_text("[gateway]\n", "utf-8")
-
-    assert main(["doctor", str(tmp_path / "site.toml")]) == 78
-    assert "name: is missing" in capsys.readouterr().err
-
-
-def test_settings_that_stand_as_delivered_are_named() -> None:
-    said = examine(site("ssw07"), make_unit("ssw07", 1, settings={220: 3, 229: 0, 230: 2, 314: 0, 313: 0}))
-
-    (delivered,) = [remark.text for remark in said if remark.text.startswith("as delivered")]
-    assert "P220 = 3 (" in delivered
-    assert "P229 = 0 (" in delivered
-    assert "P314 = 0 (off)" in delivered
-    assert "P230" not in delivered
-    assert "P313" not in delivered

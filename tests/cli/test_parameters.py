@@ -57,17 +57,6 @@ def test_a_full_save_of_an_ssw900_at_19200_takes_less_than_1_3_of_its_wire_time(
     assert place.took_s < 1.3 * wire_s
 
 
-def test_a_save_shows_progress_and_the_time_left() -> None:
-    place = ParametersPlace(make_unit("ssw900", 1))
-
-    place.save()
-
-    lines = place.said.getvalue().splitlines()
-    assert len(lines) >= 5
-    assert all(line.endswith(" left") for line in lines)
-    assert lines[-1].startswith("100% pump: ")
-
-
 def test_rows_that_the_starter_refuses_are_noted() -> None:
     place = ParametersPlace(make_unit("ssw07", 1))
     del place.unit.settings[277]
@@ -87,13 +76,6 @@ def test_parameters_without_a_name_are_saved_as_raw_words_when_asked_for() -> No
 
     assert saved.parameters["P500"].raw == (77,)
     assert "P501" in saved.refused
-
-
-def test_a_starter_that_does_not_answer_and_another_one_than_configured_are_reported() -> None:
-    with pytest.raises(CommandError, match="does not answer at address 9"):
-        ParametersPlace(make_unit("ssw07", 1), address=9).save()
-    with pytest.raises(CommandError, match="it is ssw07, not ssw06"):
-        ParametersPlace(make_unit("ssw07", 1), family="ssw06").save()
 
 
 def test_a_port_that_a_gateway_holds_is_refused_with_the_hint() -> None:
@@ -130,28 +112,6 @@ def test_a_port_that_several_could_open_is_refused_too_while_the_gateway_of_this
     assert place.written == []
     assert place.bus.opened == 0
     assert place.restore({"P314": 30}) == 0
-
-
-def test_only_what_differs_is_written_and_read_back(capsys: pytest.CaptureFixture[str]) -> None:
-    place = ParametersPlace(make_unit("ssw07", 1))
-
-    assert place.restore({"P314": 30, "P313": 1, "P003": 7}) == 0
-
-    assert place.unit.settings[314] == 30
-    assert len(place.written) == 1
-    assert "written and read back: P314" in capsys.readouterr().out
-    assert "writing P314" in place.said.getvalue()
-
-
-def test_the_writes_of_a_restore_are_counted_beside_those_of_the_gateway(tmp_path: Path) -> None:
-    wear = tmp_path / WEAR_FILE
-    wear.write_text('{"writes": {"pump": 40, "fan": 7}}')
-    place = ParametersPlace(make_unit("ssw07", 1))
-    place.state_dir = tmp_path
-
-    assert place.restore({"P314": 30, "P313": 1}) == 0
-
-    assert json.loads(wear.read_text()) == {"writes": {"pump": 41, "fan": 7}, "version": 1}
 
 
 def test_a_restore_without_a_gateway_keeps_no_count(tmp_path: Path) -> None:
@@ -195,26 +155,6 @@ def test_an_sst_is_configured_once_for_all_its_registers() -> None:
     entered = [pdu for pdu in place.written if pdu == bytes.fromhex("0500 01ff 00")]
     assert len(entered) == 1
     assert place.unit.is_configured
-
-
-def test_a_dry_run_writes_nothing(capsys: pytest.CaptureFixture[str]) -> None:
-    place = ParametersPlace(make_unit("ssw07", 1))
-
-    assert place.restore({"P314": 30, "P308": 9}, is_dry=True) == 0
-
-    assert place.written == []
-    out = capsys.readouterr().out
-    assert "would write: P314 timeout for message reception: 0.0 s (off) -> 30.0 s" in out
-    assert "left as it is: P308" in out
-
-
-def test_nothing_is_written_where_nothing_differs(capsys: pytest.CaptureFixture[str]) -> None:
-    place = ParametersPlace(make_unit("ssw07", 1))
-
-    assert place.restore({"P314": 0}) == 0
-
-    assert place.written == []
-    assert "nothing to write" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -3,17 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from gateway.cli.command import Progress
 from gateway.cli.main import main
-from gateway.cli.parameters import parameters
-from gateway.cli.parameters.live import LiveStarter
-from gateway.sim.factory import make_unit
-from gateway.starters.parameters.model import ParameterEntry, ParameterSet
-from tests.cli.parameters_place import ParametersPlace
 from tests.small_site import small_site
 
 SAVED = '[starter]\nname = "p"\nfamily = "{family}"\n[parameters]\nP314 = {seconds}\n'
@@ -40,19 +33,6 @@ def test_two_files_are_compared_and_a_difference_is_exit_code_1(capsys: pytest.C
     assert main(["parameters", "diff", "a.toml", "a.toml", "--all"]) == 0
 
 
-@pytest.mark.usefixtures("folder", "one_loop")
-def test_a_file_is_compared_with_a_live_starter(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def save_live(live: LiveStarter, _progress: Progress, **_: Any) -> ParameterSet:
-        return ParametersPlace(make_unit("ssw07", live.setup.address, settings={314: 3})).save()
-
-    monkeypatch.setattr(parameters, "save_live", save_live)
-
-    assert main(["parameters", "diff", "site.toml:pump", "b.toml"]) == 1
-    assert "P314 timeout for message reception: 3.0 s -> 5\n" in capsys.readouterr().out
-
-
 @pytest.mark.usefixtures("folder")
 @pytest.mark.parametrize(
     ("arguments", "named"),
@@ -72,35 +52,6 @@ def test_what_cannot_be_done_is_a_wrong_use_in_one_line(
     assert main(["parameters", *arguments]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert named in line
-
-
-@pytest.mark.usefixtures("folder")
-def test_a_set_is_saved_to_a_new_file_or_to_stdout(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def save_live(_live: LiveStarter, _progress: Progress, **_: Any) -> ParameterSet:
-        return ParameterSet(
-            "pump", "ssw07", parameters={"P314": ParameterEntry(value=3)}, refused={"P1": "no"}
-        )
-
-    monkeypatch.setattr(parameters, "save_live", save_live)
-
-    assert main(["parameters", "save", "site.toml", "pump", "new.toml"]) == 0
-    assert capsys.readouterr().out == "new.toml: 1 parameters of pump, 1 could not be read\n"
-    assert main(["parameters", "save", "site.toml", "pump", "-"]) == 0
-    assert capsys.readouterr().out == (folder / "new.toml").read_text("utf-8")
-
-
-@pytest.mark.usefixtures("folder")
-@pytest.mark.parametrize(
-    "arguments", [["save", "site.toml", "pump", "x.toml"], ["restore", "site.toml", "pump", "a.toml"]]
-)
-def test_without_a_port_nothing_is_made(
-    arguments: list[str], folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["parameters", *arguments]) == 1
-    assert "port /nowhere/tty: no such port" in capsys.readouterr().err
-    assert not (folder / "x.toml").exists()
 
 
 @pytest.mark.usefixtures("folder")

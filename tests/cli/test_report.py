@@ -192,15 +192,6 @@ def replace_data(row: HistoryRow, **data: Any) -> HistoryRow:
     return row._replace(data={**row.data, **data})
 
 
-def test_a_starter_without_history_has_a_report(tmp_path: Path) -> None:
-    path = asyncio.run(write(tmp_path, ()))
-
-    text = text_of(path, published={})
-    assert text.count("none recorded") == 3
-    assert "Nothing unusual" in text
-    assert Page(page_of(path, published={})).open == []
-
-
 def test_damaged_records_are_left_out_and_that_is_said(year: Year, tmp_path: Path) -> None:
     start = next(row for row in year.rows if row.kind == "start")
     rows = [replace_data(row, outcome="?") if row is start else row for row in year.rows]

@@ -191,6 +191,37 @@ SENDING = [
         then={3.0: [cli(f"{START} --client alice", code=1, out="rejected [not_allowed]"), frames("pump")]},
     ),
     row(
+        "several values are read at once, each on a line",
+        given=SSW07 + ALICE,
+        then={
+            3.0: cli(
+                "send CONFIG pump read parameters=P003,P220",
+                out=re.compile(r"confirmed: read\n  P003 = 0.0 A\n  P220 = .+\n"),
+            )
+        },
+    ),
+    row(
+        "without a final result in time the command has failed",
+        given=SSW07 + ALICE,
+        then={
+            3.0: cli(
+                f"{START} --timeout 0.01", code=1, err="no final result within 0.01 s: look at the starter"
+            )
+        },
+    ),
+    row(
+        "a gateway that never was is not waited for",
+        given=SSW07 + ALICE,
+        at={3.0: ["end", lambda plant: plant.broker.retained.clear()]},
+        then={
+            4.0: cli(
+                START,
+                code=1,
+                err="no gateway has published its state in starters/plant/gateway/status (is it",
+            )
+        },
+    ),
+    row(
         "without a broker nothing is sent",
         given=SSW07 + ALICE,
         at={3.0: "broker down"},

@@ -9,11 +9,12 @@ from typing import Any
 import pytest
 
 from tests.rig import RigPlant, ScenarioRow, command, frames, play, row
-from tests.rig.sites import ALICE, FOUR, LOGIN, QUICK, SSW07, WEB, starter
+from tests.rig.sites import ALICE, FOUR, LOGIN, QUICK, SSW07, WEB, line, starter
 from tests.scenarios.cli.lines import LineRow, cli, line_row, play_line
 
 SCAN = "scan /dev/pumps --baud 19200 --framing 8N2 --address"
 TRIPPED = {3.0: command("pump/alice/start"), 6.0: "pump trip E05", 9.0: "end"}
+RESTORE = "parameters restore CONFIG pump DIR/pump.toml"
 SAVED = "parameters save CONFIG pump DIR/pump.toml"
 NAMED = (
     '[mqtt]\nurl = "mqtts://broker.plant:8883"\nusername = "plant"\npassword_file = "mqtt.password"\n'
@@ -61,6 +62,13 @@ def ran(words: str, **said: object) -> Any:
     return act
 
 
+def _accepted(plant: RigPlant) -> str:
+    """Have `check` accept what `scan` prints."""
+    found = plant.cli("scan", "/dev/pumps", "--baud", "19200", "--framing", "8N2", "--address", "1-5")
+    (plant.folder / "found.toml").write_text(found.out)
+    return cli("check DIR/found.toml", out="valid, 4 starters on 1 line, read-only")(plant)
+
+
 OTHER_P314 = changed(
     "pump.toml", r'(P314 = .*value = )0.0(.*) label = "off", raw = \[0\]', r"\g<1>77.0\2 raw = [77]"
 )
@@ -83,6 +91,7 @@ SCANNING = [
                     ),
                     err=("80% ", "address 1 at 19200 8N2: SSW-07"),
                 ),
+                _accepted,
                 frames("pump"),
                 frames("belt"),
             ]
@@ -193,6 +202,52 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
             )
         },
     ),
+    row(
+        "four starters that are set up well are no problem",
+        given=FOUR,
+        at={3.0: "end"},
+        then={
+            3.0: [
+                cli("doctor CONFIG", code=None, out=re.compile(r"\n0 errors, |\nno problems")),
+                lambda plant: (
+                    ""
+                    if "warning starter" not in plant.cli("doctor", "CONFIG").out
+                    else "a starter is warned of"
+                ),
+                *(frames(name) for name in ("pump", "fan", "mill", "belt")),
+            ]
+        },
+    ),
+    row(
+        "a start that its starter would not execute is a problem",
+        given=SSW07,
+        sim={"pump": {"settings": {230: 0}}},
+        at={3.0: "end"},
+        then={3.0: cli("doctor CONFIG", code=1, out="starter pump: a start is not executed")},
+    ),
+    row(
+        "a watchdog that the polls do not keep is a problem",
+        given=line(baud=9600) + "".join(starter(f"p{n}", n, "ssw07") for n in range(1, 9)),
+        sim={"p1": {"settings": {314: 1}}},
+        absent=tuple(f"p{n}" for n in range(2, 9)),
+        at={3.0: "end"},
+        then={
+            3.0: cli(
+                "doctor CONFIG", code=1, out=("it may act although all is well", "P314 runs since this look")
+            )
+        },
+    ),
+    row(
+        "settings that stand as delivered are named",
+        given=SSW07,
+        sim={"pump": {"settings": {220: 3, 230: 2}}},
+        at={3.0: "end"},
+        then={
+            3.0: cli(
+                "doctor CONFIG", code=None, out=re.compile(r"as delivered: P220 = 3 \(.*P314 = 0 \(off\)")
+            )
+        },
+    ),
 ]
 
 PARAMETERS = [
@@ -227,7 +282,7 @@ PARAMETERS = [
         at={3.0: ["end", ran(SAVED), OTHER_P314]},
         then={
             3.0: [
-                cli("parameters restore CONFIG pump DIR/pump.toml --dry-run", out="would write: P314"),
+                cli(f"{RESTORE} --dry-run", out="would write: P314"),
                 frames("pump"),
             ]
         },
@@ -238,7 +293,7 @@ PARAMETERS = [
         at={3.0: ["end", ran(SAVED), OTHER_P314]},
         then={
             3.0: [
-                cli("parameters restore CONFIG pump DIR/pump.toml"),
+                cli(RESTORE),
                 frames("pump", "06 01 3a 00 4d"),
                 cli("parameters diff DIR/pump.toml CONFIG:pump"),
             ]
@@ -250,7 +305,7 @@ PARAMETERS = [
         at={3.0: ["end", ran(SAVED), OTHER_P314, "pump VB01 = 0x5123"]},
         then={
             3.0: [
-                cli("parameters restore CONFIG pump DIR/pump.toml", code=1, out="[motor_running]"),
+                cli(RESTORE, code=1, out="[motor_running]"),
                 frames("pump"),
             ]
         },
@@ -279,6 +334,85 @@ PARAMETERS = [
                 "parameters diff DIR/pump.toml --factory", code=1, out=("P220 ", "as delivered: ", "P314")
             )
         },
+    ),
+    row(
+        "the writes of a restore are counted",
+        given=SSW07,
+        at={3.0: ["end", ran(SAVED), OTHER_P314, ran(RESTORE)]},
+        then={3.0: lines_of("state/wear.json", '"pump": 1')},
+    ),
+    row(
+        "where nothing differs nothing is written",
+        given=SSW07,
+        at={3.0: ["end", ran(SAVED)]},
+        then={3.0: [cli(RESTORE, out="nothing to write"), frames("pump")]},
+    ),
+    row(
+        "nothing is restored to a starter that is locked for maintenance",
+        given=SSW07 + ALICE,
+        at={
+            3.0: command("pump/alice/lock", args={"reason": "belt is off"}),
+            4.0: ["end", ran(SAVED), OTHER_P314],
+        },
+        then={
+            4.0: [
+                cli(RESTORE, code=1, err=("locked: pump: locked for maintenance by alice", "belt is off")),
+                cli(f"{RESTORE} --dry-run", out="would be refused: locked for maintenance by alice"),
+                frames("pump"),
+            ]
+        },
+    ),
+    row(
+        "nor to another starter than the gateway knows",
+        given=SSW07 + ALICE,
+        at={12.0: ["end", ran(SAVED), OTHER_P314, changed("state/identities.json", r"1\.40", "1.30")]},
+        then={
+            12.0: [
+                cli(RESTORE, code=1, err=("identity_changed: ", "firmware was 1.30, is 1.40", "send accept")),
+                cli(
+                    "doctor CONFIG", code=1, out=re.compile(r"error   starter pump: .*commands would be held")
+                ),
+                frames("pump"),
+            ]
+        },
+    ),
+    row(
+        "nor where it cannot be read whether it is locked",
+        given=SSW07,
+        at={
+            3.0: [
+                "end",
+                ran(SAVED),
+                OTHER_P314,
+                lambda plant: (plant.folder / "state/precautions.json").write_text("["),
+            ]
+        },
+        then={3.0: [cli(RESTORE, code=1, err=("locked: ", "cannot be read")), frames("pump")]},
+    ),
+    row(
+        "a starter that is silent is not saved",
+        given=SSW07,
+        absent=("pump",),
+        at={3.0: "end"},
+        then={
+            3.0: [
+                cli(SAVED, code=1, err="does not answer at address 1"),
+                file_there("pump.toml", is_there=False),
+            ]
+        },
+    ),
+    row(
+        "nor one of another family than the one configured",
+        given=SSW07,
+        sim={"pump": {"family": "ssw06"}},
+        at={3.0: "end"},
+        then={3.0: cli(SAVED, code=1, err="it is ssw06, not ssw07")},
+    ),
+    row(
+        "nor one whose port is not there",
+        given=SSW07,
+        at={3.0: ["end", "line pumps unplug"]},
+        then={3.0: [cli(SAVED, code=1, err="port "), file_there("pump.toml", is_there=False)]},
     ),
 ]
 
