@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -66,26 +65,6 @@ operator = "scada"
 
 def test_no_secret_is_shown(tmp_path: Path) -> None:
     assert "secret of" not in repr(site(tmp_path, '[sparkplug]\ngroup = "plant"\n'))
-
-
-@pytest.mark.parametrize(
-    ("table", "expected"),
-    [
-        ('operator = "x"', "sparkplug.operator: 'x' is no [[operator]]'s client"),
-        ("commands = true", "sparkplug.commands: needs operator beside it"),
-        ('username = "x"', "sparkplug.username: needs urls beside it"),
-        ('urls = ["http://x"]', "sparkplug.urls[0]: 'http://x' is no broker address"),
-        ('urls = ["mqtt://x"]', "sparkplug.urls[0]: would send passwords and commands unencrypted"),
-        ('urls = ["mqtts://a:b@x"]', "sparkplug.urls[0]: holds a login"),
-        (
-            'urls = ["mqtts://x"]\npassword_file = "own.password"',
-            "sparkplug.password_file: needs username beside it",
-        ),
-        ('urls = ["mqtts://x"]\ncert_file = "x"', "sparkplug.cert_file: needs key_file beside it"),
-    ],
-)
-def test_a_mistake_is_named(tmp_path: Path, table: str, expected: Any) -> None:
-    assert problems(tmp_path, f'[sparkplug]\ngroup = "plant"\n{table}\n') == [expected]
 
 
 @pytest.mark.parametrize("group", ["", "a/b", "a+", "#"])
