@@ -38,54 +38,6 @@ def test_every_example_site_is_right_with_its_password_file(
     assert f"{site}: valid, " in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    ("changes", "warning"),
-    [
-        (
-            [("address = 1\n", "address = 1\nevery_s = 0.02\n")],
-            "line pumps: asked for ",
-        ),
-        (
-            [("every_s = 2.0", "watchdog_s = 2.5")],
-            "starter pump-2: its watchdog of 2.5 s has ",
-        ),
-        (
-            [("/dev/rs485-pumps", "/dev/ttyUSB9")],
-            "/dev/ttyUSB9 may be another adapter tomorrow (use a name below /dev/serial/by-id)",
-        ),
-        ([("[mqtt]", '[mqtt]\nca_file = "plant-ca.pem"')], "plant-ca.pem is not there"),
-        (
-            [("[mqtt]", '[web]\ncert_file = "web.pem"\nkey_file = "site.toml"\n[mqtt]')],
-            "web.pem is not there",
-        ),
-        (
-            [("[mqtt]", '[web]\ncert_file = "site.toml"\nkey_file = "web.key"\n[mqtt]')],
-            "web.key_file: ",
-        ),
-        (
-            [("mqtts://broker.plant:8883", "mqtt://broker"), ("[mqtt]", "[mqtt]\nallow_plaintext = true")],
-            "mqtt.url: passwords and commands cross the network unencrypted",
-        ),
-        (
-            [
-                ('name = "mcc1"', 'name = "mcc1"\nclock = "untrusted"'),
-                ('starters = ["pump-*"]', 'starters = ["pump-*"]\nfreshness = "issued_at"'),
-            ],
-            "operator alice: commands need issued_at, but the configuration does not trust",
-        ),
-    ],
-)
-def test_what_is_right_but_unwise_is_a_warning(
-    folder: Path, changes: list[tuple[str, str]], warning: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (folder / "site.toml").write_text(changed(*changes), "utf-8")
-
-    assert main(["check", str(folder / "site.toml")]) == 0
-
-    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("warning: ")]
-    assert warning in line
-
-
 def test_a_name_that_is_not_stable_gets_the_advice_of_the_stable_one(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

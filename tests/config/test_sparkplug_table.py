@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from gateway.app.integrations.sparkplug import is_wanted, settings_of
-from gateway.cli.main import main
 from gateway.errors import ConfigError
 from gateway.mqtt.connection.reconnect import Version
 from tests.sparkplug.sites import site
@@ -72,14 +71,3 @@ def test_a_group_has_no_reserved_sign(tmp_path: Path, group: str) -> None:
     (problem,) = problems(tmp_path, f'[sparkplug]\ngroup = "{group}"\n')
 
     assert problem.startswith("sparkplug.group")
-
-
-def test_check_says_that_every_host_is_the_same_person(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    site(tmp_path, '[sparkplug]\ngroup = "plant"\ncommands = true\noperator = "scada"\n')
-
-    assert main(["check", str(tmp_path / "site.toml")]) == 0
-
-    warning = "warning: sparkplug.commands: every Sparkplug host is the same person, operator scada"
-    assert f"{warning} (let the broker's access list say who may write" in capsys.readouterr().out

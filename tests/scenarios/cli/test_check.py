@@ -11,6 +11,7 @@ from tests.rig.sites import ALICE, FOUR, HOME_ASSISTANT, SSW07, WEB, line, opera
 from tests.scenarios.cli.lines import LineRow, line_row, play_line
 
 MANY = "".join(starter(f"p{number}", number, "ssw07", watchdog_s=1.0) for number in range(1, 20))
+SLOW = line() + starter("pump", 1, "ssw900", every_s=2.0)
 
 RIGHT = [
     line_row(
@@ -82,6 +83,47 @@ RIGHT = [
         "check CONFIG --upgrade --json",
         given=SSW07,
         json={"is_valid": True, "is_running": False, "is_restart_safe": True, "starters/0/starter": "pump"},
+    ),
+    *(
+        line_row(f"a watchdog: {said}", "check CONFIG", given=SLOW + more, out=said)
+        for more, said in (
+            ("", "(not stated)"),
+            ("watchdog_s = 0\n", "(off)"),
+            ("watchdog_s = 7\n", "(7 s outlasts nothing)"),
+            (
+                "watchdog_s = 7\n",
+                "warning: starter pump: its watchdog of 7 s acts when the gateway crashes: ",
+            ),
+            ("watchdog_s = 12\n", "(12 s outlasts a crash)"),
+            ("watchdog_s = 12\n", "acts when the gateway hangs: "),
+            ("watchdog_s = 20\n", "or WatchdogSec="),
+            ("watchdog_s = 40\n", "(40 s outlasts both)"),
+            ("watchdog_s = 2.5\n", "warning: starter pump: its watchdog of 2.5 s has "),
+        )
+    ),
+    line_row(
+        "a watchdog that outlasts both draws no warning, and JSON has the gaps",
+        "check CONFIG --json",
+        given=SLOW + "watchdog_s = 40\n",
+        json={"warnings": [], "lines/0/starters/0/crash_gap_s": ..., "lines/0/starters/0/hang_gap_s": ...},
+    ),
+    *(
+        line_row(f"there is a warning: {said}", "check CONFIG", given=given, out=f"warning: {said}")
+        for given, said in (
+            ('[mqtt]\nurl = "mqtts://b"\nca_file = "plant-ca.pem"\n' + SSW07, "mqtt.ca_file: "),
+            (SSW07 + '[web]\ncert_file = "web.pem"\nkey_file = "site.toml"\n', "web.cert_file: "),
+            (SSW07 + '[web]\ncert_file = "site.toml"\nkey_file = "web.key"\n', "web.key_file: "),
+            (
+                '[gateway]\nname = "a"\nclock = "untrusted"\n'
+                + SSW07
+                + operator("alice", freshness="issued_at"),
+                "operator alice: commands need issued_at, but the configuration does not trust",
+            ),
+            (
+                SSW07 + ALICE + table("sparkplug", group="plant", commands=True, operator="alice"),
+                "sparkplug.commands: every Sparkplug host is the same person, operator alice",
+            ),
+        )
     ),
 ]
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from tests.rig import RigPlant, ScenarioRow, command, frames, play, row
-from tests.rig.sites import ALICE, FOUR, LOGIN, QUICK, SSW07, WEB, line, starter
+from tests.rig import RigPlant, ScenarioRow, command, fault, frames, play, row
+from tests.rig.sites import ALICE, FOUR, LOGIN, QUICK, SSW07, SSW900, WEB, line, starter
 from tests.scenarios.cli.lines import LineRow, cli, line_row, play_line
 
 SCAN = "scan /dev/pumps --baud 19200 --framing 8N2 --address"
@@ -247,6 +247,50 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
                 "doctor CONFIG", code=None, out=re.compile(r"as delivered: P220 = 3 \(.*P314 = 0 \(off\)")
             )
         },
+    ),
+    row(
+        "where a gateway holds the port it is asked instead",
+        given=SSW900 + ALICE,
+        then={
+            5.0: cli(
+                "doctor CONFIG --client alice",
+                code=None,
+                out=(
+                    "is in use; the gateway is asked over MQTT",
+                    "starter mill: answers the gateway",
+                    "C3.2 = 0",
+                ),
+            )
+        },
+    ),
+    row(
+        "a gateway that nobody may ask is a problem",
+        given=SSW900,
+        then={5.0: cli("doctor CONFIG", code=1, out="cannot be asked: no [[operator]] doctor may read it")},
+    ),
+    row(
+        "what the gateway knows of a silent starter is said",
+        given=SSW07 + ALICE,
+        at={3.0: fault("silent", "pump")},
+        then={30.0: cli("doctor CONFIG", code=1, out="starter pump: the gateway says: offline since ")},
+    ),
+    row(
+        "and of one of another family",
+        given=SSW07 + ALICE,
+        sim={"pump": {"family": "ssw06"}},
+        then={10.0: cli("doctor CONFIG", code=1, out=re.compile("gateway says: .*it is ssw06, not ssw07"))},
+    ),
+    row(
+        "a port that is lost on the way is a problem",
+        given=SSW07,
+        at={3.0: ["end", lambda plant: plant.loop.call_later(0.3, plant.lines["pumps"].unplug)]},
+        then={3.0: cli("doctor CONFIG", code=1, out=("line pumps: /dev/pumps opens", "1 error"))},
+    ),
+    row(
+        "the slot of an SSW900's accessory decides where its command sources must point",
+        given=SSW900 + ALICE,
+        at={1.0: ["mill S3.5.1 = 2", "mill S3.5.2 = 0", "mill C3.3 = 5"], 3.0: "end"},
+        then={3.0: cli("doctor CONFIG", code=1, out="C3.3 = 5 (Slot 2) (set C3.3 = 4, Slot 1)")},
     ),
 ]
 
