@@ -268,7 +268,7 @@ def is_setting(profile: Profile, row: Parameter) -> bool:
 
 
 def is_set_by_people(profile: Profile, row: Parameter) -> bool:
-    """Return whether a row changes only when somebody sets it: not by itself, not by the gateway."""
+    """Return whether a row changes only when somebody sets it: not by itself."""
     return is_setting(profile, row) and not row.code.startswith(profile.rows.automatic)
 
 

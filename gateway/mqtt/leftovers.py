@@ -86,6 +86,7 @@ class Leftovers:
         self._is_judged = asyncio.Event()  # no alarm waits for its starter
         self._is_refused = False
         self._is_doubtful = False  # another's status is stored
+        self._may_clear = False  # everything is read, and nothing is doubtful
         self._gone: set[str] = set()  # topics of starters and lines that are not configured
         self._alarms: dict[str, set[str]] = {}  # topics, by starter, that were left active
         self._seen: set[str] = set()  # starters that were read in this run
@@ -100,7 +101,7 @@ class Leftovers:
         if self.is_read:
             return
         self._is_answered.clear()
-        self._is_refused = self._is_doubtful = False
+        self._is_refused = self._is_doubtful = self._may_clear = False
         for branch in self._branches:
             connection.read(branch, self._note_answer)
         self._reading = asyncio.create_task(self._read(connection), name="leftovers")
@@ -131,7 +132,10 @@ class Leftovers:
     def _take_heartbeat(self, incoming: Incoming) -> None:
         if incoming.is_retained:
             return
-        if self._tokens.has_made(str(_fields_of(incoming).get("token"))):
+        token = _fields_of(incoming).get("token")
+        if not isinstance(token, str):
+            return  # somebody has cleared the topic
+        if self._tokens.has_made(token):
             self._is_answered.set()
         else:
             self._note_sharing()
@@ -182,6 +186,7 @@ class Leftovers:
                     with suppress(TimeoutError):
                         async with asyncio.timeout(HEARTBEAT_S):
                             await self._is_shared.wait()
+                self._may_clear = True
                 self._clear_all(self._gone)
                 self._judge()
                 await self._is_judged.wait()
@@ -204,23 +209,23 @@ class Leftovers:
 
     def _settle(self, starter: str) -> None:
         self._settled.add(starter)
-        if self.is_read or self._is_answered.is_set():
+        if self._may_clear:
             self._judge()
 
     def _judge(self) -> None:
         """Clear alarms that ended while no gateway ran, of the starters that have been read since."""
         for starter in self._alarms.keys() & self._settled:
-            left = self._alarms.pop(starter)
-            self._clear_all({topic for topic in left if not self._is_published(topic)})
+            self._clear_all(self._alarms.pop(starter))
         if not self._alarms or self._is_shared.is_set():
             self._is_judged.set()
 
     def _clear_all(self, topics: set[str]) -> None:
-        if not topics or self._is_shared.is_set():
+        left = sorted(topic for topic in topics if not self._is_published(topic))
+        if not left or self._is_shared.is_set():
             return
-        for topic in sorted(topics):
+        for topic in left:
             self._clear(topic)
-        log.info("topics=%d left by earlier runs cleared, the first is %s", len(topics), min(topics))
+        log.info("topics=%d left by earlier runs cleared, the first is %s", len(left), left[0])
 
 
 def _fields_of(incoming: Incoming) -> dict[str, Any]:

@@ -136,7 +136,10 @@ class Run:
 
     def set(self, at: int, parameter: str, value: object, id_: str = "") -> None:
         args = {"parameter": parameter, "value": value}
-        request = CommandRequest(f"pump-{at}", "alice", "set", id_ or f"{parameter}-{at}", args)
+        now_s = asyncio.get_running_loop().time()
+        request = CommandRequest(
+            f"pump-{at}", "alice", "set", id_ or f"{parameter}-{at}", args, received_s=now_s
+        )
         self.dispatcher.submit(request)
 
     def final(self, at: int, parameter: str) -> ResultRecord:

@@ -205,12 +205,12 @@ async def test_a_connection_that_is_lost_while_reading_is_followed_by_another_re
     assert rig.cleared == sorted(REMOVED)
 
 
-ANOTHERS = {"b/gateway/status": EARLIER.status("online", time_s=1.0, since_s=1.0, reason=None).payload}
+ONLINE_BEFORE = {"b/gateway/status": EARLIER.status("online", time_s=1.0, since_s=1.0, reason=None).payload}
 
 
 @virtually
 async def test_a_status_that_a_gateway_left_which_died_with_its_broker_prevents_nothing() -> None:
-    rig = Rig(ANOTHERS | REMOVED)
+    rig = Rig(ONLINE_BEFORE | REMOVED)
     await rig.connect()
     await asyncio.sleep(WITHIN_S)
 
@@ -221,7 +221,7 @@ async def test_a_status_that_a_gateway_left_which_died_with_its_broker_prevents_
 
 @virtually
 async def test_while_another_gateway_is_there_nothing_is_cleared_and_it_is_reported_once() -> None:
-    rig = Rig(ANOTHERS | REMOVED | left(alarm("pump")))
+    rig = Rig(ONLINE_BEFORE | REMOVED | left(alarm("pump")))
     await rig.connect()
     rig.leftovers.put(state("pump"))
     for second in range(100):
@@ -235,6 +235,20 @@ async def test_while_another_gateway_is_there_nothing_is_cleared_and_it_is_repor
         await asyncio.sleep(61.0)
         rig.heartbeat("another's")
     assert rig.events == ["base_shared"] * 3
+
+
+@virtually
+async def test_no_ended_alarm_is_cleared_while_it_is_open_whether_another_gateway_is_there() -> None:
+    rig = Rig(ONLINE_BEFORE | left(alarm("pump")))
+    rig.leftovers.put(state("pump"))
+    await asyncio.sleep(SETTLED_S - 1.0)
+    await rig.connect()
+    await asyncio.sleep(2.0)  # the starter's alarms are known now
+    rig.heartbeat("another's")
+    await asyncio.sleep(WITHIN_S)
+
+    assert rig.events == ["base_shared"]
+    assert rig.cleared == []
 
 
 @pytest.mark.parametrize(
@@ -263,9 +277,10 @@ async def test_its_own_token_is_never_taken_for_anothers_even_when_it_counts_no_
     rig = Rig({})
     await rig.connect()
     token = rig.tokens.issue(1.0)
-    rig.tokens.boot.renew()
+    rig.tokens.boot.stood_still(2.0)
     rig.heartbeat(token)
     rig.take("b/gateway/fresh", {"token": "of an earlier run"}, is_retained=True)
     rig.take("b/gateway/status", "nonsense")
+    rig.leftovers.take(Incoming("b/gateway/fresh", b""))  # somebody clears it
 
     assert rig.events == []

@@ -136,7 +136,7 @@ class Rows(Model):
 
     settings: tuple[str, ...] = ()  # what people set, neither readings nor outputs
     clock: tuple[str, ...] = ()  # settings that go on by themselves
-    automatic: tuple[str, ...] = ()  # settings that the gateway or the starter's own program may write
+    automatic: tuple[str, ...] = ()  # settings that the starter's own program may write
     volatile: tuple[str, ...] = ()  # not stored in non-volatile memory
 
 
