@@ -80,15 +80,6 @@ def test_running_motors_go_on_running() -> None:
     assert all(unit.motor.is_turned_on for unit in bus.units)
 
 
-def test_the_setting_is_found_among_all_and_the_search_ends_with_it() -> None:
-    bus = SimulatedLine(LineTiming(9600, Framing.parse("8E1")), [make_unit("ssw900", 9)])
-
-    found = search(bus, timings=timings_in_order((19200, 9600), ("8E1", "8N2")), addresses="1-40")
-
-    assert families(found) == {9: "ssw900"}
-    assert found[0].timing == bus.timing
-
-
 def test_likely_addresses_are_tried_at_every_setting_before_the_others() -> None:
     bus = SimulatedLine(LineTiming(9600, Framing.parse("8N2")), [make_unit("ssw07", 2)])
     steps = io.StringIO()

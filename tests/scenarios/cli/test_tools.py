@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from gateway.storage.audit.segments import ANCHOR
 from tests.rig import RigPlant, ScenarioRow, command, fault, frames, play, row
 from tests.rig.sites import ALICE, FOUR, LOGIN, QUICK, SSW07, SSW900, WEB, line, starter
 from tests.scenarios.cli.lines import LineRow, cli, line_row, play_line
@@ -67,6 +68,16 @@ def _accepted(plant: RigPlant) -> str:
     found = plant.cli("scan", "/dev/pumps", "--baud", "19200", "--framing", "8N2", "--address", "1-5")
     (plant.folder / "found.toml").write_text(found.out)
     return cli("check DIR/found.toml", out="valid, 4 starters on 1 line, read-only")(plant)
+
+
+def _cut_off(plant: RigPlant) -> str:
+    """Take away the newest line of the audit: the chain is whole, but a hash that was noted is missing."""
+    noted = plant.cli("audit", "verify", str(plant.path)).out.split("hash ")[1].strip()
+    wrong = cli(f"audit verify CONFIG --contains {noted}")(plant)
+    changed("state/audit/audit-00000001.jsonl", r"[^\n]+\n\Z", "")(plant)
+    wrong += cli("audit verify CONFIG", out="chain whole")(plant)
+    missing = f"no line has the hash {noted}"
+    return wrong + cli(f"audit verify CONFIG --contains {noted}", code=1, out=(missing, "chain whole"))(plant)
 
 
 OTHER_P314 = changed(
@@ -509,6 +520,33 @@ AUDIT = [
             6.0: ["end", changed("state/audit/audit-00000001.jsonl", r'\n.*"accepted".*\n', r"\n")],
         },
         then={6.0: cli("audit verify CONFIG", code=1)},
+    ),
+    row(
+        "that the newest entries were cut off only a hash that was noted shows",
+        given=SSW07 + ALICE,
+        at={3.0: command("pump/alice/start"), 6.0: "end"},
+        then={6.0: _cut_off},
+    ),
+    row(
+        "an anchor that cannot be read is a problem",
+        given=SSW07,
+        at={3.0: ["end", lambda plant: (plant.folder / "state/audit" / ANCHOR).write_text("nonsense")]},
+        then={3.0: cli("audit verify CONFIG", code=1, out="anchor")},
+    ),
+    *(
+        row(
+            f"what is no entry is shown as such: {text}",
+            given=SSW07,
+            at={3.0: ["end", changed("state/audit/audit-00000001.jsonl", r"\n\Z", rf"\n{text}\n")]},
+            then={3.0: cli("audit show CONFIG --last 1", out=f"?  {text!r}\n")},
+        )
+        for text in ("nonsense", "[]")
+    ),
+    row(
+        "an empty file is an empty chain",
+        given=SSW07,
+        at={3.0: ["end", changed("state/audit/audit-00000001.jsonl", r"(?s).+", "")]},
+        then={3.0: cli("audit verify DIR/state", out="0 entries from line 1 on, chain whole")},
     ),
 ]
 
