@@ -133,7 +133,7 @@ def test_fifty_ever_slower_starts_raise_a_drift_once_and_say_what_grew() -> None
 
 
 def test_five_hundred_equal_noisy_starts_never_raise_a_drift() -> None:
-    for seed in range(60):
+    for seed in range(20):
         chance, trend = random.Random(seed), Trend()
 
         found = verdicts(trend, lambda _: chance.gauss(1.0, 0.05), range(500))  # noqa: B023
@@ -142,13 +142,13 @@ def test_five_hundred_equal_noisy_starts_never_raise_a_drift() -> None:
 
 
 def test_of_very_noisy_motors_few_raise_a_drift() -> None:
-    motors = 100
+    motors = 40
     wrong = 0
     for seed in range(motors):
         chance, trend = random.Random(seed), Trend()
         wrong += bool(raised(verdicts(trend, lambda _: max(0.1, chance.gauss(1.0, 0.12)), range(500))))  # noqa: B023
 
-    assert wrong <= 4
+    assert wrong <= 2
 
 
 def test_a_drift_says_in_words_what_changed_by_how_much() -> None:

@@ -145,24 +145,6 @@ def play(scenario: Callable[[Disk, dict[str, bytes]], Coroutine[Any, Any, None]]
     run_virtually(scenario(Disk(), {}))
 
 
-def test_what_was_to_be_deleted_while_the_broker_was_away_is_deleted_when_it_is_back() -> None:
-    async def scenario(disk: Disk, broker: dict[str, bytes]) -> None:
-        run = Run(disk, broker)
-        await asyncio.sleep(10)
-        run.outbox.disconnected()
-        run.reload(OFF)
-        await asyncio.sleep(600)
-        assert set(broker) == TOPICS
-        assert disk.document == {"topics": sorted(TOPICS)}  # a crash now loses nothing
-        run.connect()
-        await asyncio.sleep(5)
-        assert broker == {}
-        assert disk.document == {"topics": []}
-        await run.end()
-
-    play(scenario)
-
-
 @pytest.mark.parametrize("fault", ["is_full", "is_damaged"])
 def test_a_disk_that_fails_hinders_no_announcement(fault: str, caplog: pytest.LogCaptureFixture) -> None:
     async def scenario(disk: Disk, broker: dict[str, bytes]) -> None:

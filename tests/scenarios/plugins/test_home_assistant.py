@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from typing import Any
 
@@ -304,6 +305,13 @@ PRESSES = [
     ),
 ]
 
+
+def announced_before(plant: RigPlant, text: str) -> None:
+    """Let this be the file that an earlier run has left."""
+    (plant.folder / "state").mkdir(exist_ok=True)
+    (plant.folder / "state" / "home-assistant.json").write_text(text)
+
+
 REMOVAL = [
     row(
         "a starter that leaves the configuration is deleted, the others stay",
@@ -326,6 +334,27 @@ REMOVAL = [
             6.5: retained(device("fan"), components=...),
             12.0: [retained(device("fan")), retained(device("pump"), components=...)],
         },
+    ),
+    row(
+        "one that leaves while the broker is away is deleted when it is back",
+        given=FOUR + HOME_ASSISTANT,
+        at={5.0: "broker down", 8.0: reload(SSW07 + HOME_ASSISTANT), 20.0: "broker up"},
+        then={60.0: [retained(device("fan")), retained(device("pump"), components=...)]},
+    ),
+    row(
+        "a damaged list of what was announced hinders nothing",
+        given=SSW07 + HOME_ASSISTANT,
+        before=lambda plant: announced_before(plant, "no list"),
+        then={5.0: [retained(device("pump"), components=...), retained(device(""), components=...)]},
+    ),
+    row(
+        "what is stored as announced before is deleted where nothing announces it now",
+        given=SSW07 + HOME_ASSISTANT,
+        before=lambda plant: (
+            announced_before(plant, json.dumps({"topics": [device("old")]})),
+            plant.publish(device("old"), b"{}", retain=True),
+        ),
+        then={5.0: [retained(device("old")), retained(device("pump"), components=...)]},
     ),
     row(
         "without the table everything is deleted",

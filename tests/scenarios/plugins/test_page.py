@@ -234,6 +234,23 @@ REQUESTS = [
         },
     ),
     row(
+        "the plots have the voltage that the family gives",
+        given=FOUR + WEB,
+        then={
+            20.0: [
+                answer(
+                    "/api/v1/starter/mill/history",
+                    plots={"voltage_point": "line_voltage", "voltage_unit": "V"},
+                ),
+                lambda plant: (
+                    ""
+                    if 395 < plant.get("/api/v1/starter/mill/history").json["plots"]["voltage"][-1] < 405
+                    else "no voltage"
+                ),
+            ]
+        },
+    ),
+    row(
         "its parameters have limits, labels and why one cannot be set",
         given=PAGE,
         at={5.0: log_in()},
