@@ -184,7 +184,7 @@ def test_a_port_can_be_opened_once_at_a_time() -> None:
     async def main() -> None:
         line = make_line()
         port = await line.opener()()
-        with pytest.raises(PortError, match="in use"):
+        with pytest.raises(PortError, match="busy"):
             await line.opener()()
 
         port.close()
