@@ -35,12 +35,12 @@ from gateway.starters.policy.policy import Policy
 from gateway.starters.policy.request import CommandRequest
 from gateway.starters.services.services import StarterServices
 from gateway.starters.telemetry.known_watchdogs import KnownWatchdogs
+from tests.lab.torture.starters import ALARM_ONLY
 from tests.local_host import LocalHost
 from tests.plant_rig import RunningPlant
 from tests.starters.fakes import RecordingSink
 from tests.starters.plant import FakeMemory
 from tests.starters.rig import virtually
-from tests.torture.starters import ALARM_ONLY
 from tests.virtual_time import VirtualClock
 
 READ_HOLDING = 3

@@ -1,4 +1,4 @@
-"""What is promised of commands, tried with real processes in short; whole: `python -m tests.torture`."""
+"""What is promised of commands, tried with real processes in short; whole: `python -m tests.lab.torture`."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.mosquitto import StartMosquitto
-from tests.torture.of_commands import (
+from tests.lab.torture.of_commands import (
     FLOOD,
     KILLS,
     MALFORMED,
@@ -19,6 +18,7 @@ from tests.torture.of_commands import (
     STOPS,
     Proof,
 )
+from tests.mosquitto import StartMosquitto
 
 SEED = 1
 

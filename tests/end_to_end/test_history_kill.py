@@ -13,8 +13,8 @@ from gateway.storage.history import read_history
 from tests.end_to_end.killed_writer import write_until_killed
 from tests.end_to_end.site import Program, Scada, site_config, write_config
 from tests.history.killed import kill_history_writer
+from tests.lab.torture.of_history import GATEWAY
 from tests.mosquitto import StartMosquitto
-from tests.torture.of_history import GATEWAY
 
 KILLS = 8
 STARTED_WITHIN_S = 40.0

@@ -14,8 +14,8 @@ import pytest
 from tests.end_to_end.plant import plant
 from tests.end_to_end.service_manager import UNUSED_PORT, ServiceManager
 from tests.end_to_end.site import Program, Scada, site_config, write_config
+from tests.lab.torture.process import Starters
 from tests.mosquitto import MosquittoBroker, StartMosquitto
-from tests.torture.process import Starters
 
 RIGHTS = '\n[[operator]]\nclient = "bob"\nmay = ["read"]\nstarters = ["pump"]\n'
 WATCHDOG_S = 4  # in every starter; it only says that it would have acted
