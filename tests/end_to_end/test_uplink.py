@@ -1,4 +1,4 @@
-"""The way up moves to another broker: goodbye there, everything afresh here, nothing stored is lost."""
+"""What comes while a connection is being made: a stop acts at once, a start is judged by the connection."""
 
 from __future__ import annotations
 
@@ -18,20 +18,17 @@ from gateway.mqtt.contract.freshness import Moment, RunToken, Tokens
 from gateway.mqtt.contract.topics import Topics
 from gateway.records import rfc3339
 from gateway.system.clock import SystemClock
-from tests.mosquitto import StartMosquitto
 from tests.mqtt.fake_broker import ACCEPT_5, ACCEPT_311, LEVEL_5, LEVEL_311, REFUSE_VERSION, FakeBroker
 
 CONFIG = (
-    '[gateway]\nname = "g"\nstate_dir = "state"\n[mqtt]\nurl = "mqtt://127.0.0.1:{port}"\n{more}\n'
+    '[gateway]\nname = "g"\nstate_dir = "state"\n[mqtt]\nurl = "mqtt://127.0.0.1:{port}"\n'
     '[[line]]\nname = "l"\nport = "/dev/x"\nbaud = 9600\nframing = "8N2"\n'
     '[[line.starter]]\nname = "pump"\naddress = 1\nfamily = "ssw07"\n'
 )
-NO_ONE = 9
 
 
-def site(folder: Path, port: int, *, more: str = "", password: str | None = None) -> Site:
-    config = parse(CONFIG.format(port=port, more=more), "site.toml")
-    return Site.of(config, folder=folder, password=password)
+def site(folder: Path, port: int) -> Site:
+    return Site.of(parse(CONFIG.format(port=port), "site.toml"), folder=folder, password=None)
 
 
 class Links:
@@ -74,35 +71,6 @@ async def uplink(
     await up.close("over")
     running.cancel()
     await asyncio.wait((running,))
-
-
-async def test_another_password_alone_is_another_login(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    broker = start_mosquitto(users={"g": "right"})
-    more = 'username = "g"'
-    async with uplink(site(tmp_path, broker.port, more=more, password="wrong")) as (up, links):
-        is_connected, _ = await links.next()
-        assert not is_connected
-
-        await up.move(site(tmp_path, broker.port, more=more, password="right"))
-
-        while not (await links.next())[0]:
-            pass
-
-
-async def test_a_broker_that_was_never_there_is_left_at_once(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    broker = start_mosquitto()
-    async with uplink(site(tmp_path, NO_ONE)) as (up, links):
-        assert not (await links.next())[0]
-
-        async with asyncio.timeout(2.0):
-            await up.move(site(tmp_path, broker.port))
-
-        while not (await links.next())[0]:
-            pass
 
 
 def published(level: int, verb: str, payload: bytes) -> bytes:
