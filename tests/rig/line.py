@@ -73,7 +73,9 @@ class Starter:
     @property
     def writes(self) -> list[tuple[float, str]]:
         """Return the writes that reached it: when, and the PDU in hex."""
-        return [(round(at_s, 6), pdu.hex(" ")) for at_s, pdu in self.asked if pdu[0] in (5, 6, 15, 16)]
+        return [
+            (round(at_s, 6), pdu.hex(" ")) for at_s, pdu in self.asked if pdu[0] in (5, 6, 15, 16, 22, 23)
+        ]
 
     def _handle(self, pdu: bytes, now_s: float) -> bytes | None:
         if self.is_deaf:
